@@ -53,7 +53,7 @@ class Stage:
     """A DServer with a store, and its calls by number. Mutable."""
 
     def __init__(self, path: Path) -> None:
-        self.server = DServer(store=SqliteStore(path), keep=2000)
+        self.server = DServer(store=SqliteStore(path), frames_kept=2000)
         self.number = 0
         self.now = 10**9
         self.k = 0

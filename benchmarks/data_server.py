@@ -126,7 +126,7 @@ def _serve_bare(folder: Path) -> None:
         with query:
             query.reply(query.key_expr, reply)
 
-    with ZenohSession.open(_place(folder), listens=("Bare",)) as network:
+    with ZenohSession.open(_place(folder), server_names=("Bare",)) as network:
         handler = zenoh.handlers.Callback(answer, indirect=False)
         queryable = network.session.declare_queryable(BARE, handler)
         signal.sigwait({signal.SIGTERM})

@@ -23,17 +23,19 @@ class ScriptedDevices:
     limits = BaseLimits(velocity=600.0, turn=90.0, acceleration=800.0, turn_acceleration=240.0)
 
     def __init__(self) -> None:
-        self._base_ns = 0
+        self._origin_ns = 0
 
-    def base(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> ScriptedDevices:
-        self._base_ns = base_ns
+    def base(self, device: Device, robot: str, origin_ns: int, holds: ExitStack) -> ScriptedDevices:
+        self._origin_ns = origin_ns
         return self
 
-    def proximity(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> ScriptedDevices:
-        self._base_ns = base_ns
+    def proximity(self, device: Device, robot: str, origin_ns: int, holds: ExitStack) -> ScriptedDevices:
+        self._origin_ns = origin_ns
         return self
 
-    def camera(self, device: Device, robot: str, camera: str, base_ns: int, holds: ExitStack) -> CameraDriver:
+    def camera(
+        self, device: Device, robot: str, camera: str, origin_ns: int, holds: ExitStack
+    ) -> CameraDriver:
         raise NotImplementedError("it has no camera")
 
     def drive(self, velocity: float, turn: float) -> None:
@@ -62,7 +64,7 @@ class ScriptedDevices:
         return Sample((False,) * 24, self._now())
 
     def _now(self) -> int:
-        return time.monotonic_ns() - self._base_ns
+        return time.monotonic_ns() - self._origin_ns
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ def installed(module: str) -> bool:
     return find_spec(module) is not None
 
 
-def to_install(*extras: str) -> str:
+def install_command(*extras: str) -> str:
     """Return the command that installs these extras."""
     return f"pip install 'colony-robotics[{','.join(extras)}]'"
 
@@ -66,5 +66,5 @@ def naming_missing_extras() -> Iterator[None]:
 def _missing(modules: list[str], extras: list[str]) -> MissingExtraError:
     subject = f"extra{'' if len(extras) == 1 else 's'} {listed(extras)}"
     return MissingExtraError(
-        f"{subject} not installed (no {modules[0]}); run: {to_install(*extras)}", name=modules[0]
+        f"{subject} not installed (no {modules[0]}); run: {install_command(*extras)}", name=modules[0]
     )

@@ -10,7 +10,7 @@ from os import PathLike
 from reprlib import repr as short_repr
 from typing import TYPE_CHECKING
 
-from colony.extras import installed, naming_missing_extras, to_install
+from colony.extras import install_command, installed, naming_missing_extras
 from colony.shipped import Shipped
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import NOWHERE
@@ -95,7 +95,7 @@ def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -
         case results.Proved():
             return
         case results.Undecided() as undecided if not installed("z3"):
-            warn(f"{results.undecided_text(undecided)}; {to_install('verify')}", stacklevel=3)
+            warn(f"{results.undecided_text(undecided)}; {install_command('verify')}", stacklevel=3)
         case results.Undecided() as undecided:
             raise DiagnosticError([error("V002", NOWHERE, results.undecided_text(undecided))])
         case wrong:
@@ -283,16 +283,16 @@ def _open_reader(path: str | PathLike[str]) -> Iterator[RecordingReader]:
 # --- checks of arguments -----------------------------------------------------------------------------------
 
 
-def _expect(given: object, kind: type | tuple[type, ...], expected: str) -> None:
-    if not isinstance(given, kind):
-        raise TypeError(f"found {short_repr(given)}; expected {expected}")
+def _expect(value: object, kind: type | tuple[type, ...], expected: str) -> None:
+    if not isinstance(value, kind):
+        raise TypeError(f"found {short_repr(value)}; expected {expected}")
 
 
-def _expect_path(given: object) -> None:
-    _expect(given, (str, PathLike), "the path of a file or folder")
+def _expect_path(value: object) -> None:
+    _expect(value, (str, PathLike), "the path of a file or folder")
 
 
-def _expect_number(name: str, given: float) -> None:
-    _expect(given, (int, float), f"{name}, a number")
-    if not 0 <= given < inf:
-        raise ValueError(f"{name}: found {given}; expected 0 or more")
+def _expect_number(name: str, value: float) -> None:
+    _expect(value, (int, float), f"{name}, a number")
+    if not 0 <= value < inf:
+        raise ValueError(f"{name}: found {value}; expected 0 or more")

@@ -70,10 +70,10 @@ class _Security(NamedTuple):
 
 LISTED = (
     Server("RServer", lambda: RServer(Script()), robot),
-    Server("PServer", lambda: PServer(Script(), keep=2), proximity),
-    Server("DServer", lambda: DServer({}, keep=2), data, borrows="deploy"),
-    Server("CServer", lambda: CServer(_Camera(), keep=2), camera),
-    Server("Clock", lambda: Clock(servers=(), keep=2), clock),
+    Server("PServer", lambda: PServer(Script(), frames_kept=2), proximity),
+    Server("DServer", lambda: DServer({}, frames_kept=2), data, borrows="deploy"),
+    Server("CServer", lambda: CServer(_Camera(), frames_kept=2), camera),
+    Server("Clock", lambda: Clock(servers=(), frames_kept=2), clock),
     Server("Leader", lambda: LeaderServer(None), leader, "the process of `colony run`"),  # type: ignore[arg-type]
     Server("Gateway", lambda: GatewayNode(_Security()), gateway, "the way in from other machines"),  # type: ignore[arg-type]
     Server("A server of your own", lambda: Service("Own", (), (), print), description, "besides its methods"),

@@ -76,7 +76,7 @@ class ScriptStage:
 
     def told(self, name: str) -> Any:
         """A variable; None where it was never set."""
-        return self.data.present(name)
+        return self.data.value(name)
 
     def semaphore(self, name: str) -> int:
         """How far a semaphore is up."""

@@ -141,7 +141,10 @@ def test_the_behavior_is_right() -> None:
         ("| variables that all connections publish | 10000 |", frame_content.MAX_NAMES_REQUESTED == 10_000),
         ("| names in the arguments of one call | 256 KiB |", data_methods.MAX_NAMES_BYTES == 256 << 10),
         ("| names in one reply | 5000 |", data_methods.MAX_NAMES_PER_REPLY == 5000),
-        ("| names and prefixes that a connection watches | 2000 |", watching.MAX_WATCHED == 2000),
+        (
+            "| names and prefixes that a connection watches | 2000 |",
+            watching.MAX_WATCHED_PER_CONNECTION == 2000,
+        ),
         (
             "| names, and prefixes, that all connections watch; of one user half | 20000 and 1000 |",
             (watching.MAX_WATCHED_NAMES, watching.MAX_WATCHED_PREFIXES) == (20_000, 1000),
@@ -164,7 +167,7 @@ def test_the_behavior_is_right() -> None:
         ("| frames that a server keeps | 16 MiB |", publishing.KEPT_BYTES == 16 << 20),
         ("| the name of a robot, server or user | 64 characters |", names.MAX_NAME_LENGTH == 64),
         ("DServer puts 2 MiB aside", reserve.RESERVE_BYTES == 2 << 20),
-        ("Once a second it looks whether there is room", dserver.ROOM_CHECK_INTERVAL_NS == 1_000_000_000),
+        ("Once a second it looks whether there is room", dserver.SPACE_CHECK_INTERVAL_NS == 1_000_000_000),
         ("needs room for 32 more open files", network.FREE_DESCRIPTORS == 32),
         ("16 KiB of a message count as one more", meter.BYTES_PER_TOKEN == 16 << 10),
         ("| calls and signs of life | 2000 | 1000 |", rate_limits.CALL_RATE == (2000.0, 1000.0)),

@@ -65,7 +65,7 @@ def command(recording: str, file: str | None, format_: str) -> None:
     else:
         from colony.cli.audit_text import render
 
-        click.echo(render(recording, reader.run, program, result, file=file, cut=reader.cut))
+        click.echo(render(recording, reader.run, program, result, file=file, truncation=reader.truncation))
     if not result.agrees or result.damaged:
         raise click.exceptions.Exit(EXIT_ERRORS)
 
@@ -93,8 +93,8 @@ def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) 
         raise DiagnosticError(
             [error("A006", Span(Source(recording, ""), 0, 0), f"{message} that can be compared")]
         )
-    cut = f": {reader.cut}" if reader.cut else ""
-    raise DiagnosticError([error("A003", Span(Source(recording, ""), 0, 0), f"{message}{cut}")])
+    truncation = f": {reader.truncation}" if reader.truncation else ""
+    raise DiagnosticError([error("A003", Span(Source(recording, ""), 0, 0), f"{message}{truncation}")])
 
 
 def _print_json(
@@ -110,7 +110,7 @@ def _print_json(
         "robot": program.robot.name,
         "seed": run.seed if run else None,
         "run": run.run if run else None,
-        "truncated": reader.cut,
+        "truncated": reader.truncation,
     }
     click.echo(json.dumps(summary | result.as_json(), indent=2))
 

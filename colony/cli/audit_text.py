@@ -25,7 +25,7 @@ def render(
     report: AuditReport,
     *,
     file: str | None,
-    cut: str | None,
+    truncation: str | None,
 ) -> str:
     """Return the result for the recording `name`, audited by `program`, which comes from `file`."""
     subject = f"{run.program or program.robot.name}, seed {run.seed}" if run else program.robot.name
@@ -36,7 +36,7 @@ def render(
         f" from {_seconds(report.first_ns)} to {_seconds(report.last_ns)}",
         *_indented(_counts(report)),
         *_indented(_contracts(report, program)),
-        *([f"  truncated: {cut}; audited as far as it goes"] if cut else []),
+        *([f"  truncated: {truncation}; audited as far as it goes"] if truncation else []),
         *_indented(_damage(report)),
     ]
     if report.first is None:
@@ -45,7 +45,11 @@ def render(
         return "\n".join([*lines, f"agrees: every decision {compared}is the interpreter's{where}"])
     differing = counted(report.differing, "frame")
     return "\n".join(
-        [*lines, f"DIFFERS in {differing}, first {_where(report.first)}", *_first(report, program)]
+        [
+            *lines,
+            f"DIFFERS in {differing}, first {_location_text(report.first)}",
+            *_first_difference(report, program),
+        ]
     )
 
 
@@ -90,20 +94,20 @@ def _damage(report: AuditReport) -> Iterator[str]:
 
 
 def _contracts(report: AuditReport, program: Program) -> Iterator[str]:
-    held = len(program.contracts) - len(report.contracts)
-    if held:
-        yield f"{counted(held, 'contract')} held in every frame"
+    unbroken_count = len(program.contracts) - len(report.contracts)
+    if unbroken_count:
+        yield f"{counted(unbroken_count, 'contract')} held in every frame"
     for c in report.contracts:
         span = f"first at {_seconds(c.first_ns)}, last at {_seconds(c.last_ns)}"
         yield f"contract {c.contract}: BROKEN in {counted(c.frames, 'frame')}, {span}"
 
 
-def _where(first: Difference) -> str:
+def _location_text(first: Difference) -> str:
     actuator = "" if first.actuator is None else f", {first.actuator}"
     return f"at {_seconds(first.t_ns)} (frame {first.k}){actuator}: {first.message}"
 
 
-def _first(report: AuditReport, program: Program) -> Iterator[str]:
+def _first_difference(report: AuditReport, program: Program) -> Iterator[str]:
     """Yield the first difference in detail."""
     first = report.first
     if first is None or first.recorded is None or first.expected is None:

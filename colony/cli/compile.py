@@ -12,7 +12,7 @@ from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report, say
 from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import ProverSeconds
-from colony.extras import expect_extras, installed, to_install
+from colony.extras import expect_extras, install_command, installed
 from colony.files import read_file, reason
 from colony.verify.interruption import reliable_interrupts
 
@@ -204,7 +204,7 @@ def _report_proof(result: Result, program: Program, clients_file: Path | None) -
                 hint += ", or skip the proof with --no-proof"
             diagnostic = error("V002", spans.get(subject, span), results.undecided_text(result), hint)
         case results.Undecided():
-            say(f"{results.undecided_text(result)}; run: {to_install('verify')}")
+            say(f"{results.undecided_text(result)}; run: {install_command('verify')}")
             return
         case results.WrongWinner() | results.WrongActivity() | results.Malformed():
             subject = result.actuator if isinstance(result, results.WrongWinner) else ""

@@ -117,11 +117,11 @@ def set_value(name: str, value: str, robot: str | None, connect: str | None, sec
 
     _expect_names((name,))
     try:
-        ask = data.set(name, msgspec.json.decode(value))
+        call = data.set(name, msgspec.json.decode(value))
     except (msgspec.DecodeError, UnicodeError, OverflowError, RecursionError) as problem:
         raise click.UsageError(f"VALUE is not valid JSON: {problem}; put text in quotes") from None
     with _dserver(robot, connect, security) as server:
-        server.do(ask)
+        server.do(call)
 
 
 @command.command(short_help="delete variables")

@@ -54,11 +54,11 @@ def command(path: str, output: Path | None, no_picture: bool, format_: str) -> N
     except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-    loaded = building.maps[0]
-    target = None if no_picture else output or Path(f"{loaded.name}.png")
+    first_map = building.maps[0]
+    target = None if no_picture else output or Path(f"{first_map.name}.png")
     if target is not None:
         check_output(target, [path])
-        _draw(loaded, target)
+        _draw(first_map, target)
     summary = _summary(building)
     if format_ == "json":
         import json
@@ -70,10 +70,10 @@ def command(path: str, output: Path | None, no_picture: bool, format_: str) -> N
             click.echo(f"  drawn in {target}")
 
 
-def _draw(loaded: Map, target: Path) -> None:
+def _draw(first_map: Map, target: Path) -> None:
     from colony.view.map_picture import draw_map, encode_picture, picture_format
 
-    write_whole(target, encode_picture(draw_map(loaded), picture_format(target)))
+    write_whole(target, encode_picture(draw_map(first_map), picture_format(target)))
 
 
 def _summary(building: Building) -> dict[str, object]:
@@ -81,17 +81,17 @@ def _summary(building: Building) -> dict[str, object]:
     from colony.nav.maps.stickrep.model import EdgeKind
     from colony.nav.maps.walls import lights_of, walls_of
 
-    loaded = building.maps[0]
-    low_x, low_y, high_x, high_y = walls_of(loaded).bounds
+    first_map = building.maps[0]
+    low_x, low_y, high_x, high_y = walls_of(first_map).bounds
     return {
-        "map": loaded.name,
-        "floor": loaded.floor or None,
+        "map": first_map.name,
+        "floor": first_map.floor or None,
         "size_mm": [round(high_x - low_x, 3), round(high_y - low_y, 3)],
-        "doors": loaded.count(EdgeKind.DOOR),
-        "elevators": loaded.count(EdgeKind.ELEVATOR),
-        "lights": len(lights_of(loaded)),
-        "start": loaded.start._asdict(),
-        "travel": loaded.travel,
+        "doors": first_map.count(EdgeKind.DOOR),
+        "elevators": first_map.count(EdgeKind.ELEVATOR),
+        "lights": len(lights_of(first_map)),
+        "start": first_map.start._asdict(),
+        "travel": first_map.travel,
         "rings": [
             {
                 "name": ring.name,
@@ -99,11 +99,11 @@ def _summary(building: Building) -> dict[str, object]:
                 "corners": sum(node.corner for node in ring.nodes),
                 "path_length_mm": round(ring.path_length_mm, 3),
             }
-            for ring in loaded.rings
+            for ring in first_map.rings
         ],
-        "links": len(loaded.links),
-        "linked_rings": [list(group) for group in linked_rings(loaded)],
-        "rides": [{"from": one._asdict(), "to": other._asdict()} for one, other in building.rides],
+        "links": len(first_map.links),
+        "linked_rings": [list(group) for group in linked_rings(first_map)],
+        "rides": [{"from": first._asdict(), "to": second._asdict()} for first, second in building.rides],
         "other_floors": [{"map": other.name, "floor": other.floor} for other in building.maps[1:]],
     }
 

@@ -40,7 +40,7 @@ def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
 def _reason_to_refuse(path: Path, inputs: Iterable[str | Path]) -> str | None:
     if path.is_dir():
         return "Is a directory"
-    if any(_same(path, Path(source)) for source in inputs):
+    if any(_is_same_file(path, Path(source)) for source in inputs):
         return "it is an input of this command"
     if path.exists():
         if path.suffix in SOURCES or path.resolve().suffix in SOURCES:
@@ -49,7 +49,7 @@ def _reason_to_refuse(path: Path, inputs: Iterable[str | Path]) -> str | None:
             return "Permission denied"
         if not (path.is_file() or path.is_char_device() or path.absolute().parent in DESCRIPTORS):
             return "it is not a regular file"
-        if _in_place(path):
+        if _is_written_in_place(path):
             return None
     folder = path.resolve().parent
     if not folder.is_dir():
@@ -57,14 +57,14 @@ def _reason_to_refuse(path: Path, inputs: Iterable[str | Path]) -> str | None:
     return None if os.access(folder, os.W_OK | os.X_OK) else "Permission denied"
 
 
-def _same(path: Path, other: Path) -> bool:
+def _is_same_file(path: Path, other: Path) -> bool:
     try:
         return path.samefile(other)
     except (OSError, ValueError):
         return False
 
 
-def _in_place(path: Path) -> bool:
+def _is_written_in_place(path: Path) -> bool:
     """Return True if a path is written in place: a file must not replace a device or a pipe."""
     return path.absolute().is_relative_to("/dev") or (path.exists() and not path.is_file())
 
@@ -76,7 +76,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     try:
-        if _in_place(path):
+        if _is_written_in_place(path):
             path.write_bytes(data)
         else:
             _replace(path.resolve(), data)

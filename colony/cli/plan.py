@@ -125,24 +125,24 @@ def _segment(segment: Segment) -> dict[str, object]:
     return {
         "mode": chr(segment.kind),
         "heading_deg": round(segment.heading_deg, 3),
-        "from": _place(segment.start),
-        "to": _place(segment.end),
+        "from": _point(segment.start),
+        "to": _point(segment.end),
         "length_mm": round(segment.length_mm, 1),
         "width_mm": round(segment.width_mm, 1),
         "lights_mm": [round(light, 1) for light in segment.lights_mm],
         "turn_deg": round(segment.turn_deg, 3),
-        "doors_mm": [round(way, 1) for way in segment.doors_mm],
+        "doors_mm": [round(door_mm, 1) for door_mm in segment.doors_mm],
     }
 
 
-def _place(place: FloorPoint) -> dict[str, object]:
-    return {"x_mm": round(place.x_mm, 1), "y_mm": round(place.y_mm, 1), "floor": place.floor}
+def _point(point: FloorPoint) -> dict[str, object]:
+    return {"x_mm": round(point.x_mm, 1), "y_mm": round(point.y_mm, 1), "floor": point.floor}
 
 
 def _text(planned: Plan) -> str:
     from colony.nav.confidence.automaton import RIDE
 
-    floors = len({place.floor for s in planned.segments for place in (s.start, s.end)}) > 1
+    floors = len({point.floor for s in planned.segments for point in (s.start, s.end)}) > 1
     confidence = _confidence(planned)
     confidence_text = "unknown: the thesis has no such path"
     if confidence is not None:

@@ -50,7 +50,8 @@ class Folder(click.Path):
     "camera_texts",
     multiple=True,
     metavar="[NAME=]DEGREES|up",
-    help="Add a camera that looks in this direction, counterclockwise from ahead, or up. May be repeated.",
+    help="Add a camera facing this direction, in degrees counterclockwise from straight ahead, or facing up. "
+    "May be repeated.",
 )
 @click.option(
     "--state",
@@ -70,7 +71,7 @@ class Folder(click.Path):
     metavar="FILE",
     help="With --listen: the table of users, in TOML.",
 )
-def command(server: str, **given: Any) -> None:
+def command(server: str, **arguments: Any) -> None:
     """Run the servers of a robot until Ctrl-C. Programs connect with `colony run FILE --connect --robot
     NAME`.
 
@@ -95,17 +96,17 @@ def command(server: str, **given: Any) -> None:
     from colony.runtime.transport.live.robot_address import local
     from colony.text.diagnostics import DiagnosticError
 
-    robot, texts = given.pop("robot"), given.pop("camera_texts")
+    robot, texts = arguments.pop("robot"), arguments.pop("camera_texts")
     try:
         directions = cameras(texts)
         settings = Settings(
-            **given | {"cameras": directions, "state": given["state"] or _state_folder(robot)}
+            **arguments | {"cameras": directions, "state": arguments["state"] or _state_folder(robot)}
         )
-        wrong = objection(server, settings)
+        objection_text = objection(server, settings)
     except OptionError as bad:
-        wrong = str(bad)
-    if wrong is not None:
-        raise click.UsageError(wrong, click.get_current_context())
+        objection_text = str(bad)
+    if objection_text is not None:
+        raise click.UsageError(objection_text, click.get_current_context())
     if settings.map_path is not None:
         expect_extras("sim")
     try:

@@ -86,8 +86,8 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
         click.echo(lines.getvalue(), nl=False)
     else:
         write_whole(output, lines.getvalue())
-    if reader.cut:
-        say(f"{name}: {reader.cut}; decided as far as it goes")
+    if reader.truncation:
+        say(f"{name}: {reader.truncation}; decided as far as it goes")
     for text in decider.damage:
         say(f"{name}: error: {text}")
     if decider.undecided:

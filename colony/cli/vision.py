@@ -56,8 +56,8 @@ def command(files: tuple[str, ...], chosen: tuple[str, ...], output: str | None,
       colony vision *.png --format json
     """
     expect_extras("vision")
-    drawn = {_drawn(file) for file in files} if output is None else set()
-    files = tuple(file for file in files if Path(file) not in drawn)
+    older_pictures = {_default_picture(file) for file in files} if output is None else set()
+    files = tuple(file for file in files if Path(file) not in older_pictures)
     pictures = _pictures(files, output)
     reports = [_detect(file, picture, chosen, files) for file, picture in zip(files, pictures, strict=True)]
     if format_ == "json":
@@ -92,7 +92,7 @@ def _pictures(files: Sequence[str], output: str | None) -> list[Path]:
             found = f"{len(files)} files and one -o {output}"
             raise click.UsageError(f"{found}; expected one file, or several without -o", context)
         return [Path(output)]
-    pictures = [_drawn(file) for file in files]
+    pictures = [_default_picture(file) for file in files]
     for i, picture in enumerate(pictures):
         if picture in pictures[:i]:
             other = files[pictures.index(picture)]
@@ -102,7 +102,7 @@ def _pictures(files: Sequence[str], output: str | None) -> list[Path]:
     return pictures
 
 
-def _drawn(file: str) -> Path:
+def _default_picture(file: str) -> Path:
     """Return the default path of a file's drawing."""
     return Path(file).parent / f"{Path(file).stem or 'image'}.seen.png"
 

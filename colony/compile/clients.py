@@ -16,8 +16,9 @@ class Client:
     """A module as a client of its actuator's server.
 
     `guard` and `exclusive` are indices into the guards of the client list; both include the module's own
-    activity. `guard` is that of the thesis, to be combined with priorities; `exclusive` holds only where the
-    network lets the module through. With several paths to the actuator, both are the exclusive guard.
+    activity. `guard` is the thesis's, to be combined with priorities. `exclusive` holds only in frames in
+    which the network lets the module through. With several paths to the actuator, both are the exclusive
+    guard.
     """
 
     module: str
@@ -39,9 +40,12 @@ class ActuatorClients:
 class ClientList:
     """All clients of a program over one table of guards.
 
-    `observed` gives the guard for the activity of each wire or module that contracts and tests read.
-    `windows` gives the guards of time constants, by their names in `ir.memory`; it is empty after
-    simplification, which merges and drops some of them.
+    Attributes:
+        guards: the table of guards.
+        actuators: the clients of each wired actuator.
+        observed: the guard for the activity of each wire or module that contracts and tests read.
+        windows: the guard of each time constant, by its name in `ir.memory`; empty after simplification,
+            which merges and drops some of them.
     """
 
     guards: tuple[Guard, ...]

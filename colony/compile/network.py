@@ -19,7 +19,7 @@ class ModuleLeaf:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Suppressor:
-    """The dominant input where it is active, otherwise the inferior one (thesis section 3.2.2).
+    """The dominant input in frames in which it is active, otherwise the inferior one (thesis section 3.2.2).
 
     With a time constant, the dominant input dominates until, but not including, `window_ns` after the last
     frame in which it was active. `memory_name` is the name of the time constant in `ir.memory`.
@@ -33,7 +33,7 @@ class Suppressor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inhibitor:
-    """A gate: no output where the dominant input is active, otherwise the inferior input.
+    """A gate: no output in frames in which the dominant input is active, otherwise the inferior input.
 
     `window_ns` and `memory_name` are as in `Suppressor`.
     """

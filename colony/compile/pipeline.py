@@ -55,8 +55,8 @@ class Compilation:
             lowered = lower(self.program, self.clients, self.traversal)
         files = self.program.files
         texts = [
-            SourceFile(kind="behavior", path=place, data=source.text.encode("utf-8", "replace"))
-            for place, source in files
+            SourceFile(kind="behavior", path=path, data=source.text.encode("utf-8", "replace"))
+            for path, source in files
         ]
         return replace(lowered, sources=(*texts, *self.python), root=files[-1][0] if files else "")
 

@@ -17,8 +17,8 @@ from colony.compile.network import ModuleLeaf
 class Link:
     """The use of a node, through a gate.
 
-    `gate` and `active` are indices into the guards: the link is open; the link carries a command (it is open
-    and its node is active).
+    `gate` and `active` are indices into the guards. The link is open while `gate` holds. It carries a command
+    while `active` holds: while it is open and its node is active.
     """
 
     node: int
@@ -42,8 +42,14 @@ class SuppressionNetwork:
     """A pure suppression network N(M, S, L_d, L_i, sigma) for each output, over shared nodes and guards.
 
     Each node comes after those that it uses. Nodes without a path to an output inhibit, or have no effect.
-    `wires` and `observed` give guards of activity by name; `windows` gives those of time constants, by their
-    names in `ir.memory`.
+
+    Attributes:
+        nodes: the modules and suppressors.
+        guards: the table of guards.
+        outputs: the link that drives each wired actuator.
+        wires: the guard for the activity of each named wire.
+        observed: the guard for the activity of each wire or module that contracts and tests read.
+        windows: the guard of each time constant, by its name in `ir.memory`.
     """
 
     nodes: tuple[SuppressionNode, ...]

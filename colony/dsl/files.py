@@ -112,15 +112,15 @@ def decode(data: bytes, name: str) -> Source:
     """
     try:
         text = data.decode("utf-8-sig")
-        invalid, what = text.find("\0"), "a NUL byte"
+        invalid_offset, what = text.find("\0"), "a NUL byte"
     except UnicodeDecodeError as problem:
         text, what = data.decode("utf-8-sig", errors="replace"), "a byte that is not UTF-8"
-        invalid = len(problem.object[: problem.start].decode())
+        invalid_offset = len(problem.object[: problem.start].decode())
     source = Source(name, text)
-    if invalid >= 0:
+    if invalid_offset >= 0:
         hint = "save the file as UTF-8 text"
         raise UnreadableFileError(
-            "E002", f"found {what}, expected text", hint, Span(source, invalid, invalid + 1)
+            "E002", f"found {what}, expected text", hint, Span(source, invalid_offset, invalid_offset + 1)
         )
     return source
 
@@ -239,7 +239,7 @@ class _Loader:
     def in_order(self, root: str) -> tuple[ParsedFile, ...]:
         """Return the files depth first, imports before importers; report imports that close a cycle."""
         order: list[str] = []
-        done: set[str] = set()
+        visited: set[str] = set()
         path_to_file: dict[str, None] = {root: None}
         stack = [(root, iter(self.files[root].imports))]
         while stack:
@@ -248,11 +248,11 @@ class _Loader:
             if import_ is None:
                 stack.pop()
                 path_to_file.pop(key)
-                done.add(key)
+                visited.add(key)
                 order.append(key)
             elif import_.target in path_to_file:
                 self._report_cycle(key, import_, list(path_to_file))
-            elif import_.target in self.files and import_.target not in done:
+            elif import_.target in self.files and import_.target not in visited:
                 path_to_file[import_.target] = None
                 stack.append((import_.target, iter(self.files[import_.target].imports)))
         prefixes = self._prefixes(root)

@@ -88,22 +88,22 @@ class Parser:
 
     def _token(self, text: str, start: int, row: dict[str, int]) -> Token | None:
         """Return the next token if its terminal is in this row of the table, otherwise None."""
-        at = _skip_blanks(text, start)
-        if at == len(text):
+        position = _skip_blanks(text, start)
+        if position == len(text):
             return Token(END, "", start, start)
-        word = _WORD.match(text, at)
+        word = _WORD.match(text, position)
         if word is not None:
             type_ = self._words.get(word[0])
             if type_ in row:
-                return Token(type_, word[0], at, word.end())
+                return Token(type_, word[0], position, word.end())
         else:
-            for mark in (text[at : at + 2], text[at]):
+            for mark in (text[position : position + 2], text[position]):
                 type_ = self._punctuation.get(mark)
                 if type_ in row:
-                    return Token(type_, mark, at, at + len(mark))
+                    return Token(type_, mark, position, position + len(mark))
         for type_, pattern in self._patterns:
-            if type_ in row and (match := pattern.match(text, at)):
-                return Token(type_, match[0], at, match.end())
+            if type_ in row and (match := pattern.match(text, position)):
+                return Token(type_, match[0], position, match.end())
         return None
 
     def _feed(self, token: Token, states: list[int], values: list[Any]) -> bool:
@@ -135,9 +135,9 @@ class Parser:
             if type_ == END and states[-1] == self._final:
                 return True
 
-    def _can_follow(self, symbol: str, before: list[int]) -> bool:
+    def _can_follow(self, symbol: str, states_before: list[int]) -> bool:
         """Return True if the symbol is a terminal that can be shifted, perhaps after reductions."""
-        states = before.copy()
+        states = states_before.copy()
         while (action := self._rows[states[-1]].get(symbol)) is not None and symbol.isupper():
             if action >= 0 or states[-1] == self._final:
                 return True

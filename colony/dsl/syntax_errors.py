@@ -6,7 +6,7 @@ import re
 
 from colony.dsl.lalr import UnexpectedInputError
 from colony.dsl.recovery import expected_terminals, new_declaration
-from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for, misspelled_node
+from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for, misspelled_relation
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Source, Span
 from colony.text.wording import listed
@@ -54,7 +54,7 @@ _SPLITTABLE = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
 
 
 def describe(source: Source, problem: UnexpectedInputError, declaration_start: int) -> Diagnostic:
-    """Return the diagnostic of a syntax error; `declaration` is the start of the failed declaration."""
+    """Return the diagnostic of a syntax error in the declaration at `declaration_start`."""
     text, offset, at_end = source.text, problem.offset, problem.at_end
     accepted = expected_terminals(problem)
     if text[max(offset - 1, 0) : offset + 1] in _SPLITTABLE and not at_end:
@@ -72,18 +72,18 @@ def describe(source: Source, problem: UnexpectedInputError, declaration_start: i
     if found == '"':
         hint = 'add the missing `"`; a text ends on the line on which it begins'
         return error("E006", span, "the text that begins here is not closed on its line", hint)
-    node = misspelled_node(text, offset, accepted)
+    node = misspelled_relation(text, offset, accepted)
     if node is not None:
         start, word, hint = node
         message = f"found `{word}`, expected `suppresses` or `inhibits`"
         return error("E005", Span(source, start, start + len(word)), message, hint)
-    shown = "the end of the file" if at_end else _shown(found)
+    shown = "the end of the file" if at_end else _quoted(found)
     message = f"found {shown}, expected {_expected(accepted)}"
     return error("E005", span, message, hint_for(text, offset, found, accepted))
 
 
 def _accepted_before(read: str, accepted: frozenset[str]) -> frozenset[str]:
-    """Return the terminals accepted before the character `read`, which was taken for an operator."""
+    """Return the terminals accepted before `character`, which was taken for an operator."""
     accepted_before = {"=": {"ASSIGN"}, "*": _OPERATORS, "/": _OPERATORS, "<": _OPERATORS, ">": _OPERATORS}
     return frozenset(accepted_before.get(read, accepted))
 
@@ -93,7 +93,7 @@ def _word_at(text: str, offset: int) -> str:
     return match[0][:60] if match else ""
 
 
-def _shown(found: str) -> str:
+def _quoted(found: str) -> str:
     if found and not found.isprintable():
         return f"the character U+{ord(found[0]):04X}"
     return f"`{found}`"

@@ -65,19 +65,19 @@ def hint_for(text: str, offset: int, found: str, accepted: frozenset[str]) -> st
         return "there are no percentages: write `0.2` for 20 %"
     return (
         _did_you_mean(found, accepted)
-        or _about_numbers(before, found, text[offset + len(found) : offset + len(found) + 40], accepted)
-        or _about_punctuation(text, offset, found, accepted)
-        or _about_words(before, found, accepted)
+        or _number_hint(before, found, text[offset + len(found) : offset + len(found) + 40], accepted)
+        or _punctuation_hint(text, offset, found, accepted)
+        or _word_hint(before, found, accepted)
         or (_CONTEXT_HINTS.get(found) if "MODULE" in accepted else None)
         or _SLIP_HINTS.get(found)
-        or _about_names(found, accepted)
+        or _name_hint(found, accepted)
     )
 
 
 _AFTER_NUMBER = re.compile(r"(?<![\w.])\d[\d.]*([ \t]*)$")
 
 
-def _about_numbers(before: str, found: str, after: str, accepted: frozenset[str]) -> str | None:
+def _number_hint(before: str, found: str, after: str, accepted: frozenset[str]) -> str | None:
     number = _AFTER_NUMBER.search(before)
     begins_next = re.match(r"\s*(=|:|->)", after) or found in RESERVED | _KEYWORDS
     if number and re.match(r"[A-Za-z_]", found) and not begins_next:
@@ -91,7 +91,7 @@ def _about_numbers(before: str, found: str, after: str, accepted: frozenset[str]
     return None
 
 
-def _about_punctuation(text: str, offset: int, found: str, accepted: frozenset[str]) -> str | None:
+def _punctuation_hint(text: str, offset: int, found: str, accepted: frozenset[str]) -> str | None:
     if found == "=" and "EQUAL" in accepted:
         return "compare with `==`"
     if found == "=>" and "ARROW" in accepted:
@@ -115,7 +115,7 @@ def _about_punctuation(text: str, offset: int, found: str, accepted: frozenset[s
     return None
 
 
-def _about_words(before: str, found: str, accepted: frozenset[str]) -> str | None:
+def _word_hint(before: str, found: str, accepted: frozenset[str]) -> str | None:
     if found == "if" and "LPAR" in accepted and "NUMBER" in accepted:
         return "an `if` to the right of an operator needs parentheses"
     if found in ("let", "param", "state", "next") and "DO" in accepted:
@@ -133,7 +133,7 @@ def _about_words(before: str, found: str, accepted: frozenset[str]) -> str | Non
     return None
 
 
-def misspelled_node(text: str, offset: int, accepted: frozenset[str]) -> tuple[int, str, str] | None:
+def misspelled_relation(text: str, offset: int, accepted: frozenset[str]) -> tuple[int, str, str] | None:
     """Return the offset of a misspelled `suppresses` or `inhibits` before `offset`, the word, and a hint.
 
     The parser took the word for the name of a wire, which must be followed by `=`.
@@ -149,7 +149,7 @@ def misspelled_node(text: str, offset: int, accepted: frozenset[str]) -> tuple[i
     )
 
 
-def _about_names(found: str, accepted: frozenset[str]) -> str | None:
+def _name_hint(found: str, accepted: frozenset[str]) -> str | None:
     if found in RESERVED and "NAME" in accepted:
         return f"`{found}` is a reserved word and cannot be a name"
     if found[:1].isalpha() and not found.isascii():

@@ -40,19 +40,19 @@ def build() -> str:
     terminals = [t for t in BasicLexer(conf).terminals if t.name not in conf.ignore]
     punctuation = {t.pattern.value: t.name for t in terminals if t.pattern.type == "str"}
     words = {t.pattern.value[:-2]: t.name for t in terminals if t.pattern.value.endswith(r"\b")}
-    known = {*punctuation.values(), *words.values()}
+    fixed_names = {*punctuation.values(), *words.values()}
     rules = grammar.rules
-    number = {rule: ~i for i, rule in enumerate(rules)}
+    reduce_actions = {rule: ~i for i, rule in enumerate(rules)}
     stored = {
         "grammar": grammar_digest(),
         "words": words,
         "signs": punctuation,
-        "patterns": [[t.name, t.pattern.to_regexp()] for t in terminals if t.name not in known],
+        "patterns": [[t.name, t.pattern.to_regexp()] for t in terminals if t.name not in fixed_names],
         "start": table.start_states["file"],
         "final": table.end_states["file"],
         "rules": [_encode_rule(rule) for rule in rules],
         "rows": [
-            {symbol: arg if action is Shift else number[arg] for symbol, (action, arg) in row.items()}
+            {symbol: arg if action is Shift else reduce_actions[arg] for symbol, (action, arg) in row.items()}
             for _, row in sorted(table.states.items())
         ],
     }

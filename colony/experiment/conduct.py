@@ -51,10 +51,10 @@ class Experiment:
     @property
     def label(self) -> str:
         """The variant with its deviations from the default: "ours/no-people,no-lights"."""
-        off = [f"no-{name}" for name, hazard in HAZARD_NAMES.items() if hazard not in self.hazards.on]
-        if len(off) == len(HAZARD_NAMES):
-            off = ["no-hazards"]
-        deviations = [*off, *(f"no-{source.value}" for source in Source if source not in self.sources)]
+        disabled = [f"no-{name}" for name, hazard in HAZARD_NAMES.items() if hazard not in self.hazards.on]
+        if len(disabled) == len(HAZARD_NAMES):
+            disabled = ["no-hazards"]
+        deviations = [*disabled, *(f"no-{source.value}" for source in Source if source not in self.sources)]
         if SIDE_CAMERA in self.cameras:
             deviations.append("side-camera")
         return "/".join([self.variant, *([",".join(deviations)] if deviations else [])])
@@ -147,5 +147,5 @@ def conduct_audit(
 def results_of(experiment: Experiment, results: Results[R]) -> tuple[R, ...]:
     """Return the stored results of the experiment's runs and seeds, by number and seed."""
     numbers, seeds = {run.number for run in experiment.runs}, set(experiment.seeds)
-    stored = results.of(experiment.name, experiment.label)
+    stored = results.select(experiment.name, experiment.label)
     return tuple(r for r in stored if r.key.number in numbers and r.key.seed in seeds)

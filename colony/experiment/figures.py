@@ -16,9 +16,9 @@ from colony.nav.confidence.published_runs import PUBLISHED_RUNS, Wing
 MM_S_TO_M_MIN = 0.06
 
 
-def percentile(values: Sequence[float], part: float) -> float:
-    """Return the quantile `part` (0 to 1) of the values, interpolated linearly; NaN without values."""
-    return float(np.quantile(values, part)) if values else math.nan
+def percentile(values: Sequence[float], fraction: float) -> float:
+    """Return the quantile `fraction` (0 to 1) of the values, interpolated linearly; NaN without values."""
+    return float(np.quantile(values, fraction)) if values else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,14 +53,14 @@ def targets(results: Sequence[RunResult], *, published: bool) -> tuple[Target, .
     rides = all(RIDE in r.planned_modes for r in results)
     found = [_missions(results, 0.98) if rides else _reached(results, 0.99 if published else 0.95)]
     if published:
-        found.append(_worst(results))
-    found.append(_distance("along the corridor", [abs(r.along_mm) for r in results if r.reached]))
-    found.append(_distance("as the crow flies", [r.off_mm for r in results if r.reached]))
+        found.append(_worst_run(results))
+    found.append(_goal_distance("along the corridor", [abs(r.overshoot_mm) for r in results if r.reached]))
+    found.append(_goal_distance("as the crow flies", [r.goal_error_mm for r in results if r.reached]))
     if published:
         speeds = {"old": 17.9, "new": 10.3}
-        found += [_speed(results, wing, speeds[wing]) for wing in WINGS if _of(results, wing)]
-    found.append(_top(results))
-    return (*found, _contacts(results))
+        found += [_mean_speed(results, wing, speeds[wing]) for wing in WINGS if _of_wing(results, wing)]
+    found.append(_top_speed(results))
+    return (*found, _hard_contacts(results))
 
 
 def wing_of(result: RunResult) -> Wing:
@@ -91,12 +91,12 @@ def _rate(what: str, good: int, count: int, promised: float) -> Target:
     )
 
 
-def _worst(results: Sequence[RunResult]) -> Target:
-    tried: dict[int, list[bool]] = {}
+def _worst_run(results: Sequence[RunResult]) -> Target:
+    reached_by_run: dict[int, list[bool]] = {}
     for result in results:
-        tried.setdefault(result.key.number, []).append(result.reached)
-    number = min(tried, key=lambda n: (sum(tried[n]) / len(tried[n]), n))
-    reached, count = sum(tried[number]), len(tried[number])
+        reached_by_run.setdefault(result.key.number, []).append(result.reached)
+    number = min(reached_by_run, key=lambda n: (sum(reached_by_run[n]) / len(reached_by_run[n]), n))
+    reached, count = sum(reached_by_run[number]), len(reached_by_run[number])
     return Target(
         what="the worst of the runs",
         found=f"run {number}: {reached} of {count}, {percent(reached, count)}",
@@ -105,35 +105,35 @@ def _worst(results: Sequence[RunResult]) -> Target:
     )
 
 
-def _of(results: Sequence[RunResult], wing: Wing) -> list[RunResult]:
+def _of_wing(results: Sequence[RunResult], wing: Wing) -> list[RunResult]:
     return [result for result in results if wing_of(result) == wing]
 
 
-def _distance(how: str, distances: Sequence[float]) -> Target:
+def _goal_distance(direction: str, distances: Sequence[float]) -> Target:
     found = percentile(distances, 0.95)
     return Target(
-        what=f"distance to the goal {how}, 95th percentile",
+        what=f"distance to the goal {direction}, 95th percentile",
         found=f"{found / 1000:.3f} m" if distances else NONE_REACHED,
         promised="at most 0.3 m",
         met=found <= 300.0,
     )
 
 
-def _speed(results: Sequence[RunResult], wing: Wing, promised: float) -> Target:
-    speeds = [r.mean_mm_s * MM_S_TO_M_MIN for r in _of(results, wing) if r.reached]
-    what, least = f"mean speed, {wing} wing", f"at least {promised:g} m/min"
+def _mean_speed(results: Sequence[RunResult], wing: Wing, promised: float) -> Target:
+    speeds = [r.mean_mm_s * MM_S_TO_M_MIN for r in _of_wing(results, wing) if r.reached]
+    what, promised_text = f"mean speed, {wing} wing", f"at least {promised:g} m/min"
     if not speeds:
-        return Target(what=what, found=NONE_REACHED, promised=least, met=False)
+        return Target(what=what, found=NONE_REACHED, promised=promised_text, met=False)
     mean = sum(speeds) / len(speeds)
     return Target(
         what=what,
         found=f"{mean:.1f} m/min (slowest {min(speeds):.1f}, fastest {max(speeds):.1f})",
-        promised=least,
+        promised=promised_text,
         met=mean >= promised,
     )
 
 
-def _top(results: Sequence[RunResult]) -> Target:
+def _top_speed(results: Sequence[RunResult]) -> Target:
     slowest, fastest = min(r.top_mm_s for r in results), max(r.top_mm_s for r in results)
     return Target(
         what="top speed of a run",
@@ -143,7 +143,7 @@ def _top(results: Sequence[RunResult]) -> Target:
     )
 
 
-def _contacts(results: Sequence[RunResult]) -> Target:
+def _hard_contacts(results: Sequence[RunResult]) -> Target:
     hard = [r for r in results if r.contacts.fastest_mm_s > CONTACT_MM_S]
     touched = sum(r.contacts.number for r in results)
     fastest = max((r.contacts.fastest_mm_s for r in results), default=0.0)
@@ -155,9 +155,9 @@ def _contacts(results: Sequence[RunResult]) -> Target:
     )
 
 
-def percent(part: int, whole: int) -> str:
+def percent(count: int, total: int) -> str:
     """Format a rate for people."""
-    return f"{100 * part / whole:.1f} %" if whole else "none"
+    return f"{100 * count / total:.1f} %" if total else "none"
 
 
 def rate(count: Count) -> str:
@@ -165,4 +165,5 @@ def rate(count: Count) -> str:
     if count.trials == 0:
         return "none"
     low, high = clopper_pearson(count)
-    return f"{count.good} of {count.trials}, {count.good / count.trials:.4f} ({low:.4f} to {high:.4f})"
+    frequency = count.successes / count.trials
+    return f"{count.successes} of {count.trials}, {frequency:.4f} ({low:.4f} to {high:.4f})"

@@ -42,14 +42,14 @@ def _hazard_counts(scenery: Scenery, walls: NDArray[np.float64], legs: NDArray[n
     centers = (walls[:, :2] + walls[:, 2:]) / 2.0
     glass = _count(centers[list(scenery.glass)], legs, 2 * _CORRIDOR_MM)
     doors = _count(centers[[door.edge for door in scenery.doors]], legs, _CORRIDOR_MM)
-    suns = _count([(sun.x_mm, sun.y_mm) for sun in scenery.sun], legs, _CORRIDOR_MM)
+    sun_bands = _count([(sun.x_mm, sun.y_mm) for sun in scenery.sun], legs, _CORRIDOR_MM)
     starts = [person.track.point_at(person.along_mm, person.offset_mm) for person in scenery.people]
     people = _count([(start.x, start.y) for start in starts], legs, _CORRIDOR_MM)
     joints = [((j.x0_mm + j.x1_mm) / 2, (j.y0_mm + j.y1_mm) / 2) for j in scenery.joints]
     return {
         "lights out": sum(level == 0.0 for level in levels),
         "lights dim": sum(0.0 < level < 1.0 for level in levels),
-        "bands of sun": suns,
+        "bands of sun": sun_bands,
         "glass unheard": glass,
         "doors open": doors,
         "people": people,
@@ -66,7 +66,7 @@ def _near(points: object, legs: NDArray[np.float64], beside_mm: float) -> NDArra
     position = np.array(points, dtype=np.float64).reshape(-1, 1, 2)
     start, along = legs[:, :2], legs[:, 2:] - legs[:, :2]
     squares = np.maximum((along**2).sum(axis=1), 1.0)
-    part = np.clip(((position - start) * along).sum(axis=2) / squares, 0.0, 1.0)
-    offset = position - (start + part[..., None] * along)
+    along_fraction = np.clip(((position - start) * along).sum(axis=2) / squares, 0.0, 1.0)
+    offset = position - (start + along_fraction[..., None] * along)
     near: NDArray[np.bool_] = (np.hypot(offset[..., 0], offset[..., 1]) <= beside_mm).any(axis=1)
     return near

@@ -25,7 +25,7 @@ PUBLISHED_MAP = Shipped.MAP.path("msu_engineering_3")
 LIST_BYTES = 1024 * 1024
 """Size limit in bytes of a CSV file."""
 
-_TRIES = 200
+_MAX_TRIES_PER_PAIR = 200
 """Maximum number of random pairs to draw for each requested one."""
 
 
@@ -48,7 +48,7 @@ class ListedRun:
     published: PublishedRun | None = None
 
     @property
-    def rides(self) -> bool:
+    def has_ride(self) -> bool:
         """True if its path takes an elevator."""
         return len(self.floors) > 1
 
@@ -132,7 +132,7 @@ def _draw_runs(
 ) -> tuple[ListedRun, ...]:
     """Draw until there are enough pairs that a path connects."""
     runs: list[ListedRun] = []
-    for _ in range(_TRIES * pairs):
+    for _ in range(_MAX_TRIES_PER_PAIR * pairs):
         if len(runs) == pairs:
             break
         origin, goal = draw()

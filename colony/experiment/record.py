@@ -68,8 +68,9 @@ class RunResult:
         origin, goal: nodes of the map.
         failure, failed_mode: the reason and the mode of a failure; "" if the run reached the goal.
         remark: a text for people, such as the error that a script raised.
-        along_mm: final distance of the robot beyond the goal, along the last leg; negative if short of it.
-        off_mm: final straight-line distance from the goal.
+        overshoot_mm: final distance of the robot beyond the goal, along the last leg; negative if it stopped
+            short.
+        goal_error_mm: final straight-line distance from the goal.
         distance_mm: length of the path along the rings, as in the published tables.
         travelled_mm: distance that the robot actually drove.
         time_s: time from the start to the end of the planner.
@@ -88,8 +89,8 @@ class RunResult:
     failure: FailureReason
     failed_mode: Mode | Literal[""]
     remark: str
-    along_mm: float
-    off_mm: float
+    overshoot_mm: float
+    goal_error_mm: float
     distance_mm: float
     travelled_mm: float
     time_s: float

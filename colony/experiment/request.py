@@ -41,8 +41,7 @@ class ExperimentRequest:
         map_path: the building, if the list has none of its own.
         seeds: number of seeds per run; None for the list's default.
         chosen: the numbers of the runs, such as "1-5,22"; None for all.
-        pairs, seed: number of random pairs (None for the list's default), and the seed from which they are
-        drawn.
+        pairs, seed: number of random pairs (None for the list's default), and the seed that determines them.
         variant: the variant of navigation.
         hazards, no_hazard: True to simulate hazards, and the names of those to leave out.
         no_source: the names of the sources to leave out of the pose estimate.
@@ -73,7 +72,7 @@ def experiment_of(request: ExperimentRequest) -> tuple[Study[Any], Experiment]:
     study = STUDIES.get(request.runs, CUSTOM)
     runs, name, map_path = _listed(study, request)
     runs = runs if request.chosen is None else selected_runs(runs, request.chosen)
-    rides = any(run.rides for run in runs)  # a camera that looks ahead finds the markers of elevators
+    rides = any(run.has_ride for run in runs)  # a camera that looks ahead finds the markers of elevators
     experiment = Experiment(
         name=name,
         map_path=map_path.resolve(),
@@ -98,8 +97,8 @@ def _listed(study: Study[Any], request: ExperimentRequest) -> tuple[tuple[Listed
             raise MisuseError("the published runs have their own map; leave out --map")
         return study.runs(), study.name, PUBLISHED_MAP
     if runs not in PAIRS and Path(runs).suffix.lower() != ".csv":
-        known = ", ".join([*STUDIES, *PAIRS])
-        raise MisuseError(f"unknown list `{runs}`; expected {known} or a file that ends in .csv")
+        names = ", ".join([*STUDIES, *PAIRS])
+        raise MisuseError(f"unknown list `{runs}`; expected {names} or a file that ends in .csv")
     if map_path is None and runs != FLOORS:
         raise MisuseError("no building: give --map MAP, such as `--map loop`")
     path = Path(map_path) if map_path is not None else PUBLISHED_MAP

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
 from colony.experiment.record import MODES, LightCount, ModeCount, RunKey, RunResult
-from colony.experiment.rows import kinds_of, result_of, row_of
+from colony.experiment.rows import result_of, row_of, sql_types_of
 from colony.files import open_descriptor, reason
 
 VERSION = 1
@@ -54,7 +54,7 @@ class Table(Generic[R]):
     @property
     def sql(self) -> str:
         """The statement that creates the table."""
-        kinds = zip(self.columns, kinds_of(self.kind), strict=True)
+        kinds = zip(self.columns, sql_types_of(self.kind), strict=True)
         columns = ", ".join(f"{name} {kind} NOT NULL" for name, kind in kinds)
         key = ", ".join(KEY_COLUMNS)
         return f"CREATE TABLE IF NOT EXISTS {self.name} ({columns}, PRIMARY KEY ({key})) WITHOUT ROWID"
@@ -141,7 +141,7 @@ class Results(Generic[R]):
         query = f"SELECT {', '.join(KEY_COLUMNS)} FROM {self._table.name}"
         return frozenset(RunKey(*row) for row in self._file.execute(query))
 
-    def of(self, runs: str, variant: str) -> tuple[R, ...]:
+    def select(self, runs: str, variant: str) -> tuple[R, ...]:
         """Return the results of a list and variant, by number and seed."""
         columns = ", ".join(self._table.columns)
         where = "runs = ? AND variant = ? ORDER BY number, seed"

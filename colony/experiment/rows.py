@@ -22,12 +22,12 @@ Points = Annotated[tuple[tuple[int, int], ...], "packed"]
 _SQL = {str: "TEXT", int: "INTEGER", bool: "INTEGER", float: "REAL", Points: "BLOB"}
 
 
-def kinds_of(kind: Any) -> list[str]:
+def sql_types_of(kind: Any) -> list[str]:
     """Return the SQL types of the columns of a class."""
     parts = _parts(kind)
     if parts is None:
         return [_SQL.get(kind, "TEXT")]
-    return [name for part in parts.values() for name in kinds_of(part)]
+    return [name for part in parts.values() for name in sql_types_of(part)]
 
 
 def row_of(kind: Any, value: Any) -> list[object]:

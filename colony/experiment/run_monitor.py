@@ -56,14 +56,14 @@ class RunMonitor:
     def __init__(self, plan: Plan, loop: Loop, world: World, expected_s: float, begun: Sequence[int]) -> None:
         self._plan, self._loop, self._world, self._begun = plan, loop, world, begun
         self._limit_ns = round(TIME_LIMIT_FACTOR * expected_s * 1e9)
-        self._seen = 0
+        self._begun_count = 0
         self._began_mm: dict[int, float] = {}
         self.done = False
         self._last_progress_pose = world.true_pose(0)
         self._last_progress_ns = 0
-        self._light = 0
-        self._counted: dict[int, set[float]] = {}
-        self._false = 0
+        self._light_count = 0
+        self._counted_lights: dict[int, set[float]] = {}
+        self._false_count = 0
         self._pose, self._odometry = world.true_pose(0), world.odometry(0)
         self.slips = 0
         self.top_mm_s = 0.0
@@ -107,7 +107,7 @@ class RunMonitor:
         """The lights of the legs begun so far; of the current leg only those that were passed."""
         seen = missed = 0
         for number in self._begun:
-            segment, counted = self._plan.segments[number], self._counted.get(number, set())
+            segment, counted = self._plan.segments[number], self._counted_lights.get(number, set())
             is_over = number != self._segment or self.done
             limit_mm = math.inf if is_over else _along(segment, self._world) - BELOW_LIGHT_MM
             passed = {
@@ -115,7 +115,7 @@ class RunMonitor:
             }
             seen += len(counted)
             missed += len(passed - counted)
-        return LightCount(seen, missed, self._false)
+        return LightCount(seen, missed, self._false_count)
 
     def mode_counts(self) -> tuple[ModeCount, ModeCount, ModeCount]:
         """Return how often each mode was entered and completed so far, and how often it is planned."""
@@ -139,25 +139,25 @@ class RunMonitor:
     @property
     def first_light(self) -> bool:
         """True if a light of the current segment was found."""
-        return bool(self._counted.get(self._segment))
+        return bool(self._counted_lights.get(self._segment))
 
     # --- observations --------------------------------------------------------------------------------
 
     def _update_segment(self) -> bool:
         """Record segments and counted lights; return True if a new segment has begun."""
-        is_new = len(self._begun) != self._seen
+        is_new = len(self._begun) != self._begun_count
         if is_new:
-            self._seen, self._light = len(self._begun), 0
+            self._begun_count, self._light_count = len(self._begun), 0
             segment = self._plan.segments[self._segment]
             self._began_mm[self._segment] = _along(segment, self._world)
-        counted = self._loop.data.present(CEILING_LIGHT)
+        counted = self._loop.data.value(CEILING_LIGHT)
         light = int(counted) if isinstance(counted, (int, float)) else 0
         if is_new and light:
-            self._light = light  # the count of the previous leg, until CTracker resets it
-        elif light != self._light:
-            for _ in range(self._light, light):
+            self._light_count = light  # the count of the previous leg, until CTracker resets it
+        elif light != self._light_count:
+            for _ in range(self._light_count, light):
                 self._count_light()
-            self._light = light
+            self._light_count = light
         return is_new
 
     def _count_light(self) -> None:
@@ -166,20 +166,20 @@ class RunMonitor:
         segment = self._plan.segments[number] if number >= 0 else None
         if segment is None or segment.kind is not GoalKind.LIGHTS:
             return
-        along, counted = _along(segment, self._world), self._counted.setdefault(number, set())
+        along, counted = _along(segment, self._world), self._counted_lights.setdefault(number, set())
         nearest = min(segment.lights_mm, key=lambda light: abs(light - along))
         if abs(nearest - along) < BELOW_LIGHT_MM and nearest not in counted:
             counted.add(nearest)
         else:
-            self._false += 1
+            self._false_count += 1
 
 
 def _groups(plan: Plan) -> list[tuple[int, int, Mode]]:
     """Return the modes of a plan with their first and last segments; corners have up to two."""
     groups: list[tuple[int, int, Mode]] = []
     for number, segment in enumerate(plan.segments):
-        entered = number > 0 and plan.segments[number - 1].kind is GoalKind.ENTER_CORNER
-        if segment.kind is GoalKind.CORNER and entered:
+        is_entered = number > 0 and plan.segments[number - 1].kind is GoalKind.ENTER_CORNER
+        if segment.kind is GoalKind.CORNER and is_entered:
             groups[-1] = (groups[-1][0], number, "C")
         else:
             groups.append((number, number, mode_of(segment.kind)))

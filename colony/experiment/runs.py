@@ -151,7 +151,7 @@ class Run:
     @property
     def expected_s(self) -> float:
         """The expected time of the run in seconds, without incidents."""
-        return expected_s(self.plan, self.variant.mm_s)
+        return expected_s(self.plan, self.variant.expected_mm_s)
 
     @property
     def scenery(self) -> Scenery:
@@ -203,8 +203,8 @@ class Run:
             failure=self.failure or "",
             failed_mode=monitor.mode if self.failure else "",
             remark=self.remark,
-            along_mm=self.overshoot_mm,
-            off_mm=self.goal_error_mm,
+            overshoot_mm=self.overshoot_mm,
+            goal_error_mm=self.goal_error_mm,
             distance_mm=self.plan.distance_mm,
             travelled_mm=self.world.distance(0),
             time_s=self.loop.now_ns / 1e9,

@@ -23,7 +23,13 @@ from colony.experiment.plates.tables import plate_tables
 from colony.experiment.record import RunResult
 from colony.experiment.results import RUN_TABLE, R, Table
 from colony.experiment.runs import RunSpec, run
-from colony.experiment.sources.results import SOURCE_TABLE, SourceResult, source_tables, source_targets
+from colony.experiment.sources.results import (
+    SOURCE_TABLE,
+    SourceOutcome,
+    SourceResult,
+    source_tables,
+    source_targets,
+)
 from colony.experiment.sources.run import run_with_sources, source_list
 from colony.experiment.tables import failure_table, table, target_table
 
@@ -41,7 +47,7 @@ class Study(Generic[R]):
         targets: function that compares results with the promised values.
         tables: function that returns all tables, for a terminal and for pages.
         as_json: function that converts a result to a JSON object.
-        has_own_variant: True if its runs have a fixed variant, and are neither drawn nor audited.
+        has_own_variant: True if its runs have a fixed variant, and are neither plotted nor audited.
     """
 
     name: str
@@ -71,15 +77,31 @@ def _plates_json(result: PlateResult) -> dict[str, object]:
 
 
 def _lights_json(result: LightResult) -> dict[str, object]:
-    return _json(result, counts=result.counts._asdict())
+    counts = result.counts
+    in_json = {"passed": counts.passed, "detected": counts.detected, "in_view": counts.in_view}
+    in_json |= {"in_view_told": counts.in_view_reported, "told": counts.reported, "false": counts.false}
+    return _json(result, counts=in_json)
 
 
 def _sources_json(result: SourceResult) -> dict[str, object]:
-    outcomes = {
-        name: {**outcome._asdict(), "errors": outcome.errors._asdict()}
-        for name, outcome in result.outcomes.items()
-    }
+    outcomes = {name: _source_outcome_json(outcome) for name, outcome in result.outcomes.items()}
     return _json(result, outcomes=outcomes)
+
+
+def _source_outcome_json(outcome: SourceOutcome) -> dict[str, object]:
+    errors = outcome.errors
+    return {
+        "failure": outcome.failure,
+        "off_mm": outcome.goal_error_mm,
+        "contact_mm_s": outcome.contact_mm_s,
+        "errors": {
+            "looks": errors.comparisons,
+            "square_mm2": errors.square_mm2,
+            "square_deg2": errors.square_deg2,
+            "worst_mm": errors.worst_mm,
+            "inside": errors.inside,
+        },
+    }
 
 
 def _run_tables(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> list[str]:
@@ -101,8 +123,8 @@ def _run_json(result: RunResult) -> dict[str, object]:
         "failure": result.failure,
         "failed_mode": result.failed_mode,
         "remark": result.remark,
-        "along_mm": result.along_mm,
-        "off_mm": result.off_mm,
+        "along_mm": result.overshoot_mm,
+        "off_mm": result.goal_error_mm,
         "distance_mm": result.distance_mm,
         "travelled_mm": result.travelled_mm,
         "time_s": result.time_s,

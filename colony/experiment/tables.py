@@ -51,7 +51,7 @@ def failure_table(results: Sequence[RunResult]) -> str:
             r.goal,
             r.failure,
             r.failed_mode,
-            f"{r.off_mm / 1000:.1f} m",
+            f"{r.goal_error_mm / 1000:.1f} m",
             clock_time(r.time_s),
             r.remark or r.hazards,
         ]
@@ -76,8 +76,8 @@ def _row(run: ListedRun, results: list[RunResult], published: bool) -> list[str]
         run.goal,
         f"{results[0].distance_mm / 1000:.1f}",
         f"{len(reached)}/{len(results)}",
-        f"{percentile([r.along_mm for r in reached], 0.5) / 1000:+.2f} m" if reached else "-",
-        f"{percentile([r.off_mm for r in reached], 0.95) / 1000:.2f} m" if reached else "-",
+        f"{percentile([r.overshoot_mm for r in reached], 0.5) / 1000:+.2f} m" if reached else "-",
+        f"{percentile([r.goal_error_mm for r in reached], 0.95) / 1000:.2f} m" if reached else "-",
         clock_time(percentile([r.time_s for r in reached], 0.5)) if reached else "-",
         f"{percentile([r.mean_mm_s for r in reached], 0.5) * MM_S_TO_M_MIN:.1f}" if reached else "-",
         *_modes(results),
@@ -100,7 +100,7 @@ def _published(run: PublishedRun | None) -> list[str]:
     letter = run.failed_mode.upper() if run.failed_mode is not None else ""
     modes = [
         f"{done}{'*' if mode == letter else ''}/{needed}"
-        for mode, done, needed in zip(MODES, run.done, run.needed, strict=True)
+        for mode, done, needed in zip(MODES, run.completed, run.required, strict=True)
     ]
     if run.beyond_goal_mm is None or run.seconds is None:
         return ["failed", "", "", *modes]

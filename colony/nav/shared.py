@@ -15,8 +15,8 @@
 | CeilingLight  |         | read      | write    | read        |
 | Overshoot     | read    |           | write    |             |
 
-CTracker also reads GoalDirection, along which the lights give the position, and GoalType. A Planner that
-starts first downs the semaphores that an earlier Planner upped and no client downed.
+CTracker also reads GoalType, and GoalDirection, the axis along which the lights give the position. A Planner
+that starts first downs the semaphores that an earlier Planner upped and no client downed.
 
 Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. The Navigator is
 a compiled network, which has access to variables only, and a clerk that handles the semaphores for it
@@ -46,8 +46,8 @@ GOAL_TYPE = "GoalType"
 """The mode: a `GoalKind` as a number."""
 
 LIGHT_OFFSET = "LightOffset"
-"""List of distances in mm: from the robot's position when the goal was set to the first light, then from
-light to light."""
+"""List of distances in mm: the first from the robot's position at the time the goal was set, to the first
+light; the others from light to light."""
 
 CEILING_LIGHT = "CeilingLight"
 """Number of lights of the current goal that the robot has passed."""

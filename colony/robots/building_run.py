@@ -31,7 +31,7 @@ def run_in_building(compiled: Compiled, request: RunRequest, ui: UserInterface) 
     """Run a program to the end, or until it is interrupted; return the result of the run.
 
     Raises:
-        MisuseError: the robot has no room in the building, the route does not exist, or no recording can be
+        MisuseError: the robot does not fit at its start, the route does not exist, or no recording can be
             written.
         DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
             robot lacks.
@@ -50,7 +50,7 @@ def run_in_building(compiled: Compiled, request: RunRequest, ui: UserInterface) 
         simulated_drivers(plant, cameras=None if mission is None else mission.cameras(plant)),
         clock=clock,
         seed=request.seed,
-        variables=request.held,
+        variables=request.pinned_variables,
         sinks=(tally, path),
         requests=is_mcap(request.record),
         nodes=() if mission is None else mission.nodes,
@@ -67,7 +67,7 @@ def run_in_building(compiled: Compiled, request: RunRequest, ui: UserInterface) 
         travel=Travel(bumps=plant.world.bumps(0), distance_mm=plant.world.distance(0)),
     )
     if recording is not None:
-        summary = replace(summary, broke_off=recording.broken_off)
+        summary = replace(summary, broke_off=recording.truncation)
     return RunReport(
         summary, None if mission is None else mission.mission_result(clock()), floors, path.points
     )
@@ -106,12 +106,12 @@ def _run(
     length_ns = request.length_ns
     if length_ns is None:
         assert mission is not None
-        length_ns = time_limit_ns(mission.plan, OURS.mm_s)
+        length_ns = time_limit_ns(mission.plan, OURS.expected_mm_s)
     session.add(ui.progress(length_ns))
 
     def is_over() -> bool:
-        broken_off = recording is not None and recording.broken_off is not None
-        return broken_off or (mission is not None and mission.is_over())
+        is_truncated = recording is not None and recording.truncation is not None
+        return is_truncated or (mission is not None and mission.is_over())
 
     with ui.interruptible() as interrupted:
         try:

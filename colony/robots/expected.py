@@ -17,12 +17,12 @@ GOAL_RADIUS_MM = 1000.0
 """Maximum true distance in mm at which the goal counts as reached."""
 
 
-def expected_s(plan: Plan, mm_s: float) -> float:
-    """Return the time in seconds of a plan without incidents, at a mean speed of `mm_s`."""
+def expected_s(plan: Plan, mean_mm_s: float) -> float:
+    """Return the time in seconds of a plan without incidents, at a mean speed of `mean_mm_s`."""
     turns_s = CORNER_S * (plan.modes.count("c") + 1)
-    return plan.travel_mm / mm_s + turns_s + RIDE_S * plan.modes.count("v")
+    return plan.travel_mm / mean_mm_s + turns_s + RIDE_S * plan.modes.count("v")
 
 
-def time_limit_ns(plan: Plan, mm_s: float) -> int:
+def time_limit_ns(plan: Plan, mean_mm_s: float) -> int:
     """Return the time limit of a simulated run, in nanoseconds."""
-    return round(TIME_LIMIT_FACTOR * expected_s(plan, mm_s) * 1e9)
+    return round(TIME_LIMIT_FACTOR * expected_s(plan, mean_mm_s) * 1e9)

@@ -1,10 +1,12 @@
-"""Runs in virtual time with faults: processes die, freeze and restart; messages get lost, late or doubled.
+"""Runs in virtual time with faults of processes and messages.
+
+Processes die, freeze and restart; messages are lost, delayed or duplicated.
 
 Every command that leaves arbitration must be the reference interpreter's for that frame, or the idle one. The
 frames are reconstructed from the network traffic: the frames that servers published, and the Clock's ticks.
 Within an epoch they are consecutive, and the interpreter restarts with each epoch. If a server died while
-sending a frame, some clients may have received a frame that others did not, and that the Clock then declared
-void; both possibilities are accepted until a new epoch begins.
+sending a frame, only some clients may have received that frame before the Clock declared it void. Commands
+that follow from the epoch with or without the frame are then accepted until a new epoch begins.
 """
 
 from __future__ import annotations
@@ -148,38 +150,38 @@ def _first_disagreement(program: Program, faulty_run: _FaultyRun) -> Disagreemen
         sent.setdefault(command.k, []).append(command)
     reference_runs: dict[int, tuple[_ReferenceRun, int, frozenset[str]]] = {}
     for epoch in _epochs(faulty_run.traffic.ticks):
-        paths = [_path(program, faulty_run.traffic, epoch, void_counts=True)]
+        candidates = [_reference_run(program, faulty_run.traffic, epoch, void_counts=True)]
         if any(
             (s, t.k) in faulty_run.traffic.void & faulty_run.traffic.frames.keys()
             for t in epoch
             for s in SENSOR_SERVERS
         ):
-            paths.append(_path(program, faulty_run.traffic, epoch, void_counts=False))
-        unpredictable = _unpredictable(faulty_run, actuators.values(), epoch)
+            candidates.append(_reference_run(program, faulty_run.traffic, epoch, void_counts=False))
+        unpredictable = _unpredictable_actuators(faulty_run, actuators.values(), epoch)
         for i, tick in enumerate(epoch):
-            reference_runs[tick.k] = paths[0], i, unpredictable
+            reference_runs[tick.k] = candidates[0], i, unpredictable
             for command in sent.get(tick.k, ()):
                 if command.actuator in unpredictable:
                     continue
                 expected = [
-                    d for p in paths for d in p.outcomes[i].decisions if d.actuator == command.actuator
+                    d for p in candidates for d in p.outcomes[i].decisions if d.actuator == command.actuator
                 ]
-                if not _allowed(command, expected, actuators[command.actuator]):
+                if not _is_allowed(command, expected, actuators[command.actuator]):
                     return _disagreement(
-                        paths[0], i, f"{command.actuator}: {_command_text(command)} left arbitration"
+                        candidates[0], i, f"{command.actuator}: {_command_text(command)} left arbitration"
                     )
     for log in faulty_run.robot.log.frames:
         if log.tick.k in reference_runs:
-            path, i, unpredictable = reference_runs[log.tick.k]
+            reference_run, i, unpredictable = reference_runs[log.tick.k]
             contradictions = [
                 text for text in log.disagreements if text.partition(":")[0] not in unpredictable
             ]
             if contradictions:
-                return _disagreement(path, i, f"the monitor says {'; '.join(contradictions)}")
+                return _disagreement(reference_run, i, f"the monitor says {'; '.join(contradictions)}")
     return None
 
 
-def _unpredictable(
+def _unpredictable_actuators(
     faulty_run: _FaultyRun, actuators: Iterable[Actuator], epoch: list[Tick]
 ) -> frozenset[str]:
     """Return the actuators whose expected commands are unknown.
@@ -206,7 +208,9 @@ def _epochs(ticks: Mapping[int, Tick]) -> Iterator[list[Tick]]:
     yield from by_start.values()
 
 
-def _path(program: Program, traffic: _Traffic, epoch: list[Tick], *, void_counts: bool) -> _ReferenceRun:
+def _reference_run(
+    program: Program, traffic: _Traffic, epoch: list[Tick], *, void_counts: bool
+) -> _ReferenceRun:
     """Return the reference's outcomes in an epoch; with `void_counts`, void frames are "no value"."""
     interpreter = Interpreter(program)
     degrading = any(a.on_loss == "degrade" for a in program.robot.actuators)
@@ -227,7 +231,7 @@ def _path(program: Program, traffic: _Traffic, epoch: list[Tick], *, void_counts
     return _ReferenceRun(tuple(frames), tuple(outcomes))
 
 
-def _allowed(command: SentCommand, expected: Sequence[Decision], actuator: Actuator) -> bool:
+def _is_allowed(command: SentCommand, expected: Sequence[Decision], actuator: Actuator) -> bool:
     if command.by is None:
         return repr(command.values) == repr(in_declared_units(actuator.idle, actuator.fields))
     return repr((command.by, command.values, command.fault)) in [
@@ -235,11 +239,11 @@ def _allowed(command: SentCommand, expected: Sequence[Decision], actuator: Actua
     ]
 
 
-def _disagreement(path: _ReferenceRun, index: int, found: str) -> Disagreement:
+def _disagreement(reference_run: _ReferenceRun, index: int, found: str) -> Disagreement:
     return Disagreement(
         executor="",
-        trace=path.frames[: index + 1],
-        expected=path.outcomes[index],
+        trace=reference_run.frames[: index + 1],
+        expected=reference_run.outcomes[index],
         found=f"with faults: {found}",
     )
 

@@ -2,7 +2,7 @@
 
     with Session.open("rome") as rome, LiveMission(rome, building, plan) as mission:
         mission.wait()
-    print(mission.arrived, mission.off_mm)
+    print(mission.arrived, mission.goal_error_mm)
 
 In virtual time the same scripts are nodes (`mission.py`); in an experiment they run in the fast loop.
 """
@@ -46,18 +46,19 @@ class LiveMission:
         session: the session with the robot.
         building: the building that the robot is in.
         plan: the path to its goal.
-        operator: the script that has elevator buttons pressed; without it the robot relies on its sensors.
+        operator: the script that asks for elevator buttons to be pressed; without it the robot relies on its
+            sensors.
     """
 
     def __init__(
         self, session: Session, building: Building, plan: Plan, *, operator: Script | None = None
     ) -> None:
-        self._session, self._building, self._plan = session, building.part(plan.floors), plan
+        self._session, self._building, self._plan = session, building.with_floors(plan.floors), plan
         self._operator = operator or no_operator()
         self._scripts: LiveScripts | None = None
         self._began_s = time.monotonic()
-        self.took_s = 0.0
-        self.off_mm = math.nan
+        self.duration_s = 0.0
+        self.goal_error_mm = math.nan
         self.verdict = Verdict.UNSEEN
 
     @property
@@ -83,7 +84,9 @@ class LiveMission:
     def __enter__(self) -> LiveMission:
         """Prepare the robot and start the scripts."""
         self._begin()
-        scripts = OURS.scripts(self._plan, self._building, cameras=self._cameras(), on_verdict=self._verified)
+        scripts = OURS.scripts(
+            self._plan, self._building, cameras=self._cameras(), on_verdict=self._on_verdict
+        )
         self._scripts = LiveScripts(self._session, {**scripts, "operator": self._operator}, leader=PLANNER)
         self._began_s = time.monotonic()
         self._scripts.__enter__()
@@ -95,7 +98,7 @@ class LiveMission:
         try:
             self._scripts.close()
         finally:  # even if waiting for the scripts to end is interrupted
-            self.took_s = time.monotonic() - self._began_s
+            self.duration_s = time.monotonic() - self._began_s
             with suppress(RobotConnectionError):
                 self._end()
 
@@ -130,7 +133,7 @@ class LiveMission:
                     available.add(name)
         return frozenset(available)
 
-    def _verified(self, verdict: Verdict) -> None:
+    def _on_verdict(self, verdict: Verdict) -> None:
         self.verdict = verdict
 
     def _end(self) -> None:
@@ -139,7 +142,7 @@ class LiveMission:
             store.do(data.set(GOAL_TYPE, int(GoalKind.NONE)))
         with self._session.connect("RServer", name=PLANNER) as base:
             here, goal = base.do(robot.position()), self._plan.segments[-1].end
-        self.off_mm = math.hypot(here.x - goal.x_mm, here.y - goal.y_mm)
+        self.goal_error_mm = math.hypot(here.x - goal.x_mm, here.y - goal.y_mm)
 
 
 def no_operator() -> Script:
@@ -150,12 +153,12 @@ def no_operator() -> Script:
     yield from do("DServer", data.set(FLOOR_REACHED, 1))
 
 
-def _retry_until_available(server: Connection, ask: Ask[Any]) -> None:
+def _retry_until_available(server: Connection, call: Ask[Any]) -> None:
     """Repeat a call until it succeeds: the device may have just been started."""
     deadline = time.monotonic() + DEVICE_TIMEOUT_S
     while True:
         try:
-            server.do(ask)
+            server.do(call)
         except CallRefusedError:
             if time.monotonic() > deadline:
                 raise

@@ -42,7 +42,7 @@ class Mission:
         self._verdict = Verdict.UNSEEN
         scripts = {
             **OURS.scripts(
-                route.plan, self.site.building, cameras=frozenset(_CAMERAS), on_verdict=self._verified
+                route.plan, self.site.building, cameras=frozenset(_CAMERAS), on_verdict=self._on_verdict
             ),
             "operator": operator(self.site.elevators, self.site.world, seed=request.seed),
         }
@@ -89,7 +89,7 @@ class Mission:
         arrived = f"{self._route.name}: arrived {when}, {where}; {driven}{PLATE_TEXTS[self._verdict]}"
         return MissionResult(arrived=True, text=arrived)
 
-    def _verified(self, verdict: Verdict) -> None:
+    def _on_verdict(self, verdict: Verdict) -> None:
         self._verdict = verdict
 
     @property

@@ -28,7 +28,12 @@ from colony.robots.request import (
 )
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.jobs import check_disk_room, client_jobs, fresh_folder, keep_logs
+from colony.runtime.assembly.processes.jobs import (
+    check_disk_space,
+    client_jobs,
+    delete_all_but_logs,
+    fresh_folder,
+)
 from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
@@ -73,7 +78,7 @@ def run_simulated(
         cameras = {CEILING_CAMERA: "up", **cameras}
     building = load_map(request.map_path)
     truth = TruthLog(robot_address)
-    with run.led() as led:
+    with run.supervised() as supervised_run:
         robot = SimulatedRobot(
             map_path=request.map_path,
             seed=request.seed,
@@ -82,22 +87,22 @@ def run_simulated(
             fsync=request.fsync,
             start=None if route is None else route.start,
             hazards=request.hazards,
-            held=request.held,
+            pinned_variables=request.pinned_variables,
         )
         with in_run_directory(run.folder):
             jobs = (*jobs_of(robot_address, robot, run.folder), *run.client_jobs())
-            check_disk_room(run.folder, len(jobs))
-        led.start(jobs)
+            check_disk_space(run.folder, len(jobs))
+        supervised_run.start(jobs)
         notice = CompilationNotice(robot_address, jobs[0].log, ui.report)
 
         def simulated() -> bool:
             notice.poll()
             return truth.poll()
 
-        begun = led.wait_for(
+        has_begun = supervised_run.wait_for(
             simulated, run.stop, what="the start of the simulator", timeout_s=PLANT_START_TIMEOUT_S
         )
-        interrupted = not begun or run.follow(led, meanwhile=truth.poll)
+        interrupted = not has_begun or run.follow(supervised_run, meanwhile=truth.poll)
         travel = truth.travel
         truth.close()
     mission_result = run.mission_result(truth.points[-1] if truth.points else None)
@@ -128,13 +133,13 @@ def run_served(
 
         route = planned_route(request)
     run = _Run(compiled, robot_address, request, ui, route)
-    with run.led() as led:
+    with run.supervised() as supervised_run:
         with _in_folder(robot_address, run.folder):
             jobs = run.client_jobs()
-            check_disk_room(run.folder, len(jobs))
-        led.start(jobs)
-        led.pin_variables(request.held)
-        interrupted = run.follow(led)
+            check_disk_space(run.folder, len(jobs))
+        supervised_run.start(jobs)
+        supervised_run.pin_variables(request.pinned_variables)
+        interrupted = run.follow(supervised_run)
     return RunReport(run.summary(interrupted, None), run.mission_result(None))
 
 
@@ -189,16 +194,16 @@ class _Run:
         self._interrupted: Callable[[], bool] = lambda: False
 
     @contextmanager
-    def led(self) -> Iterator[SupervisedRun]:
+    def supervised(self) -> Iterator[SupervisedRun]:
         """Lead the run inside the `with`; at its end, end all processes of the run."""
         with self._ui.interruptible() as self._interrupted, ExitStack() as resources:
-            led = resources.enter_context(self._lead())
+            supervised_run = resources.enter_context(self._lead())
             self._folder = self._fresh_folder()
             if self._request.record is not None:
                 self._recording = self._begin_recording(self._request.record)
                 self._window.record(self._recording)
             try:
-                yield led
+                yield supervised_run
                 resources.close()
             except RunFailedError as problem:
                 raise RunAbortedError(str(problem)) from None
@@ -211,7 +216,7 @@ class _Run:
 
     @property
     def _broke_off(self) -> str | None:
-        return None if self._recording is None else self._recording.broken_off
+        return None if self._recording is None else self._recording.truncation
 
     @property
     def folder(self) -> Path:
@@ -221,21 +226,23 @@ class _Run:
 
     def client_jobs(self) -> tuple[Job, ...]:
         """Return the jobs of the run's clients, which search this process's folders for Python modules."""
-        search = (str(Path(self._request.file).resolve().parent), os.getcwd())
+        search_path = (str(Path(self._request.file).resolve().parent), os.getcwd())
         return client_jobs(
             self._robot_address,
             self._deployed,
             self._compiled,
             self._bindings,
             self.folder,
-            search,
+            search_path,
             isolate=self._request.isolate,
         )
 
-    def follow(self, led: SupervisedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
+    def follow(
+        self, supervised_run: SupervisedRun, *, meanwhile: Callable[[], object] = lambda: None
+    ) -> bool:
         """Lead the run to its end, or to the end of its route; return True if it was stopped before."""
         if self._route is None:
-            return not led.follow(self.stop, meanwhile=meanwhile)
+            return not supervised_run.follow(self.stop, meanwhile=meanwhile)
         from colony.robots.live_mission import LiveMission
 
         route, operator = self._route, None
@@ -244,7 +251,7 @@ class _Run:
         with session_with(self._robot_address) as session:
             self._mission = LiveMission(session, route.building, route.plan, operator=operator)
             with self._mission as mission:
-                led.follow(lambda: self.stop() or mission.over, meanwhile=meanwhile)
+                supervised_run.follow(lambda: self.stop() or mission.over, meanwhile=meanwhile)
                 return self.stop() and not mission.over
 
     def mission_result(self, position: tuple[float, float] | None) -> MissionResult | None:
@@ -257,11 +264,14 @@ class _Run:
         from colony.robots.route import PLATE_TEXTS
 
         mission, name = self._mission, self._route.name
-        off_mm, by = mission.off_mm, " by its odometry"
+        goal_error_mm, method = mission.goal_error_mm, " by its odometry"
         if position is not None:
             goal = self._route.plan.segments[-1].end
-            off_mm, by = math.hypot(position[0] - goal.x_mm, position[1] - goal.y_mm), ""
-        when, where = f"after {mission.took_s:.1f} s", f"{off_mm / 1000:.2f} m from the goal{by}"
+            goal_error_mm, method = math.hypot(position[0] - goal.x_mm, position[1] - goal.y_mm), ""
+        when, where = (
+            f"after {mission.duration_s:.1f} s",
+            f"{goal_error_mm / 1000:.2f} m from the goal{method}",
+        )
         if mission.problem:
             text = f"{name}: broke off {when}, {where}: {mission.problem}"
         else:
@@ -308,7 +318,7 @@ class _Run:
         """Delete the files of the processes, except their logs if the robot is on this machine."""
         if self._folder is not None:
             if isinstance(self._robot_address, Local):
-                keep_logs(self._folder)
+                delete_all_but_logs(self._folder)
             else:
                 shutil.rmtree(self._folder, ignore_errors=True)
 
@@ -327,16 +337,16 @@ def _additional_servers(robot: Robot, robot_address: RobotAddress) -> tuple[Serv
 
     Servers that do not run, or have no valid description, are left out.
     """
-    known = {server.name for server in SERVERS}
-    wanted = dict.fromkeys(s.server for s in robot.sensors if s.server not in known)
-    if not wanted:
+    builtin_servers = {server.name for server in SERVERS}
+    additional_names = dict.fromkeys(s.server for s in robot.sensors if s.server not in builtin_servers)
+    if not additional_names:
         return ()
     from colony.runtime.kit.description import describe, server_spec
     from colony.runtime.kit.errors import RobotConnectionError
 
-    found = []
+    specs = []
     with suppress(RobotConnectionError), session_with(robot_address) as session:
-        for name in wanted:
+        for name in additional_names:
             with suppress(RobotConnectionError, ValueError), session.connect(name) as connection:
-                found.append(server_spec(connection.do(describe())))
-    return tuple(found)
+                specs.append(server_spec(connection.do(describe())))
+    return tuple(specs)

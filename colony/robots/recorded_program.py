@@ -34,11 +34,15 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
         raise DiagnosticError([unusable(name, f"its program cannot be unpacked: {problem}")]) from None
     root = folder / "behavior" / run.program
     tree = load_tree(root, run.program, shipped=root.parent / SHIPPED)
-    inside = os.path.realpath(folder / "behavior")
-    outside = [f.key for f in tree.files if not Path(f.key).is_relative_to(inside)]
-    if outside:
+    behavior_folder = os.path.realpath(folder / "behavior")
+    outside_files = [f.key for f in tree.files if not Path(f.key).is_relative_to(behavior_folder)]
+    if outside_files:
         raise DiagnosticError(
-            [unusable(name, f"its program imports `{outside[0]}`, which the recording does not contain")]
+            [
+                unusable(
+                    name, f"its program imports `{outside_files[0]}`, which the recording does not contain"
+                )
+            ]
         )
     program, diagnostics = check_program(tree)
     if program is None:

@@ -61,13 +61,14 @@ class RunRecording:
             self._problem = self._problem or problem
 
     @property
-    def broken_off(self) -> str | None:
+    def truncation(self) -> str | None:
         """The length of a truncated recording and the reason for its end; None if it is complete."""
         if self._problem is None:
             return None
         first_ns, last_ns = self._first_ns, self._sink.written_ns
         seconds = 0.0 if first_ns is None or last_ns is None else (last_ns - first_ns) / 1e9
-        return f"the recording {self._path} contains only the first {seconds:.2f} s: {_why(self._problem)}"
+        why = _reason_with_advice(self._problem)
+        return f"the recording {self._path} contains only the first {seconds:.2f} s: {why}"
 
     def expect_frames(self) -> None:
         """Check that the first frame was written.
@@ -76,10 +77,10 @@ class RunRecording:
             MisuseError: the recording broke off before.
         """
         if self._problem is not None and self._sink.written_ns is None:
-            raise _cannot_write(self._path, _why(self._problem))
+            raise _cannot_write(self._path, _reason_with_advice(self._problem))
 
 
-def _why(problem: OSError) -> str:
+def _reason_with_advice(problem: OSError) -> str:
     advice = limit_advice(problem)
     return reason(problem) if advice is None else f"{reason(problem)}: {advice}"
 
@@ -104,11 +105,11 @@ def recording_into(
         MisuseError: the file cannot be written, or another run is recording into it.
     """
     try:
-        opened = open_exclusive(path)
+        file = open_exclusive(path)
         if not is_mcap(path):
             from colony.runtime.recordings.lines import Recording
 
-            return RunRecording(Recording(compiled, opened), path)
+            return RunRecording(Recording(compiled, file), path)
         from colony.runtime.recordings.mcap_writer import McapRecording
         from colony.runtime.recordings.recorded import RunInfo
 
@@ -123,8 +124,8 @@ def recording_into(
             run=run,
             started=started,
         )
-        return RunRecording(McapRecording(compiled, info, opened), path)
+        return RunRecording(McapRecording(compiled, info, file), path)
     except BlockingIOError:
         raise _cannot_write(path, "another run is recording into it") from None
     except OSError as problem:
-        raise _cannot_write(path, _why(problem)) from None
+        raise _cannot_write(path, _reason_with_advice(problem)) from None

@@ -35,7 +35,8 @@ class RunRequest:
         map_path: the map of the building; None for a robot that is already running.
         seed: the seed of all random numbers, such as the sensors' noise.
         length_ns: the length of the run; None to run until it is interrupted, or its route is done.
-        held: variables of DServer with the values at which they are kept; they are fresh in every frame.
+        pinned_variables: variables of DServer, with the values at which they are kept; they are fresh in
+            every frame.
         realtime: True to run in virtual time no faster than the wall clock.
         record: the file of the recording; None for no recording.
         cameras: viewing directions of cameras by server name; for runs in several processes.
@@ -50,7 +51,7 @@ class RunRequest:
     map_path: str | None
     seed: int
     length_ns: int | None
-    held: Mapping[str, Value]
+    pinned_variables: Mapping[str, Value]
     realtime: bool = False
     record: str | None = None
     cameras: Mapping[str, ViewDirection]

@@ -14,7 +14,7 @@ from colony.sim.shots import CeilingShot, LevelShot
 from colony.sim.world.site import Site
 from colony.vision.level_camera import AHEAD, SIDE
 
-_LEVEL = {SIDE_CAMERA: SIDE, FRONT_CAMERA: AHEAD}
+_LEVEL_CAMERAS = {SIDE_CAMERA: SIDE, FRONT_CAMERA: AHEAD}
 
 
 def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) -> dict[str, CameraDriver]:
@@ -41,9 +41,11 @@ def _shutter(site: Site, name: str, seed: int) -> Callable[[int], Shot]:
 
 def _level_camera(site: Site, name: str, seed: int) -> Callable[[], Camera]:
     """Return a function that returns the camera of the robot's current floor."""
-    if name not in _LEVEL:
-        raise ValueError(f"there is no camera `{name}`; expected {', '.join((CEILING_CAMERA, *_LEVEL))}")
-    geometry = _LEVEL[name]
+    if name not in _LEVEL_CAMERAS:
+        raise ValueError(
+            f"there is no camera `{name}`; expected {', '.join((CEILING_CAMERA, *_LEVEL_CAMERAS))}"
+        )
+    geometry = _LEVEL_CAMERAS[name]
     config = CameraConfig(
         width=geometry.columns,
         height=geometry.rows,

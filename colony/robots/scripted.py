@@ -1,8 +1,8 @@
-"""The processes of a robot for any program, in virtual time.
+"""A robot in virtual time that can run any program, on scripted sensors.
 
 DServer, clients, announcers and observer are the real ones; two servers publish given readings, and one takes
 all commands. Unlike real servers, these serve the sensors and actuators of every program, with any readings,
-valid or not.
+valid or invalid.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ class SentCommand(NamedTuple):
 class SensorServer(QuietNode):
     """A server that publishes given readings of some sensors."""
 
-    def __init__(self, address: str, readings: Readings, names: tuple[str, ...], keep: int) -> None:
+    def __init__(self, address: str, readings: Readings, names: tuple[str, ...], frames_kept: int) -> None:
         self.address = address
         self._readings = readings
         self._names = names
-        self._publisher = Publisher(address, self._read, keep=keep)
+        self._publisher = Publisher(address, self._read, frames_kept=frames_kept)
         self.listens = self._publisher.listens
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
@@ -85,9 +85,9 @@ class ActuatorServer(QuietNode):
 
     address = ACTUATOR_SERVER
 
-    def __init__(self, deployed: Deployment, keep: int, sent: list[SentCommand]) -> None:
+    def __init__(self, deployed: Deployment, frames_kept: int, sent: list[SentCommand]) -> None:
         self._run = deployed.run
-        self._publisher = Publisher(ACTUATOR_SERVER, lambda tick: {}, keep=keep)
+        self._publisher = Publisher(ACTUATOR_SERVER, lambda tick: {}, frames_kept=frames_kept)
         commanded = actuators_of(deployed, ACTUATOR_SERVER)
         self._commands = CommandDispatcher(
             commanded, timing(deployed.frame_ns), lambda *_: None, on_dispatch=self._on_dispatch
@@ -125,7 +125,7 @@ class FrameCollector:
         self.frames: list[FrameLog] = []
 
     def take(self, log: FrameLog) -> None:
-        """Keep a frame."""
+        """Add a frame."""
         self.frames.append(log)
 
     def close(self) -> None:
@@ -133,7 +133,7 @@ class FrameCollector:
 
 
 class ScriptedRobot(VirtualRobot):
-    """A robot for any program. Mutable: `sent` and `log` grow during the run.
+    """A robot that can run any program, on scripted sensors. Mutable: `sent` and `log` grow during the run.
 
     Args:
         compiled: the program to run.
@@ -163,14 +163,14 @@ class ScriptedRobot(VirtualRobot):
         self.log = FrameCollector()
         bindings, store = _bindings(compiled.robot), MemoryStore()
 
-        def servers(deployed: Deployment, keep: int) -> Builders:
+        def servers(deployed: Deployment, frames_kept: int) -> Builders:
             builders: dict[str, Callable[[], Node]] = {
-                ACTUATOR_SERVER: lambda: ActuatorServer(deployed, keep, self.sent),
-                DSERVER.name: lambda: DServer(deployment=deployed, keep=keep, store=store),
+                ACTUATOR_SERVER: lambda: ActuatorServer(deployed, frames_kept, self.sent),
+                DSERVER.name: lambda: DServer(deployment=deployed, frames_kept=frames_kept, store=store),
             }
             for server in SENSOR_SERVERS:
                 names = tuple(b.sensor for b in bindings.sensors if b.server == server)
-                builders[server] = partial(SensorServer, server, readings, names, keep)
+                builders[server] = partial(SensorServer, server, readings, names, frames_kept)
             return builders
 
         sinks = (self.log,)
@@ -195,7 +195,7 @@ def _bindings(robot: Robot) -> Bindings:
                 sensor=s.name,
                 server=SENSOR_SERVERS[i % len(SENSOR_SERVERS)],
                 field=s.name,
-                within_ns=None,
+                max_age_ns=None,
                 factor=s.factor,
                 declared=True,
             )

@@ -14,7 +14,7 @@ from colony.runtime.assembly.processes import child
 from colony.runtime.assembly.processes.children import Children, describe
 from colony.runtime.assembly.processes.jobs import (
     SERVERS,
-    check_disk_room,
+    check_disk_space,
     fresh_folder,
     job_of,
     server_parts,
@@ -25,7 +25,7 @@ from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, addr
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import in_run_directory
-from colony.sim.plant.child import SIMULATOR, NoRoomError, ViewDirection, serve
+from colony.sim.plant.child import SIMULATOR, NoClearanceError, ViewDirection, serve
 from colony.sim.plant.servers import PlantDevices
 
 Report = Callable[[str], None]
@@ -79,7 +79,7 @@ def _simulate(robot_address: Local, settings: Settings, shutdown: Shutdown, repo
             ready=lambda: report(message),
             report=report,
         )
-    except NoRoomError as problem:
+    except NoClearanceError as problem:
         raise MisuseError(str(problem)) from None
 
 
@@ -123,7 +123,7 @@ def serve_all(
             jobs = [*jobs_of(robot_address, robot, fresh_folder(folder))]
             if settings.listen is not None:
                 jobs.append(job_of(robot_address, _part("Gateway", robot_address, settings), folder, SERVERS))
-            check_disk_room(folder, len(jobs))
+            check_disk_space(folder, len(jobs))
         children = Children()
         try:
             for job in jobs:

@@ -54,7 +54,7 @@ class SimulatedRobot:
         fsync: True to make DServer's data survive a power failure.
         start: the initial pose, x and y in mm and the heading in degrees; None for that of the map.
         hazards: the seed of the building's hazards; None for none.
-        held: variables that DServer keeps at these values.
+        pinned_variables: variables of DServer, with the values at which they are kept.
     """
 
     map_path: str
@@ -64,7 +64,7 @@ class SimulatedRobot:
     fsync: bool = False
     start: tuple[float, float, float] | None = None
     hazards: int | None = None
-    held: Mapping[str, Value] = field(default_factory=dict)
+    pinned_variables: Mapping[str, Value] = field(default_factory=dict)
 
 
 def plant_spec(robot_address: Local, robot: SimulatedRobot) -> PlantSpec:
@@ -102,7 +102,7 @@ def jobs_of(robot_address: Local, robot: SimulatedRobot, folder: Path) -> tuple[
         device_of(robot_address),
         cameras=[(server, server) for server in robot.cameras],
         fsync=robot.fsync,
-        held=dict(robot.held),
+        pinned_variables=dict(robot.pinned_variables),
     )
     return (plant, *server_jobs(robot_address, parts, folder, hardware=PLANT_SERVERS))
 
@@ -122,18 +122,20 @@ class TruthLog:
         self._socket = plant_socket(robot_address.directory.path)
         self._robot = robot_address.robot
         self._control: PlantControl | None = None
-        self._plant: int | None = None
+        self._plant_began_ns: int | None = None
         self._previous_travel = Travel(bumps=0, distance_mm=0.0)
         self._current_travel = Travel(bumps=0, distance_mm=0.0)
-        self._next_ns = 0
+        self._next_poll_ns = 0
         self._path = DrivenPath()
 
     def poll(self) -> bool:
         """Observe the robot's true position if it is time; return False while the plant does not answer."""
         now_ns = time.monotonic_ns()
-        if now_ns < self._next_ns:
+        if now_ns < self._next_poll_ns:
             return self._control is not None
-        self._next_ns = now_ns + (POLL_INTERVAL_NS if self._control is not None else POLL_INTERVAL_NS // 5)
+        self._next_poll_ns = now_ns + (
+            POLL_INTERVAL_NS if self._control is not None else POLL_INTERVAL_NS // 5
+        )
         try:
             if self._control is None:
                 self._control = PlantControl(self._socket, timeout_s=0.5)
@@ -152,10 +154,10 @@ class TruthLog:
         if control is not None:
             control.close()
 
-    def _switch_plant(self, plant: int) -> None:
-        """Add a plant's travel to the total if another plant has replaced it."""
-        if plant != self._plant:
-            self._plant = plant
+    def _switch_plant(self, began_ns: int) -> None:
+        """Add the previous plant's travel to the total if another plant, begun at `began_ns`, replaced it."""
+        if began_ns != self._plant_began_ns:
+            self._plant_began_ns = began_ns
             self._previous_travel, self._current_travel = self.travel, Travel(bumps=0, distance_mm=0.0)
 
     @property

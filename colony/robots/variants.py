@@ -38,13 +38,13 @@ class Variant:
     Attributes:
         name: "ours", or "thesis" for the algorithms as printed.
         behavior: the file of the Navigator.
-        mm_s: the robot's expected mean speed in mm/s, without incidents.
+        expected_mm_s: the robot's expected mean speed, without incidents.
         robot: the configuration of the robot.
     """
 
     name: VariantName
     behavior: Path
-    mm_s: float
+    expected_mm_s: float
     robot: RobotConfig = field(default_factory=RobotConfig)
 
     def scripts(
@@ -74,10 +74,10 @@ class Variant:
         """
         thesis = self.name == "thesis"
         lights = thesis or Source.LIGHTS in sources
-        upward = (CEILING_CAMERA,) if CEILING_CAMERA in cameras and lights else ()
+        ceiling_cameras = (CEILING_CAMERA,) if CEILING_CAMERA in cameras and lights else ()
         scripts = {
             "clerk": clerk(),
-            "tracker": light_tracker(cameras=upward, thesis=thesis),
+            "tracker": light_tracker(cameras=ceiling_cameras, thesis=thesis),
             **_finders(building, cameras, thesis, on_plate),
         }
         walls = {floor.name: walls_of(floor) for floor in building.maps}
@@ -88,7 +88,7 @@ class Variant:
             positions="reckoning" if thesis else "pose",
             compensate=compensate,
             on_segment=on_segment,
-            verify=plate_at(goal, plan.goal) if SIDE_CAMERA in cameras and not thesis else None,
+            goal_plate=plate_at(goal, plan.goal) if SIDE_CAMERA in cameras and not thesis else None,
             on_verdict=on_verdict,
         )
         return scripts
@@ -112,16 +112,15 @@ def _finders(
     return finders
 
 
-OURS = Variant(name="ours", behavior=Shipped.BEHAVIOR.path("navigator"), mm_s=250.0)
+OURS = Variant(name="ours", behavior=Shipped.BEHAVIOR.path("navigator"), expected_mm_s=250.0)
 
 # The printed algorithms rely on the odometry's heading alone along a corridor of at most two lights, and
-# around
-# its corner. They need calibrated wheels: the heading drifts by an eighth of a degree per meter, and with our
-# robot's wheels by nearly one.
+# around its corner. They need calibrated wheels: with these the heading drifts by an eighth of a degree per
+# meter, with our robot's wheels by nearly one degree.
 THESIS = Variant(
     name="thesis",
     behavior=Shipped.BEHAVIOR.path("thesis_navigator"),
-    mm_s=100.0,
+    expected_mm_s=100.0,
     robot=RobotConfig(wheel_scale=0.0005),
 )
 VARIANTS: Mapping[str, Variant] = {variant.name: variant for variant in (OURS, THESIS)}

@@ -45,20 +45,20 @@ class Shipped(Enum):
         """Return the file of this name, which is one of `names()`."""
         return self.folder / f"{name}{self.suffix}"
 
-    def find(self, given: str) -> str:
-        """Return the path of the user's file `given`, with or without its suffix, or else of a shipped file.
+    def find(self, name_or_path: str) -> str:
+        """Return the path of the user's file, given with or without its suffix, or else of a shipped file.
 
-        If neither exists, return `given` unchanged: reading it reports the error.
+        If neither exists, return `name_or_path` unchanged: reading it reports the error.
         """
-        path = self.user_file(given)
-        return path if path is not None else str(self.file_named(given) or given)
+        path = self.user_file(name_or_path)
+        return path if path is not None else str(self.file_named(name_or_path) or name_or_path)
 
-    def user_file(self, given: str | os.PathLike[str]) -> str | None:
-        """Return the path of a user's file, `given` with or without the suffix; None if there is none.
+    def user_file(self, name_or_path: str | os.PathLike[str]) -> str | None:
+        """Return the path of a user's file, `name_or_path` with or without the suffix; None if there is none.
 
         A folder does not count as a file; a dangling symbolic link does, although it cannot be read.
         """
-        paths = (os.fspath(given), f"{os.fspath(given)}{self.suffix}")
+        paths = (os.fspath(name_or_path), f"{os.fspath(name_or_path)}{self.suffix}")
         return next((path for path in paths if os.path.lexists(path) and not os.path.isdir(path)), None)
 
     def file_named(self, name: str, folder: Path | None = None) -> Path | None:
@@ -69,9 +69,9 @@ class Shipped(Enum):
         path = (folder or self.folder) / f"{name.removesuffix(self.suffix)}{self.suffix}"
         return path if os.path.basename(name) == name and os.path.isfile(path) else None
 
-    def hint(self, given: str) -> str | None:
-        """Return a suggestion for `given`, which was not found; None if there is none."""
-        close = did_you_mean(Path(given).stem, self.names())
-        if close is None and not Path(given).suffix and os.path.basename(given) == given:
+    def hint(self, name_or_path: str) -> str | None:
+        """Return a suggestion for `name_or_path`, which was not found; None if there is none."""
+        close = did_you_mean(Path(name_or_path).stem, self.names())
+        if close is None and not Path(name_or_path).suffix and os.path.basename(name_or_path) == name_or_path:
             return f"{self.value[0]} that come with colony: {', '.join(self.names())}"
         return close

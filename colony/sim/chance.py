@@ -1,8 +1,8 @@
 """Counter-based random numbers: a number depends only on a seed and on the event that it is for.
 
 The numbers of a sequential generator depend on the order of the calls. Here the event itself is the argument
-(the third crossing of a joint, pixel 7 of the image taken at 2.5 s), so that an event has the same number
-whatever else happens. The hash is that of splitmix64 (Steele, Lea, Flood 2014).
+(the third crossing of an expansion joint in the floor, pixel 7 of the image taken at 2.5 s), so that an event
+has the same number whatever else happens. The hash is that of splitmix64 (Steele, Lea, Flood 2014).
 
 These helpers are compiled into functions of other files. Their cached machine code is rebuilt when those
 files change, but not when this one does.
@@ -24,26 +24,26 @@ SEED_MODULUS = 2**62
 
 
 @inlined
-def random_bits(seed: int, stream: int, event: int, part: int) -> np.uint64:
-    """Return 64 random bits for a part of an event."""
+def random_bits(seed: int, stream: int, event: int, draw: int) -> np.uint64:
+    """Return 64 random bits: draw number `draw` of an event."""
     bits = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(stream) * np.uint64(0xD1B54A32D192ED03)
     bits ^= bits >> np.uint64(29)
     bits = (bits + np.uint64(event)) * np.uint64(0xBF58476D1CE4E5B9)
     bits ^= bits >> np.uint64(27)
-    bits = (bits + np.uint64(part)) * np.uint64(0x94D049BB133111EB)
+    bits = (bits + np.uint64(draw)) * np.uint64(0x94D049BB133111EB)
     bits ^= bits >> np.uint64(31)
     bits *= np.uint64(0xBF58476D1CE4E5B9)
     return bits ^ (bits >> np.uint64(32))
 
 
 @inlined
-def uniform(seed: int, stream: int, event: int, part: int) -> float:
+def uniform(seed: int, stream: int, event: int, draw: int) -> float:
     """Return a uniform number in [0, 1)."""
-    return float(random_bits(seed, stream, event, part) >> np.uint64(11)) * 2.0**-53
+    return float(random_bits(seed, stream, event, draw) >> np.uint64(11)) * 2.0**-53
 
 
 @inlined
-def deviate(seed: int, stream: int, event: int, part: int) -> float:
-    """Return a standard normal number, from parts `part` and `part` + 1 (Box and Muller 1958)."""
-    radius = math.sqrt(-2.0 * math.log(1.0 - uniform(seed, stream, event, part)))
-    return radius * math.cos(2.0 * math.pi * uniform(seed, stream, event, part + 1))
+def deviate(seed: int, stream: int, event: int, draw: int) -> float:
+    """Return a standard normal number, from draws `draw` and `draw` + 1 (Box and Muller 1958)."""
+    radius = math.sqrt(-2.0 * math.log(1.0 - uniform(seed, stream, event, draw)))
+    return radius * math.cos(2.0 * math.pi * uniform(seed, stream, event, draw + 1))

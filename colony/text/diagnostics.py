@@ -25,7 +25,7 @@ class Label:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
-    """A finding: its stable code, its span, what was found and expected, and a hint at the remedy."""
+    """A finding: its stable code, its span, what was found and expected, and a hint on how to fix it."""
 
     code: str
     span: Span
@@ -67,7 +67,7 @@ _MAX_LINE_WIDTH = 160
 
 
 def render(diagnostic: Diagnostic) -> str:
-    """Return the headline and the source line with carets below it, the same for each label, and the hint."""
+    """Return the headline, the source line with carets below it, both again for each label, and the hint."""
     out = [headline(diagnostic), *_excerpt(diagnostic.span)]
     for label in diagnostic.labels:
         out += [f"{_location(label.span)}: note: {label.text}", *_excerpt(label.span)]

@@ -112,5 +112,5 @@ def parse_unit(text: str) -> Unit:
 
 
 def nanoseconds(seconds: float) -> int:
-    """Return a time in seconds as whole nanoseconds, rounded once (half to even); it must be finite."""
+    """Return a finite time in seconds as whole nanoseconds, rounded once (half to even)."""
     return round(Fraction(seconds) * 1_000_000_000)

@@ -32,14 +32,14 @@ class _InterruptResender:
     """
 
     def __init__(self) -> None:
-        self._before = sys.unraisablehook
+        self._previous_hook = sys.unraisablehook
         self._timer: threading.Timer | None = None
         self._is_pending = False
 
     def hook(self, lost: UnraisableHookArgs) -> None:
         """Stand in for `sys.unraisablehook`."""
         if not _is_interrupt(lost.exc_value):
-            self._before(lost)
+            self._previous_hook(lost)
             return
         self._is_pending = True
         self._timer = threading.Timer(_RESEND_DELAY_S, self._send)
@@ -81,21 +81,21 @@ def _z3_interruptible() -> Iterator[None]:
     receiver, sender = socket.socketpair()
     sender.setblocking(False)
     handled = threading.Event()
-    before = signal.getsignal(signal.SIGINT)
+    previous_handler = signal.getsignal(signal.SIGINT)
 
-    def handle(number: int, frame: FrameType | None) -> None:
+    def handle(signal_number: int, frame: FrameType | None) -> None:
         handled.set()
-        if callable(before):
-            before(number, frame)
+        if callable(previous_handler):
+            previous_handler(signal_number, frame)
 
     def watch() -> None:
-        while number := receiver.recv(1):
-            while number[0] == signal.SIGINT and not handled.wait(_INTERRUPT_INTERVAL_S):
+        while signal_byte := receiver.recv(1):
+            while signal_byte[0] == signal.SIGINT and not handled.wait(_INTERRUPT_INTERVAL_S):
                 z3.main_ctx().interrupt()
             handled.clear()
 
     watcher = threading.Thread(target=watch, daemon=True)
-    with ExitStack() as cleanup:  # a Ctrl-C in the middle of it, too, leaves nothing open
+    with ExitStack() as cleanup:  # even a Ctrl-C during setup or cleanup leaves nothing open
         cleanup.enter_context(receiver)
         watcher.start()
         cleanup.callback(watcher.join)
@@ -104,7 +104,7 @@ def _z3_interruptible() -> Iterator[None]:
         z3.set_param("ctrl_c", False)
         cleanup.callback(z3.set_param, "ctrl_c", True)
         signal.signal(signal.SIGINT, handle)
-        cleanup.callback(signal.signal, signal.SIGINT, before)
+        cleanup.callback(signal.signal, signal.SIGINT, previous_handler)
         fd = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
         cleanup.callback(signal.set_wakeup_fd, fd)
         yield
@@ -117,7 +117,7 @@ def reliable_interrupts() -> Iterator[None]:
     If it arrives while ctypes converts an argument for z3, ctypes raises an ArgumentError, which names the
     KeyboardInterrupt only in its text.
     """
-    before, resender = sys.unraisablehook, _InterruptResender()
+    previous_hook, resender = sys.unraisablehook, _InterruptResender()
     sys.unraisablehook = resender.hook
     try:
         with _z3_interruptible() if installed("z3") else nullcontext():
@@ -127,7 +127,7 @@ def reliable_interrupts() -> Iterator[None]:
             raise
         raise KeyboardInterrupt from None
     finally:
-        sys.unraisablehook = before
+        sys.unraisablehook = previous_hook
         lost = resender.close()
     if lost:
         raise KeyboardInterrupt

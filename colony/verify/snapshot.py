@@ -14,15 +14,15 @@ _NONE: Mapping[str, Any] = {}
 
 
 class Snapshot(NamedTuple):
-    """The inputs of one frame in base units, where a `Frame` has them in declared units.
+    """The inputs of one frame in base units; a `Frame` has them in declared units.
 
     Proofs need base units: a reading that is converted to its unit and back may differ in the last bit, and
     a counterexample at the edge of a comparison would then no longer break the contract.
 
     Attributes:
         t_ns: Time of the frame.
-        readings: Value of each sensor; a sensor that is absent is missing.
-        answers: Command of each module in Python; a module that is absent is not applicable.
+        readings: Value of each sensor that has one.
+        answers: Command of each applicable module in Python.
     """
 
     t_ns: int

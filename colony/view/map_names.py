@@ -92,14 +92,14 @@ def place_names(map_: Map, mm_per_point: float) -> tuple[Name, ...]:
         mm_per_point: millimeters of the building per typographical point.
     """
     walls = walls_of(map_).segments
-    requests = sorted(_requests(map_), key=lambda w: _RANKS.index(w.rank))
+    requests = sorted(_requests(map_), key=lambda r: _RANKS.index(r.rank))
     upright_lines = _crowded_lines(requests, mm_per_point)
-    taken: list[Box] = []
+    placed_boxes: list[Box] = []
     placed: list[Name] = []
     for request in requests:
         for upright, center, box in _candidates(request, request.line in upright_lines, mm_per_point):
-            if not any(box.touches(other) for other in taken) and not _overlaps_wall(box, walls):
-                taken.append(box)
+            if not any(box.touches(other) for other in placed_boxes) and not _overlaps_wall(box, walls):
+                placed_boxes.append(box)
                 placed.append(
                     Name(text=request.text, rank=request.rank, center=center, upright=upright, box=box)
                 )
@@ -141,12 +141,12 @@ def _left_of(here: Point, there: Point) -> Point:
 def _crowded_lines(requests: Sequence[_NameRequest], mm_per_point: float) -> set[tuple[int, int]]:
     """Return the east-west walls on which the names of the doors do not fit side by side."""
     crowded = set()
-    along: dict[tuple[int, int], list[_NameRequest]] = {}
+    requests_by_line: dict[tuple[int, int], list[_NameRequest]] = {}
     for request in requests:
         if request.rank != "corner" and abs(request.out.y) > _MIN_AXIS_COMPONENT:
-            along.setdefault(request.line, []).append(request)
-    for line, names in along.items():
-        names.sort(key=lambda w: w.anchor.x)
+            requests_by_line.setdefault(request.line, []).append(request)
+    for line, names in requests_by_line.items():
+        names.sort(key=lambda r: r.anchor.x)
         for left, right in pairwise(names):
             min_distance = (_width(left.text, left.rank) + _width(right.text, right.rank)) / 2 + _GAP_POINTS
             if right.anchor.x - left.anchor.x < min_distance * mm_per_point:

@@ -149,16 +149,16 @@ def _draw_legend(axes: Axes, sheet: _Sheet) -> float:
     """
     labels = axes.get_legend_handles_labels()[1]
     widths = [_LEGEND_MARK_POINTS + _LETTER_POINTS * len(label) for label in labels]
-    beside = sum(widths) < sheet.width_points * (1.0 - 1.0 / _SCALE_DIVISOR) - 50.0
-    columns = len(labels) if beside else max(1, min(4, int(sheet.width_points / max(widths))))
+    fits_beside = sum(widths) < sheet.width_points * (1.0 - 1.0 / _SCALE_DIVISOR) - 50.0
+    columns = len(labels) if fits_beside else max(1, min(4, int(sheet.width_points / max(widths))))
     axes.legend(
-        loc="center right" if beside else "upper left", ncols=columns,
+        loc="center right" if fits_beside else "upper left", ncols=columns,
         bbox_to_anchor=(sheet.high_x, sheet.below(_STRIP_POINTS / 2))
-        if beside else (sheet.low_x, sheet.below(_STRIP_POINTS)),
+        if fits_beside else (sheet.low_x, sheet.below(_STRIP_POINTS)),
         bbox_transform=axes.transData, borderaxespad=0, fontsize=FONT_POINTS, frameon=False,
         labelcolor=_INK, handlelength=1.6, columnspacing=1.4,
     )  # fmt: skip
-    return _STRIP_POINTS if beside else _STRIP_POINTS * (2.0 + 0.6 * math.ceil(len(labels) / columns))
+    return _STRIP_POINTS if fits_beside else _STRIP_POINTS * (2.0 + 0.6 * math.ceil(len(labels) / columns))
 
 
 def _fit(figure: Figure, axes: Axes, sheet: _Sheet, below_points: float) -> None:
@@ -229,11 +229,11 @@ def _draw_names(axes: Axes, names: Sequence[Name]) -> None:
 def _draw_lights(axes: Axes, map_: Map) -> None:
     """Draw discs for the lights of the corridors, diamonds for those of the turning spaces."""
     lights = lights_of(map_)
-    shared = sum(len(shared_lights(ring) or ()) for ring in map_.rings)
-    own = len(lights) - shared
+    turning_space_lights = sum(len(shared_lights(ring) or ()) for ring in map_.rings)
+    corridor_lights = len(lights) - turning_space_lights
     for group, marker, label in (
-        (lights[:own], "o", "ceiling light"),
-        (lights[own:], "D", "light of a turning space"),
+        (lights[:corridor_lights], "o", "ceiling light"),
+        (lights[corridor_lights:], "D", "light of a turning space"),
     ):
         if len(group):
             axes.plot(
@@ -276,10 +276,10 @@ def _draw_start(axes: Axes, map_: Map) -> None:
 
 def _draw_scale(axes: Axes, sheet: _Sheet) -> None:
     """Draw a scale bar of a round length, at most a sixth of the building."""
-    rough = (sheet.high_x - sheet.low_x) / _SCALE_DIVISOR
-    power = 10.0 ** math.floor(math.log10(rough))
-    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= rough)
+    max_length = (sheet.high_x - sheet.low_x) / _SCALE_DIVISOR
+    power = 10.0 ** math.floor(math.log10(max_length))
+    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= max_length)
     x, y = sheet.low_x, sheet.below(_STRIP_POINTS / 2)
     axes.plot([x, x + length], [y, y], color=_INK, linewidth=2.0, solid_capstyle="butt", zorder=3)
-    beside = x + length + 8.0 * sheet.mm_per_point
-    axes.text(beside, y, f"{length / 1000.0:g} m", fontsize=9, color=_INK, va="center")
+    text_x = x + length + 8.0 * sheet.mm_per_point
+    axes.text(text_x, y, f"{length / 1000.0:g} m", fontsize=9, color=_INK, va="center")

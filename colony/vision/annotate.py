@@ -37,8 +37,8 @@ def annotate(image: Rgb, found: Iterable[tuple[Detector, Detection]]) -> Rgb:
         fixed_point = np.rint(np.clip(corners, -1e4, 1e4 + canvas.shape[1]) * 2**_SUBPIXEL_BITS).astype(
             np.int32
         )
-        color, thick = _COLORS[detector], max(1, canvas.shape[1] // 480)
-        cv2.polylines(canvas, [fixed_point], True, color, thick, cv2.LINE_AA, _SUBPIXEL_BITS)
+        color, thickness = _COLORS[detector], max(1, canvas.shape[1] // 480)
+        cv2.polylines(canvas, [fixed_point], True, color, thickness, cv2.LINE_AA, _SUBPIXEL_BITS)
         _write(canvas, label_of(detector, detection), corners, color)
     return canvas
 
@@ -67,9 +67,11 @@ def _write(canvas: Rgb, text: str, corners: NDArray[Any], color: tuple[int, int,
     import cv2
 
     rows, columns = canvas.shape[:2]
-    size = max(0.45, columns / 1600)
-    (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    font_scale = max(0.45, columns / 1600)
+    (width, height), baseline = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, font_scale, 1)
     left = int(np.clip(corners[:, 0].min(), 0, max(columns - width, 0)))
-    bottom = int(np.clip(corners[:, 1].min() - 4, height + below, rows - below))
-    cv2.rectangle(canvas, (left, bottom - height - 2), (left + width, bottom + below), (0, 0, 0), cv2.FILLED)
-    cv2.putText(canvas, text, (left, bottom), cv2.FONT_HERSHEY_SIMPLEX, size, color, 1, cv2.LINE_AA)
+    bottom = int(np.clip(corners[:, 1].min() - 4, height + baseline, rows - baseline))
+    cv2.rectangle(
+        canvas, (left, bottom - height - 2), (left + width, bottom + baseline), (0, 0, 0), cv2.FILLED
+    )
+    cv2.putText(canvas, text, (left, bottom), cv2.FONT_HERSHEY_SIMPLEX, font_scale, color, 1, cv2.LINE_AA)

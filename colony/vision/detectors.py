@@ -1,6 +1,6 @@
 """Runs all detectors on one image of any size, for `colony vision`.
 
-Plates and markers are searched as if a level camera had taken the image, lights as if the ceiling camera had.
+Plates and markers are detected as if a level camera had taken the image, lights as if the ceiling camera had.
 Large images are reduced first; positions refer to the original image.
 """
 
@@ -20,7 +20,7 @@ from colony.vision.gray_images import MIN_PIXELS, Gray, gray_image
 from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, UPWARD, CeilingCamera
 
 MAX_COLUMNS, MAX_ROWS = 640, 2560
-"""Maximum size of an image in which plates and markers are searched; larger ones are reduced to it."""
+"""Maximum size of an image in which plates and markers are detected; larger images are reduced to it."""
 
 
 class Detector(StrEnum):
@@ -59,7 +59,8 @@ class DetectorRun(NamedTuple):
 def run_detectors(image: Gray, chosen: Set[Detector]) -> Iterator[DetectorRun]:
     """Run the chosen detectors or, if none is chosen, all that apply.
 
-    Lights are then searched only if nothing else is found: an image shows a wall or the ceiling.
+    In the latter case lights are detected only if nothing else was found: an image shows a wall or the
+    ceiling.
     """
     any_found = False
     for detector in Detector:
@@ -103,10 +104,11 @@ def _resized(gray: Gray, size: tuple[int, int]) -> Gray:
     return resized.astype(np.uint8, copy=False)
 
 
-def _scaled(detection: Detection, across: float, down: float) -> Detection:
-    """Scale a detection to an image with `across` times the columns and `down` times the rows."""
+def _scaled(detection: Detection, column_factor: float, row_factor: float) -> Detection:
+    """Scale a detection to an image whose columns and rows are multiplied by these factors."""
     first, second, third, fourth = (
-        ((column + 0.5) * across - 0.5, (row + 0.5) * down - 0.5) for column, row in detection.corners
+        ((column + 0.5) * column_factor - 0.5, (row + 0.5) * row_factor - 0.5)
+        for column, row in detection.corners
     )
     return detection._replace(corners=(first, second, third, fourth))
 

@@ -38,8 +38,8 @@ def gray_image(image: NDArray[Any]) -> Gray:
         return image
     if channels == 1:
         return np.ascontiguousarray(image[:, :, 0])
-    mixed: Gray = ((image.astype(np.uint16) * _WEIGHTS).sum(axis=2, dtype=np.uint16) >> 8).astype(np.uint8)
-    return mixed
+    gray: Gray = ((image.astype(np.uint16) * _WEIGHTS).sum(axis=2, dtype=np.uint16) >> 8).astype(np.uint8)
+    return gray
 
 
 def gray_band(image: NDArray[Any], camera: LevelCamera | None, first_row: int) -> tuple[Gray, LevelCamera]:

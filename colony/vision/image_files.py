@@ -1,7 +1,7 @@
 """Decoding of image files: PNG, JPEG, BMP, WebP or TIFF.
 
-Images are gray or in color, with 8 or 16 bits per channel, with or without transparency. The errors about
-files that are not images, are damaged, or are too large have one line.
+Images are gray or in color, with 8 or 16 bits per channel, with or without transparency. The message about a
+file that is not an image, is damaged, or is too large is one line.
 """
 
 from __future__ import annotations
@@ -98,6 +98,6 @@ def _to_8_bits(levels: NDArray[np.generic]) -> NDArray[np.uint8]:
     """Convert 16-bit levels, or floats from 0 to 1, to 8 bits."""
     values = np.nan_to_num(levels.astype(np.float64))
     is_fraction = np.issubdtype(levels.dtype, np.floating) and values.max(initial=0.0) <= 1.0
-    full = 1.0 if is_fraction else 65535.0 if values.max(initial=0.0) > 255.0 else 255.0
-    result: NDArray[np.uint8] = np.rint(np.clip(values / full, 0.0, 1.0) * 255.0).astype(np.uint8)
+    white = 1.0 if is_fraction else 65535.0 if values.max(initial=0.0) > 255.0 else 255.0
+    result: NDArray[np.uint8] = np.rint(np.clip(values / white, 0.0, 1.0) * 255.0).astype(np.uint8)
     return result

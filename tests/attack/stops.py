@@ -58,7 +58,7 @@ def decisions(home: Session) -> Iterator[Decisions]:
     """Listen to RServer's decisions, on the robot's own machine."""
     heard = Decisions()
     handler = zenoh.handlers.Callback(heard.hear, indirect=False)
-    key = keys.listening(ROBOT, topics.VERDICTS)
+    key = keys.subscription_key(ROBOT, topics.VERDICTS)
     subscriber = home.hub.network.session.declare_subscriber(key, handler)
     try:
         yield heard

@@ -31,7 +31,7 @@ def test_a_run_to_another_floor_reaches_its_goal_there(tmp_path: Path) -> None:
     found = run.result()
     assert (found.failure, found.remark, run.site.floor) == ("", "", "upper")
     assert (found.planned_modes, found.completed) == ("dvd", 3)
-    assert found.off_mm < 200.0
+    assert found.goal_error_mm < 200.0
     assert found.contacts.fastest_mm_s == 0.0
     assert "slips" not in found.hazards
 

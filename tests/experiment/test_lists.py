@@ -80,16 +80,16 @@ def test_random_pairs_of_rooms_on_different_floors() -> None:
         ("msu_engineering_3", "msu_engineering_2"),
         ("msu_engineering_2", "msu_engineering_3"),
     }
-    assert all(run.rides for run in runs)
-    rides = {segment.doors for p in plans for segment in p.segments if segment.kind is GoalKind.ELEVATOR}
-    assert rides == {("acs.elev.L", "acs.elev.L"), ("old.elev.L", "old.elev.L")}
+    assert all(run.has_ride for run in runs)
+    has_ride = {segment.doors for p in plans for segment in p.segments if segment.kind is GoalKind.ELEVATOR}
+    assert has_ride == {("acs.elev.L", "acs.elev.L"), ("old.elev.L", "old.elev.L")}
 
 
 def test_a_list_of_ones_own_tells_which_runs_take_an_elevator(tmp_path: Path) -> None:
     path = tmp_path / "rounds.csv"
     path.write_text("350R,376L\n350R,2:250R\n2:250R,2:235L\n")
     runs = csv_list(path, BUILDING)
-    assert [run.rides for run in runs] == [False, True, False]
+    assert [run.has_ride for run in runs] == [False, True, False]
     assert runs[2].floors == ("msu_engineering_2",)
 
 

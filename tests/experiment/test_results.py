@@ -24,16 +24,16 @@ def test_results_come_back_as_they_were(tmp_path: Path) -> None:
         for one in kept:
             results.put(one)
     with Results(path, RUN_TABLE) as results:
-        assert results.of("thesis", "ours") == tuple(sorted(kept, key=lambda one: one.key))
+        assert results.select("thesis", "ours") == tuple(sorted(kept, key=lambda one: one.key))
         assert results.keys() == {one.key for one in kept}
-        assert results.of("thesis", "thesis") == results.of("own", "ours") == ()
+        assert results.select("thesis", "thesis") == results.select("own", "ours") == ()
 
 
 def test_the_same_run_again_takes_the_place_of_the_old_one() -> None:
     with Results(None, RUN_TABLE) as results:
         results.put(REACHED)
-        results.put(replace(REACHED, off_mm=7.0))
-        assert [one.off_mm for one in results.of("thesis", "ours")] == [7.0]
+        results.put(replace(REACHED, goal_error_mm=7.0))
+        assert [one.goal_error_mm for one in results.select("thesis", "ours")] == [7.0]
 
 
 def test_results_of_another_program_are_not_mixed_in(tmp_path: Path) -> None:
@@ -87,6 +87,6 @@ def test_what_was_put_survives_sigkill(tmp_path: Path) -> None:
         told = [int(child.stdout.readline()) for _ in range(25)]
         child.send_signal(signal.SIGKILL)
     with Results(path, RUN_TABLE) as results:
-        kept = [one.key.seed for one in results.of("thesis", "ours")]
+        kept = [one.key.seed for one in results.select("thesis", "ours")]
     assert kept == list(range(1, len(kept) + 1))
     assert len(kept) >= told[-1]

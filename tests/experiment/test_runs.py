@@ -57,8 +57,8 @@ def quiet() -> RunResult:
 
 def test_a_run_around_a_corner_in_a_quiet_building(quiet: RunResult) -> None:
     assert quiet.reached
-    assert quiet.off_mm < 100.0
-    assert abs(quiet.along_mm) <= quiet.off_mm
+    assert quiet.goal_error_mm < 100.0
+    assert abs(quiet.overshoot_mm) <= quiet.goal_error_mm
     assert quiet.distance_mm == pytest.approx(15_113.0, abs=1.0)
     assert quiet.mode_counts == (ModeCount(1, 1, 1), ModeCount(1, 1, 1), ModeCount(1, 1, 1))
     assert (quiet.planned_modes, quiet.completed, quiet.failed_mode) == ("lcd", 3, "")
@@ -136,7 +136,7 @@ def test_a_planner_that_ends_too_soon_leaves_the_robot_astray(monkeypatch: pytes
     _with_scripts(monkeypatch, planner=hasty())
     found = run(_spec())
     assert found.failure == "astray"
-    assert found.off_mm > 10_000.0
+    assert found.goal_error_mm > 10_000.0
 
 
 def test_a_robot_whose_position_keeps_being_moved_takes_too_long(monkeypatch: pytest.MonkeyPatch) -> None:

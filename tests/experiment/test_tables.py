@@ -15,7 +15,7 @@ def _cells(text: str) -> list[list[str]]:
 
 
 def test_each_run_stands_beside_what_was_published_of_it() -> None:
-    results = [result(1, 1), replace(result(1, 2), along_mm=60.5), result(13, 1, STUCK)]
+    results = [result(1, 1), replace(result(1, 2), overshoot_mm=60.5), result(13, 1, STUCK)]
     head, rule, first, last = _cells(table(published_list(), results))
     assert set("".join(rule)) == {"-"}
     assert dict(zip(head[:12], first, strict=False)) == {

@@ -66,7 +66,7 @@ def request(record: Path | None = None) -> RunRequest:
         map_path=str(MAPS / "loop.stickrep"),
         seed=1,
         length_ns=2_000_000_000,
-        held={},
+        pinned_variables={},
         cameras={},
         record=None if record is None else str(record),
     )

@@ -63,7 +63,7 @@ def test_it_goes_as_far_as_is_said(tmp_path: Path, most: int) -> None:
         assert 0 < len(frames) < len(FRAMES)
         seconds = frames[-1].frame.t_ns / 1e9
         assert (
-            recording.broken_off == f"the recording {path} contains only the first {seconds:.2f} s: {advice}"
+            recording.truncation == f"the recording {path} contains only the first {seconds:.2f} s: {advice}"
         )
         recording.expect_frames()
 

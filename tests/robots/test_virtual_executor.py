@@ -17,7 +17,7 @@ from colony.ir.frame import Frame
 from colony.robots.faults import with_faults
 from colony.robots.virtual_executor import VirtualExecutor
 from colony.runtime.arbitration.arbiter import Arbiter
-from colony.runtime.frames.assembler import Assembled, FrameAssembler
+from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler
 from colony.verify.testing.agreement import disagreement, reference
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
@@ -120,7 +120,7 @@ def test_what_nobody_can_tell_of_modules_in_python_is_not_judged(number: int) ->
 
 def epochs_ignored(patch: pytest.MonkeyPatch) -> None:
     """Memory goes on where it should begin anew."""
-    patch.setattr(Assembled, "restart", property(lambda self: False))
+    patch.setattr(AssembledFrame, "restart", property(lambda self: False))
 
 
 def frames_skipped(patch: pytest.MonkeyPatch) -> None:

@@ -71,8 +71,8 @@ class TraceServer(QuietNode):
         self, trace: Sequence[Frame], commanded: tuple[ActuatorSpec, ...], announced: tuple[str, ...]
     ) -> None:
         self._trace = trace
-        self._publisher = Publisher(SERVER, self._read, keep=100)
-        self._relay = ActivityRelay(SERVER, announced, keep=100)
+        self._publisher = Publisher(SERVER, self._read, frames_kept=100)
+        self._relay = ActivityRelay(SERVER, announced, frames_kept=100)
         self._desk = CommandDispatcher(commanded, TIMES, self._perform)
         self.performed: list[tuple[int, str, tuple[ScalarValue, ...]]] = []
         listens = (*self._publisher.listens, *self._relay.listens, topics.requests(SERVER))
@@ -132,7 +132,7 @@ def play(
     bindings = Bindings(
         sensors=tuple(
             SensorBinding(
-                sensor=s.name, server=SERVER, field=s.name, within_ns=None, factor=s.factor, declared=True
+                sensor=s.name, server=SERVER, field=s.name, max_age_ns=None, factor=s.factor, declared=True
             )
             for s in program.robot.sensors
         ),

@@ -213,7 +213,7 @@ def _check(study: Study[Any], experiment: Experiment, audit: float, plot: Path |
     if study.has_own_variant and (plot is not None or audit or experiment.variant != "ours"):
         raise MisuseError(f"`{study.name}` has its own variant; leave out --plot, --audit and --variant")
     for run in experiment.runs if plot is not None else ():
-        if run.rides:
+        if run.has_ride:
             alternative = f"`colony run ... --from {run.origin} --to {run.goal}` draws each floor"
             raise MisuseError(f"--plot cannot draw elevator rides; run {run.number} has one: {alternative}")
 

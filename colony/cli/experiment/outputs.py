@@ -121,7 +121,8 @@ def _draw(experiment: Experiment, results: tuple[RunResult, ...], folder: Path) 
         title = f"{name}: {len(paths)} runs, {experiment.label}"
         picture = draw_paths(building.map_named(floor), paths, title)
         write_whole(folder / f"{name.replace('/', '-').replace(' ', '_')}.png", encode(picture))
-    errors = draw_errors([r.along_mm for r in results if r.reached], f"{experiment.name}, {experiment.label}")
+    overshoots = [r.overshoot_mm for r in results if r.reached]
+    errors = draw_errors(overshoots, f"{experiment.name}, {experiment.label}")
     write_whole(folder / "errors.png", encode(errors))
     say(f"drawn in {folder}: {len(goals)} pictures of paths, and errors.png")
 

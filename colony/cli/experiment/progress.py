@@ -74,7 +74,7 @@ def describe(latest: AnyResult) -> str:
         case AuditedRun():
             return f"{run}, {latest.frames} frames"
         case RunResult():
-            return f"{run}, {latest.failure or 'reached'}, {latest.off_mm / 1000:.2f} m off"
+            return f"{run}, {latest.failure or 'reached'}, {latest.goal_error_mm / 1000:.2f} m off"
         case PlateResult() | LightResult() | SourceResult():
             return f"{run}, {latest.failure or 'reached'}"
         case _:

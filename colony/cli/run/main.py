@@ -77,8 +77,8 @@ PICTURE = "run.png"
     "cameras",
     multiple=True,
     metavar="[NAME=]DEGREES|up",
-    help="With --processes: add a camera that looks in this direction, counterclockwise from ahead, or up. "
-    "May be repeated.",
+    help="With --processes: add a camera facing this direction, in degrees counterclockwise from straight "
+    "ahead, or facing up. May be repeated.",
 )
 @click.option(
     "--from",
@@ -100,7 +100,7 @@ PICTURE = "run.png"
     "--isolate", is_flag=True, help="With --processes or --connect: run each client in its own process."
 )
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
-def command(**given: Any) -> None:
+def command(**arguments: Any) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
 
     FILE is a behavior, the name of one that comes with colony, or a compiled program (`colony compile -o
@@ -139,7 +139,7 @@ def command(**given: Any) -> None:
       colony run wander --connect --robot rome
       colony run wander --connect tls/rome.lab:7447 --security ada.toml
     """
-    options = Options(**given)
+    options = Options(**arguments)
     reason = objection(options)
     if reason is not None:
         raise click.UsageError(reason, click.get_current_context())
@@ -223,7 +223,7 @@ def _print_summary(result: RunReport, record: str | None, picture: str | None, f
             click.echo(f"  {mission_result.text}")
     if mission_result is not None and not mission_result.arrived and not summary.interrupted:
         raise click.exceptions.Exit(EXIT_ERRORS)
-    if not summary.sound:
+    if not summary.succeeded:
         raise click.exceptions.Exit(EXIT_ERRORS)
     if summary.interrupted:
         raise click.exceptions.Exit(EXIT_INTERRUPTED)

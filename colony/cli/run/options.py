@@ -67,7 +67,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
         map_path=options.map_path,
         seed=options.seed,
         length_ns=None if duration is None else duration_ns(duration),
-        held=variables(robot, options.settings),
+        pinned_variables=variables(robot, options.settings),
         realtime=options.realtime,
         record=options.record,
         cameras=cameras(options.cameras),

@@ -43,15 +43,15 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
 # --- text ------------------------------------------------------------------------------------
 
 
-def lines(program: Program, report: Report, known: Collection[str] = ()) -> tuple[str, ...]:
-    """Return the results as text, without the traces of contracts that are `known` to be broken."""
+def lines(program: Program, report: Report, refuted_names: Collection[str] = ()) -> tuple[str, ...]:
+    """Return the results as text, without traces of contracts that the prover has refuted."""
     text = [_headline(report)]
     if report.disagreement is not None:
         text += ["this is a bug in colony; please report it with the file and the trace:"]
         text += str(report.disagreement).splitlines()
     for breach in report.breaches:
         text.append(f"REFUTED  {breach.contract.name}  (in {counted(breach.frames, 'frame')})")
-        if breach.contract.name not in known:
+        if breach.contract.name not in refuted_names:
             text += [f"  {line}" for line in _table(program, breach)]
     return (*text, *_coverage(report)) if report.nondeterministic is None else tuple(text)
 
@@ -99,16 +99,17 @@ def _coverage(report: Report) -> Iterator[str]:
 
 
 def findings(
-    program: Program, report: Report, file: str | None, known: Collection[str] = ()
+    program: Program, report: Report, file: str | None, refuted_names: Collection[str] = ()
 ) -> dict[Diagnostic, tuple[TraceStep, ...]]:
     """Return the errors that the traces revealed, each with the frames that lead to it.
 
-    There is one for every broken contract, except those `known` to be broken, and one for a Python module
-    that is not deterministic. `file` is the file to which hints suggest adding tests, if any.
+    There is one for every broken contract, except those that the prover has refuted
+    (`refuted_names`), and one for a Python module that is not deterministic. `file` is the file to which
+    hints suggest adding tests, if any.
     """
     errors: dict[Diagnostic, tuple[TraceStep, ...]] = {}
     for breach in report.breaches:
-        if breach.contract.name not in known:
+        if breach.contract.name not in refuted_names:
             steps = _steps(program, breach.trace, breach.contract.span)
             errors[_broken(program, breach, file)] = steps
     if report.nondeterministic is not None:

@@ -10,7 +10,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import Format, format_option, is_unreadable
 from colony.cli.shipped_files import BEHAVIOR
-from colony.cli.verify.output import close, show
+from colony.cli.verify.output import finish_output, show
 from colony.cli.verify.progress import progress
 from colony.cli.verify.prover_options import depth_option, timeout_option
 from colony.cli.verify.tests import check_writable
@@ -84,37 +84,39 @@ def command(
         seed=seed,
         faults=faults,
     )
-    done: list[Verified] = []
+    begun: list[Verified] = []
     try:
         for verified in loaded:
-            done.append(verified)
+            begun.append(verified)
             with progress() as on_progress, reliable_interrupts():
                 work.run(verified, on_progress)
             if format_ == "text":
                 show(verified)
     except KeyboardInterrupt:
         if format_ == "text":
-            show(done[-1])
-        close(done, cast(Format, format_), interrupted=True)
+            show(begun[-1])
+        finish_output(begun, cast(Format, format_), interrupted=True)
         raise
-    close(done, cast(Format, format_))
-    raise click.exceptions.Exit(_exit_code(done))
+    finish_output(begun, cast(Format, format_))
+    raise click.exceptions.Exit(_exit_code(begun))
 
 
 def _check_names(names: Sequence[str], files: Sequence[Verified], context: click.Context) -> None:
     """Refuse the name of an unknown contract, unless a file has errors: it may declare the contract."""
     if any(verified.program is None for verified in files):
         return
-    known = {c.name for verified in files if verified.program for c in verified.program.contracts}
+    contract_names = {c.name for verified in files if verified.program for c in verified.program.contracts}
     for name in names:
-        if name not in known:
-            hint = did_you_mean(name, known) or f"the contracts are: {', '.join(sorted(known)) or 'none'}"
+        if name not in contract_names:
+            names_text = ", ".join(sorted(contract_names)) or "none"
+            hint = did_you_mean(name, contract_names) or f"the contracts are: {names_text}"
             raise click.UsageError(f"no contract `{name}`; {hint}", context)
 
 
-def _exit_code(done: Sequence[Verified]) -> int:
+def _exit_code(verified_files: Sequence[Verified]) -> int:
     from colony.text.diagnostics import has_errors
 
-    if any(is_unreadable(verified.diagnostics) for verified in done):
+    if any(is_unreadable(verified.diagnostics) for verified in verified_files):
         return EXIT_MISUSE
-    return EXIT_ERRORS if any(has_errors(verified.diagnostics) or verified.bug for verified in done) else 0
+    failed = any(has_errors(verified.diagnostics) or verified.bug for verified in verified_files)
+    return EXIT_ERRORS if failed else 0

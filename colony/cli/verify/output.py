@@ -39,7 +39,7 @@ def show(verified: Verified) -> None:
     if verified.report is not None:
         from colony.cli.verify.examples import lines as example_lines
 
-        for line in example_lines(verified.program, verified.report, verified.known):
+        for line in example_lines(verified.program, verified.report, verified.refuted_names):
             click.echo(f"{verified.file}: {line}" if not line.startswith(" ") else f"  {line}")
     if verified.undecided_questions:
         click.echo(f"{verified.file}: {_undecided_text(verified)}")
@@ -51,38 +51,38 @@ def _undecided_text(verified: Verified) -> str:
     return f"not decided in time: {questions} about modules that can never act; raise --timeout"
 
 
-def close(done: Sequence[Verified], format_: Format, interrupted: bool = False) -> None:
-    """Print the rest of the output: a summary as text, or everything as JSON or SARIF."""
+def finish_output(verified_files: Sequence[Verified], format_: Format, interrupted: bool = False) -> None:
+    """Print the summary as text, or the complete output as JSON or SARIF."""
     match format_:
         case "text":
-            _summary(done, interrupted)
+            _summary(verified_files, interrupted)
         case "json":
-            click.echo(_json(done, interrupted))
+            click.echo(_json(verified_files, interrupted))
         case "sarif":
-            click.echo(_sarif(done))
+            click.echo(_sarif(verified_files))
         case _:
             assert_never(format_)
 
 
-def _summary(done: Sequence[Verified], interrupted: bool) -> None:
+def _summary(verified_files: Sequence[Verified], interrupted: bool) -> None:
     from colony.verify.contracts.report import verdict
 
-    verdicts = [verdict(r).lower() for verified in done for r in verified.results]
-    if not any(verified.program for verified in done):
+    verdicts = [verdict(r).lower() for verified in verified_files for r in verified.results]
+    if not any(verified.program for verified in verified_files):
         return
     counts = [f"{verdicts.count(word)} {word}" for word in ("proved", "refuted", "unknown")]
-    warnings = sum(d.severity == "warning" for verified in done for d in verified.diagnostics)
+    warnings = sum(d.severity == "warning" for verified in verified_files for d in verified.diagnostics)
     counts += [counted(warnings, "warning")] if warnings else []
     click.echo(", ".join(counts) + (": interrupted before the end" if interrupted else ""))
 
 
-def _json(done: Sequence[Verified], interrupted: bool) -> str:
+def _json(verified_files: Sequence[Verified], interrupted: bool) -> str:
     from colony.text.diagnostics import to_rows
     from colony.verify.contracts.prove import in_order
     from colony.verify.contracts.report import row
 
     files: list[dict[str, object]] = []
-    for verified in done:
+    for verified in verified_files:
         results = in_order(verified.program, verified.results) if verified.program else []
         contracts = [row(verified.program, r) for r in results] if verified.program else []
         entry: dict[str, object] = {"file": verified.file, "contracts": contracts}
@@ -96,14 +96,14 @@ def _json(done: Sequence[Verified], interrupted: bool) -> str:
     return json.dumps({"interrupted": interrupted, "files": files}, indent=2)
 
 
-def _sarif(done: Sequence[Verified]) -> str:
+def _sarif(verified_files: Sequence[Verified]) -> str:
     from colony.cli.sarif import sarif
 
-    found = [d for verified in done for d in verified.diagnostics]
+    found = [d for verified in verified_files for d in verified.diagnostics]
     traces: dict[Diagnostic, Sequence[TraceStep]] = {}
-    for verified in done:
+    for verified in verified_files:
         traces |= _traces(verified)
-    bugs = [bug for verified in done if (bug := verified.bug) is not None]
+    bugs = [bug for verified in verified_files if (bug := verified.bug) is not None]
     return sarif(found, directory=Path.cwd(), command="verify", traces=traces, bugs=bugs)
 
 
@@ -129,6 +129,6 @@ def _traces(verified: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
             ]
     if verified.report is not None:
         traces |= examples.findings(
-            verified.program, verified.report, verified.suggested_file, verified.known
+            verified.program, verified.report, verified.suggested_file, verified.refuted_names
         )
     return traces

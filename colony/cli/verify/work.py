@@ -57,7 +57,7 @@ class Verified:
         return bug(self.report)
 
     @property
-    def known(self) -> frozenset[str]:
+    def refuted_names(self) -> frozenset[str]:
         """The names of the refuted contracts."""
         return frozenset(r.contract.name for r in self.refuted)
 
@@ -131,10 +131,10 @@ class Work:
         finally:
             if verified.report is not None:
                 verified.diagnostics += findings(
-                    program, verified.report, verified.suggested_file, verified.known
+                    program, verified.report, verified.suggested_file, verified.refuted_names
                 )
         if verified.writes_tests and verified.report is not None:
             from colony.verify.contracts.breach import refutation
 
-            new = [b for b in verified.report.breaches if b.contract.name not in verified.known]
+            new = [b for b in verified.report.breaches if b.contract.name not in verified.refuted_names]
             append_tests(verified.file, program, [refutation(program, breach) for breach in new])

@@ -209,14 +209,14 @@ def _last_parents(suppression: SuppressionNetwork, root: Link) -> dict[int, tupl
     parents: dict[int, tuple[int, str]] = {}
     stack = [(root.node, -1, "")]
     while stack:
-        at, parent, side = stack.pop()
-        if at in parents:
+        index, parent, side = stack.pop()
+        if index in parents:
             continue
-        parents[at] = (parent, side)
-        node = suppression.nodes[at]
+        parents[index] = (parent, side)
+        node = suppression.nodes[index]
         if not isinstance(node, ModuleLeaf):
-            stack.append((node.inferior.node, at, _LEFT))
-            stack.append((node.dominant.node, at, _RIGHT))
+            stack.append((node.inferior.node, index, _LEFT))
+            stack.append((node.dominant.node, index, _RIGHT))
     return parents
 
 

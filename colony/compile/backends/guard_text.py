@@ -41,7 +41,7 @@ class GuardText:
                 assert_never(guard)
 
     def text(self, ref: int, own: str | None = None) -> str:
-        """Return the guard written out; the module `own` is written as `P` and comes first."""
+        """Return the text of a guard; the module `own` is written as `P` and comes first."""
         return self._write(ref, own)
 
     def take_definitions(self, limit: int | None = None) -> list[tuple[str, str]]:
@@ -57,7 +57,7 @@ class GuardText:
         return taken
 
     def _write(self, ref: int, own: str | None) -> str:
-        """Return a guard written out. The recursion is at most `INLINE` levels deep."""
+        """Return the text of a guard. The recursion is at most `INLINE` levels deep."""
         joined = self._decompose(ref)
         if joined is not None:
             connective, parts, negated = joined

@@ -23,7 +23,10 @@ class _OpenCell:
 
 @dataclass(slots=True)
 class Builder:
-    """A growing list of ops and cells. Mutable; `views.trimmed` removes what is not needed."""
+    """A growing list of ops and cells; `places` are the cells by their names in `ir.memory`. Mutable.
+
+    `views.trimmed` removes what is not needed.
+    """
 
     ops: list[Op] = field(default_factory=list)
     kinds: list[Kind] = field(default_factory=list)
@@ -36,7 +39,7 @@ class Builder:
     # --- ops -------------------------------------------------------------------------------------
 
     def add(self, op: Op, kind: Kind, key: Hashable = None) -> int:
-        """Return the number of `op`, added if it is new. `key` identifies `op` where `==` is too coarse."""
+        """Return the number of `op`; add it if it is new. `key` identifies `op` where `==` is too coarse."""
         key = op if key is None else key
         index = self._index.get(key)
         if index is None:
@@ -123,9 +126,9 @@ class Builder:
     # --- memory ----------------------------------------------------------------------------------
 
     def cell(self, name: str, kind: Kind, initial: ScalarValue | int, *memory_names: str) -> int:
-        """Return the old value of the cell `name`, added if it is new; `keep` must be called once for it.
+        """Return the number of the op that reads the cell `name`; add the cell if it is new.
 
-        `memory_names` are its names in `ir.memory`.
+        Call `keep` once for each cell, to write it. `memory_names` are the cell's names in `ir.memory`.
         """
         index = self._cell_names.get(name)
         if index is None:
@@ -136,7 +139,7 @@ class Builder:
         return self.add(OldCell(index), kind)
 
     def keep(self, old: int, condition: int, value: int) -> None:
-        """Write `value` to the cell read by `old`, at the end of a frame in which `condition` is true."""
+        """Write `value` to the cell that op `old` reads, at the end of frames with a true `condition`."""
         op = self.ops[old]
         assert isinstance(op, OldCell)
         cell = self._cells[op.cell]

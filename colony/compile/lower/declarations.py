@@ -136,7 +136,7 @@ class Declarations:
         """Return the condition that a module, or a wire that a contract names, is active."""
         if name in self.modules:
             return self.module_active(name)
-        return self.guards.guard(self.guards.observed[name])
+        return self.guards.guard(self.guards.activity_guards[name])
 
     # --- derived values --------------------------------------------------------------------------
 
@@ -172,11 +172,11 @@ class Declarations:
         """Lower the next values of all states read so far; these may read further states."""
         while self._states_to_update:
             name = self._states_to_update.pop()
-            place = self._all_states[name]
-            if isinstance(place, ir.Machine):
-                self._machine(place)
-            elif place.state.next is not None:
-                self._state(place.state, place.state.next, place.module)
+            declaration = self._all_states[name]
+            if isinstance(declaration, ir.Machine):
+                self._machine(declaration)
+            elif declaration.state.next is not None:
+                self._state(declaration.state, declaration.state.next, declaration.module)
 
     def _state(self, state: ir.State, next_value: e.Expression, module: ir.Module | None) -> None:
         self.prepare(next_value)

@@ -1,7 +1,7 @@
 """Lowering of typed expressions to scalar ops: arrays become their elements, loops are unrolled.
 
-An expression has as many values as its type has elements. That everything it reads is present is a separate
-value (`present`), since every op is total.
+An expression has as many values as its type has elements. Every op is total, so the condition that everything
+an expression reads is present is a value of its own (`present`).
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class ExpressionLowering:
     # --- presence --------------------------------------------------------------------------------
 
     def present(self, expressions: tuple[ir.Expression, ...], owner: str | None) -> int:
-        """Return the condition that all inputs of `expressions` are present; lets of `owner` always are."""
+        """Return the condition that all inputs of `expressions` are present (lets of `owner` always are)."""
         conditions: dict[int, None] = {}
         for expression in expressions:
             self._needs(expression, owner, conditions)
@@ -293,8 +293,8 @@ class ExpressionLowering:
     def _window_indices(self, size: int, center: int, reach: int) -> Values:
         """Return the indices as numbers, exact since `center` is first reduced modulo the size."""
         apply, literal = self.builder.apply, self.builder.literal
-        whole = apply(Operator.MODULO, apply(Operator.ROUND, center), literal(float(size)))
-        return tuple(apply(Operator.ADD, whole, literal(float(j))) for j in range(-reach, reach + 1))
+        middle = apply(Operator.MODULO, apply(Operator.ROUND, center), literal(float(size)))
+        return tuple(apply(Operator.ADD, middle, literal(float(j))) for j in range(-reach, reach + 1))
 
     def _window(self, array: Values, center: int, reach: int) -> Values:
         return tuple(self._pick(array, i) for i in self._window_indices(len(array), center, reach))
@@ -305,14 +305,14 @@ class ExpressionLowering:
         operator = Operator.INDEX_OF_MIN if function is Function.INDEX_OF_MIN else Operator.INDEX_OF_MAX
         match e:
             case ir.Slice(indices=indices):
-                at = apply(operator, *self.lower(e, scope))
-                return self._pick(tuple(self.builder.literal(float(i)) for i in indices), at)
+                position = apply(operator, *self.lower(e, scope))
+                return self._pick(tuple(self.builder.literal(float(i)) for i in indices), position)
             case ir.Window(array=array, center=center, reach=reach):
                 whole = self.lower(array, scope)
                 indices = self._window_indices(len(whole), self.scalar(center, scope), reach)
                 size = self.builder.literal(float(len(whole)))
-                at = apply(operator, *[self._pick(whole, i) for i in indices])
-                return apply(Operator.MODULO, self._pick(indices, at), size)
+                position = apply(operator, *[self._pick(whole, i) for i in indices])
+                return apply(Operator.MODULO, self._pick(indices, position), size)
             case _:
                 return apply(operator, *self.lower(e, scope))
 
@@ -396,7 +396,7 @@ class ExpressionLowering:
                 raise AssertionError(f"{function} is not a reduction")
 
     def _fold(self, operator: Operator, pairs: list[tuple[int, int]], empty_value: float) -> int:
-        """Fold the bodies whose conditions are true from the left. The first of them is the initial value."""
+        """Fold from the left the bodies whose conditions are true; the first of them is the initial value."""
         builder = self.builder
         result, any_taken = builder.literal(empty_value), builder.literal(False)
         for condition, body in pairs:

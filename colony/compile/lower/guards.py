@@ -15,14 +15,18 @@ from colony.compile.lower.memory import MemorySite, until
 class GuardLowering:
     """Lowers the guards of a client list, each on first use.
 
-    `name` is the prefix of the names of their cells; `active` returns the value of a module's activity.
+    Args:
+        builder: the builder that takes the ops.
+        clients: the client list.
+        active: a function from a module's name to the value of the module's activity.
+        name: the prefix of the names of the guards' cells.
     """
 
     def __init__(
         self, builder: Builder, clients: ClientList, active: Callable[[str], int], name: str = "guard"
     ) -> None:
         self.builder = builder
-        self.observed = dict(clients.observed)
+        self.activity_guards = dict(clients.observed)  # by name of the wire or module
         self._name = name
         self._table = clients.guards
         self._active = active

@@ -15,7 +15,8 @@ def elaborate(program: Program) -> Network:
     """Return the network that the program's wires describe.
 
     A chain `a op[w0] b op[w1] c` becomes the nodes of `a op[w0] (b op[w1] c)`. Wires that reach no actuator
-    are in the network as well; modules that no wire uses are not, unless they are observed.
+    are in the network as well. Modules that no wire uses are not, unless contracts or tests read their
+    activity.
 
     Raises:
         ValueError: a wiring uses a name that is neither a module nor a wire declared above it (the front

@@ -91,17 +91,20 @@ def backward_visits(nodes: tuple[SuppressionNode, ...], root: Link) -> list[int]
 class _Conditions:
     """The conditions under which nodes get through to the root, each complete once all uses are recorded.
 
-    `gates` are those on the path from the root to a node, None if there are several paths.
+    Attributes:
+        first_uses: the condition of each node's first use.
+        other_uses: the conditions of its other uses, if any.
+        gates: the gates on the path from the root to each node, None if there are several paths.
     """
 
     def __init__(self, root: Link) -> None:
-        self.first: dict[int, int] = {root.node: root.gate}  # conditions of first uses
-        self.further: dict[int, list[int]] = {}  # conditions of other uses
+        self.first_uses: dict[int, int] = {root.node: root.gate}
+        self.other_uses: dict[int, list[int]] = {}
         self.gates: dict[int, int | None] = {root.node: root.gate}
 
     def through(self, index: int, table: GuardTable) -> int:
-        further = self.further.get(index)
-        return self.first[index] if further is None else table.disjunction((self.first[index], *further))
+        first, others = self.first_uses[index], self.other_uses.get(index)
+        return first if others is None else table.disjunction((first, *others))
 
     def record_uses(self, index: int, node: GatedSuppressor, table: GuardTable) -> None:
         """Record the uses of nodes by the links of a suppressor."""
@@ -115,9 +118,9 @@ class _Conditions:
             )
 
     def _record_use(self, index: int, through: int, gates: int | None) -> None:
-        if index in self.first:
-            self.further.setdefault(index, []).append(through)
+        if index in self.first_uses:
+            self.other_uses.setdefault(index, []).append(through)
             self.gates[index] = None
         else:
-            self.first[index] = through
+            self.first_uses[index] = through
             self.gates[index] = gates

@@ -12,9 +12,10 @@ if it is plain, and a *clause* if it is negated. The rules, with a, b, c literal
     K, not a   = never      where K has a         a, not recently(a) = never
     K, not a   = K          where K has not recently(a)
 
-Rules inspect no parts of a part that has more than `REACH`, so that a conjunction costs about its own length.
-Implied parts are dropped all at once. Implications go down the graph (from a cube to its parts) or up (from a
-part to clauses that contain it), but never down again after going up, so that no part implies itself.
+The rules do not look into a part with more than `REACH` parts of its own, so that the cost of a conjunction
+is about its length. Implied parts are dropped all at once. Implications go down the graph (from a cube to its
+parts) or up (from a part to clauses that contain it), but never down again after going up, so that no part
+implies itself.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ TRUE = 0
 FALSE = 1
 
 REACH = 8
-"""Maximum number of parts of a part whose parts the rules inspect."""
+"""Maximum number of parts of a conjunction that the rules look into, where it is part of another one."""
 
 Conjunction = tuple[int, ...]
 

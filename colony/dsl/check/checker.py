@@ -65,23 +65,23 @@ class Checker(ABC):
             return None
         return self.visit(node)
 
-    def expect(self, node: ast.Expression, wanted: Type, what: str) -> ir.Expression | None:
-        """Check that an expression's type is `wanted`; `what` names the expression in messages."""
+    def expect(self, node: ast.Expression, expected: Type, what: str) -> ir.Expression | None:
+        """Check that an expression's type is `expected`; `what` names the expression in messages."""
         found = self.check(node)
         if found is None:
             return None
-        if fits(found.type, wanted):
+        if fits(found.type, expected):
             return found
-        hint = _type_hint(node, found.type, wanted)
+        hint = _type_hint(node, found.type, expected)
         self.error(
-            "E202", node, f"{what} must be {with_article(wanted)}, found {with_article(found.type)}", hint
+            "E202", node, f"{what} must be {with_article(expected)}, found {with_article(found.type)}", hint
         )
         return None
 
-    def constant(self, node: ast.Expression, wanted: Scalar | None, what: str) -> ir.Constant | None:
-        """Check a finite constant of type `wanted` (any scalar type if None)."""
+    def constant(self, node: ast.Expression, expected: Scalar | None, what: str) -> ir.Constant | None:
+        """Check a finite constant of type `expected` (any scalar type if None)."""
         constants = replace(self, memory=False, constants_only=True)
-        found = constants.check(node) if wanted is None else constants.expect(node, wanted, what)
+        found = constants.check(node) if expected is None else constants.expect(node, expected, what)
         if found is None:
             return None
         value = constant_value(found)
@@ -93,16 +93,16 @@ class Checker(ABC):
         if not abs(value) < float("inf"):
             self.error("E212", node, f"{what} is not a finite number")
             return None
-        type_ = found.type if wanted is None or not isinstance(found.type, Quantity) else wanted
+        type_ = found.type if expected is None or not isinstance(found.type, Quantity) else expected
         return ir.Constant(type=type_, value=value, span=found.span)
 
     def constant_in(self, node: ast.Expression, type_: Scalar, unit: str, what: str) -> ScalarValue | None:
         """Check a constant of `type_`; a plain number is in the declared unit."""
-        sign, bare = 1.0, node
-        while isinstance(bare, ast.Prefix) and bare.operator == "-":
-            sign, bare = -sign, bare.operand
-        if isinstance(type_, Quantity) and isinstance(bare, ast.Number) and bare.unit is None:
-            value = self.literal(bare, unit)
+        sign, unsigned = 1.0, node
+        while isinstance(unsigned, ast.Prefix) and unsigned.operator == "-":
+            sign, unsigned = -sign, unsigned.operand
+        if isinstance(type_, Quantity) and isinstance(unsigned, ast.Number) and unsigned.unit is None:
+            value = self.literal(unsigned, unit)
             return None if value is None else sign * value
         if isinstance(type_, Quantity) and not type_.wildcard:
             found = self.constant(node, None, what)
@@ -192,15 +192,15 @@ class Checker(ABC):
         return found
 
 
-def _type_hint(node: ast.Expression, found: Type, wanted: Type) -> str | None:
-    if isinstance(found, Array) and not isinstance(wanted, Array):
-        if isinstance(wanted, Bool):
+def _type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
+    if isinstance(found, Array) and not isinstance(expected, Array):
+        if isinstance(expected, Bool):
             return "reduce the array with `any(...)` or `all(...)`"
         return "take an element, or reduce the array with `min`, `max`, `mean` or `sum`"
-    if not isinstance(found, Quantity) or not isinstance(wanted, Quantity):
+    if not isinstance(found, Quantity) or not isinstance(expected, Quantity):
         return None
     if isinstance(node, ast.Number) and node.unit is None:
-        return f"write its unit, for example `{node.digits[:20]} {wanted}`"
+        return f"write its unit, for example `{node.digits[:20]} {expected}`"
     if found == DIMENSIONLESS:
-        return f"give it a unit: times `1 {wanted}`"
-    return f"divide by a unit for a plain number: `x / 1 {found}`" if wanted == DIMENSIONLESS else None
+        return f"give it a unit: times `1 {expected}`"
+    return f"divide by a unit for a plain number: `x / 1 {found}`" if expected == DIMENSIONLESS else None

@@ -29,13 +29,13 @@ def unify(a: Scalar, b: Scalar) -> Scalar | None:
     return a if a == b else None
 
 
-def fits(found: Type, wanted: Type) -> bool:
-    """Return True if a value of type `found` can be used where `wanted` is declared."""
-    if isinstance(found, Array) != isinstance(wanted, Array):
+def fits(found: Type, expected: Type) -> bool:
+    """Return True if a value of type `found` can be used where `expected` is declared."""
+    if isinstance(found, Array) != isinstance(expected, Array):
         return False
-    if isinstance(found, Array) and isinstance(wanted, Array) and found.size != wanted.size:
+    if isinstance(found, Array) and isinstance(expected, Array) and found.size != expected.size:
         return False
-    return unify(element_type(found), element_type(wanted)) is not None
+    return unify(element_type(found), element_type(expected)) is not None
 
 
 def without_wildcard(type_: Type) -> Type:

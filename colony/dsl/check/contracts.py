@@ -57,7 +57,7 @@ def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | No
     found = contract_checker.expect(node.expression, BOOL, "a contract")
     if found is None:
         return None
-    name = checker.scope.full(node.name.text)
+    name = checker.scope.full_name(node.name.text)
     return ir.Contract(name=name, expression=found, span=checker.span(node.name))
 
 
@@ -156,10 +156,10 @@ def _given_elements(
         message = f"`{sensor.name}` has {sensor.type.size} elements, found {len(values)}"
         checker.error("E603", elements, message)
         return None
-    good = tuple(v for v in values if v is not None)
-    if len(good) < len(values):
+    valid = tuple(v for v in values if v is not None)
+    if len(valid) < len(values):
         return None
-    return ir.Given(sensor=sensor.name, index=None, value=good, span=checker.span(node))
+    return ir.Given(sensor=sensor.name, index=None, value=valid, span=checker.span(node))
 
 
 def _constant(checker: Checker, sensor: ir.Sensor, node: ast.Expression) -> ScalarValue | None:

@@ -46,7 +46,7 @@ def _declare(report: Report, scope: Scope) -> None:
     """Declare the names of a file; values get their symbols later, when they are checked."""
     sensors, actuators = scope.robot.sensor_names, scope.robot.actuator_names
     values: dict[str, ast.Name] = {}
-    parts: dict[str, ast.Name] = {}
+    network_names: dict[str, ast.Name] = {}
     for node in scope.file.tree.declarations:
         if isinstance(node, VALUE_DECLARATIONS):
             if node.name.text in sensors:
@@ -60,27 +60,29 @@ def _declare(report: Report, scope: Scope) -> None:
                 report.error(
                     scope, "E102", node.name, f"the robot has an actuator `{node.name.text}` already"
                 )
-            elif _declare_once(report, scope, parts, node.name):
-                full = scope.full(node.name.text)
-                scope.parts[node.name.text] = ModuleSymbol(name=full, actuator=None, members={})
-                scope.visible_parts[node.name.text] = scope
+            elif _declare_once(report, scope, network_names, node.name):
+                full_name = scope.full_name(node.name.text)
+                scope.network_symbols[node.name.text] = ModuleSymbol(
+                    name=full_name, actuator=None, members={}
+                )
+                scope.visible_network_symbols[node.name.text] = scope
         elif isinstance(node, ast.NetworkDecl):
             for wire in node.wires:
-                _declare_wire(report, scope, wire.name, parts, actuators)
+                _declare_wire(report, scope, wire.name, network_names, actuators)
 
 
 def _declare_wire(
-    report: Report, scope: Scope, name: ast.Name, parts: dict[str, ast.Name], actuators: set[str]
+    report: Report, scope: Scope, name: ast.Name, network_names: dict[str, ast.Name], actuators: set[str]
 ) -> None:
     if name.text in actuators:
-        if name.text in parts:
-            first = label(scope, parts[name.text], "first driven here")
+        if name.text in network_names:
+            first = label(scope, network_names[name.text], "first driven here")
             report.error(scope, "E503", name, f"actuator `{name.text}` is driven twice", None, first)
-        parts.setdefault(name.text, name)
+        network_names.setdefault(name.text, name)
         scope.actuator_wires[name.text] = WireSymbol(name=name.text)
-    elif _declare_once(report, scope, parts, name):
-        scope.parts[name.text] = WireSymbol(name=scope.full(name.text))
-        scope.visible_parts[name.text] = scope
+    elif _declare_once(report, scope, network_names, name):
+        scope.network_symbols[name.text] = WireSymbol(name=scope.full_name(name.text))
+        scope.visible_network_symbols[name.text] = scope
 
 
 def _name_actuator_wires(scopes: list[Scope]) -> None:
@@ -122,7 +124,7 @@ def _import_names(report: Report, scope: Scope, target: Scope, node: ast.ImportD
     alias = node.alias
     if alias is not None:
         robot = scope.robot
-        file_names = (scope.aliases, scope.visible_values, scope.visible_parts)
+        file_names = (scope.aliases, scope.visible_values, scope.visible_network_symbols)
         robot_names = (robot.sensor_names, robot.actuator_names)
         is_taken = any(alias.text in names for names in (*file_names, *robot_names))
         if is_taken and scope.aliases.get(alias.text) is not target:
@@ -133,7 +135,7 @@ def _import_names(report: Report, scope: Scope, target: Scope, node: ast.ImportD
     scope.incomplete |= target.incomplete
     for own, imported in (
         (scope.visible_values, target.visible_values),
-        (scope.visible_parts, target.visible_parts),
+        (scope.visible_network_symbols, target.visible_network_symbols),
         (scope.aliases, target.aliases),
     ):
         for name, owner in imported.items():

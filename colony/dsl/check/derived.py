@@ -38,20 +38,20 @@ def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
 
 def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarValue] | None:
     """Return the type and initial value of a state; without a declared type, it has that of the value."""
-    wanted: Scalar | None = None
+    expected_type: Scalar | None = None
     if node.type is not None:
         found = check_type(checker, node.type)
         if found is None:
             return None
-        wanted, _ = found
+        expected_type, _ = found
     what = f"the initial value of `{node.name.text}`"
-    if wanted is not None:
-        initial = checker.constant(node.initial, wanted, what)
+    if expected_type is not None:
+        initial = checker.constant(node.initial, expected_type, what)
     else:
         initial = checker.constant(node.initial, None, what)
     if initial is None:
         return None
-    type_ = wanted if wanted is not None else without_wildcard(initial.type)
+    type_ = expected_type if expected_type is not None else without_wildcard(initial.type)
     return type_, initial.value  # type: ignore[return-value]
 
 
@@ -95,9 +95,9 @@ def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | Bro
         if name == "any":
             hint = "`any -> b` is from every phase but `b`"
             checker.error("E407", phase, "a phase cannot be named `any`, which means all phases", hint)
-    full = checker.scope.full(node.name.text)
+    full_name = checker.scope.full_name(node.name.text)
     members = tuple((name, float(i)) for i, name in enumerate(phases))
-    return MachineSymbol(name=full, type=Enum(name=full, members=members, kind="machine"))
+    return MachineSymbol(name=full_name, type=Enum(name=full_name, members=members, kind="machine"))
 
 
 def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Machine | None:
@@ -116,7 +116,7 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
         span = checker.span(transition)
         transitions.append(ir.Transition(sources=sources, target=target, condition=condition, span=span))
     return ir.Machine(
-        name=checker.scope.full(node.name.text),
+        name=checker.scope.full_name(node.name.text),
         span=checker.span(node.name),
         type=type_,
         start=numbers[node.initial.text],

@@ -197,12 +197,12 @@ def _result(operator: ir.Binary, a: Scalar, b: Scalar) -> Scalar | None:
 
 
 def _mismatch(operator: ir.Binary, a: Type, b: Type) -> str:
-    wanted = "two bools" if operator in _BOOLEAN else "two values of one type"
+    expected = "two bools" if operator in _BOOLEAN else "two values of one type"
     if operator in _SUMS or (operator not in _BOOLEAN and operator not in _EQUALITY):
-        wanted = "two numbers of one dimension"
+        expected = "two numbers of one dimension"
     if operator in (ir.Binary.MULTIPLY, ir.Binary.DIVIDE):
-        wanted = "two numbers"
-    return f"`{operator.value}` needs {wanted}, found {with_articles((a, b))}"
+        expected = "two numbers"
+    return f"`{operator.value}` needs {expected}, found {with_articles((a, b))}"
 
 
 def _infix_hint(node: ast.Infix, operator: ir.Binary, left: Type, right: Type) -> str | None:

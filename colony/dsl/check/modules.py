@@ -12,7 +12,7 @@ from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.derived import check_let, check_nexts, check_param, check_state, let_symbol
 from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.references import actuator_named, resolve_part, resolve_reference
+from colony.dsl.check.references import actuator_named, resolve_network_symbol, resolve_reference
 from colony.dsl.check.robot import command_arguments
 from colony.dsl.check.scope import (
     BrokenSymbol,
@@ -53,7 +53,7 @@ class PendingModule(Record):
     @property
     def full_name(self) -> str:
         """Return the module's name in the program."""
-        return self.scope.full(self.node.name.text)
+        return self.scope.full_name(self.node.name.text)
 
 
 def check_modules(report: Report, declared: list[PendingModule]) -> list[ir.AnyModule]:
@@ -71,12 +71,12 @@ def check_modules(report: Report, declared: list[PendingModule]) -> list[ir.AnyM
         module, members = _instance(report, pending, template)
         if module is not None:
             symbol = ModuleSymbol(name=module.name, actuator=module.actuator, members=members)
-            pending.scope.parts[pending.node.name.text] = symbol
+            pending.scope.network_symbols[pending.node.name.text] = symbol
             modules.append(module)
     checked = {m.name for m in modules}
     for pending in declared:
         if pending.full_name not in checked:
-            pending.scope.parts[pending.node.name.text] = BrokenSymbol()
+            pending.scope.network_symbols[pending.node.name.text] = BrokenSymbol()
     return modules
 
 
@@ -126,13 +126,13 @@ def _base(
     """Return the declaration that a derived module names as its base."""
     assert isinstance(pending.node, ast.DerivedModuleDecl)
     scope, path = pending.scope.resolve(pending.node.base.path)
-    symbol = scope.part(path[0]) if len(path) == 1 else None
+    symbol = scope.network_symbol(path[0]) if len(path) == 1 else None
     if isinstance(symbol, ModuleSymbol) and symbol.name in by_name:
         return by_name[symbol.name]
     if quiet:
         return None
     if symbol is None or isinstance(symbol, ModuleSymbol):
-        resolve_part(ExpressionChecker(scope=pending.scope, report=report), pending.node.base)
+        resolve_network_symbol(ExpressionChecker(scope=pending.scope, report=report), pending.node.base)
     elif not isinstance(symbol, BrokenSymbol):
         report.error(pending.scope, "E404", pending.node.base, f"`{pending.node.base.text}` is not a module")
     return None
@@ -163,8 +163,8 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
         if fits(found.type, param.type):
             params[name] = ParamSymbol(type=param.type, value=found.value)
         else:
-            wanted = f"param `{name}` of `{node.base.text}` is {with_article(param.type)}"
-            checker.error("E404", argument.value, f"{wanted}, found {with_article(found.type)}")
+            expected = f"param `{name}` of `{node.base.text}` is {with_article(param.type)}"
+            checker.error("E404", argument.value, f"{expected}, found {with_article(found.type)}")
     return replace(base, params=params)
 
 
@@ -217,16 +217,16 @@ def _module(
     local: dict[str, ValueSymbol],
 ) -> ir.Module | None:
     """Check a module written in the language; return None if anything in it is wrong."""
-    full, before = pending.full_name, len(checker.report.diagnostics)
+    full_name, before = pending.full_name, len(checker.report.diagnostics)
     names = frozenset(c.name.text for c in node.clauses if not isinstance(c, ast.NextDecl))
     checker = replace(checker, module_names=names)
     _report_duplicates(checker, node.clauses)
     params = _params(checker, _clauses(node, ast.ParamDecl), overrides, local)
-    states = _states(checker, full, _clauses(node, ast.StateDecl), local)
+    states = _states(checker, full_name, _clauses(node, ast.StateDecl), local)
     lets: list[ir.Let] = []
     for clause in _clauses(node, ast.LetDecl):
-        let = check_let(checker, clause, f"{full}.{clause.name.text}")
-        local[clause.name.text] = BrokenSymbol() if let is None else let_symbol(let, full)
+        let = check_let(checker, clause, f"{full_name}.{clause.name.text}")
+        local[clause.name.text] = BrokenSymbol() if let is None else let_symbol(let, full_name)
         lets += [let] if let else []
     state_symbols = {c.name.text: local[c.name.text] for c in _clauses(node, ast.StateDecl)}
     nexts = check_nexts(checker, _clauses(node, ast.NextDecl), state_symbols)
@@ -237,11 +237,11 @@ def _module(
     if when is None or any(d.severity == "error" for d in checker.report.diagnostics[before:]):
         return None
     return ir.Module(
-        name=full,
+        name=full_name,
         span=span_of(pending.scope, pending.node.name),
         params=params,
         lets=tuple(lets),
-        states=tuple(replace(s, next=nexts.get(s.name.removeprefix(f"{full}."))) for s in states),
+        states=tuple(replace(s, next=nexts.get(s.name.removeprefix(f"{full_name}."))) for s in states),
         when=when,
         command=command,
     )
@@ -275,7 +275,7 @@ def _params(
 
 
 def _states(
-    checker: Checker, full: str, clauses: list[ast.StateDecl], local: dict[str, ValueSymbol]
+    checker: Checker, full_name: str, clauses: list[ast.StateDecl], local: dict[str, ValueSymbol]
 ) -> list[ir.State]:
     """Return the states, without their next values."""
     states: list[ir.State] = []
@@ -286,9 +286,9 @@ def _states(
             local[name] = BrokenSymbol()
             continue
         type_, initial = found
-        local[name] = StateSymbol(name=f"{full}.{name}", type=type_)
+        local[name] = StateSymbol(name=f"{full_name}.{name}", type=type_)
         span = checker.span(clause.name)
-        states.append(ir.State(name=f"{full}.{name}", type=type_, initial=initial, next=None, span=span))
+        states.append(ir.State(name=f"{full_name}.{name}", type=type_, initial=initial, next=None, span=span))
     return states
 
 

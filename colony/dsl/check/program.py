@@ -36,7 +36,7 @@ from colony.dsl.check.scope import (
     StateSymbol,
     WireSymbol,
 )
-from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, reached
+from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, names_reaching_actuators
 from colony.dsl.files import SourceTree
 from colony.ir import program as ir
 from colony.ir.types import ScalarValue
@@ -131,14 +131,14 @@ class _Check:
             checker.scope.values.setdefault(machine.name.text, machine_type(checker, machine))
         for checker, state in self._each(ast.StateDecl):
             found = check_state(checker, state)
-            full = checker.scope.full(state.name.text)
+            full_name = checker.scope.full_name(state.name.text)
             if found is not None:
-                initial[full] = found[1]
-            symbol = BrokenSymbol() if found is None else StateSymbol(name=full, type=found[0])
+                initial[full_name] = found[1]
+            symbol = BrokenSymbol() if found is None else StateSymbol(name=full_name, type=found[0])
             checker.scope.values.setdefault(state.name.text, symbol)
         derived: list[ir.Derived] = []
         for checker, let in self._each(ast.LetDecl):
-            checked = check_let(checker, let, checker.scope.full(let.name.text))
+            checked = check_let(checker, let, checker.scope.full_name(let.name.text))
             checker.scope.values.setdefault(let.name.text, let_symbol(checked) if checked else BrokenSymbol())
             derived += [checked] if checked else []
         return derived + self._states(initial) + self._machines()
@@ -198,10 +198,12 @@ class _Check:
                     continue
                 for node in network.wires:
                     name = node.name.text
-                    if name not in scope.actuator_wires and not isinstance(scope.parts.get(name), WireSymbol):
+                    if name not in scope.actuator_wires and not isinstance(
+                        scope.network_symbols.get(name), WireSymbol
+                    ):
                         continue  # the name of a module, which was reported
                     actuator = name if name in scope.actuator_wires and scope is self.root else None
-                    symbol = scope.actuator_wires.get(name) or WireSymbol(name=scope.full(name))
+                    symbol = scope.actuator_wires.get(name) or WireSymbol(name=scope.full_name(name))
                     wire = PendingWire(node=node, scope=scope, name=symbol.name, actuator=actuator)
                     pending.setdefault(symbol.name, wire)
         wires = check_wires(self.report, list(pending.values()))
@@ -213,15 +215,15 @@ class _Check:
         contracts: dict[str, ir.Contract] = {}
         names: dict[str, Label] = {}
         for checker, node in self._each(ast.ContractDecl):
-            full = checker.scope.full(node.name.text)
-            if full in names:
-                message = f"contract `{full}` is declared twice"
-                checker.error("E102", node.name, message, None, names[full])
+            full_name = checker.scope.full_name(node.name.text)
+            if full_name in names:
+                message = f"contract `{full_name}` is declared twice"
+                checker.error("E102", node.name, message, None, names[full_name])
                 continue
-            names[full] = checker.label(node.name)
+            names[full_name] = checker.label(node.name)
             found = check_contract(checker, node)
             if found is not None:
-                contracts[full] = found
+                contracts[full_name] = found
         return list(contracts.values())
 
     # --- warnings
@@ -230,7 +232,7 @@ class _Check:
         """Warn about modules and wires of the main file without effect, and about undriven actuators."""
         if has_errors(self.report.diagnostics):
             return
-        used = reached(wires)
+        used = names_reaching_actuators(wires)
         main_source = self.root.file.source
         for kind, parts in (("module", modules), ("wire", wires)):
             for part in parts:

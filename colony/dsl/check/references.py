@@ -14,8 +14,8 @@ from colony.dsl.check.scope import (
     LetSymbol,
     MachineSymbol,
     ModuleSymbol,
+    NetworkSymbol,
     ParamSymbol,
-    PartSymbol,
     Scope,
     SensorSymbol,
     StateSymbol,
@@ -43,15 +43,17 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
     if head in checker.local:
         return _member(checker, node, checker.local[head], node.path[1:])
     scope, path = checker.scope.resolve(node.path)
-    symbol, part = scope.value(path[0]), scope.part(path[0])
+    symbol, network_symbol = scope.value(path[0]), scope.network_symbol(path[0])
     if symbol is not None and len(path) == 1:
         return _value(checker, node, symbol)
     if isinstance(symbol, BrokenSymbol):
         return None
-    if isinstance(symbol, EnumSymbol | MachineSymbol) and not _means_part(checker, symbol, part, path[1]):
+    if isinstance(symbol, EnumSymbol | MachineSymbol) and not _is_network_member(
+        checker, symbol, network_symbol, path[1]
+    ):
         return _member(checker, node, symbol, path[1:])
-    if part is not None and len(path) == 2:
-        return _part_member(checker, node, part, path[1])
+    if network_symbol is not None and len(path) == 2:
+        return _network_member(checker, node, network_symbol, path[1])
     if symbol is not None:
         return _member(checker, node, symbol, path[1:])
     _unknown(checker, node, scope, path[0])
@@ -105,13 +107,13 @@ def _member_word(enum: Enum) -> str:
     return "phase" if enum.kind == "machine" else "member"
 
 
-def _means_part(
-    checker: Checker, symbol: EnumSymbol | MachineSymbol, part: PartSymbol | None, name: str
+def _is_network_member(
+    checker: Checker, symbol: EnumSymbol | MachineSymbol, network_symbol: NetworkSymbol | None, name: str
 ) -> bool:
-    """Return True if `owner.name` is a member of the part `owner`, although `owner` is also a value."""
+    """Return True if `owner.name` is a member of a module or actuator, although `owner` is also a value."""
     if not checker.in_contract_or_test or name in dict(symbol.type.members):
         return False
-    match part:
+    match network_symbol:
         case ActuatorSymbol(actuator=actuator):
             return name in [field.name for field in actuator.fields]
         case ModuleSymbol(members=members):
@@ -120,16 +122,18 @@ def _means_part(
             return False
 
 
-def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: str) -> ir.Expression | None:
+def _network_member(
+    checker: Checker, node: ast.Reference, network_symbol: NetworkSymbol, name: str
+) -> ir.Expression | None:
     """Resolve `actuator.field` or `module.name`, in contracts and tests."""
-    if isinstance(part, BrokenSymbol):
+    if isinstance(network_symbol, BrokenSymbol):
         return None
     if not checker.in_contract_or_test:
         hint = "a module cannot read other modules; share values through file-level `let` and `state`"
         checker.error("E106", node, f"`{node.text}` can be read only in contracts and tests", hint)
         return None
     owner = ".".join(node.path[:-1])
-    match part:
+    match network_symbol:
         case ActuatorSymbol(actuator=actuator):
             for index, field in enumerate(actuator.fields):
                 if field.name == name:
@@ -152,12 +156,12 @@ def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: 
 
 def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> None:
     """Report an unknown name, and suggest the closest known one."""
-    part = scope.part(name)
-    if isinstance(part, BrokenSymbol):
+    network_symbol = scope.network_symbol(name)
+    if isinstance(network_symbol, BrokenSymbol):
         return
-    if part is not None:
-        kind = {ModuleSymbol: "module", WireSymbol: "wire", ActuatorSymbol: "actuator"}[type(part)]
-        status = "commanded" if isinstance(part, ActuatorSymbol) else "active"
+    if network_symbol is not None:
+        kind = {ModuleSymbol: "module", WireSymbol: "wire", ActuatorSymbol: "actuator"}[type(network_symbol)]
+        status = "commanded" if isinstance(network_symbol, ActuatorSymbol) else "active"
         status_hint = (
             f"write `{name} is {status}`"
             if checker.in_contract_or_test
@@ -173,13 +177,13 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
     if name in scope.visible_values or name in checker.module_names:
         checker.error("E105", node, f"`{name}` is used before it is declared", _DECLARE_ABOVE)
         return
-    known = [*checker.local, *scope.visible_values, *scope.robot.values, *scope.aliases, *checker.loops]
+    known_names = [*checker.local, *scope.visible_values, *scope.robot.values, *scope.aliases, *checker.loops]
     robot = checker.scope.robot
     if name in robot.sensor_names | robot.actuator_names:
         prefixed = f"the robot's names are never prefixed: write `{name}`"
         checker.error("E101", node, f"unknown name `{node.text}`", prefixed)
         return
-    hint = _WORD_HINTS.get(name) or _member_hint(scope, name) or checker.report.suggest(name, known)
+    hint = _WORD_HINTS.get(name) or _member_hint(scope, name) or checker.report.suggest(name, known_names)
     checker.error("E101", node, f"unknown name `{name}`", hint)
 
 
@@ -219,7 +223,7 @@ def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
     """Resolve `actuator by module`."""
     if not _check_in_contract_or_test(checker, node):
         return None
-    actuator, module = part_of(checker, node.actuator), part_of(checker, node.module)
+    actuator, module = network_symbol_of(checker, node.actuator), network_symbol_of(checker, node.module)
     if actuator is not None and not isinstance(actuator, ActuatorSymbol | BrokenSymbol):
         checker.error("E202", node.actuator, "expected an actuator to the left of `by`")
         actuator = None
@@ -240,23 +244,26 @@ def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
     """Resolve `name is active`, `actuator is commanded`, `actuator is idle`."""
     if not _check_in_contract_or_test(checker, node):
         return None
-    part = part_of(checker, node.subject)
+    network_symbol = network_symbol_of(checker, node.subject)
     span = checker.span(node)
-    if part is None or isinstance(part, BrokenSymbol):
+    if network_symbol is None or isinstance(network_symbol, BrokenSymbol):
         return None
-    if isinstance(part, ActuatorSymbol):
+    if isinstance(network_symbol, ActuatorSymbol):
         if node.status == "active":
             hint = "use `is commanded` or `is idle`"
-            checker.error("E202", node, f"`{part.actuator.name}` is an actuator", hint)
+            checker.error("E202", node, f"`{network_symbol.actuator.name}` is an actuator", hint)
             return None
         kind = ir.IsIdle if node.status == "idle" else ir.IsCommanded
-        return kind(type=BOOL, actuator=part.actuator.name, span=span)
+        return kind(type=BOOL, actuator=network_symbol.actuator.name, span=span)
     if node.status != "active":
         checker.error(
-            "E202", node, f"`{part.name}` is not an actuator", "for modules and wires, use `is active`"
+            "E202",
+            node,
+            f"`{network_symbol.name}` is not an actuator",
+            "for modules and wires, use `is active`",
         )
         return None
-    return ir.IsActive(type=BOOL, name=part.name, span=span)
+    return ir.IsActive(type=BOOL, name=network_symbol.name, span=span)
 
 
 def _check_in_contract_or_test(checker: Checker, node: ast.SyntaxNode) -> bool:
@@ -265,46 +272,51 @@ def _check_in_contract_or_test(checker: Checker, node: ast.SyntaxNode) -> bool:
     return checker.in_contract_or_test
 
 
-def part_of(checker: Checker, node: ast.Expression) -> PartSymbol | None:
+def network_symbol_of(checker: Checker, node: ast.Expression) -> NetworkSymbol | None:
     """Return the module, wire or actuator that an expression names, or None after an error."""
     if not isinstance(node, ast.Reference):
         checker.error("E202", node, "expected the name of a module, wire or actuator")
         return None
-    return resolve_part(checker, node)
+    return resolve_network_symbol(checker, node)
 
 
-def resolve_part(checker: Checker, node: ast.Reference) -> PartSymbol | None:
+def resolve_network_symbol(checker: Checker, node: ast.Reference) -> NetworkSymbol | None:
     """Return the module, wire or actuator of this name, or None after an error."""
     scope, path = checker.scope.resolve(node.path)
-    part: PartSymbol | None = None
+    network_symbol: NetworkSymbol | None = None
     if len(path) == 1 and scope is not checker.scope:
-        part = scope.actuator_wires.get(path[0])
-    if len(path) == 1 and part is None:
-        part = scope.part(path[0])
-    if part is None and len(path) > 1 and scope.may_be_lost(path[0]):
-        part = BrokenSymbol()
-    if part is None and len(path) == 1 and scope.value(path[0]) is not None:
+        network_symbol = scope.actuator_wires.get(path[0])
+    if len(path) == 1 and network_symbol is None:
+        network_symbol = scope.network_symbol(path[0])
+    if network_symbol is None and len(path) > 1 and scope.may_be_lost(path[0]):
+        network_symbol = BrokenSymbol()
+    if network_symbol is None and len(path) == 1 and scope.value(path[0]) is not None:
         message = f"`{node.text}` is a value, not a module, wire or actuator"
         hint = None if checker.in_contract_or_test else "a module reads values in `when` and `do`"
         checker.error("E106", node, message, hint)
         return None
-    if part is None:
-        known = [*scope.visible_parts, *scope.robot.parts, *scope.aliases]
+    if network_symbol is None:
+        known_names = [*scope.visible_network_symbols, *scope.robot.network_symbols, *scope.aliases]
         checker.error(
-            "E101", node, f"unknown module or wire `{node.text}`", checker.report.suggest(path[-1], known)
+            "E101",
+            node,
+            f"unknown module or wire `{node.text}`",
+            checker.report.suggest(path[-1], known_names),
         )
-    return part
+    return network_symbol
 
 
 def actuator_named(checker: Checker, name: ast.Name) -> program_ir.Actuator | None:
     """Return the actuator of this name, or None after an error."""
-    symbol = checker.scope.robot.parts.get(name.text)
+    symbol = checker.scope.robot.network_symbols.get(name.text)
     if isinstance(symbol, ActuatorSymbol):
         return symbol.actuator
     if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(name.text):
-        known = [n for n, s in checker.scope.robot.parts.items() if isinstance(s, ActuatorSymbol)]
-        hint = checker.report.suggest(name.text, known) or (
-            f"the robot has {', '.join(known)}" if known else None
+        known_names = [
+            n for n, s in checker.scope.robot.network_symbols.items() if isinstance(s, ActuatorSymbol)
+        ]
+        hint = checker.report.suggest(name.text, known_names) or (
+            f"the robot has {', '.join(known_names)}" if known_names else None
         )
         checker.error("E402", name, f"unknown actuator `{name.text}`", hint)
     return None

@@ -40,8 +40,8 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
         checker.error("E011", node, unit_error_text)
     else:
         enums = [n for n in scope.visible_values if isinstance(scope.value(n), EnumSymbol)]
-        known = [*enums, "bool", "number", "mm", "deg", "mm/s", "deg/s"]
-        hint = checker.report.suggest(name, known) or "a type is `bool`, `number`, a unit or an enum"
+        known_names = [*enums, "bool", "number", "mm", "deg", "mm/s", "deg/s"]
+        hint = checker.report.suggest(name, known_names) or "a type is `bool`, `number`, a unit or an enum"
         checker.error("E101", node, f"unknown type `{name}`", hint)
     return None
 
@@ -68,7 +68,9 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
             sensors += [sensor] if sensor else []
         else:
             actuator = _actuator(checker, item)
-            robot.parts[item.name.text] = ActuatorSymbol(actuator=actuator) if actuator else BrokenSymbol()
+            robot.network_symbols[item.name.text] = (
+                ActuatorSymbol(actuator=actuator) if actuator else BrokenSymbol()
+            )
             actuators += [actuator] if actuator else []
     return ir.Robot(
         name=node.name.text,
@@ -274,4 +276,4 @@ def check_enum(checker: Checker, node: ast.EnumDecl) -> Enum | None:
             members[name] = float(value.value)  # type: ignore[arg-type]
     if not members:
         return None
-    return Enum(name=checker.scope.full(node.name.text), members=tuple(members.items()))
+    return Enum(name=checker.scope.full_name(node.name.text), members=tuple(members.items()))

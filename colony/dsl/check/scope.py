@@ -1,7 +1,7 @@
 """Symbols, and the scopes in which names are looked up.
 
 A file has two namespaces: values (sensors, enums, params, lets, states, machines), which expressions read,
-and parts of the network (modules, wires, actuators). The robot is shared by all files of a program.
+and elements of the network (modules, wires, actuators). The robot is shared by all files of a program.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class ActuatorSymbol(Record):
     actuator: ir.Actuator
 
 
-PartSymbol = ModuleSymbol | WireSymbol | ActuatorSymbol | BrokenSymbol
+NetworkSymbol = ModuleSymbol | WireSymbol | ActuatorSymbol | BrokenSymbol
 
 
 @dataclass(slots=True)
@@ -112,25 +112,25 @@ class RobotScope:
     sensor_names: set[str] = field(default_factory=set)
     actuator_names: set[str] = field(default_factory=set)
     values: dict[str, ValueSymbol] = field(default_factory=dict)
-    parts: dict[str, PartSymbol] = field(default_factory=dict)
+    network_symbols: dict[str, NetworkSymbol] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
 class Scope:
     """The names that are visible in one file. Filled in while the file is checked, then only read.
 
-    `values` and `parts` are the file's own declarations that have been checked. `visible_values` and
-    `visible_parts` map their names, and those of plain imports, to the scopes that own them. `lost_names` are
-    names that unreadable text seems to declare; `incomplete` is true if an imported file is unreadable, so
-    that any name may be declared there.
+    `values` and `network_symbols` are the file's own declarations that have been checked. `visible_values`
+    and `visible_network_symbols` map their names, and those of plain imports, to the scopes that own them.
+    `lost_names` are names that unreadable text seems to declare; `incomplete` is true if an imported file is
+    unreadable, so that any name may be declared there.
     """
 
     file: ParsedFile
     robot: RobotScope
     values: dict[str, ValueSymbol] = field(default_factory=dict)
-    parts: dict[str, PartSymbol] = field(default_factory=dict)
+    network_symbols: dict[str, NetworkSymbol] = field(default_factory=dict)
     visible_values: dict[str, Scope] = field(default_factory=dict)
-    visible_parts: dict[str, Scope] = field(default_factory=dict)
+    visible_network_symbols: dict[str, Scope] = field(default_factory=dict)
     actuator_wires: dict[str, WireSymbol] = field(default_factory=dict)  # by name of the actuator
     aliases: dict[str, Scope] = field(default_factory=dict)
     constant_names: set[str] = field(default_factory=set)  # the file's own params and enums
@@ -138,15 +138,15 @@ class Scope:
     incomplete: bool = False
 
     def value(self, name: str) -> ValueSymbol | None:
-        """Return the value that a name refers to, `BrokenSymbol` if it may be lost, None if unknown."""
+        """Return the value of a name, `BrokenSymbol` if it may be lost, None if it is unknown."""
         owner = self.visible_values.get(name)
         symbol = self.robot.values.get(name) if owner is None else owner.values.get(name)
         return BrokenSymbol() if symbol is None and self.may_be_lost(name) else symbol
 
-    def part(self, name: str) -> PartSymbol | None:
-        """Return the part that a name refers to, `BrokenSymbol` if it may be lost, None if unknown."""
-        owner = self.visible_parts.get(name)
-        symbol = self.robot.parts.get(name) if owner is None else owner.parts.get(name)
+    def network_symbol(self, name: str) -> NetworkSymbol | None:
+        """Return the module, wire or actuator of a name; `BrokenSymbol` and None are as for `value`."""
+        owner = self.visible_network_symbols.get(name)
+        symbol = self.robot.network_symbols.get(name) if owner is None else owner.network_symbols.get(name)
         if self.robot.absent and isinstance(symbol, WireSymbol):
             return BrokenSymbol()  # it may be an actuator of the missing robot
         return BrokenSymbol() if symbol is None and self.may_be_lost(name) else symbol
@@ -165,7 +165,7 @@ class Scope:
             scope, path = scope.aliases[path[0]], path[1:]
         return (scope, path) if scope is self else (replace(scope, robot=RobotScope()), path)
 
-    def full(self, name: str) -> str:
+    def full_name(self, name: str) -> str:
         """Return the full name, in the program, of a name declared in this file."""
         return self.file.prefix + name
 
@@ -193,12 +193,14 @@ class Report:
         """Report an error at a node of a scope's file."""
         self.diagnostics.append(error(code, span_of(scope, node), _truncate(message), hint, *labels))
 
-    def suggest(self, name: str, known: Iterable[str]) -> str | None:
+    def suggest(self, name: str, known_names: Iterable[str]) -> str | None:
         """Return a hint with the closest known name, if any is close."""
         if self.suggestions == 0 or len(name) > _MAX_NAME_LENGTH:
             return None
         self.suggestions -= 1
-        candidates = islice((k for k in known if abs(len(k) - len(name)) <= _MAX_NAME_LENGTH // 8), 20_000)
+        candidates = islice(
+            (k for k in known_names if abs(len(k) - len(name)) <= _MAX_NAME_LENGTH // 8), 20_000
+        )
         return did_you_mean(name, candidates)
 
     def new_cell(self) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.references import resolve_part
+from colony.dsl.check.references import resolve_network_symbol
 from colony.dsl.check.scope import ActuatorSymbol, BrokenSymbol, Report, Scope
 from colony.ir import program as ir
 from colony.record import Record, record
@@ -40,14 +40,14 @@ def check_wires(report: Report, pending: list[PendingWire]) -> list[ir.Wire]:
 def _wiring(checker: Checker, node: ast.Wiring) -> ir.Wiring | None:
     """Check a wiring. The recursion is limited by the nesting depth of parentheses, as chains are flat."""
     if isinstance(node, ast.Reference):
-        part = resolve_part(checker, node)
-        if isinstance(part, ActuatorSymbol):
+        symbol = resolve_network_symbol(checker, node)
+        if isinstance(symbol, ActuatorSymbol):
             hint = "give the wiring that drives it a name of its own, and use that name"
             checker.error("E506", node, f"`{node.text}` is an actuator, not a wire", hint)
             return None
-        if part is None or isinstance(part, BrokenSymbol):
+        if symbol is None or isinstance(symbol, BrokenSymbol):
             return None
-        return ir.Use(name=part.name, span=checker.span(node))
+        return ir.Use(name=symbol.name, span=checker.span(node))
     relations = {link.relation for link in node.links}
     if len(relations) > 1:
         _report_mixture(checker, node)
@@ -90,15 +90,17 @@ def uses(wiring: ir.Wiring) -> Iterator[ir.Use]:
     return _uses(wiring, lambda chain: chain.operands)
 
 
-def _uses(wiring: ir.Wiring, followed: Callable[[ir.Chain], tuple[ir.Wiring, ...]]) -> Iterator[ir.Use]:
-    """Yield the uses in the operands that `followed` returns, from left to right."""
+def _uses(
+    wiring: ir.Wiring, operands_to_follow: Callable[[ir.Chain], tuple[ir.Wiring, ...]]
+) -> Iterator[ir.Use]:
+    """Yield the uses in the operands that `operands_to_follow` returns, from left to right."""
     stack = [wiring]
     while stack:
         chain = stack.pop()
         if isinstance(chain, ir.Use):
             yield chain
         else:
-            stack.extend(reversed(followed(chain)))
+            stack.extend(reversed(operands_to_follow(chain)))
 
 
 def _in_order(
@@ -156,13 +158,13 @@ def check_outputs(
         if root.actuator is None:
             continue
         seen: set[str] = set()
-        for use in _passing(root.wiring):
+        for use in _uses_passed_on(root.wiring):
             misfit = _first_misfit(use, root.actuator, by_name, modules, seen)
             if misfit is not None:
                 _report_misfit(report, scopes[root.name], use, misfit, root.actuator)
 
 
-def _passing(wiring: ir.Wiring) -> Iterator[ir.Use]:
+def _uses_passed_on(wiring: ir.Wiring) -> Iterator[ir.Use]:
     """Yield the uses whose output the wiring can pass on, from left to right."""
     return _uses(
         wiring, lambda chain: chain.operands if chain.relation == "suppresses" else chain.operands[-1:]
@@ -182,7 +184,7 @@ def _first_misfit(
         name = stack.pop()
         if name in by_name and name not in seen:
             seen.add(name)
-            stack.extend(u.name for u in _passing(by_name[name].wiring))
+            stack.extend(u.name for u in _uses_passed_on(by_name[name].wiring))
         elif name in modules and modules[name].actuator != actuator:
             return modules[name]
     return None
@@ -204,7 +206,7 @@ def _report_misfit(report: Report, scope: Scope, use: ir.Use, module: ir.AnyModu
         report.error(scope, "E505", node, f"{subject} commands `{module.actuator}`, {misplaced}", hint)
 
 
-def reached(wires: list[ir.Wire]) -> set[str]:
+def names_reaching_actuators(wires: list[ir.Wire]) -> set[str]:
     """Return the names of the modules and wires that can influence an actuator."""
     by_name = {w.name: w for w in wires}
     names: set[str] = set()

@@ -26,7 +26,7 @@ IN_VIEW_MM = 420.0
 """Maximum distance ahead in mm of a light in view: the camera sees 779 mm, half a light is 300 mm."""
 
 MATCH_RADIUS_MM = 150.0
-"""Maximum distance of a reported light from a real one, along the corridor: a quarter of its length."""
+"""Maximum distance of a reported light from a real one, along the corridor: a quarter of a light's length."""
 
 _REACH_MM = 1100.0
 
@@ -38,16 +38,16 @@ class LightDetection(NamedTuple):
         passed: number of lights passed.
         detected: number of those lights that were detected.
         in_view: number of pairs of an observation and a light in view.
-        in_view_told: number of these pairs in which the light was reported.
-        told: number of reports in all observations.
+        in_view_reported: number of these pairs in which the light was reported.
+        reported: number of reports in all observations.
         false: number of false reports.
     """
 
     passed: int
     detected: int
     in_view: int
-    in_view_told: int
-    told: int
+    in_view_reported: int
+    reported: int
     false: int
 
 
@@ -80,7 +80,7 @@ class LightDetectionMonitor:
     def add_pose(self, pose: Pose) -> None:
         """Record the robot's pose while it tracks lights."""
         before, self._ahead = self._ahead, {}
-        for number, light in self._near(pose):
+        for number, light in self._nearby_lights(pose):
             relative = _relative(light, pose)
             if abs(relative.turned_deg) > MAX_TILT_DEG or abs(relative.left_mm) > LIGHT_ACROSS_MM / 2:
                 continue
@@ -90,7 +90,7 @@ class LightDetectionMonitor:
 
     def add_observation(self, observation: CeilingObservation, pose: Pose) -> None:
         """Record the lights reported in an image that was taken at a pose."""
-        near = [(number, _relative(light, pose)) for number, light in self._near(pose)]
+        near = [(number, _relative(light, pose)) for number, light in self._nearby_lights(pose)]
         in_view = {number: relative.ahead_mm for number, relative in near if _is_in_view(relative)}
         reported = {
             number
@@ -116,7 +116,7 @@ class LightDetectionMonitor:
         """The lights that are on and were passed without being reported."""
         return tuple(self.lights[number] for number in sorted(self._passed - self._reported))
 
-    def _near(self, pose: Pose) -> list[tuple[int, CeilingLight]]:
+    def _nearby_lights(self, pose: Pose) -> list[tuple[int, CeilingLight]]:
         """Return the lights that are on and not far from the robot."""
         return [
             (number, light)

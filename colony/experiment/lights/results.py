@@ -37,7 +37,7 @@ class LightResult:
 def detection_total(results: Sequence[LightResult]) -> LightDetection:
     """Return the counts over runs."""
     counts = [result.counts for result in results]
-    return LightDetection(*(sum(column) for column in zip(*counts, strict=True))) if counts else _NOTHING
+    return LightDetection(*(sum(column) for column in zip(*counts, strict=True))) if counts else _NO_COUNTS
 
 
 def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
@@ -49,13 +49,13 @@ def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
             what="lights that are on and were passed: detected",
             found=rate(detected),
             promised="at least 0.995",
-            met=counts.passed > 0 and detected.good >= 0.995 * detected.trials,
+            met=counts.passed > 0 and detected.successes >= 0.995 * detected.trials,
         ),
         Target(
             what="false lights, of all reported",
-            found=rate(Count(counts.false, counts.told)),
+            found=rate(Count(counts.false, counts.reported)),
             promised="at most 1 in 1,000",
-            met=counts.told > 0 and 1000 * counts.false <= counts.told,
+            met=counts.reported > 0 and 1000 * counts.false <= counts.reported,
         ),
     )
 
@@ -77,15 +77,15 @@ def _run_table(runs: Sequence[ListedRun], results: Sequence[LightResult]) -> str
             reached = sum(not result.failure for result in of_run)
             rows.append([*route, f"{reached}/{len(of_run)}", *_cells(detection_total(of_run))])
     rows.append(["all", "", "", "", *_cells(detection_total(results))])
-    head = ["run", "from", "to", "reached", "lights detected", "in looks", "false, of all reported"]
+    head = ["run", "from", "to", "reached", "lights detected", "in images", "false, of all reported"]
     return markdown(head, rows)
 
 
 def _cells(counts: LightDetection) -> list[str]:
     return [
         f"{counts.detected}/{counts.passed}",
-        f"{counts.in_view_told}/{counts.in_view}",
-        f"{counts.false}/{counts.told}",
+        f"{counts.in_view_reported}/{counts.in_view}",
+        f"{counts.false}/{counts.reported}",
     ]
 
 
@@ -98,12 +98,14 @@ def _undetected_table(results: Sequence[LightResult]) -> str:
     return markdown(["run", "seed", "light that was not detected, at x, y in m"], rows) if rows else ""
 
 
-_NOTHING = LightDetection(0, 0, 0, 0, 0, 0)
+_NO_COUNTS = LightDetection(0, 0, 0, 0, 0, 0)
 
 
+_COUNT_COLUMNS = ("passed", "detected", "in_view", "in_view_told", "told", "false")
+"""The columns of `LightDetection`."""
 LIGHT_TABLE = Table(
     name="lights",
     kind=LightResult,
-    columns=(*KEY_COLUMNS, "origin", "goal", "failure", *LightDetection._fields, "undetected"),
+    columns=(*KEY_COLUMNS, "origin", "goal", "failure", *_COUNT_COLUMNS, "undetected"),
 )
 """One row per run; the undetected lights are a JSON list of positions."""

@@ -43,7 +43,7 @@ def _tilt_deg() -> Generator[Step, Any, float]:
 def run_with_light_probe(spec: RunSpec) -> LightResult:
     """Drive a run to its end, and count the detections on its legs along ceiling lights."""
     observations: list[CeilingObservation] = []
-    run = Run(spec, extra_scripts={"witness": light_probe(observations.append)})
+    run = Run(spec, extra_scripts={"light probe": light_probe(observations.append)})
     monitor, path = LightDetectionMonitor(run.scenery.lights), TruePath()
     try:
         is_running = True

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from colony.experiment.figures import Target, rate
-from colony.experiment.plates.judging import AGAIN, INSTEAD
+from colony.experiment.plates.judging import AGAIN_SUFFIX, INSTEAD_OF
 from colony.experiment.plates.record import FINDER_NAMES, Finder, Kind, PlateResult, Tally, tally
 from colony.nav.confidence.estimate import Count
 from colony.nav.confidence.plates import PlateEvent, plate_counts
@@ -42,26 +42,26 @@ def taken_for_plates(results: Sequence[PlateResult], finder: Finder) -> Counter[
 
 
 def _object_name(name: str) -> str:
-    if name.endswith(AGAIN):
-        return f"a plate{AGAIN}"
-    return f"a plate{INSTEAD}another" if INSTEAD in name else name
+    if name.endswith(AGAIN_SUFFIX):
+        return f"a plate{AGAIN_SUFFIX}"
+    return f"a plate{INSTEAD_OF}another" if INSTEAD_OF in name else name
 
 
 def plate_targets(results: Sequence[PlateResult]) -> tuple[Target, ...]:
     """Compare the finders with the promised values."""
-    ours, aided = total(results, "ours"), total(results, "map")
+    ours, with_map = total(results, "ours"), total(results, "map")
     return (
         _at_least("plates found", "ours", Count(ours.found, ours.due), 0.97),
         _at_most_false(ours),
-        _at_least("plates found", "map", Count(aided.found, aided.due), 0.99),
+        _at_least("plates found", "map", Count(with_map.found, with_map.due), 0.99),
         Target(
             what=f"false plates, {FINDER_NAMES['map']}",
-            found=f"{aided.false} beside {aided.found} true ones",
+            found=f"{with_map.false} beside {with_map.found} true ones",
             promised="none",
-            met=aided.found > 0 and aided.false == 0,
+            met=with_map.found > 0 and with_map.false == 0,
         ),
         _at_least("numbers read right", "ours", Count(ours.right, ours.found), 0.99),
-        _at_least("numbers read right", "map", Count(aided.right, aided.found), 0.99),
+        _at_least("numbers read right", "map", Count(with_map.right, with_map.found), 0.99),
     )
 
 
@@ -70,15 +70,15 @@ def _at_least(what: str, finder: Finder, count: Count, promised: float) -> Targe
         what=f"{what}, {FINDER_NAMES[finder]}",
         found=rate(count),
         promised=f"at least {promised:g}",
-        met=count.trials > 0 and count.good >= promised * count.trials,
+        met=count.trials > 0 and count.successes >= promised * count.trials,
     )
 
 
 def _at_most_false(ours: Tally) -> Target:
-    hundredth = 100.0 * ours.false / ours.found if ours.found else float("inf")
+    false_percent = 100.0 * ours.false / ours.found if ours.found else float("inf")
     return Target(
         what=f"false plates, {FINDER_NAMES['ours']}",
-        found=f"{ours.false} beside {ours.found} true ones, {hundredth:.2f} in 100",
+        found=f"{ours.false} beside {ours.found} true ones, {false_percent:.2f} in 100",
         promised="at most 1 in 100",
-        met=hundredth <= 1.0,
+        met=false_percent <= 1.0,
     )

@@ -23,7 +23,7 @@ MATCH_RADIUS_MM = 500.0
 MIN_VIEW_NS = 500_000_000
 """Minimum time in view that ensures an image of a plate: the period of the camera server."""
 
-AGAIN, INSTEAD = " again", " instead of "
+AGAIN_SUFFIX, INSTEAD_OF = " again", " instead of "
 """Parts of the names of false sightings: a plate that was seen before, and one mistaken for another."""
 
 
@@ -44,15 +44,15 @@ NameSighting = Callable[[Sighting], str]
 """Function that names the real object of a sighting that is not a plate."""
 
 
-def true_position(position: Point, estimated: Pose, true: Pose) -> Point:
+def true_position(position: Point, estimated_pose: Pose, true_pose: Pose) -> Point:
     """Return the true position of an object, given its estimated position.
 
-    `true` is the robot's true pose, `estimated` the estimate of it.
+    `true_pose` is that of the robot, `estimated_pose` the estimate of it.
     """
-    turned = math.radians(true.heading_deg - estimated.heading_deg)
+    turned = math.radians(true_pose.heading_deg - estimated_pose.heading_deg)
     sine, cosine = math.sin(turned), math.cos(turned)
-    dx, dy = position.x - estimated.x_mm, position.y - estimated.y_mm
-    return Point(true.x_mm + cosine * dx - sine * dy, true.y_mm + sine * dx + cosine * dy)
+    dx, dy = position.x - estimated_pose.x_mm, position.y - estimated_pose.y_mm
+    return Point(true_pose.x_mm + cosine * dx - sine * dy, true_pose.y_mm + sine * dx + cosine * dy)
 
 
 def judge_sightings(
@@ -77,9 +77,9 @@ def judge_sightings(
         if number is None:
             outcomes.append(_false(sighting, name_sighting(sighting)))
         elif sighting.door not in (None, plates[number].door):
-            outcomes.append(_false(sighting, f"{sighting.door}{INSTEAD}{plates[number].door}"))
+            outcomes.append(_false(sighting, f"{sighting.door}{INSTEAD_OF}{plates[number].door}"))
         elif number in found:
-            outcomes.append(_false(sighting, f"{plates[number].door}{AGAIN}"))
+            outcomes.append(_false(sighting, f"{plates[number].door}{AGAIN_SUFFIX}"))
         else:
             found.add(number)
             outcomes.append(_plate(plates[number], sighting, at_ns.get(number)))

@@ -32,7 +32,7 @@ def sighting_namer(floor: Map, scenery: Scenery, people: People) -> NameSighting
 
     People come first, then objects on walls, then the wall itself.
     """
-    on_walls = tuple(_on_walls(floor, scenery))
+    wall_objects = tuple(_objects_on_walls(floor, scenery))
     walls = tuple(_walls(floor))
 
     def name(sighting: Sighting) -> str:
@@ -41,7 +41,7 @@ def sighting_namer(floor: Map, scenery: Scenery, people: People) -> NameSighting
             math.dist(position, person) < _CLOSE_MM + PERSON_RADIUS_MM for person in people(sighting.t_ns)
         ):
             return "a person"
-        for objects in (on_walls, walls):
+        for objects in (wall_objects, walls):
             nearest = min(objects, key=lambda item: _distance(position, item), default=None)
             if nearest is not None and _distance(position, nearest) < _CLOSE_MM:
                 return nearest.name
@@ -50,7 +50,7 @@ def sighting_namer(floor: Map, scenery: Scenery, people: People) -> NameSighting
     return name
 
 
-def _on_walls(floor: Map, scenery: Scenery) -> Iterator[_Object]:
+def _objects_on_walls(floor: Map, scenery: Scenery) -> Iterator[_Object]:
     edges = walls_of(floor)
     rows = edges.segments.tolist()
     for poster in scenery.posters:
@@ -81,5 +81,5 @@ def _distance(position: Point, item: _Object) -> float:
     (x, y), (x0, y0), (x1, y1) = position, item.start, item.end
     square = (x1 - x0) ** 2 + (y1 - y0) ** 2
     along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / square if square > 0.0 else 0.0
-    part = min(max(along, 0.0), 1.0)
-    return math.hypot(x - x0 - part * (x1 - x0), y - y0 - part * (y1 - y0))
+    fraction = min(max(along, 0.0), 1.0)
+    return math.hypot(x - x0 - fraction * (x1 - x0), y - y0 - fraction * (y1 - y0))

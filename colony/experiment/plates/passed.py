@@ -50,7 +50,7 @@ class PassMonitor:
     def __init__(self, plates: Sequence[Plate], walls: NDArray[np.float64]) -> None:
         self._walls = walls
         self._half_view = math.radians(SIDE.view_deg / 2.0)
-        self._facing = np.array([plate.heading_deg for plate in plates])
+        self._headings = np.array([plate.heading_deg for plate in plates])
         self._centers = np.array([plate.center for plate in plates], dtype=np.float64).reshape(-1, 2)
         inward = [direction(plate.heading_deg) for plate in plates]
         self._inward = np.array(inward, dtype=np.float64).reshape(-1, 2)
@@ -65,7 +65,7 @@ class PassMonitor:
         depth = (to_plate * self._inward).sum(axis=1)
         # A robot with the wall on its left moves along (inward.y, -inward.x).
         along = to_plate[:, 0] * self._inward[:, 1] - to_plate[:, 1] * self._inward[:, 0]
-        turned = np.remainder(pose.heading_deg + SIDE.yaw_deg - self._facing + 180.0, 360.0) - 180.0
+        turned = np.remainder(pose.heading_deg + SIDE.yaw_deg - self._headings + 180.0, 360.0) - 180.0
         near = (depth > 0.0) & (np.hypot(depth, along) <= MAX_DISTANCE_MM)
         self._update_views(t_ns, pose, near & (np.abs(turned) < MAX_ANGLE_DEG))
         if self._along is not None:

@@ -25,8 +25,8 @@ Kind = Literal["found", "missed", "unseen", "false", "beyond"]
 
 found, missed: a plate that was passed and in view for long enough. unseen: a plate that was passed but not in
 view for long enough, which no finder can find. false: a sighting of another object, or of a plate that was
-sighted before.
-beyond: a sighting of a plate that was not passed, for example at the end of the route; it does not count.
+sighted before. beyond: a sighting of a plate that was not passed, for example at the end of the route; it
+does not count.
 """
 
 

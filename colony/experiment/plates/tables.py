@@ -21,8 +21,8 @@ from colony.nav.confidence.plates import (
     TABLE_6_6_COUNTS,
     PlateEvent,
     PlateEvents,
-    all_as_printed,
     all_detected,
+    all_detected_as_printed,
     plate_events,
 )
 from colony.nav.confidence.published_plates import PUBLISHED_WALKS
@@ -96,8 +96,10 @@ def finder_table(results: Sequence[PlateResult]) -> str:
             ]
         )
     found, missed, false = (
-        sum(len(part) for part in parts)
-        for parts in zip(*((walk.found, walk.missed, walk.false) for walk in PUBLISHED_WALKS), strict=True)
+        sum(len(plates) for plates in walks_plates)
+        for walks_plates in zip(
+            *((walk.found, walk.missed, walk.false) for walk in PUBLISHED_WALKS), strict=True
+        )
     )
     rows.append(
         [
@@ -134,28 +136,32 @@ def plate_event_table(results: Sequence[PlateResult]) -> str:
         [
             event,
             name,
-            *(_part(counts[finder][event]) for finder in FINDERS),
-            _published(event),
+            *(_ratio_text(counts[finder][event]) for finder in FINDERS),
+            _published_text(event),
         ]
         for event, name in EVENT_NAMES.items()
     ]
     automata = [*(plate_events(counts[finder]) for finder in FINDERS), TABLE_6_6]
-    rows.append(["", f"p5 to the power of {_PLATES}", *(_power(automaton) for automaton in automata)])
+    rows.append(["", f"p5 to the power of {_PLATES}", *(_power_text(automaton) for automaton in automata)])
     rows.append(
-        ["", f"all of {_PLATES} detected, by the matrix", *(_all(automaton) for automaton in automata)]
+        [
+            "",
+            f"all of {_PLATES} detected, by the matrix",
+            *(_all_detected_text(automaton) for automaton in automata),
+        ]
     )
     head = ["event", "", *(FINDER_NAMES[finder] for finder in FINDERS), "published"]
     return markdown(head, rows)
 
 
-_OURS: tuple[Finder, ...] = ("ours", "map")
+_OUR_FINDERS: tuple[Finder, ...] = ("ours", "map")
 
 
 def missed_table(results: Sequence[PlateResult]) -> str:
     """Return a table of the plates that our finders missed or misread, and of false sightings."""
     rows = []
     for result in results:
-        for finder in _OURS:
+        for finder in _OUR_FINDERS:
             for outcome in result.outcomes[finder]:
                 wrong = outcome.kind == "found" and not outcome.right
                 if not wrong and outcome.kind not in ("missed", "false"):
@@ -166,18 +172,18 @@ def missed_table(results: Sequence[PlateResult]) -> str:
     return markdown(["walk", "seed", "after", "finder", "plate", "what happened"], rows) if rows else ""
 
 
-def _part(count: Count) -> str:
-    return f"{count.good}/{count.trials}"
+def _ratio_text(count: Count) -> str:
+    return f"{count.successes}/{count.trials}"
 
 
-def _published(event: PlateEvent) -> str:
+def _published_text(event: PlateEvent) -> str:
     count = TABLE_6_6_COUNTS[event]
-    return "1, assumed" if count is None else _part(count)
+    return "1, assumed" if count is None else _ratio_text(count)
 
 
-def _power(automaton: PlateEvents) -> str:
-    return f"{float(all_as_printed(automaton, _PLATES)):.4f}"
+def _power_text(automaton: PlateEvents) -> str:
+    return f"{float(all_detected_as_printed(automaton, _PLATES)):.4f}"
 
 
-def _all(automaton: PlateEvents) -> str:
+def _all_detected_text(automaton: PlateEvents) -> str:
     return f"{float(all_detected(automaton, _PLATES)):.4f}"

@@ -26,14 +26,14 @@ class PoseErrors(NamedTuple):
     """Errors of the estimate against the true pose, along a run.
 
     Attributes:
-        looks: number of comparisons with the true pose.
+        comparisons: number of comparisons with the true pose.
         square_mm2: sum of the squared errors of the position.
         square_deg2: sum of the squared errors of the heading.
         worst_mm: maximum error of the position.
         inside: number of true poses inside the 95 % ellipsoid.
     """
 
-    looks: int = 0
+    comparisons: int = 0
     square_mm2: float = 0.0
     square_deg2: float = 0.0
     worst_mm: float = 0.0
@@ -45,13 +45,13 @@ class SourceOutcome(NamedTuple):
 
     Attributes:
         failure: the reason for a failure; "" if the run reached the goal.
-        off_mm: final distance from the goal.
+        goal_error_mm: final distance from the goal.
         contact_mm_s: speed of the hardest contact.
         errors: errors of the estimate along the path.
     """
 
     failure: FailureReason
-    off_mm: float
+    goal_error_mm: float
     contact_mm_s: float
     errors: PoseErrors
 
@@ -82,8 +82,8 @@ def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
     if not results:
         return ()
     outcomes = [result.outcomes[ALL_SOURCES] for result in results]
-    looks = sum(outcome.errors.looks for outcome in outcomes)
-    fraction = sum(outcome.errors.inside for outcome in outcomes) / looks if looks else 0.0
+    comparisons = sum(outcome.errors.comparisons for outcome in outcomes)
+    fraction = sum(outcome.errors.inside for outcome in outcomes) / comparisons if comparisons else 0.0
     reached = sum(not outcome.failure for outcome in outcomes)
     return (
         Target(
@@ -128,10 +128,10 @@ def _description(results: Sequence[SourceResult]) -> str:
 
 def _cells(name: str, outcomes: Sequence[SourceOutcome]) -> list[str]:
     errors = [outcome.errors for outcome in outcomes]
-    looks = max(sum(error.looks for error in errors), 1)
-    rms_mm = math.sqrt(sum(error.square_mm2 for error in errors) / looks)
-    rms_deg = math.sqrt(sum(error.square_deg2 for error in errors) / looks)
-    reached = [outcome.off_mm for outcome in outcomes if not outcome.failure]
+    comparisons = max(sum(error.comparisons for error in errors), 1)
+    rms_mm = math.sqrt(sum(error.square_mm2 for error in errors) / comparisons)
+    rms_deg = math.sqrt(sum(error.square_deg2 for error in errors) / comparisons)
+    reached = [outcome.goal_error_mm for outcome in outcomes if not outcome.failure]
     return [
         name,
         f"{len(reached)}/{len(outcomes)}",
@@ -139,7 +139,7 @@ def _cells(name: str, outcomes: Sequence[SourceOutcome]) -> list[str]:
         f"{rms_mm:,.0f} mm",
         f"{max(error.worst_mm for error in errors):,.0f} mm",
         f"{rms_deg:.2f} deg",
-        f"{sum(error.inside for error in errors) / looks:.1%}",
+        f"{sum(error.inside for error in errors) / comparisons:.1%}",
         str(sum(outcome.contact_mm_s > 0.0 for outcome in outcomes)),
     ]
 

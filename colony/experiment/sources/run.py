@@ -41,11 +41,11 @@ COMPARISON_INTERVAL = 10
 CHI_SQUARE_95 = 7.815
 """The 95 % quantile of the chi-square distribution with three degrees of freedom."""
 
-_LEFT_OUT = (Source.SONAR, Source.LOCAL_MAPS, Source.LIGHTS, Source.PLATES)
+_OMITTED_SOURCES = (Source.SONAR, Source.LOCAL_MAPS, Source.LIGHTS, Source.PLATES)
 
-CHOICES: Mapping[str, frozenset[Source]] = {
+SOURCE_CHOICES: Mapping[str, frozenset[Source]] = {
     ALL_SOURCES: EVERY_SOURCE,
-    **{f"no {source.value.replace('-', ' ')}": EVERY_SOURCE - {source} for source in _LEFT_OUT},
+    **{f"no {source.value.replace('-', ' ')}": EVERY_SOURCE - {source} for source in _OMITTED_SOURCES},
     "no sonar, no local maps": EVERY_SOURCE - {Source.SONAR, Source.LOCAL_MAPS},
     ODOMETRY: frozenset(),
 }
@@ -59,11 +59,11 @@ def source_list() -> tuple[ListedRun, ...]:
 
 def run_with_sources(spec: RunSpec) -> SourceResult:
     """Drive a run to its end, once for each choice of sources."""
-    outcomes = {name: _outcome(_chosen(spec, sources)) for name, sources in CHOICES.items()}
+    outcomes = {name: _outcome(_with_sources(spec, sources)) for name, sources in SOURCE_CHOICES.items()}
     return SourceResult(key=spec.key, origin=spec.origin, goal=spec.goal, outcomes=outcomes)
 
 
-def _chosen(spec: RunSpec, sources: frozenset[Source]) -> RunSpec:
+def _with_sources(spec: RunSpec, sources: frozenset[Source]) -> RunSpec:
     """Return the run with these sources; without plates the robot has no side camera."""
     cameras = {CEILING_CAMERA, SIDE_CAMERA} if Source.PLATES in sources else {CEILING_CAMERA}
     return replace(spec, sources=sources, cameras=frozenset(cameras))
@@ -74,11 +74,11 @@ def _outcome(spec: RunSpec) -> SourceOutcome:
     try:
         is_running = True
         while is_running:
-            now_ns, k, true = run.loop.now_ns, run.loop.k, run.world.true_pose(0)
+            now_ns, k, true_pose = run.loop.now_ns, run.loop.k, run.world.true_pose(0)
             is_running = run.step()
             pose = _estimate(run) if k % COMPARISON_INTERVAL == 0 else None
             if pose is not None and pose.t_ns == now_ns:
-                errors = with_comparison(errors, pose, true)
+                errors = with_comparison(errors, pose, true_pose)
     finally:
         run.close()
     return SourceOutcome(run.failure or "", run.goal_error_mm, run.world.contact_speed(0), errors)
@@ -89,17 +89,17 @@ def _estimate(run: Run) -> PoseEstimate | None:
     return pose_of(msgspec.msgpack.decode(variables.value(POSE).data)) if variables.has(POSE) else None
 
 
-def with_comparison(errors: PoseErrors, pose: PoseEstimate, true: Pose) -> PoseErrors:
+def with_comparison(errors: PoseErrors, pose: PoseEstimate, true_pose: Pose) -> PoseErrors:
     """Return the errors after another comparison of an estimate with the true pose of the same time."""
-    x, y = true.x_mm - pose.x_mm, true.y_mm - pose.y_mm
-    turn = math.remainder(true.heading_deg - pose.heading_deg, 360.0)
+    x, y = true_pose.x_mm - pose.x_mm, true_pose.y_mm - pose.y_mm
+    turn = math.remainder(true_pose.heading_deg - pose.heading_deg, 360.0)
     error = np.array([x, y, turn])
     covariance = np.array(
         [[pose.xx, pose.xy, pose.xh], [pose.xy, pose.yy, pose.yh], [pose.xh, pose.yh, pose.hh]]
     )
     distance = float(error @ np.linalg.solve(covariance, error))
     return PoseErrors(
-        looks=errors.looks + 1,
+        comparisons=errors.comparisons + 1,
         square_mm2=errors.square_mm2 + x * x + y * y,
         square_deg2=errors.square_deg2 + turn * turn,
         worst_mm=max(errors.worst_mm, math.hypot(x, y)),

@@ -22,14 +22,14 @@ from colony.nav.confidence.automaton import ALL_ARCS, PUBLISHED_ARCS, Arcs, Auto
 
 
 class Count(NamedTuple):
-    """The number of good trials, that is successes, and the number of all trials."""
+    """The numbers of successes and of trials."""
 
-    good: int
+    successes: int
     trials: int
 
-    def plus(self, good: bool) -> Count:
+    def plus(self, succeeded: bool) -> Count:
         """Return the count after one more trial."""
-        return Count(self.good + good, self.trials + 1)
+        return Count(self.successes + succeeded, self.trials + 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,25 +72,27 @@ def counts_of(runs: Iterable[RunOutcome]) -> dict[Event, Count]:
     for run in runs:
         if not 0 <= run.completed <= len(run.modes):
             raise ValueError(f"a run completed {run.completed} modes of `{run.modes}`")
-        before = ""
+        previous_mode = ""
         for i, mode in enumerate(run.modes[: run.completed + 1]):
-            done = i < run.completed
-            for event, good in _events(mode, before, done, done or run.first_light_found):
-                counts[event] = counts[event].plus(good)
-            before = mode
+            completed = i < run.completed
+            for event, succeeded in _events(
+                mode, previous_mode, completed, completed or run.first_light_found
+            ):
+                counts[event] = counts[event].plus(succeeded)
+            previous_mode = mode
     return counts
 
 
-def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event, bool]]:
-    """Return the events of a mode that follows `before`, each with True for a success."""
+def _events(mode: str, previous_mode: str, completed: bool, light_found: bool) -> list[tuple[Event, bool]]:
+    """Return the events of a mode after the previous one, each with True for a success."""
     match mode:
         case "l":
-            first = Event.CORNER_LIGHT if before == "c" else Event.START_LIGHT
-            return [(first, found), (Event.LIGHTS, done)] if found else [(first, False)]
+            first = Event.CORNER_LIGHT if previous_mode == "c" else Event.START_LIGHT
+            return [(first, light_found), (Event.LIGHTS, completed)] if light_found else [(first, False)]
         case "c":
-            return [(Event.CORNER, done)]
+            return [(Event.CORNER, completed)]
         case "d":
-            return [(Event.DEAD_RECKONING, done)]
+            return [(Event.DEAD_RECKONING, completed)]
         case _:
             return []
 
@@ -98,7 +100,7 @@ def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event
 def estimate_automaton(counts: Counts, arcs: Arcs = ALL_ARCS) -> Automaton:
     """Return the automaton whose probabilities are the relative frequencies; untried events are certain."""
     events = {
-        event: Fraction(count.good, count.trials) if count.trials else Fraction(1)
+        event: Fraction(count.successes, count.trials) if count.trials else Fraction(1)
         for event, count in counts.items()
     }
     return Automaton(events=events, arcs=arcs)
@@ -117,24 +119,28 @@ class Interval(NamedTuple):
 
 def wilson(count: Count, level: float = 0.95) -> Interval:
     """Return Wilson's score interval for the probability of an event; [0, 1] if it was never tried."""
-    good, n = count
+    successes, n = count
     if n == 0:
         return Interval(0.0, 1.0)
     z = NormalDist().inv_cdf(0.5 + level / 2)
-    frequency, square = good / n, z * z / n
+    frequency, square = successes / n, z * z / n
     center = (frequency + square / 2) / (1 + square)
     half = z / (1 + square) * math.sqrt(frequency * (1 - frequency) / n + square / (4 * n))
     # With all or no successes the bound is exactly 1 or 0, which rounding would miss.
-    low = 0.0 if good == 0 else center - half
-    return Interval(low, 1.0 if good == n else center + half)
+    low = 0.0 if successes == 0 else center - half
+    return Interval(low, 1.0 if successes == n else center + half)
 
 
 def clopper_pearson(count: Count, level: float = 0.95) -> Interval:
     """Return the exact interval: all probabilities for which both tails are at least (1 - `level`) / 2."""
-    good, n = count
+    successes, n = count
     tail = (1 - level) / 2
-    low = 0.0 if good == 0 else _root(lambda p: regularized_beta(good, n - good + 1, p) - tail)
-    high = 1.0 if good == n else _root(lambda p: regularized_beta(good + 1, n - good, p) - 1 + tail)
+    low = 0.0 if successes == 0 else _root(lambda p: regularized_beta(successes, n - successes + 1, p) - tail)
+    high = (
+        1.0
+        if successes == n
+        else _root(lambda p: regularized_beta(successes + 1, n - successes, p) - 1 + tail)
+    )
     return Interval(low, high)
 
 
@@ -157,10 +163,12 @@ def string_interval(
     logs = np.zeros(draws)
     for number, event in enumerate(Event):  # each has its own random stream, independent of the other events
         if powers[event]:
-            good, trials = counts[event]
-            drawn = np.random.default_rng((seed, number)).beta(good + 0.5, trials - good + 0.5, draws)
-            logs += powers[event] * np.log(drawn)
-    if all(counts[event].good == counts[event].trials for event in Event if powers[event]):
+            successes, trials = counts[event]
+            probabilities = np.random.default_rng((seed, number)).beta(
+                successes + 0.5, trials - successes + 0.5, draws
+            )
+            logs += powers[event] * np.log(probabilities)
+    if all(counts[event].successes == counts[event].trials for event in Event if powers[event]):
         # Nothing ever failed, so the estimate is 1: the interval reaches it (Brown, Cai and DasGupta 2001).
         return Interval(float(np.quantile(np.exp(logs), 1 - level)), 1.0)
     low, high = np.quantile(np.exp(logs), [(1 - level) / 2, (1 + level) / 2])

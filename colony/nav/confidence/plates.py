@@ -38,7 +38,7 @@ EVENT_NAMES: Mapping[PlateEvent, str] = {
 _DETECTED = ("E3", "E4", "E5", "E8")
 
 
-def all_as_printed(events: PlateEvents, plates: int) -> Fraction:
+def all_detected_as_printed(events: PlateEvents, plates: int) -> Fraction:
     """Return p5 to the power of `plates`: the thesis's probability that all plates are detected.
 
     It treats the first plate like the others, and a false plate in between as a failure.

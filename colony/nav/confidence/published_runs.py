@@ -21,8 +21,8 @@ class PublishedRun:
         beyond_goal_mm: distance of the stopped robot beyond the goal, negative before it; None for failed
             runs.
         seconds: duration; None for failed runs.
-        done, needed: completed and required numbers of the modes l, c and d. The tables count a failed mode
-            in some rows and not in others.
+        completed, required: completed and required numbers of the modes l, c and d. The tables count a failed
+            mode in some rows and not in others.
         failed_mode: the mode in which a failed run failed.
     """
 
@@ -34,8 +34,8 @@ class PublishedRun:
     distance_mm: float
     beyond_goal_mm: float | None
     seconds: int | None
-    done: tuple[int, int, int]
-    needed: tuple[int, int, int]
+    completed: tuple[int, int, int]
+    required: tuple[int, int, int]
     failed_mode: ModeLetter | None
 
     @property
@@ -110,8 +110,8 @@ def _run(row: str) -> PublishedRun:
         distance_mm=round(float(meters) * 1000.0, 3),
         beyond_goal_mm=None if beyond == "-" else float(beyond) * 10.0,
         seconds=None if seconds == "-" else int(seconds),
-        done=(lights[0], corners[0], dead_reckoning[0]),
-        needed=(lights[1], corners[1], dead_reckoning[1]),
+        completed=(lights[0], corners[0], dead_reckoning[0]),
+        required=(lights[1], corners[1], dead_reckoning[1]),
         failed_mode=None if failed == "-" else cast(ModeLetter, failed.lower()),
     )
 

@@ -2,8 +2,8 @@
 
 Each occupied cell votes, weighted by its certainty, for all lines through it. One wall of a hallway is
 the global maximum; the other is found by a search for a parallel line on either side of it (thesis section
-5.5). Each line is then
-fitted to its cells, for a resolution better than a cell and a degree. Source: Duda and Hart 1972.
+5.5). Each line is then fitted to its cells, for a resolution better than a cell and a degree. Source: Duda
+and Hart 1972.
 """
 
 from __future__ import annotations
@@ -83,8 +83,8 @@ def lines_in(cells: Cells, parameters: HoughParameters | None = None) -> tuple[L
         start = _find_parallel(votes, angles, first_distance, first, side, parameters)
         line = None if start is None else _fit_line(cells, *start, parameters)
         if line is not None:
-            off = float(_wrap_half_turn(line.angle_deg - first.angle_deg))
-            lines += [line] if abs(off) <= parameters.parallel_deg else []
+            turn_deg = float(_wrap_half_turn(line.angle_deg - first.angle_deg))
+            lines += [line] if abs(turn_deg) <= parameters.parallel_deg else []
     return tuple(lines)
 
 
@@ -113,10 +113,10 @@ def _find_parallel(
     parameters: HoughParameters,
 ) -> tuple[float, float] | None:
     """Return the strongest line that is parallel to the first one, at a plausible distance on one side."""
-    off = np.degrees(angles) - first.angle_deg
-    rows = np.flatnonzero(np.abs(_wrap_half_turn(off)) <= parameters.parallel_deg)
+    turns_deg = np.degrees(angles) - first.angle_deg
+    rows = np.flatnonzero(np.abs(_wrap_half_turn(turns_deg)) <= parameters.parallel_deg)
     # A line at 89 degrees and its parallel at -89 have opposite directions: left and right are swapped.
-    sign = np.where(np.abs(off[rows]) > 90.0, -1.0, 1.0)[:, None]
+    sign = np.where(np.abs(turns_deg[rows]) > 90.0, -1.0, 1.0)[:, None]
     distances = first_distance + parameters.distance_step_mm * np.arange(votes.shape[1])
     spacing = side * (sign * distances - first.distance_mm)
     plausible = (spacing >= parameters.min_spacing_mm) & (spacing <= parameters.max_spacing_mm)
@@ -148,21 +148,25 @@ def _fit_line(cells: Cells, angle_rad: float, distance_mm: float, parameters: Ho
         if total < parameters.min_weight:
             return None
         along = (cosine * cells.ahead_mm + sine * cells.left_mm)[inliers]
-        off = across[inliers] - distance_mm
-        mean_along, mean_off = float(weight @ along) / total, float(weight @ off) / total
-        da, do = along - mean_along, off - mean_off
-        aa, ao, oo = float(weight @ (da * da)), float(weight @ (da * do)), float(weight @ (do * do))
-        turn = 0.5 * math.atan2(2.0 * ao, aa - oo)
+        offset = across[inliers] - distance_mm
+        mean_along, mean_offset = float(weight @ along) / total, float(weight @ offset) / total
+        d_along, d_offset = along - mean_along, offset - mean_offset
+        along_squared, along_offset, offset_squared = (
+            float(weight @ (d_along * d_along)),
+            float(weight @ (d_along * d_offset)),
+            float(weight @ (d_offset * d_offset)),
+        )
+        turn = 0.5 * math.atan2(2.0 * along_offset, along_squared - offset_squared)
         # The line turns about the centroid of its cells.
-        x = cosine * mean_along - sine * (distance_mm + mean_off)
-        y = sine * mean_along + cosine * (distance_mm + mean_off)
+        x = cosine * mean_along - sine * (distance_mm + mean_offset)
+        y = sine * mean_along + cosine * (distance_mm + mean_offset)
         angle_rad += turn
         distance_mm = math.cos(angle_rad) * y - math.sin(angle_rad) * x
     order = np.argsort(along)
     cumulative = np.cumsum(weight[order]) / total
     first, last = np.searchsorted(cumulative, (_STRAY_FRACTION, 1.0 - _STRAY_FRACTION))
     ends = float(along[order[first]]), float(along[order[min(last, len(order) - 1)]])
-    line = _normalize(angle_rad, distance_mm, total, ends, math.sqrt(max(oo, 0.0) / total))
+    line = _normalize(angle_rad, distance_mm, total, ends, math.sqrt(max(offset_squared, 0.0) / total))
     return line if line.length_mm >= parameters.min_length_mm else None
 
 

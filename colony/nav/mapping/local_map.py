@@ -88,7 +88,7 @@ class Trail:
 
     def lines(self, himm: HimmParameters, hough: HoughParameters | None = None) -> tuple[Line, ...]:
         """Return the lines in a map of these scans, with its origin at the robot's current position."""
-        local = HimmMap(himm)
+        local_map = HimmMap(himm)
         for _, pose, ranges in self._scans:
-            local.mark(relative_pose(self._pose, pose), ranges)
-        return lines_in(local.cells(), hough)
+            local_map.mark(relative_pose(self._pose, pose), ranges)
+        return lines_in(local_map.cells(), hough)

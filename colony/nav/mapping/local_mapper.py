@@ -1,9 +1,9 @@
 """The local mapper of the thesis: a client that corrects RServer's heading by the sonars (section 5.5).
 
 It corrects only the heading, once for every three lights, assuming that the hallway has the direction of the
-goal. So it never corrects it in a hallway with fewer lights. The pose estimator
-(`colony/nav/pose/estimate.py`) replaces it: it tracks the robot in the map scan by scan, everywhere. This
-client is kept as the baseline for comparison.
+goal. So it never corrects the heading in a hallway with fewer lights. The pose estimator
+(`colony/nav/pose/estimate.py`) replaces this client: it tracks the robot in the map scan by scan, everywhere.
+The local mapper is kept as the baseline for comparison.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import Position
 
 LIGHTS_PER_MAP = 3
-"""Number of lights per map: it extends from the first to the third, where the next one begins."""
+"""Number of lights per map: a map extends from its first light to its third, where the next map begins."""
 
 PERIOD_S = 0.1
 """Seconds between two scans."""
 
 
 def local_mapper() -> Script:
-    """Correct RServer's heading in the ceiling-light tracking mode, forever.
+    """Correct RServer's heading in the light-tracking mode, forever.
 
     Each correction comes from the lines in a local map that spans three lights.
     """
@@ -53,7 +53,7 @@ def _map_segment(himm: HimmParameters) -> Generator[Step, Any, bool]:
     while (yield from try_wait(LIGHT_DETECTED, 0.0)):  # a light of the previous segment
         pass
     lights_left = int((yield from do("DServer", data.get(GOAL_DISTANCE, type=float))))
-    local, origin, lights, last_scan_ns = HimmMap(himm), None, 0, -1
+    local_map, origin, lights, last_scan_ns = HimmMap(himm), None, 0, -1
     while lights_left > 0:
         yield from sleep(PERIOD_S)
         if (yield from try_wait(START_MAP, 0.0)):
@@ -66,22 +66,22 @@ def _map_segment(himm: HimmParameters) -> Generator[Step, Any, bool]:
             and scan.t_ns != last_scan_ns
         ):
             last_scan_ns = scan.t_ns
-            local.mark(local_pose(origin, _pose(base_position)), np.array(scan.ranges))
+            local_map.mark(local_pose(origin, _pose(base_position)), np.array(scan.ranges))
         if not (yield from try_wait(LIGHT_DETECTED, 0.0)):
             continue
         lights, lights_left = lights + 1, lights_left - 1
         if origin is not None and lights == LIGHTS_PER_MAP:
-            yield from _correct_heading(local, origin)
+            yield from _correct_heading(local_map, origin)
         if lights in (1, LIGHTS_PER_MAP):
             base_position = yield from try_ask("RServer", robot.position())
             origin, lights = None if base_position is None else _pose(base_position), 1
-            local.clear()
+            local_map.clear()
     return False
 
 
-def _correct_heading(local: HimmMap, origin: Pose) -> Generator[Step, Any, None]:
+def _correct_heading(local_map: HimmMap, origin: Pose) -> Generator[Step, Any, None]:
     """Turn RServer's heading so that the hallway in the map has the direction of the goal."""
-    lines = lines_in(local.cells())
+    lines = lines_in(local_map.cells())
     if not lines:
         return
     goal = yield from do("DServer", data.get(GOAL_DIRECTION, type=float))

@@ -108,14 +108,14 @@ def match_wall(
     length = candidate.length_mm
     if length == 0.0 or len(walls.length) == 0:
         return None
-    turn, offset, beside, facing = _compare(candidate, walls, robot)
-    fits = (np.abs(turn) <= gate.angle_deg) & (np.abs(offset) <= gate.offset_mm)
-    fits &= facing & (beside > 0.0) & np.isfinite(walls.sigma_factor)
+    turn, offset, overlap, facing = _compare(candidate, walls, robot)
+    is_candidate = (np.abs(turn) <= gate.angle_deg) & (np.abs(offset) <= gate.offset_mm)
+    is_candidate &= facing & (overlap > 0.0) & np.isfinite(walls.sigma_factor)
     best, max_overlap = -1, gate.min_overlap * length
-    for i in np.flatnonzero(fits).tolist():
-        same = np.abs(offset - offset[i]) <= _SAME_WALL_MM
-        same &= fits & (np.abs(turn - turn[i]) <= _SAME_WALL_DEG)
-        if (total := float(beside[same].sum())) > max_overlap:
+    for i in np.flatnonzero(is_candidate).tolist():
+        same_wall = np.abs(offset - offset[i]) <= _SAME_WALL_MM
+        same_wall &= is_candidate & (np.abs(turn - turn[i]) <= _SAME_WALL_DEG)
+        if (total := float(overlap[same_wall].sum())) > max_overlap:
             best, max_overlap = i, total
     if best < 0:
         return None
@@ -154,11 +154,11 @@ def _compare(
     to_center = to_robot + np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
     offset = (to_center * walls.normal).sum(axis=1)
     center_along = (to_center * walls.along).sum(axis=1)
-    beside = np.minimum(center_along + length / 2.0, walls.length) - np.maximum(
+    overlap = np.minimum(center_along + length / 2.0, walls.length) - np.maximum(
         center_along - length / 2.0, 0.0
     )
     height = (to_robot * walls.normal).sum(axis=1)
-    return np.degrees(turn), offset, beside, (height > 0.0) & (height > offset)
+    return np.degrees(turn), offset, overlap, (height > 0.0) & (height > offset)
 
 
 class PoseCorrection(NamedTuple):

@@ -55,7 +55,7 @@ class Building:
                 return floor
         raise KeyError(f"the building has no map `{name}`; it has {', '.join(m.name for m in self.maps)}")
 
-    def part(self, names: Sequence[str]) -> Building:
+    def with_floors(self, names: Sequence[str]) -> Building:
         """Return the part of the building with the floors of these maps, and the rides between them.
 
         Raises:
@@ -70,7 +70,7 @@ def load_building(path: str | os.PathLike[str]) -> Building:
 
     Raises:
         DiagnosticError: one of the files cannot be read or is not a valid map, or its elevators do not match
-            those of another. It has all errors found, file by file, each with its location.
+            those of another. The exception lists all errors found, file by file, each with its location.
     """
     loaded = _load_all(os.fspath(path))
     problems = [*_duplicates(loaded), *(p for item in loaded for p in _link_errors(item))]
@@ -80,17 +80,17 @@ def load_building(path: str | os.PathLike[str]) -> Building:
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class _Loaded:
+class _LoadedMap:
     """A map, its text, and the maps to which its elevators lead, in the order of `map.elevators`."""
 
     source: Source
     map: Map
-    others: list[_Loaded] = field(default_factory=list)
+    destinations: list[_LoadedMap] = field(default_factory=list)
 
 
-def _load_all(path: str) -> list[_Loaded]:
+def _load_all(path: str) -> list[_LoadedMap]:
     """Load the maps breadth first, and each file only once, even under several paths."""
-    first = _Loaded(source=(source := load_source(path)), map=read_map(source))
+    first = _LoadedMap(source=(source := load_source(path)), map=read_map(source))
     by_path = {os.path.realpath(path): first}
     queue = deque([first])
     while queue:
@@ -111,32 +111,32 @@ def _load_all(path: str) -> list[_Loaded]:
                 except DiagnosticError as failure:
                     problems.append(_unreadable(current, elevator, failure))
                     continue
-                by_path[key] = _Loaded(source=source, map=read_map(source))
+                by_path[key] = _LoadedMap(source=source, map=read_map(source))
                 queue.append(by_path[key])
-            current.others.append(by_path[key])
+            current.destinations.append(by_path[key])
         if problems:
             raise DiagnosticError(in_order(problems))
     return list(by_path.values())
 
 
-def _elevator_span(current: _Loaded, elevator: ElevatorLink, index: int) -> Span:
+def _elevator_span(current: _LoadedMap, elevator: ElevatorLink, index: int) -> Span:
     """Return the span of a word of an elevator's line: 1 its node, 2 its file, 3 the other node."""
     wanted = ["elevator", *elevator]
     lines = lines_of_words(current.source)
     return next(words[index].span for words in lines if [w.text for w in words] == wanted)
 
 
-def _unreadable(current: _Loaded, elevator: ElevatorLink, failure: DiagnosticError) -> Diagnostic:
+def _unreadable(current: _LoadedMap, elevator: ElevatorLink, failure: DiagnosticError) -> Diagnostic:
     reason = failure.diagnostics[0].message
     message = f"the elevator `{elevator.node}` leads to a map that cannot be loaded: {reason}"
     hint = "give the path relative to the folder of this map"
     return error("M029", _elevator_span(current, elevator, 2), message, hint)
 
 
-def _link_errors(current: _Loaded) -> list[Diagnostic]:
+def _link_errors(current: _LoadedMap) -> list[Diagnostic]:
     """Return the errors of a map's `elevator` lines."""
     problems: list[Diagnostic] = []
-    for elevator, target in zip(current.map.elevators, current.others, strict=True):
+    for elevator, target in zip(current.map.elevators, current.destinations, strict=True):
         kind = _kind_at(target.map, elevator.other_node)
         if target is current:
             message = f"the elevator `{elevator.node}` leads to its own map; expected another floor's"
@@ -155,26 +155,26 @@ def _link_errors(current: _Loaded) -> list[Diagnostic]:
     return problems
 
 
-def _kind_at(searched: Map, name: str) -> EdgeKind | None:
-    for ring in searched.rings:
+def _kind_at(floor: Map, name: str) -> EdgeKind | None:
+    for ring in floor.rings:
         for node, edge in zip(ring.nodes, ring.edges, strict=True):
             if node.name == name:
                 return edge.kind
     return None
 
 
-def _leads_back(current: _Loaded, elevator: ElevatorLink, target: _Loaded) -> bool:
+def _leads_back(current: _LoadedMap, elevator: ElevatorLink, target: _LoadedMap) -> bool:
     return any(
         back is current and (other.node, other.other_node) == (elevator.other_node, elevator.node)
-        for other, back in zip(target.map.elevators, target.others, strict=True)
+        for other, back in zip(target.map.elevators, target.destinations, strict=True)
     )
 
 
-def _duplicates(loaded: list[_Loaded]) -> list[Diagnostic]:
+def _duplicates(loaded: list[_LoadedMap]) -> list[Diagnostic]:
     """Return errors for maps that share their name or floor with an earlier one."""
     problems: list[Diagnostic] = []
     for key in ("map", "floor"):
-        seen: dict[str, _Loaded] = {}
+        seen: dict[str, _LoadedMap] = {}
         for item in loaded:
             value = item.map.name if key == "map" else item.map.floor
             first = seen.setdefault(value, item)
@@ -185,15 +185,15 @@ def _duplicates(loaded: list[_Loaded]) -> list[Diagnostic]:
     return problems
 
 
-def _header_span(item: _Loaded, key: str) -> Span:
+def _header_span(item: _LoadedMap, key: str) -> Span:
     """Return the span of the value of a header line."""
     return next(words[1].span for words in lines_of_words(item.source) if words[0].text == key)
 
 
-def _rides(loaded: list[_Loaded]) -> tuple[Ride, ...]:
+def _rides(loaded: list[_LoadedMap]) -> tuple[Ride, ...]:
     rides: list[Ride] = []
     for item in loaded:
-        for elevator, other in zip(item.map.elevators, item.others, strict=True):
+        for elevator, other in zip(item.map.elevators, item.destinations, strict=True):
             ride = Ride(Landing(item.map.name, elevator.node), Landing(other.map.name, elevator.other_node))
             if Ride(ride.second, ride.first) not in rides:
                 rides.append(ride)

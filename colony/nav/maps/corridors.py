@@ -70,8 +70,8 @@ class Corridor:
 
         It keeps `END_CLEARANCE_MM` from the corridor's ends.
         """
-        off = min(END_CLEARANCE_MM, self.length_mm / 2)
-        return min(max(self.along(x, y), off), self.length_mm - off)
+        clearance = min(END_CLEARANCE_MM, self.length_mm / 2)
+        return min(max(self.along(x, y), clearance), self.length_mm - clearance)
 
     def offset(self, x: float, y: float) -> float:
         """Return the distance of a point from the centerline, in mm, positive to the left."""
@@ -294,8 +294,8 @@ def _join(strip: _Strip, other: _Strip) -> _Strip:
 def _jogs(floor: _Floor, sides: Sequence[Side], strips: Sequence[_Strip]) -> list[_Strip]:
     """Return the strips in front of sides that end a corridor and face no other side.
 
-    The wall that faces such a side is searched from beyond the side's outer corner, across the other
-    corridor.
+    The wall that faces such a side is found from a probe point beyond the side's outer corner, across the
+    other corridor.
     """
     bounding = {edge: strip for strip in strips for edge in strip.edges}
     jogs = []
@@ -315,8 +315,8 @@ def _jogs(floor: _Floor, sides: Sequence[Side], strips: Sequence[_Strip]) -> lis
     return jogs
 
 
-def _jog(floor: _Floor, side: Side, at_end: bool, beyond: float) -> _Strip | None:
-    along = side.high + beyond if at_end else side.low - beyond
+def _jog(floor: _Floor, side: Side, at_end: bool, probe_mm: float) -> _Strip | None:
+    along = side.high + probe_mm if at_end else side.low - probe_mm
     forward = direction(side.heading_deg)
     probe = Point(side.begin.x + along * forward.x, side.begin.y + along * forward.y)
     width = floor.ray(probe, side.heading_deg - 90.0)

@@ -72,11 +72,11 @@ def _ring_sides(index: int, ring: Ring) -> list[Side]:
 
 def _corner_indices(ring: Ring) -> list[int]:
     """Return the indices of a ring's corners: the nodes at which its walls change direction for good."""
-    named = [i for i, node in enumerate(ring.nodes) if node.corner]
-    if len(named) >= 3:
-        return named
-    turning = [i for i, node in enumerate(ring.nodes) if abs(node.turn_deg) >= _MIN_TURN_DEG]
-    return turning or [0]
+    marked_corners = [i for i, node in enumerate(ring.nodes) if node.corner]
+    if len(marked_corners) >= 3:
+        return marked_corners
+    sharp_turns = [i for i, node in enumerate(ring.nodes) if abs(node.turn_deg) >= _MIN_TURN_DEG]
+    return sharp_turns or [0]
 
 
 def _side(index: int, ring: Ring, edges: list[int]) -> Side:

@@ -66,19 +66,19 @@ def viewpoint_of(floor: Map, name: str) -> Pose:
             target = point_on(wall, half if is_door else min(half, _FROM_CORNER_MM))
             to_left = walls.kinds[edge] is not EdgeKind.ELEVATOR
             return _facing(floor, name, target, facing_deg(wall), to_left=to_left)
-    known = [*dict.fromkeys((*map(door_name, names), *names))]
-    hint = did_you_mean(name, known, max_names=3) or "see `colony map`"
+    all_names = [*dict.fromkeys((*map(door_name, names), *names))]
+    hint = did_you_mean(name, all_names, max_names=3) or "see `colony map`"
     raise NoViewpointError(f"`{floor.name}` has no door or node `{name}`; {hint}")
 
 
-def _facing(floor: Map, name: str, target: Point, into_deg: float, *, to_left: bool) -> Pose:
-    into = direction(into_deg)
+def _facing(floor: Map, name: str, target: Point, wall_heading_deg: float, *, to_left: bool) -> Pose:
+    into = direction(wall_heading_deg)
     away = Point(-into.x, -into.y)
-    free = free_distance(walls_of(floor).segments, target, away)
-    if free < 2 * _MIN_CLEARANCE_MM:
+    free_mm = free_distance(walls_of(floor).segments, target, away)
+    if free_mm < 2 * _MIN_CLEARANCE_MM:
         raise NoViewpointError(
-            f"in front of `{name}` of `{floor.name}` only {free:.0f} mm are free; expected a corridor"
+            f"in front of `{name}` of `{floor.name}` only {free_mm:.0f} mm are free; expected a corridor"
         )
-    back = min(free / 2, _MAX_DISTANCE_MM)
-    heading = into_deg - 90.0 if to_left else into_deg
-    return Pose(target.x + back * away.x, target.y + back * away.y, heading % 360.0)
+    distance = min(free_mm / 2, _MAX_DISTANCE_MM)
+    heading = wall_heading_deg - 90.0 if to_left else wall_heading_deg
+    return Pose(target.x + distance * away.x, target.y + distance * away.y, heading % 360.0)

@@ -41,19 +41,19 @@ def clerk() -> Script:
     for name in (GOAL_DATA, ROBOT_STATUS):
         yield from do("DServer", data.create_semaphore(name, 0))
     number = int((yield from _read_variable(GOAL_NUMBER)) or 0)
-    pursued = number != int((yield from _read_variable(GOAL_ANSWERED)) or 0)
+    is_pursuing = number != int((yield from _read_variable(GOAL_ANSWERED)) or 0)
     while True:
-        if pursued and (yield from _await_goal(number)):
+        if is_pursuing and (yield from _await_goal(number)):
             # In this order: the Planner discards a duplicate answer, but waits forever for a lost one.
             yield from do("DServer", data.signal(ROBOT_STATUS))
             yield from do("DServer", data.set(GOAL_ANSWERED, number))
-            pursued = False
-        if not pursued:
+            is_pursuing = False
+        if not is_pursuing:
             yield from do("DServer", data.wait(GOAL_DATA))
         yield from _await_tracker()
         number += 1
         yield from do("DServer", data.set(GOAL_NUMBER, number))
-        pursued = True
+        is_pursuing = True
 
 
 def _await_goal(number: int) -> Generator[Step, Any, bool]:

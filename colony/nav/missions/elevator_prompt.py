@@ -54,11 +54,11 @@ def elevator_prompt(building: Building, line_input: LineInput, *, say: Callable[
             line_input.discard()
             say(f"Press Enter here when its doors are open on {_floor(building, call.destination)}.")
         while (yield from current_call()) == call:
-            entered = line_input.poll() if can_answer and not reached else "nothing"
-            if entered == "end":
+            poll_result = line_input.poll() if can_answer and not reached else "nothing"
+            if poll_result == "end":
                 can_answer = False
                 say("No answers can be read here: the robot leaves when it detects the open doors.")
-            if entered != "nothing":
+            if poll_result != "nothing":
                 reached = True
                 yield from do("DServer", data.set(FLOOR_REACHED, 1))
             yield from sleep(POLL_INTERVAL_S)

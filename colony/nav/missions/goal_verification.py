@@ -23,7 +23,7 @@ SAME_PLATE_MM = 1_500.0
 """Maximum distance of a reading from the plate's position; the same text farther away is on another plate."""
 
 SAME_POSITION_MM = 600.0
-"""Maximum distance of another plate from the position of the goal's to refute it: doors are farther apart."""
+"""Maximum distance from the goal's plate at which another text refutes the goal: doors are farther apart."""
 
 HISTORY_LENGTH = 16
 """Number of plates that DServer keeps: those along the last meters of a corridor."""
@@ -62,10 +62,10 @@ def reported_plate(value: Any) -> ReportedPlate | None:
             return None
 
 
-def verdict_of(plate: Plate, seen: Iterable[ReportedPlate]) -> Verdict:
+def verdict_of(plate: Plate, reports: Iterable[ReportedPlate]) -> Verdict:
     """Return the verdict of the reported plates on a goal with `plate`; unread plates do not count."""
     verdict = Verdict.UNSEEN
-    for report in seen:
+    for report in reports:
         distance_mm = math.hypot(report.x_mm - plate.center.x, report.y_mm - plate.center.y)
         if report.text == plate.text and distance_mm <= SAME_PLATE_MM:
             return Verdict.RIGHT
@@ -88,12 +88,12 @@ def remember_plates() -> Generator[Step, Any, None]:
     yield from try_ask("DServer", data.set_history(PLATE_SEEN, HISTORY_LENGTH))
 
 
-def goal_verdict(plate: Plate, *, begun_ns: int) -> Generator[Step, Any, Verdict]:
+def goal_verdict(plate: Plate, *, segment_start_ns: int) -> Generator[Step, Any, Verdict]:
     """Return the verdict of the plates seen on the last segment, or shortly before.
 
     The verdict waits up to `READ_TIMEOUT_S` for a plate in view to be read.
     """
-    since_ns = begun_ns - EARLY_NS
+    since_ns = segment_start_ns - EARLY_NS
     waited_s = 0.0
     while True:
         values = (yield from try_ask("DServer", data.history(PLATE_SEEN))) or ()

@@ -37,7 +37,7 @@ class Layout:
         headings_deg: headings of the edges, a tuple per ring.
         corridors, spaces: corridors and turning spaces, as found by `colony/nav/maps/corridors.py`.
         lights: (x, y) of the ceiling lights in mm.
-        bounded: indices of the corridors that an edge bounds, by the edge's (ring, edge).
+        corridors_of_edge: indices of the corridors that an edge bounds, by the edge's (ring, edge).
     """
 
     source: Map
@@ -46,11 +46,11 @@ class Layout:
     corridors: tuple[Corridor, ...]
     spaces: tuple[TurningSpace, ...]
     lights: tuple[Point, ...]
-    bounded: Mapping[tuple[int, int], tuple[int, ...]]
+    corridors_of_edge: Mapping[tuple[int, int], tuple[int, ...]]
 
     def corridor_at(self, ring: int, edge: int) -> int | None:
         """Return the corridor that an edge bounds; of several, the one nearest to the edge's center."""
-        found = self.bounded.get((ring, edge), ())
+        found = self.corridors_of_edge.get((ring, edge), ())
         if len(found) < 2:
             return found[0] if found else None
         here, there = self.nodes[ring][edge], self.nodes[ring][(edge + 1) % len(self.nodes[ring])]
@@ -81,10 +81,10 @@ class Layout:
 def layout_of(source: Map) -> Layout:
     """Derive the layout of a map, once for each map."""
     corridors = corridors_of(source)
-    bounded: dict[tuple[int, int], tuple[int, ...]] = {}
+    corridors_of_edge: dict[tuple[int, int], tuple[int, ...]] = {}
     for i, corridor in enumerate(corridors):
         for edge in corridor.edges:
-            bounded[edge] = (*bounded.get(edge, ()), i)
+            corridors_of_edge[edge] = (*corridors_of_edge.get(edge, ()), i)
     return Layout(
         source=source,
         nodes=tuple(corners(ring) for ring in source.rings),
@@ -92,7 +92,7 @@ def layout_of(source: Map) -> Layout:
         corridors=corridors,
         spaces=turning_spaces_of(corridors),
         lights=tuple(Point(float(x), float(y)) for x, y in lights_of(source)),
-        bounded=bounded,
+        corridors_of_edge=corridors_of_edge,
     )
 
 
@@ -110,7 +110,7 @@ class NodeIndex(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Lift:
+class ElevatorRide:
     """An elevator ride between the doors at two nodes, in either direction."""
 
     first: NodeIndex
@@ -130,8 +130,8 @@ class Stretch:
     length_mm: float
 
 
-Route = tuple[Stretch | Lift, ...]
-"""The parts of a route, in order; a lift joins two floors."""
+Route = tuple[Stretch | ElevatorRide, ...]
+"""The parts of a route, in order; an elevator ride joins two floors."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -151,7 +151,7 @@ class _CorridorPosition:
 
 def shortest_route(
     layouts: tuple[Layout, ...],
-    lifts: tuple[Lift, ...],
+    rides: tuple[ElevatorRide, ...],
     origin: NodeIndex,
     goal: NodeIndex,
     travel: Travel | None,
@@ -162,27 +162,27 @@ def shortest_route(
 
     Args:
         layouts: the layouts of all floors.
-        lifts: the elevators between them.
+        rides: the elevator rides between them.
         origin: the node where the route begins.
         goal: the node where it ends.
         travel: direction of travel on all floors; None for that of each floor's map.
     """
     if origin.floor == goal.floor:
-        direct = _shortest(layouts, (), origin, goal, travel)
-        if direct is not None:
-            return direct
-    return _shortest(layouts, lifts, origin, goal, travel) if lifts else None
+        route = _shortest(layouts, (), origin, goal, travel)
+        if route is not None:
+            return route
+    return _shortest(layouts, rides, origin, goal, travel) if rides else None
 
 
 def _shortest(
     layouts: tuple[Layout, ...],
-    lifts: tuple[Lift, ...],
+    rides: tuple[ElevatorRide, ...],
     origin: NodeIndex,
     goal: NodeIndex,
     travel: Travel | None,
 ) -> Route | None:
     graph = nx.DiGraph()
-    ends = {origin, goal, *(end for lift in lifts for end in (lift.first, lift.second))}
+    ends = {origin, goal, *(end for ride in rides for end in (ride.first, ride.second))}
     for floor in {end.floor for end in ends}:
         layout = layouts[floor]
         floor_ends = [end for end in ends if end.floor == floor]
@@ -192,8 +192,8 @@ def _shortest(
                 _add_rings(graph, floor, layout, floor_ends, linked=not one_ring)
             case "either":
                 _add_corridors(graph, floor, layout, floor_ends)
-    for lift in lifts:
-        for here, there in ((lift.first, lift.second), (lift.second, lift.first)):
+    for ride in rides:
+        for here, there in ((ride.first, ride.second), (ride.second, ride.first)):
             graph.add_edge(here, there, weight=_RIDE_MM, length=0.0, corridor=None)
     try:
         return _split_at_rides(graph, nx.dijkstra_path(graph, origin, goal))
@@ -201,7 +201,7 @@ def _shortest(
         return None
 
 
-def _step(
+def _add_step(
     graph: Any, here: object, there: object, length: float, corridor: int | None, extra: float = 0.0
 ) -> None:
     """Add an edge to the graph; keep only the shortest edge between the same positions."""
@@ -214,66 +214,66 @@ def _add_rings(graph: Any, floor: int, layout: Layout, ends: list[NodeIndex], li
     links = layout.source.links if linked else ()
     rings = layout.source.rings
     node_indices = {node.name: (r, n) for r, ring in enumerate(rings) for n, node in enumerate(ring.nodes)}
-    ports = [
+    link_ends = [
         tuple(_RingPosition(floor, *node_indices[site.node], site.offset_mm) for site in link)
         for link in links
     ]
     for r, ring in enumerate(rings):
         positions = [_RingPosition(floor, r, n, 0.0) for n in range(len(ring.nodes))]
-        positions += [position for port in ports for position in port if position.ring == r]
+        positions += [position for both_ends in link_ends for position in both_ends if position.ring == r]
         positions = sorted(set(positions))
         for here, there in zip(positions, [*positions[1:], positions[0]], strict=True):
             edge = ring.edges[here.edge]
-            until = there.offset_mm if there.edge == here.edge and there > here else edge.length_mm
-            length = until - here.offset_mm if edge.counted else 0.0
-            _step(graph, here, there, length, layout.corridor_at(r, here.edge))
-    for first, second in ports:
-        _step(graph, first, second, 0.0, None)
-        _step(graph, second, first, 0.0, None)
+            end_mm = there.offset_mm if there.edge == here.edge and there > here else edge.length_mm
+            length = end_mm - here.offset_mm if edge.counted else 0.0
+            _add_step(graph, here, there, length, layout.corridor_at(r, here.edge))
+    for first, second in link_ends:
+        _add_step(graph, first, second, 0.0, None)
+        _add_step(graph, second, first, 0.0, None)
     for end in ends:
         position = _RingPosition(floor, end.ring, end.node, 0.0)
-        _step(graph, end, position, 0.0, None)
-        _step(graph, position, end, 0.0, None)
+        _add_step(graph, end, position, 0.0, None)
+        _add_step(graph, position, end, 0.0, None)
 
 
 def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[NodeIndex]) -> None:
-    along: list[set[_CorridorPosition]] = [set() for _ in layout.corridors]
+    positions_on: list[set[_CorridorPosition]] = [set() for _ in layout.corridors]
     for space in layout.spaces:
         pair = [
             _CorridorPosition(floor, k, round(layout.corridors[k].along(*space.center), 3))
             for k in space.corridors
         ]
         for position in pair:
-            along[position.corridor].add(position)
-        _step(graph, pair[0], pair[1], 0.0, None, _TURN_MM)
-        _step(graph, pair[1], pair[0], 0.0, None, _TURN_MM)
+            positions_on[position.corridor].add(position)
+        _add_step(graph, pair[0], pair[1], 0.0, None, _TURN_MM)
+        _add_step(graph, pair[1], pair[0], 0.0, None, _TURN_MM)
     for end in ends:
         k = layout.corridor_of_node(end.ring, end.node)
         if k is not None:
             at = layout.nodes[end.ring][end.node]
             position = _CorridorPosition(floor, k, round(layout.corridors[k].reachable_along(*at), 3))
-            along[k].add(position)
-            _step(graph, end, position, 0.0, k)
-            _step(graph, position, end, 0.0, k)
-    for k, positions in enumerate(along):
+            positions_on[k].add(position)
+            _add_step(graph, end, position, 0.0, k)
+            _add_step(graph, position, end, 0.0, k)
+    for k, positions in enumerate(positions_on):
         for here, there in pairwise(sorted(positions)):
-            _step(graph, here, there, there.along_mm - here.along_mm, k)
-            _step(graph, there, here, there.along_mm - here.along_mm, k)
+            _add_step(graph, here, there, there.along_mm - here.along_mm, k)
+            _add_step(graph, there, here, there.along_mm - here.along_mm, k)
 
 
 def _split_at_rides(graph: Any, path: list[Any]) -> Route:
     """Split a path of the graph at its elevator rides."""
-    parts: list[Stretch | Lift] = []
+    parts: list[Stretch | ElevatorRide] = []
     origin, length = path[0], 0.0
     corridors: list[int] = []
     for here, there in pairwise(path):
         if isinstance(here, NodeIndex) and isinstance(there, NodeIndex):
             # Successive rides of an elevator are one ride.
             match parts[-1:]:
-                case [Lift(first=first)]:
-                    parts[-1] = Lift(first, there)
+                case [ElevatorRide(first=first)]:
+                    parts[-1] = ElevatorRide(first, there)
                 case _:
-                    parts.append(Lift(here, there))
+                    parts.append(ElevatorRide(here, there))
             origin, length, corridors = there, 0.0, []
             continue
         step = graph[here][there]

@@ -113,19 +113,19 @@ def segments_of(
     modes = ""
     for i, leg in enumerate(legs):
         last = i == len(legs) - 1
-        marks = _lights_on(leg, lights, first=i == 0, last=last)
-        done_mm = 0.0
+        light_distances = _lights_on(leg, lights, first=i == 0, last=last)
+        start_mm = 0.0
         if i > 0:
-            done_mm = _exit_mm(leg, marks)
-            segments.append(_segment(GoalKind.CORNER, leg, 0.0, done_mm, floor))
+            start_mm = _exit_mm(leg, light_distances)
+            segments.append(_segment(GoalKind.CORNER, leg, 0.0, start_mm, floor))
             modes += "c"
-        if marks:
-            offsets = tuple(mark - done_mm for mark in marks)
-            segments.append(_segment(GoalKind.LIGHTS, leg, done_mm, marks[-1], floor, offsets))
+        if light_distances:
+            offsets = tuple(distance - start_mm for distance in light_distances)
+            segments.append(_segment(GoalKind.LIGHTS, leg, start_mm, light_distances[-1], floor, offsets))
             modes += "l"
-            done_mm = marks[-1]
+            start_mm = light_distances[-1]
         kind = GoalKind.DEAD_RECKONING if last else GoalKind.ENTER_CORNER
-        segments.append(_segment(kind, leg, done_mm, leg.length_mm, floor))
+        segments.append(_segment(kind, leg, start_mm, leg.length_mm, floor))
     return tuple(segments), modes + "d"
 
 
@@ -134,23 +134,23 @@ def _lights_on(leg: Leg, lights: tuple[Point, ...], first: bool, last: bool) -> 
     unit = direction(leg.heading_deg)
     low = LIGHT_AHEAD_MM if first else leg.before_mm + LIGHT_AHEAD_MM
     high = leg.length_mm - (LIGHT_BEFORE_GOAL_MM if last else leg.after_mm)
-    marks = []
+    distances = []
     for light in lights:
         dx, dy = light.x - leg.start.x, light.y - leg.start.y
         along, left = dx * unit.x + dy * unit.y, dy * unit.x - dx * unit.y
         if low <= along <= high and abs(left) <= leg.corridor.width_mm / 2:
-            marks.append(along)
-    return tuple(sorted(marks))
+            distances.append(along)
+    return tuple(sorted(distances))
 
 
-def _exit_mm(leg: Leg, marks: tuple[float, ...]) -> float:
+def _exit_mm(leg: Leg, light_distances: tuple[float, ...]) -> float:
     """Return the distance to drive out of the turning space in which a leg begins.
 
-    It is at most half of the leg's length, so that a robot that overshoots is still before the leg's end, and
-    ends before the first light.
+    It is at most half of the leg's length, so that a robot that overshoots is still before the leg's end. It
+    also ends before the first light.
     """
     exit_mm = min(leg.before_mm + LEAVE_MM, leg.length_mm / 2)
-    return min(exit_mm, marks[0] - LIGHT_AHEAD_MM) if marks else exit_mm
+    return min(exit_mm, light_distances[0] - LIGHT_AHEAD_MM) if light_distances else exit_mm
 
 
 def _segment(

@@ -23,11 +23,12 @@ class Segment:
 
     In the light-tracking mode `lights_mm` are the distances of the lights from `start`, ascending, and `end`
     is below the last one. A corner segment begins at the center of the turning space, with a turn to its
-    heading, and ends in the next corridor. `width_mm` is the corridor's. An elevator segment leads from in
-    front of its doors, faced at `heading_deg`, to in front of its doors on another floor, whose map shows
-    them rotated by `turn_deg` counterclockwise. Its `width_mm` is that of the doors, `doors_mm` are the
-    distances of the doors from its start and from its end, and `doors` are the nodes where they begin on
-    either floor.
+    heading, and ends in the next corridor. `width_mm` is the corridor's.
+
+    An elevator segment starts in front of the elevator's doors, which the robot faces at `heading_deg`, and
+    ends in front of its doors on another floor, whose map shows them rotated by `turn_deg` counterclockwise.
+    Its `width_mm` is that of the doors, `doors_mm` are the distances of the doors from its start and from its
+    end, and `doors` are the nodes where they begin on either floor.
     """
 
     kind: GoalKind

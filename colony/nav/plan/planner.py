@@ -58,8 +58,8 @@ INTO_ELEVATOR_MM = 900.0
 MIN_SHORTFALL_MM, MAX_SHORTFALL_MM = 50.0, 1_500.0
 """Limits of a robot's distance before its goal, as measured by the plate there.
 
-A robot with a longer distance than the minimum drives on; one with a longer distance than the maximum is lost
-and stays where it is.
+A robot farther from its goal than the minimum drives on; one farther than the maximum is lost, and stays
+where it is.
 """
 
 Positions = Literal["pose", "reckoning"]
@@ -139,7 +139,7 @@ def planner(
     positions: Positions = "pose",
     compensate: bool = True,
     on_segment: OnSegment | None = None,
-    verify: Plate | None = None,
+    goal_plate: Plate | None = None,
     on_verdict: OnVerdict | None = None,
 ) -> Script:
     """Lead the robot along a plan; end when it has stopped at the goal.
@@ -149,19 +149,19 @@ def planner(
         positions: the source of distances.
         compensate: with `reckoning`: True to subtract the overshoot of lights from the next distance.
         on_segment: callback at the start of each segment.
-        verify: the plate at the goal. GoalVerified is set to the verdict; a robot that is short of the goal
-            according to the plate drives the rest.
+        goal_plate: the plate at the goal; None to verify nothing. GoalVerified is set to the verdict; a robot
+            that is short of the goal according to the plate drives the rest.
         on_verdict: callback with the final verdict.
     """
     yield from _begin(plan.segments[0].start.floor)
-    if verify is not None:
+    if goal_plate is not None:
         yield from remember_plates()
-    reckoned_mm, begun_ns = 0.0, 0
+    reckoned_mm, segment_start_ns = 0.0, 0
     for number, segment in enumerate(plan.segments):
         if on_segment is not None:
             on_segment(number, segment)
-        if verify is not None:
-            begun_ns = yield from sleep(0.0)
+        if goal_plate is not None:
+            segment_start_ns = yield from sleep(0.0)
         if segment.kind is GoalKind.ELEVATOR:
             call = ElevatorCall(segment.doors[0], segment.start.floor, segment.end.floor)
             yield from do("DServer", data.set(ELEVATOR_CALL, list(call)))
@@ -175,8 +175,8 @@ def planner(
         if segment.kind is GoalKind.ELEVATOR:
             yield from _change_floor(segment)
     yield from do("DServer", data.set(GOAL_TYPE, int(GoalKind.NONE)))
-    if verify is not None:
-        verdict = yield from _verify(verify, plan.segments[-1], begun_ns)
+    if goal_plate is not None:
+        verdict = yield from _verify(goal_plate, plan.segments[-1], segment_start_ns)
         if on_verdict is not None:
             on_verdict(verdict)
 
@@ -190,13 +190,13 @@ def _begin(floor: str) -> Generator[Step, Any, None]:
     yield from do("DServer", data.set_many({FLOOR: floor, ELEVATOR_CALL: []}))
 
 
-def _verify(plate: Plate, last: Segment, begun_ns: int) -> Generator[Step, Any, Verdict]:
+def _verify(plate: Plate, last: Segment, segment_start_ns: int) -> Generator[Step, Any, Verdict]:
     """Wait for the verdict on the goal; drive the rest of the path by the corrected position."""
-    verdict = yield from goal_verdict(plate, begun_ns=begun_ns)
+    verdict = yield from goal_verdict(plate, segment_start_ns=segment_start_ns)
     here = yield from do("RServer", robot.position())
-    rest_mm = last.length_mm - progress_along(last, here.x, here.y)
-    if MIN_SHORTFALL_MM < rest_mm < MAX_SHORTFALL_MM:
-        yield from _pursue(Goal(GoalKind.DEAD_RECKONING, last.heading_deg, rest_mm))
+    remaining_mm = last.length_mm - progress_along(last, here.x, here.y)
+    if MIN_SHORTFALL_MM < remaining_mm < MAX_SHORTFALL_MM:
+        yield from _pursue(Goal(GoalKind.DEAD_RECKONING, last.heading_deg, remaining_mm))
         yield from do("DServer", data.set(GOAL_TYPE, int(GoalKind.NONE)))
     yield from do("DServer", data.set(GOAL_VERIFIED, int(verdict)))
     return verdict

@@ -5,7 +5,7 @@ from __future__ import annotations
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind, Map, Travel
-from colony.nav.plan.graph import Layout, Lift, NodeIndex, Route, Stretch, layout_of, shortest_route
+from colony.nav.plan.graph import ElevatorRide, Layout, NodeIndex, Route, Stretch, layout_of, shortest_route
 from colony.nav.plan.legs import DisconnectedCorridors, Leg, legs_of, segments_of
 from colony.nav.plan.plan import FloorPoint, Plan, Segment
 from colony.nav.shared import GoalKind
@@ -43,17 +43,20 @@ def plan(source: Map | Building, origin: str, goal: str, *, travel: Travel | Non
     """
     building = source if isinstance(source, Building) else Building(maps=(source,))
     layouts = tuple(layout_of(floor) for floor in building.maps)
-    known = _nodes_by_name(layouts)
-    starts, goals = _find_nodes(layouts, known, origin, "start"), _find_nodes(layouts, known, goal, "goal")
+    nodes_by_name = _nodes_by_name(layouts)
+    starts, goals = (
+        _find_nodes(layouts, nodes_by_name, origin, "start"),
+        _find_nodes(layouts, nodes_by_name, goal, "goal"),
+    )
     if set(starts) == set(goals):
         message = f"{_quote(origin)} and {_quote(goal)} are the same place"
         raise NoPlanError(message, "name a start and a goal that differ")
-    lifts = _lifts(building)
+    rides = _elevator_rides(building)
     routes = [
         (_length(route), start, end, route)
         for start in starts
         for end in goals
-        if start != end and (route := shortest_route(layouts, lifts, start, end, travel)) is not None
+        if start != end and (route := shortest_route(layouts, rides, start, end, travel)) is not None
     ]
     if not routes:
         raise _no_route(layouts, starts[0], goals[0], travel)
@@ -84,7 +87,7 @@ NodesByName = dict[str, list[NodeIndex]]
 
 def _nodes_by_name(layouts: tuple[Layout, ...]) -> NodesByName:
     """Return all nodes by name, with and without the floor's prefix."""
-    known: NodesByName = {}
+    nodes_by_name: NodesByName = {}
     for f, layout in enumerate(layouts):
         for r, ring in enumerate(layout.source.rings):
             for n, node in enumerate(ring.nodes):
@@ -92,15 +95,15 @@ def _nodes_by_name(layouts: tuple[Layout, ...]) -> NodesByName:
                 if layout.source.floor:
                     prefixes.add(f"{layout.source.floor}:")
                 for prefix in prefixes:
-                    known.setdefault(prefix + node.name, []).append(NodeIndex(f, r, n))
-    return known
+                    nodes_by_name.setdefault(prefix + node.name, []).append(NodeIndex(f, r, n))
+    return nodes_by_name
 
 
 def _find_nodes(
-    layouts: tuple[Layout, ...], known: NodesByName, name: str, what: str
+    layouts: tuple[Layout, ...], nodes_by_name: NodesByName, name: str, what: str
 ) -> tuple[NodeIndex, ...]:
-    found = known.get(name) or [
-        node_index for jamb in JAMB_SUFFIXES for node_index in known.get(name + jamb, ())
+    found = nodes_by_name.get(name) or [
+        node_index for jamb in JAMB_SUFFIXES for node_index in nodes_by_name.get(name + jamb, ())
     ]
     if any(node_index.floor == 0 for node_index in found):
         found = [node_index for node_index in found if node_index.floor == 0]
@@ -111,7 +114,7 @@ def _find_nodes(
     if found:
         return tuple(found)
     where = " or ".join(f"`{layout.source.name}`" for layout in layouts)
-    hint = _similar_names(name, known) or "`colony map` draws the names"
+    hint = _similar_names(name, nodes_by_name) or "`colony map` draws the names"
     raise NoPlanError(f"there is no {what} {_quote(name)} in the map {where}", hint)
 
 
@@ -127,20 +130,31 @@ def _similar_names(name: str, known: NodesByName) -> str | None:
     The hint has the same name in different case, or up to three similar names of doors and of nodes that
     are not jambs.
     """
-    folded = [one for one in known if one.lower() == name.lower()]
-    doors = {one.removesuffix(jamb) for one in known for jamb in JAMB_SUFFIXES if one.endswith(jamb)} - {""}
-    others = {one for one in known if not any(one.removesuffix(jamb) in doors for jamb in JAMB_SUFFIXES)}
-    return did_you_mean(name, folded or sorted(doors | others), max_names=3)
+    same_letters = [known_name for known_name in known if known_name.lower() == name.lower()]
+    doors = {
+        known_name.removesuffix(jamb)
+        for known_name in known
+        for jamb in JAMB_SUFFIXES
+        if known_name.endswith(jamb)
+    } - {""}
+    others = {
+        known_name
+        for known_name in known
+        if not any(known_name.removesuffix(jamb) in doors for jamb in JAMB_SUFFIXES)
+    }
+    return did_you_mean(name, same_letters or sorted(doors | others), max_names=3)
 
 
-def _lifts(building: Building) -> tuple[Lift, ...]:
+def _elevator_rides(building: Building) -> tuple[ElevatorRide, ...]:
     nodes_by_name = {
         (floor.name, node.name): NodeIndex(f, r, n)
         for f, floor in enumerate(building.maps)
         for r, ring in enumerate(floor.rings)
         for n, node in enumerate(ring.nodes)
     }
-    return tuple(Lift(nodes_by_name[ride.first], nodes_by_name[ride.second]) for ride in building.rides)
+    return tuple(
+        ElevatorRide(nodes_by_name[ride.first], nodes_by_name[ride.second]) for ride in building.rides
+    )
 
 
 def _no_route(
@@ -151,14 +165,14 @@ def _no_route(
         if layouts[node_index.floor].corridor_of_node(node_index.ring, node_index.node) is None:
             message += f": `{_name(layouts, node_index)}` is in no corridor"
             return NoPlanError(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
-    one, other = layouts[start.floor].source, layouts[goal.floor].source
-    if one is not other:
-        message += f": no elevator that can be reached leads from `{one.name}` to `{other.name}`"
+    start_map, goal_map = layouts[start.floor].source, layouts[goal.floor].source
+    if start_map is not goal_map:
+        message += f": no elevator that can be reached leads from `{start_map.name}` to `{goal_map.name}`"
         return NoPlanError(
             message, "check that an elevator's doors open into a corridor that meets the others"
         )
-    if (travel or one.travel) == "wall-on-left" and start.ring != goal.ring:
-        rings = (one.rings[start.ring].name, one.rings[goal.ring].name)
+    if (travel or start_map.travel) == "wall-on-left" and start.ring != goal.ring:
+        rings = (start_map.rings[start.ring].name, start_map.rings[goal.ring].name)
         message += f": one is on ring `{rings[0]}`, the other on `{rings[1]}`, and no links join these"
         return NoPlanError(message, "add `link` lines to the map, or travel it either way")
     return NoPlanError(f"{message}: their corridors do not meet", "`colony map` draws their walls")
@@ -170,7 +184,7 @@ def _no_route(
 def _segments(layouts: tuple[Layout, ...], route: Route) -> tuple[tuple[Segment, ...], str]:
     segments: list[Segment] = []
     modes = ""
-    rides = [part for part in route if isinstance(part, Lift)]
+    rides = [part for part in route if isinstance(part, ElevatorRide)]
     landings = {landing for ride in rides for landing in (ride.first, ride.second)}
     for part in route:
         match part:
@@ -180,7 +194,7 @@ def _segments(layouts: tuple[Layout, ...], route: Route) -> tuple[tuple[Segment,
                 found, letters = segments_of(legs, layout.lights, layout.source.name)
                 segments += found
                 modes += letters
-            case Lift():
+            case ElevatorRide():
                 segments.append(_ride(layouts, part))
                 modes += "v"
     return tuple(segments), modes
@@ -193,7 +207,7 @@ def _legs(layouts: tuple[Layout, ...], stretch: Stretch, landings: set[NodeIndex
     if not corridors:
         raise NoPlanError(f"{message} is in no corridor", "a corridor has two walls that face each other")
     ends = [
-        _doors(layout, node_index)
+        _doors_center(layout, node_index)
         if node_index in landings
         else layout.nodes[node_index.ring][node_index.node]
         for node_index in (stretch.origin, stretch.goal)
@@ -210,36 +224,36 @@ def _format_point(at: Point) -> str:
     return f"({at.x / 1000:.1f} m, {at.y / 1000:.1f} m)"
 
 
-def _doors(layout: Layout, node_index: NodeIndex) -> Point:
+def _doors_center(layout: Layout, node_index: NodeIndex) -> Point:
     """Return the center of an elevator's doors."""
     nodes = layout.nodes[node_index.ring]
     here, there = nodes[node_index.node], nodes[(node_index.node + 1) % len(nodes)]
     return Point((here.x + there.x) / 2, (here.y + there.y) / 2)
 
 
-def _ride(layouts: tuple[Layout, ...], lift: Lift) -> Segment:
+def _ride(layouts: tuple[Layout, ...], ride: ElevatorRide) -> Segment:
     points, headings, doors_mm = [], [], []
-    for node_index in (lift.first, lift.second):
+    for node_index in (ride.first, ride.second):
         layout = layouts[node_index.floor]
         k = layout.corridor_of_node(node_index.ring, node_index.node)
         if k is None:
             message = f"the elevator `{_name(layouts, node_index)}` opens into no corridor"
             raise NoPlanError(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
         corridor = layout.corridors[k]
-        doors = _doors(layout, node_index)
+        doors = _doors_center(layout, node_index)
         points.append(FloorPoint(*corridor.point_at(corridor.reachable_along(*doors)), layout.source.name))
         doors_mm.append(abs(corridor.offset(*doors)))
         # The elevator is to the left of its edge.
         headings.append((layout.headings_deg[node_index.ring][node_index.node] + 90.0) % 360.0)
-    ring = layouts[lift.first.floor].source.rings[lift.first.ring]
-    assert ring.edges[lift.first.node].kind is EdgeKind.ELEVATOR
+    ring = layouts[ride.first.floor].source.rings[ride.first.ring]
+    assert ring.edges[ride.first.node].kind is EdgeKind.ELEVATOR
     return Segment(
         kind=GoalKind.ELEVATOR,
         heading_deg=headings[0],
         start=points[0],
         end=points[1],
-        width_mm=ring.edges[lift.first.node].length_mm,
+        width_mm=ring.edges[ride.first.node].length_mm,
         turn_deg=(headings[1] - headings[0]) % 360.0,
         doors_mm=(doors_mm[0], doors_mm[1]),
-        doors=(_name(layouts, lift.first), _name(layouts, lift.second)),
+        doors=(_name(layouts, ride.first), _name(layouts, ride.second)),
     )

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 CHANNELS = 24
-"""Sonars, 15 degrees apart counterclockwise: 12 ahead, 18 left, 0 back, 6 right."""
+"""Number of sonars, 15 degrees apart counterclockwise: 12 ahead, 18 left, 0 back, 6 right."""
 
 BEARINGS_RAD = (np.arange(CHANNELS) - 12) * (2.0 * math.pi / CHANNELS)
 """(24,), the direction of each sonar, counterclockwise from ahead."""
@@ -176,17 +176,17 @@ class SonarRing:
         normal, along = reflectors.normal.T, reflectors.along.T
         height = origins @ normal - (start * reflectors.normal).sum(axis=1)
         foot = origins @ along - (start * reflectors.along).sum(axis=1)
-        closing = -(rays @ normal).reshape(CHANNELS, _RAYS, -1)
-        passing = (rays @ along).reshape(CHANNELS, _RAYS, -1)
+        cosines = -(rays @ normal).reshape(CHANNELS, _RAYS, -1)
+        sines = (rays @ along).reshape(CHANNELS, _RAYS, -1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            distances = height[:, None, :] / closing
-        hit_along = foot[:, None, :] + distances * passing
-        hits = (closing > _MIN_COSINE) & (height[:, None, :] > 0.0)
+            distances = height[:, None, :] / cosines
+        hit_along = foot[:, None, :] + distances * sines
+        hits = (cosines > _MIN_COSINE) & (height[:, None, :] > 0.0)
         hits &= (hit_along > -_LEAK_MM) & (hit_along < reflectors.length + _LEAK_MM)
         distances = np.where(hits, distances, np.inf)
         walls = distances.argmin(axis=2)
         ray_index = (_CHANNEL[:, None], _RAY, walls)
-        depth, cosine = distances[ray_index], closing[ray_index]
+        depth, cosine = distances[ray_index], cosines[ray_index]
         detected = (depth < self.model.reach_mm) & (cosine >= self._cos_critical)
         distance = np.where(detected, depth, np.inf)
         best_ray = (_CHANNEL, distance.argmin(axis=1))

@@ -28,7 +28,7 @@ from colony.runtime.library.robot import Position
 _FIXES = {LIGHT_FIX: Source.LIGHTS, PLATE_FIX: Source.PLATES, MARKER_FIX: Source.MARKERS}
 _MAX_AHEAD_NS = 1_000_000_000
 """Maximum lead of a fix's time over the robot's clock; fixes from farther in the future are discarded."""
-_WITH_SCANS = frozenset({Source.SONAR, Source.LOCAL_MAPS})
+_SCAN_SOURCES = frozenset({Source.SONAR, Source.LOCAL_MAPS})
 
 
 def pose_estimator(
@@ -72,33 +72,33 @@ class _Estimator:
             # Read FLOOR before the position: the Planner adjusts the position, then sets FLOOR.
             yield from self._update_floor()
             scan = None
-            if self._sources & _WITH_SCANS:
+            if self._sources & _SCAN_SOURCES:
                 scan = yield from try_ask("PServer", proximity.sonar())
-            reported = yield from try_ask("RServer", robot.position())
-            if reported is None:
+            position = yield from try_ask("RServer", robot.position())
+            if position is None:
                 continue
-            fresh = scan if scan is not None and scan.t_ns > self._scan_ns else None
-            if fresh is None and self._last is not None and reported.t_ns <= self._last.t_ns:
+            new_scan = scan if scan is not None and scan.t_ns > self._scan_ns else None
+            if new_scan is None and self._last is not None and position.t_ns <= self._last.t_ns:
                 continue
-            yield from self._process(fresh, reported)
+            yield from self._process(new_scan, position)
 
-    def _process(self, scan: SonarReading | None, reported: Position) -> Generator[Step, Any, None]:
+    def _process(self, scan: SonarReading | None, position: Position) -> Generator[Step, Any, None]:
         """Update the tracker with a scan, a position and the fixes of landmarks, and publish the result."""
         ranges = None
-        scan_position = reported
+        scan_position = position
         if scan is not None:
             self._scan_ns = scan.t_ns
-            scan_position = position_at(scan.t_ns, reported, self._last)
+            scan_position = position_at(scan.t_ns, position, self._last)
             if not (yield from self._is_riding()):
                 ranges = scan.ranges
-        fixes = yield from self._fixes(reported.t_ns)
+        fixes = yield from self._fixes(position.t_ns)
         correction = self._tracker.update(ranges, scan_position, fixes)
-        self._last = reported
+        self._last = position
         dx, dy, turn = correction.x_mm, correction.y_mm, correction.heading_deg
         if correction.is_significant and (yield from try_adjust_position(dx, dy, turn)):
             self._tracker.record_correction(correction)
-            heading = reported.heading + turn
-            self._last = Position(x=reported.x + dx, y=reported.y + dy, heading=heading, t_ns=reported.t_ns)
+            heading = position.heading + turn
+            self._last = Position(x=position.x + dx, y=position.y + dy, heading=heading, t_ns=position.t_ns)
         if (pose := self._tracker.estimate) is not None:
             yield from try_ask("DServer", data.set(POSE, pose_list(pose)))
 

@@ -78,11 +78,11 @@ _AGREEMENT_RATE = 0.3  # per scan; low enough that the filter is not lost when p
 _LOST_AGREEMENT = 0.65  # open doors and people spoil up to a third of the readings
 
 # Relocation tries headings up to 35 degrees away, and fits the pose to the scan from each of them.
-_TRIED_STEP_RAD = math.radians(5.0)
-_TRIED_RAD = tuple(sign * n * _TRIED_STEP_RAD for n in range(8) for sign in ((1, -1) if n else (1,)))
-_TRIED_MM = 60.0
+_TURN_STEP_RAD = math.radians(5.0)
+_TRIED_TURNS_RAD = tuple(sign * n * _TURN_STEP_RAD for n in range(8) for sign in ((1, -1) if n else (1,)))
+_MIN_LOST_SIGMA_MM = 60.0
 _MAX_SHIFT_SIGMAS = 2.5
-_SLIP_ASIDE = 0.2  # lateral error per mm traveled of a robot whose wheels slipped
+_SLIP_LATERAL_FRACTION = 0.2  # lateral error per mm traveled of a robot whose wheels slipped
 _CONFIRMED_AGREEMENT = 0.8
 _FIT_ITERATIONS = 2
 _MIN_RELOCATION_READINGS = 7
@@ -179,9 +179,9 @@ class PoseFilter:
         """Bound the position's standard deviation along each axis."""
         for i in (0, 1):
             if self.covariance[i, i] > self._noise.max_mm**2:
-                part = self._noise.max_mm / math.sqrt(self.covariance[i, i])
-                self.covariance[i, :] *= part
-                self.covariance[:, i] *= part
+                factor = self._noise.max_mm / math.sqrt(self.covariance[i, i])
+                self.covariance[i, :] *= factor
+                self.covariance[:, i] *= factor
 
     @property
     def is_lost(self) -> bool:
@@ -194,11 +194,11 @@ class PoseFilter:
         `blur_rad` is the standard deviation of an additional heading error of this scan.
         """
         expected = self._ring.predict(reflectors, *self.state[:3])
-        used = _usable(expected, ranges)
-        if len(used) >= _MIN_READINGS:
-            kept = self._update(expected, ranges, used, blur_rad)
-            self.agreement += _AGREEMENT_RATE * (kept - self.agreement)
-            if len(used) >= _MIN_RELOCATION_READINGS and kept >= _CONFIRMED_AGREEMENT:
+        channels = _usable(expected, ranges)
+        if len(channels) >= _MIN_READINGS:
+            matched_fraction = self._update(expected, ranges, channels, blur_rad)
+            self.agreement += _AGREEMENT_RATE * (matched_fraction - self.agreement)
+            if len(channels) >= _MIN_RELOCATION_READINGS and matched_fraction >= _CONFIRMED_AGREEMENT:
                 self._unconfirmed_mm = 0.0
 
     def observe(self, row: Row, since: MotionSince = NO_MOTION, limit: JumpLimit = NO_JUMP_LIMIT) -> bool:
@@ -215,8 +215,8 @@ class PoseFilter:
         sine, cosine = math.sin(self.state[2]), math.cos(self.state[2])
         x = -since.ahead_mm * sine - since.left_mm * cosine
         y = since.ahead_mm * cosine - since.left_mm * sine
-        then = self.state[:3] - (x, y, since.turned_rad)
-        innovation = row.value - (row.cx * then[0] + row.cy * then[1] + row.ch * then[2])
+        past_pose = self.state[:3] - (x, y, since.turned_rad)
+        innovation = row.value - (row.cx * past_pose[0] + row.cy * past_pose[1] + row.ch * past_pose[2])
         if row.ch:
             innovation = math.remainder(innovation, 2.0 * math.pi * abs(row.ch))  # modulo a full turn
         turning = row.ch + row.cx * y - row.cy * x
@@ -237,8 +237,8 @@ class PoseFilter:
         if slipped:
             gain[3:] = 0.0
         self.state += gain * innovation
-        kept = np.eye(len(gain)) - np.outer(gain, jacobian)
-        self.covariance = kept @ self.covariance @ kept.T + noise * np.outer(gain, gain)
+        retained = np.eye(len(gain)) - np.outer(gain, jacobian)
+        self.covariance = retained @ self.covariance @ retained.T + noise * np.outer(gain, gain)
         return True
 
     def _add_slip(self, row: Row, variance: float) -> None:
@@ -248,14 +248,14 @@ class PoseFilter:
         self.covariance[:3, :3] += max(variance, 0.0) * np.outer(axis, axis)
 
     def relocate(self, reflectors: Reflectors, ranges: Floats) -> bool:
-        """Try headings around the estimate on one scan, and adopt the best; False if none explains the scan.
+        """Try headings around the estimate on one scan, and adopt the best; return False if none is adopted.
 
         The position error must be small enough for a slip since the last confirmed scan: a slipping wheel
         turns a robot more than it moves it.
         """
         saved, odometry = (self.state.copy(), self.covariance.copy()), self._odometry_variances
         best, found = max(_MIN_EXPLAINED, self._explained_fraction(reflectors, ranges) + _MIN_GAIN), None
-        for turn in _TRIED_RAD:
+        for turn in _TRIED_TURNS_RAD:
             self.state = saved[0].copy()
             self.state[2] += turn
             explained = self._fit_state(reflectors, ranges, odometry)
@@ -266,8 +266,8 @@ class PoseFilter:
         if found is None:
             return False
         self.agreement = max(self.agreement, _LOST_AGREEMENT)
-        off = found - self.state
-        if abs(off[2]) < _RELOCATED_RAD and math.hypot(off[0], off[1]) < _RELOCATED_MM:
+        shift = found - self.state
+        if abs(shift[2]) < _RELOCATED_RAD and math.hypot(shift[0], shift[1]) < _RELOCATED_MM:
             return False  # no other pose explains the scan better
         self.state[:3] = found[:3]
         self._inflate(_RELOCATED_MM, _RELOCATED_RAD)
@@ -294,60 +294,68 @@ class PoseFilter:
 
     def _inflate(self, sigma_mm: float, sigma_rad: float) -> None:
         """Raise the pose's standard deviations to at least these values, and discard all correlations."""
-        kept = np.diag(self.covariance)
+        variances = np.diag(self.covariance)
         floor = (sigma_mm**2, sigma_mm**2, sigma_rad**2, 0.0, 0.0)
-        self.covariance = np.diag(np.maximum(kept, floor))
+        self.covariance = np.diag(np.maximum(variances, floor))
 
     @property
     def _lost_sigma_mm(self) -> float:
         """Standard deviation of a lost robot's position, in mm."""
-        return min(_TRIED_MM + _SLIP_ASIDE * self._unconfirmed_mm, self._noise.max_mm)
+        return min(_MIN_LOST_SIGMA_MM + _SLIP_LATERAL_FRACTION * self._unconfirmed_mm, self._noise.max_mm)
 
     def _fit_state(self, reflectors: Reflectors, ranges: Floats, odometry: list[float]) -> float:
         """Fit the state to a scan, and return the fraction of the scan that it explains, from 0 to 1."""
         self.covariance = np.diag(
-            [self._lost_sigma_mm**2, self._lost_sigma_mm**2, _TRIED_STEP_RAD**2, *odometry]
+            [self._lost_sigma_mm**2, self._lost_sigma_mm**2, _TURN_STEP_RAD**2, *odometry]
         )
         for _ in range(_FIT_ITERATIONS):
             expected = self._ring.predict(reflectors, *self.state[:3])
-            used = _usable(expected, ranges)
-            if len(used) < _MIN_RELOCATION_READINGS:
+            channels = _usable(expected, ranges)
+            if len(channels) < _MIN_RELOCATION_READINGS:
                 return 0.0
-            self._update(expected, ranges, used, 0.0)
+            self._update(expected, ranges, channels, 0.0)
         return self._explained_fraction(reflectors, ranges)
 
     def _explained_fraction(self, reflectors: Reflectors, ranges: Floats) -> float:
         """Return the fraction of a scan that the current state explains, from 0 to 1."""
         expected = self._ring.predict(reflectors, *self.state[:3])
-        used = _usable(expected, ranges)
-        if len(used) < _MIN_RELOCATION_READINGS:
+        channels = _usable(expected, ranges)
+        if len(channels) < _MIN_RELOCATION_READINGS:
             return 0.0
-        off = (ranges[used] - expected.ranges[used]) / (_EXPLAINED_SIGMA * expected.sigma[used])
-        return float(np.maximum(1.0 - off * off, 0.0).mean())
+        residuals = (ranges[channels] - expected.ranges[channels]) / (
+            _EXPLAINED_SIGMA * expected.sigma[channels]
+        )
+        return float(np.maximum(1.0 - residuals * residuals, 0.0).mean())
 
-    def _update(self, expected: Prediction, ranges: Floats, used: NDArray[np.intp], blur_rad: float) -> float:
+    def _update(
+        self, expected: Prediction, ranges: Floats, channels: NDArray[np.intp], blur_rad: float
+    ) -> float:
         """Update the state with one scan; return the fraction of the readings that were as predicted."""
-        jacobian = np.zeros((len(used), len(self.state)))
-        jacobian[:, :3] = expected.jacobian[used]
-        innovation = ranges[used] - expected.ranges[used]
-        noise = expected.sigma[used] ** 2 + (jacobian[:, 2] * blur_rad) ** 2
+        jacobian = np.zeros((len(channels), len(self.state)))
+        jacobian[:, :3] = expected.jacobian[channels]
+        innovation = ranges[channels] - expected.ranges[channels]
+        noise = expected.sigma[channels] ** 2 + (jacobian[:, 2] * blur_rad) ** 2
         variance = noise + np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
-        size = np.abs(innovation) / np.sqrt(variance)
-        kept = size < _GATE
-        if kept.any():
-            weight = np.minimum(1.0, _HUBER / np.maximum(size[kept], _TINY)) / noise[kept]
-            rows = jacobian[kept]
+        normalized = np.abs(innovation) / np.sqrt(variance)
+        within_gate = normalized < _GATE
+        if within_gate.any():
+            weight = np.minimum(1.0, _HUBER / np.maximum(normalized[within_gate], _TINY)) / noise[within_gate]
+            rows = jacobian[within_gate]
             # The information form needs only 5 x 5 inverses, for any number of readings.
             scale = np.sqrt(np.diag(self.covariance))
             prior = np.linalg.inv(self.covariance / np.outer(scale, scale))
             rows = rows * scale
             posterior = np.linalg.inv(prior + rows.T @ (weight[:, None] * rows))
-            self.state += scale * (posterior @ (rows.T @ (weight * innovation[kept])))
+            self.state += scale * (posterior @ (rows.T @ (weight * innovation[within_gate])))
             self.covariance = posterior * np.outer(scale, scale)
-        as_predicted = size < _PREDICTED_GATE
+        as_predicted = normalized < _PREDICTED_GATE
         turning = as_predicted[np.abs(jacobian[:, 2]) > _TURNING_MM]
-        part = float(as_predicted.mean())
-        return part if len(turning) < _MIN_TURNING_READINGS else min(part, float(turning.mean()))
+        matched_fraction = float(as_predicted.mean())
+        return (
+            matched_fraction
+            if len(turning) < _MIN_TURNING_READINGS
+            else min(matched_fraction, float(turning.mean()))
+        )
 
 
 def _is_unambiguous(row: Row, position_weight: float, limit: JumpLimit) -> bool:

@@ -1,9 +1,9 @@
 """Fixes: measurements of the robot's pose by landmarks, linear in x, y and the heading.
 
-A ceiling light measures the position along its corridor; a plate of the map also the distance to the wall;
-a line on the ceiling, or a wall, the heading. Each measurement is a row: the coefficients of x and y (in
-mm) and of the heading (in radians), the measured sum, and its standard deviation. Rows hold for the pose at
-the time of the image, `t_ns`.
+A ceiling light measures the position along its corridor. A plate of the map also measures the distance to
+the wall. The edges of a light, or a wall, measure the heading. Each measurement is a row: the coefficients of
+x and y (in mm) and of the heading (in radians), the measured sum, and its standard deviation. Rows hold for
+the pose at the time of the image, `t_ns`.
 
 Headings are measured modulo a full turn: 359 and -1 degrees are the same `value`, as the filter chooses
 the turn that fits best. In a row of both position and heading, a full turn of the heading must change the sum

@@ -78,6 +78,6 @@ class MotionHistory:
 
 def _between(a: _TimedPose, b: _TimedPose, t_ns: int) -> _TimedPose:
     """Interpolate linearly between two poses."""
-    part = (t_ns - a.t_ns) / (b.t_ns - a.t_ns)
-    x, y, heading, travel = (p + part * (q - p) for p, q in zip(a[1:], b[1:], strict=True))
+    fraction = (t_ns - a.t_ns) / (b.t_ns - a.t_ns)
+    x, y, heading, travel = (p + fraction * (q - p) for p, q in zip(a[1:], b[1:], strict=True))
     return _TimedPose(t_ns, x, y, heading, travel)

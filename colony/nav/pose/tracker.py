@@ -71,16 +71,17 @@ _MAX_SPEED_MM_S = 800.0
 _SLACK_MM = 20.0
 _SEARCH_INTERVAL_MM = 1_000.0
 _TIMING_SIGMA_S = 0.02
-_RETRY_SCANS = 5
-_HOPEFUL_SCANS = 50
-_PAUSE_SCANS = 20  # relocation is expensive, and a robot that stays lost is probably outside the map
+_RETRY_INTERVAL_SCANS = 5
+_FREQUENT_RETRY_SCANS = 50
+# Relocation is expensive, and a robot that stays lost is probably outside the map.
+_RARE_RETRY_INTERVAL_SCANS = 20
 _TRAIL_MM = 3_000.0
 _MIN_TRAIL_MM = 1_500.0
 _NO_STEP = Step(0.0, 0.0, 0.0)
 _MAX_PENDING = 20
 _LINES_AFTER_SCANS = 15
 _LINES_GATE = Gate(angle_deg=40.0, offset_mm=1_000.0)
-_LINES_MM, _LINES_DEG = 20.0, 0.3  # lower bounds: the map's walls are not exact
+_MIN_LINE_SIGMA_MM, _MIN_LINE_SIGMA_DEG = 20.0, 0.3  # lower bounds: the map's walls are not exact
 # Two lights may relocate a lost robot; a plate or a marker may be mistaken for another one.
 _JUMP_LIMITS = {
     Source.LIGHTS: JumpLimit(2_600.0, math.radians(20.0)),
@@ -88,7 +89,8 @@ _JUMP_LIMITS = {
     Source.MARKERS: JumpLimit(600.0, math.radians(15.0)),
     Source.LOCAL_MAPS: JumpLimit(_LINES_GATE.offset_mm, math.radians(_LINES_GATE.angle_deg)),
 }
-_NEW_FLOOR_MM, _NEW_FLOOR_DEG = 150.0, 4.0  # after a ride, during which only odometry was available
+# After a ride, during which only odometry was available.
+_NEW_FLOOR_SIGMA_MM, _NEW_FLOOR_SIGMA_DEG = 150.0, 4.0
 
 
 class PoseTracker:
@@ -150,7 +152,7 @@ class PoseTracker:
             self._filter = PoseFilter(self._ring, (position.x, position.y, position.heading))
             self._history.restart(position.t_ns)
         elif last is None:
-            self._restart(self._filter, position, (_NEW_FLOOR_MM, _NEW_FLOOR_DEG))
+            self._restart(self._filter, position, (_NEW_FLOOR_SIGMA_MM, _NEW_FLOOR_SIGMA_DEG))
         else:
             self._move(self._filter, last, position, scan)
         self._apply_fixes(self._filter, fixes)
@@ -192,11 +194,11 @@ class PoseTracker:
 
     def _apply_fixes(self, filter_: PoseFilter, fixes: Iterable[LandmarkFix]) -> None:
         """Update the filter with the fixes that are not newer than the newest position."""
-        known = (*self._pending, *(fix for fix in fixes if fix.source in self._sources))
-        self._pending = tuple(pending for pending in known if pending.fix.t_ns > self._history.t_ns)[
+        waiting = (*self._pending, *(fix for fix in fixes if fix.source in self._sources))
+        self._pending = tuple(pending for pending in waiting if pending.fix.t_ns > self._history.t_ns)[
             -_MAX_PENDING:
         ]
-        for source, fix in known:
+        for source, fix in waiting:
             motion = self._history.motion_since(fix.t_ns)
             if fix.t_ns > self._history.t_ns or motion is None:
                 continue
@@ -221,8 +223,10 @@ class PoseTracker:
             self._lost_scans = 0
             return
         self._lost_scans += 1
-        pause = _RETRY_SCANS if self._lost_scans < _HOPEFUL_SCANS else _PAUSE_SCANS
-        if self._lost_scans % pause == 1 and filter_.relocate(reflectors, scan):
+        interval = (
+            _RETRY_INTERVAL_SCANS if self._lost_scans < _FREQUENT_RETRY_SCANS else _RARE_RETRY_INTERVAL_SCANS
+        )
+        if self._lost_scans % interval == 1 and filter_.relocate(reflectors, scan):
             self._trail.clear()  # the time of the slip is unknown
         elif Source.LOCAL_MAPS not in self._sources:
             return
@@ -232,9 +236,9 @@ class PoseTracker:
     def _match_lines(self, filter_: PoseFilter, reflectors: Reflectors, scan: Floats) -> None:
         """Correct the filter by the lines in a map of the last meters."""
         x, y, heading = filter_.state[:3].tolist()
-        fix = combine_matches(self._matches(filter_, reflectors))
-        if fix is not None:
-            pose = (x + fix.x_mm, y + fix.y_mm, math.degrees(heading) + fix.heading_deg)
+        correction = combine_matches(self._matches(filter_, reflectors))
+        if correction is not None:
+            pose = (x + correction.x_mm, y + correction.y_mm, math.degrees(heading) + correction.heading_deg)
             filter_.adopt_if_better(pose, reflectors, scan)
 
     def _matches(self, filter_: PoseFilter, reflectors: Reflectors) -> tuple[WallMatch, ...]:
@@ -265,11 +269,17 @@ def _blur_rad(last: Position | None, position: Position) -> float:
 def _measurements(match: WallMatch, state: Floats) -> tuple[Row, ...]:
     """Return the measurements by a matched wall: the heading, and the distance of the wall."""
     x, y, heading = state[:3].tolist()
-    off = match.normal_x * x + match.normal_y * y + match.shift_mm
+    wall_distance = match.normal_x * x + match.normal_y * y + match.shift_mm
     turned = heading + math.radians(match.turn_deg)
     return (
-        Row(0.0, 0.0, 1.0, turned, math.radians(math.hypot(match.turn_sd_deg, _LINES_DEG))),
-        Row(match.normal_x, match.normal_y, 0.0, off, math.hypot(match.shift_sd_mm, _LINES_MM)),
+        Row(0.0, 0.0, 1.0, turned, math.radians(math.hypot(match.turn_sd_deg, _MIN_LINE_SIGMA_DEG))),
+        Row(
+            match.normal_x,
+            match.normal_y,
+            0.0,
+            wall_distance,
+            math.hypot(match.shift_sd_mm, _MIN_LINE_SIGMA_MM),
+        ),
     )
 
 
@@ -286,11 +296,11 @@ def position_at(t_ns: int, now: Position, last: Position | None) -> Position:
     """Extrapolate or interpolate the robot's position at a time near its newest one, at constant speed."""
     if last is None or now.t_ns <= last.t_ns or t_ns == now.t_ns:
         return now
-    part = min(max((t_ns - now.t_ns) / (now.t_ns - last.t_ns), -1.0), 1.0)
+    fraction = min(max((t_ns - now.t_ns) / (now.t_ns - last.t_ns), -1.0), 1.0)
     turned = math.remainder(now.heading - last.heading, 360.0)
     return Position(
-        x=now.x + part * (now.x - last.x),
-        y=now.y + part * (now.y - last.y),
-        heading=now.heading + part * turned,
+        x=now.x + fraction * (now.x - last.x),
+        y=now.y + fraction * (now.y - last.y),
+        heading=now.heading + fraction * turned,
         t_ns=t_ns,
     )

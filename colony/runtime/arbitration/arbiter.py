@@ -240,7 +240,7 @@ class Arbiter:
             values=in_declared_units(sent.values, self._actuator.fields),
             fates=(*((c, self._fate(c, sent)) for c in self._ranking.names), *self._fates_outside(sent)),
             fault=sent.fault,
-            violation=self._ballot.commands > 1,
+            violation=self._ballot.command_count > 1,
             notes=tuple(self._notes),
             outside=sent.outside,
             hold=sent.hold,

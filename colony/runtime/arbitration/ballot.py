@@ -1,12 +1,12 @@
-"""The rule that decides which of the parties that command an actuator in a frame acts.
+"""The rule that decides which party gets an actuator in a frame, if several parties command it.
 
 There are three kinds of parties. The clients of the network bid, and by their exclusive guards at most one of
-them commands. Connections from outside command with the priority of the connection, which no client has: one
-above the network's winner acts instead of it, one below acts only when the network is idle. The emergency
-stop keeps out all parties; a lock keeps out all but its holder.
+them commands. A connection from outside the network commands with its own priority, which differs from that
+of every client: if it is above the network's winner, it acts instead of the winner; if it is below, it acts
+only when the network is idle. The emergency stop keeps out all parties; a lock keeps out all but its holder.
 
 The rule applies to the requests that have arrived so far; a missing request is never taken for an idle one. A
-command from outside acts when every client of higher priority was heard from and does not command, or when
+connection from outside acts when every client of higher priority was heard from and does not command, or when
 the network's winner has lower priority (then, by the exclusive guards, every client above that winner is
 inactive). If a higher client is late, lost or refused, the actuator is idle.
 """
@@ -81,7 +81,7 @@ class Ballot:
         count = len(ranking.names)
         self._ranking = ranking
         self.requests: dict[str, Request] = {}
-        self.commands = 0
+        self.command_count = 0
         self._heard = bytearray(count)
         self._first_unheard = 0  # the highest-ranked client that is still waited for
         self._first_unknown = count  # the highest-ranked client whose request will never be known
@@ -101,7 +101,7 @@ class Ballot:
         if self._heard[rank]:
             return
         if request.bid == "command":
-            self.commands += 1
+            self.command_count += 1
             self._contender = min(self._contender, rank)
         self._mark_heard(rank)
 

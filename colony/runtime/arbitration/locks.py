@@ -16,7 +16,7 @@ from colony.runtime.protocol.connections import Caller
 
 class _QueuedCall(NamedTuple):
     order: tuple[int, int]
-    until_ns: int
+    deadline_ns: int
     call_id: CallId
 
 
@@ -44,7 +44,7 @@ class LockQueue:
     @property
     def wake_at(self) -> int | None:
         """The earliest timeout of the waiting calls."""
-        return min((w.until_ns for w in self._waiting), default=None)
+        return min((w.deadline_ns for w in self._waiting), default=None)
 
     def acquire(self, call_id: CallId, now_ns: int, *, wait_ns: int) -> bool:
         """Return True if the call gets the token now; otherwise queue the call. The lock is reentrant.
@@ -82,9 +82,9 @@ class LockQueue:
 
     def expire(self, now_ns: int) -> tuple[CallId, ...]:
         """Remove and return the calls whose timeout has passed; the caller refuses them."""
-        late = tuple(w.call_id for w in sorted(self._waiting) if now_ns >= w.until_ns)
-        self._waiting = [w for w in self._waiting if now_ns < w.until_ns]
-        return late
+        expired = tuple(w.call_id for w in sorted(self._waiting) if now_ns >= w.deadline_ns)
+        self._waiting = [w for w in self._waiting if now_ns < w.deadline_ns]
+        return expired
 
     def refusal(self) -> RefusedError:
         """Return the refusal of a call that does not get the token."""

@@ -127,7 +127,7 @@ class Progress(NamedTuple):
 
     origin: OdometerPose
     done: float = 0.0
-    idle_s: float = 0.0
+    stalled_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -298,11 +298,11 @@ def _step_finite(motion: FiniteMotion, observation: BaseObservation) -> Step:
     if remaining <= tolerance:
         return Step(STILL, motion, "done")
     if done > progress.done + tolerance:
-        progress = progress._replace(done=done, idle_s=0.0)
+        progress = progress._replace(done=done, stalled_s=0.0)
     else:
-        progress = progress._replace(idle_s=progress.idle_s + observation.dt_s)
+        progress = progress._replace(stalled_s=progress.stalled_s + observation.dt_s)
     motion = replace(motion, progress=progress)
-    if progress.idle_s > STALL_TIMEOUT_S:
+    if progress.stalled_s > STALL_TIMEOUT_S:
         return Step(STILL, motion, "stalled")
     return Step(_speeds(motion, remaining, pose, observation), motion)
 

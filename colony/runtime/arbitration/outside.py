@@ -23,13 +23,13 @@ MAX_LEASE_S = 60.0
 class Commander:
     """A connection and its command.
 
-    `until_ns` is the end of the command's lease (None: no lease; it holds until the motion is done).
+    `lease_end_ns` is the end of the command's lease (None: no lease; it holds until the motion is done).
     `call_id` is the call that is answered when the command ends.
     """
 
     caller: Caller
     motion: Motion | None = None
-    until_ns: int | None = None
+    lease_end_ns: int | None = None
     call_id: CallId | None = None
 
 
@@ -59,16 +59,16 @@ class OutsideCommanders:
         Raises:
             RefusedError: "tie": another connection or client has that priority.
         """
-        known = self._by_priority.get(caller.priority)
-        if known is not None and known.caller.connection == caller.connection:
-            return known
+        occupant = self._by_priority.get(caller.priority)
+        if occupant is not None and occupant.caller.connection == caller.connection:
+            return occupant
         holder = (
             f"`{clients_by_priority[caller.priority]}`, a client of the program,"
             if caller.priority in clients_by_priority
             else None
         )
-        if known is not None:
-            holder = f"{known.caller.name} ({known.caller.connection})"
+        if occupant is not None:
+            holder = f"{occupant.caller.name} ({occupant.caller.connection})"
         if holder is not None:
             found = f"priority {caller.priority} is taken: {holder} commands with it"
             raise RefusedError("tie", f"{found}; open the connection with another")
@@ -77,8 +77,10 @@ class OutsideCommanders:
 
     def find(self, caller: Caller) -> Commander | None:
         """Return the commander of a connection, or None."""
-        known = self._by_priority.get(caller.priority)
-        return known if known is not None and known.caller.connection == caller.connection else None
+        occupant = self._by_priority.get(caller.priority)
+        if occupant is None or occupant.caller.connection != caller.connection:
+            return None
+        return occupant
 
     def leave(self, caller: Caller) -> None:
         """Free the priority of a connection that ended."""
@@ -88,14 +90,14 @@ class OutsideCommanders:
     def expire(self, now_ns: int) -> None:
         """End the commands whose lease has expired."""
         for commander in self._by_priority.values():
-            if commander.until_ns is not None and now_ns >= commander.until_ns:
-                commander.motion = commander.until_ns = None
+            if commander.lease_end_ns is not None and now_ns >= commander.lease_end_ns:
+                commander.motion = commander.lease_end_ns = None
 
     def find_tie(self, clients_by_priority: Mapping[int, str]) -> str | None:
         """Return the conflict between the priorities of a network and those of connections, or None."""
         for priority, client in clients_by_priority.items():
-            if (known := self._by_priority.get(priority)) is not None:
-                holder = f"{known.caller.name} ({known.caller.connection})"
+            if (occupant := self._by_priority.get(priority)) is not None:
+                holder = f"{occupant.caller.name} ({occupant.caller.connection})"
                 return f"`{client}` has priority {priority}, with which {holder} commands"
         return None
 

@@ -126,9 +126,8 @@ class StopFile:
         except FileNotFoundError:
             descriptor = open_descriptor(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | _FLAGS)
         try:
-            _write(
-                descriptor, bytes(FILE_BYTES)
-            )  # until its content is written, readers treat it as damaged: a stop
+            # until its content is written, readers treat the file as damaged: a stop
+            _write(descriptor, bytes(FILE_BYTES))
         except OSError:
             os.close(descriptor)
             self.path.unlink(missing_ok=True)

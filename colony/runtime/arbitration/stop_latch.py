@@ -33,8 +33,8 @@ MAX_AUTHOR_LENGTH = 255
 CHECK_NS = 1_000_000_000
 """Nanoseconds between two checks that the file is intact."""
 
-FIRST_RETRY_NS, LAST_RETRY_NS = 50_000_000, 1_000_000_000
-"""Delay before a failed write of the file is retried, in nanoseconds: the first, and the longest."""
+MIN_RETRY_NS, MAX_RETRY_NS = 50_000_000, 1_000_000_000
+"""Shortest and longest delay, in nanoseconds, before a failed write of the file is retried."""
 
 
 class StopLatch:
@@ -101,7 +101,7 @@ class StopLatch:
         if self._unreadable or now_ns < self._due_ns:
             return
         self._write()
-        self._pause_ns = min(max(2 * self._pause_ns, FIRST_RETRY_NS), LAST_RETRY_NS) if self.trouble else 0
+        self._pause_ns = min(max(2 * self._pause_ns, MIN_RETRY_NS), MAX_RETRY_NS) if self.trouble else 0
         self._due_ns = now_ns + (self._pause_ns or CHECK_NS)
 
     def close(self) -> None:

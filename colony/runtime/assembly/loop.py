@@ -3,9 +3,8 @@
 The loop consists of the parts of the real servers (`runtime/servers`), without messages, connections or a
 store. Each frame has the same steps as with the real servers in virtual time (`virtual.py`), in a fixed
 order: the servers publish; the network decides and its commands are carried out; cameras grab when due;
-    scripts that
-are due resume; the world advances to the next frame. The network therefore reads a value that it or a script
-sets in the next frame.
+scripts that are due resume; the world advances to the next frame. A value that the network or a script sets
+is therefore read by the network in the next frame.
 """
 
 from __future__ import annotations
@@ -60,20 +59,20 @@ class LocalData(LocalServer):
     """The variables and semaphores of DServer, called in this process. Mutable.
 
     Args:
-        reads: variables that the network reads, and which are therefore in frames.
+        network_variables: variables that the network reads, and which are therefore in frames.
     """
 
-    def __init__(self, reads: Iterable[str] = ()) -> None:
+    def __init__(self, network_variables: Iterable[str] = ()) -> None:
         journal = _NullJournal()
         self.variables = Variables(journal)
-        self.variables.read_by_program(reads)
-        self.variables.show(reads)
+        self.variables.set_program_names(network_variables)
+        self.variables.show(network_variables)
         self.semaphores = Semaphores(journal)
         methods = DataMethods(self.variables, self.semaphores)
         self.expire = methods.expire
         super().__init__(DSERVER.name, methods.methods, methods.answers)
 
-    def present(self, name: str) -> Any:
+    def value(self, name: str) -> Any:
         """Return the current value of a variable, None if it has none."""
         variable = self.variables.current(name)
         return None if variable is None else msgspec.msgpack.decode(variable.data)
@@ -127,7 +126,7 @@ class Loop:
     ) -> None:
         self._clock, self._advance = clock, advance
         bindings = bind(robot)
-        self.base, proximity = Base(drivers.base), PServer(drivers.proximity, keep=1)
+        self.base, proximity = Base(drivers.base), PServer(drivers.proximity, frames_kept=1)
         self.data = LocalData(variables_read(bindings))
         self.data.variables.pin(variables or {})
         self._cameras = tuple(LocalCamera(name, driver) for name, driver in drivers.cameras.items())

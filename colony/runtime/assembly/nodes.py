@@ -15,7 +15,7 @@ from colony.execute.views import clients_view
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.client_program import ClientProgram
-from colony.runtime.frames.assembler import Awaited, FrameAssembler, frames_kept
+from colony.runtime.frames.assembler import Awaited, FrameAssembler, frames_to_keep
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import Observer, Sink
 from colony.runtime.protocol.bindings import Bindings, SensorBinding
@@ -60,7 +60,7 @@ def _client_node(
         _bindings_of(bindings.sensors, program.sensors),
         program.python_modules,
         run=run,
-        keep=frames_kept(compiled.frame_ns),
+        frames_kept=frames_to_keep(compiled.frame_ns),
         awaited=awaited,
     )
     server = {b.actuator: b.server for b in bindings.actuators}
@@ -75,9 +75,11 @@ def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: st
         DiagnosticError: the module cannot be imported or built.
     """
     executor = ModuleExecutor(compiled, module)
-    keep = frames_kept(compiled.frame_ns)
-    assembler = FrameAssembler(_bindings_of(bindings.sensors, executor.sensors), run=run, keep=keep)
-    return Announcer(module, assembler, executor, run=run, keep=keep)
+    frames_kept = frames_to_keep(compiled.frame_ns)
+    assembler = FrameAssembler(
+        _bindings_of(bindings.sensors, executor.sensors), run=run, frames_kept=frames_kept
+    )
+    return Announcer(module, assembler, executor, run=run, frames_kept=frames_kept)
 
 
 def build_observer(
@@ -89,23 +91,21 @@ def build_observer(
     requests: bool = False,
 ) -> Observer:
     """Build the node that sees every frame and, with `requests`, the clients' requests."""
-    actuators, modules, keep = (
-        compiled.robot.actuators,
-        compiled.python_modules,
-        frames_kept(compiled.frame_ns),
-    )
+    actuators, modules = compiled.robot.actuators, compiled.python_modules
+    frames_kept = frames_to_keep(compiled.frame_ns)
+    answer_assembler = FrameAssembler((), modules, run=run, frames_kept=frames_kept, awaited="living")
     degrading = (a.name for a in actuators if a.on_loss == "degrade")
     return Observer(
-        FrameAssembler(bindings.sensors, run=run, keep=keep, declared=True),
+        FrameAssembler(bindings.sensors, run=run, frames_kept=frames_kept, declared_units=True),
         tuple(a.name for a in actuators),
         Monitor(ProgramExecutor(compiled, simplified=False, answers_given=True), degrading, modules),
         sinks,
-        modules=FrameAssembler((), modules, run=run, keep=keep, awaited="living") if modules else None,
+        answer_assembler=answer_assembler if modules else None,
         request_servers=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
         frame_ns=compiled.frame_ns,
     )
 
 
 def _bindings_of(bindings: tuple[SensorBinding, ...], sensors: tuple[str, ...]) -> tuple[SensorBinding, ...]:
-    wanted = frozenset(sensors)
-    return tuple(b for b in bindings if b.sensor in wanted)
+    names = frozenset(sensors)
+    return tuple(b for b in bindings if b.sensor in names)

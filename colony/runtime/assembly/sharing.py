@@ -48,6 +48,6 @@ def client_processes(compiled: Compiled, *, isolate: bool) -> tuple[ClientProces
     )
 
 
-def announcer_process(module: str) -> str:
+def announcer_process_name(module: str) -> str:
     """Return the name of a Python module's process: the address of its announcer."""
     return activity(DSERVER.name, module)

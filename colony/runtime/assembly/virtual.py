@@ -19,8 +19,8 @@ from colony.runtime.assembly.nodes import (
     build_clients,
     build_observer,
 )
-from colony.runtime.assembly.sharing import announcer_process, client_processes
-from colony.runtime.frames.assembler import frames_kept
+from colony.runtime.assembly.sharing import announcer_process_name, client_processes
+from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.frames.clock import Clock
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.observer import Sink
@@ -44,7 +44,7 @@ RUN = "run"
 Builders = Mapping[str, Callable[[], Node]]
 """Functions that build nodes, by address; called again for a restart."""
 
-Servers = Callable[[Deployment, int], Builders]
+ServersFactory = Callable[[Deployment, int], Builders]
 """A function that returns the builders of a robot's servers.
 
 It takes the deployment and the number of frames that the servers keep.
@@ -80,7 +80,7 @@ class VirtualRobot:
         self,
         compiled: Compiled,
         bindings: Bindings,
-        servers: Servers,
+        servers: ServersFactory,
         *,
         clock: VirtualClock,
         seed: int,
@@ -92,17 +92,21 @@ class VirtualRobot:
         nodes: tuple[Node, ...] = (),
         isolate: bool = False,
     ) -> None:
-        keep = frames_kept(compiled.frame_ns)
+        frames_kept = frames_to_keep(compiled.frame_ns)
         self.deployed = deployed = deployment(compiled, bindings, run=RUN, seed=seed)
-        built = servers(deployed, keep)
+        server_builders = servers(deployed, frames_kept)
         builders: dict[str, Callable[[], Node | tuple[Node, ...]]] = {}
         if ticking:  # the Clock comes first, so that it receives every report of readiness
-            builders[CLOCK] = lambda: Clock(servers=tuple(built), keep=keep, deployment=deployed)
-        builders.update(built)
+            builders[CLOCK] = lambda: Clock(
+                servers=tuple(server_builders), frames_kept=frames_kept, deployment=deployed
+            )
+        builders.update(server_builders)
         for process in client_processes(compiled, isolate=isolate):
             builders[process.name] = partial(build_clients, compiled, bindings, process.clients, RUN)
         for module in compiled.python_modules:
-            builders[announcer_process(module)] = partial(build_announcer, compiled, bindings, module, RUN)
+            builders[announcer_process_name(module)] = partial(
+                build_announcer, compiled, bindings, module, RUN
+            )
         self.observer = build_observer(compiled, bindings, sinks, RUN, requests=requests)
         self._builders = builders
         self.nodes: dict[str, Node] = {}
@@ -196,16 +200,20 @@ class VirtualSession(VirtualRobot):
     ) -> None:
         store = MemoryStore()
 
-        def servers(deployed: Deployment, keep: int) -> Builders:
+        def servers(deployed: Deployment, frames_kept: int) -> Builders:
             return {
-                RSERVER.name: lambda: RServer(drivers.base, deployment=deployed, keep=keep),
-                PSERVER.name: lambda: PServer(drivers.proximity, keep=keep),
-                DSERVER.name: lambda: DServer(variables, deployment=deployed, keep=keep, store=store),
-                RUNTIME.name: lambda: RuntimeServer(seed, keep=keep),
+                RSERVER.name: lambda: RServer(drivers.base, deployment=deployed, frames_kept=frames_kept),
+                PSERVER.name: lambda: PServer(drivers.proximity, frames_kept=frames_kept),
+                DSERVER.name: lambda: DServer(
+                    variables, deployment=deployed, frames_kept=frames_kept, store=store
+                ),
+                RUNTIME.name: lambda: RuntimeServer(seed, frames_kept=frames_kept),
             }
 
-        keep = frames_kept(compiled.frame_ns)
-        cameras = (CServer(driver, keep=keep, address=name) for name, driver in drivers.cameras.items())
+        frames_kept = frames_to_keep(compiled.frame_ns)
+        cameras = (
+            CServer(driver, frames_kept=frames_kept, address=name) for name, driver in drivers.cameras.items()
+        )
         super().__init__(
             compiled,
             bind(compiled.robot),

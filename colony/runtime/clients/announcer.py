@@ -48,7 +48,13 @@ class Announcer(QuietNode):
     """
 
     def __init__(
-        self, module: str, assembler: FrameAssembler, executor: AnnouncingExecutor, *, run: str, keep: int
+        self,
+        module: str,
+        assembler: FrameAssembler,
+        executor: AnnouncingExecutor,
+        *,
+        run: str,
+        frames_kept: int,
     ) -> None:
         self.address = topics.activity(DSERVER.name, module)
         self.listens = tuple(dict.fromkeys((*assembler.listens, topics.fetches(DSERVER.name))))
@@ -57,8 +63,8 @@ class Announcer(QuietNode):
         self._executor = executor
         self._membership = Membership((self.address,), run)
         self._announced: dict[int, Announcement] = {}
-        self._keep = keep
-        self._fresh = True
+        self._frames_kept = frames_kept
+        self._memory_is_initial = True
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Report the module as ready."""
@@ -82,12 +88,12 @@ class Announcer(QuietNode):
                 return
 
     def _announce(self) -> Iterator[Effect]:
-        for assembled in self._assembler.complete():
-            if assembled.restart and not self._fresh:
+        for assembled in self._assembler.pop_complete():
+            if assembled.restart and not self._memory_is_initial:
                 self._executor.restart()
-            self._fresh = False
+            self._memory_is_initial = False
             k = assembled.tick.k
             answer = self._executor.step(assembled.frame)
             announcement = self._announced[k] = Announcement(k=k, module=self._module, answer=answer)
-            self._announced.pop(k - self._keep, None)
+            self._announced.pop(k - self._frames_kept, None)
             yield Send(topics.announcements(DSERVER.name), announcement)

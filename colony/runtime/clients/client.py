@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from colony.runtime.clients.client_program import ClientProgram
-from colony.runtime.frames.assembler import Assembled, FrameAssembler
+from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler
 from colony.runtime.frames.membership import Membership
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.fields import DSERVER
@@ -61,7 +61,10 @@ class ClientNode(QuietNode):
     ) -> None:
         self.program = program
         self.address = program.clients[0]
-        self.listens = (*assembler.listens, *(topics.recalled(DSERVER.name, c) for c in program.clients))
+        self.listens = (
+            *assembler.listens,
+            *(topics.recall_answers(DSERVER.name, c) for c in program.clients),
+        )
         self._requests = tuple(map(topics.requests, servers))
         self._assembler = assembler
         self._membership = Membership(program.clients, run)
@@ -103,7 +106,7 @@ class ClientNode(QuietNode):
         return self._assembler.start, self._assembler.next - 1
 
     def _advance(self, now_ns: int) -> Iterator[Effect]:
-        for assembled in self._assembler.complete():
+        for assembled in self._assembler.pop_complete():
             requests = self.program.step(assembled)
             if assembled.current:
                 self._caught_up = True
@@ -113,7 +116,7 @@ class ClientNode(QuietNode):
 
     # --- memory ----------------------------------------------------------------------------------------
 
-    def _save(self, assembled: Assembled) -> Iterator[Effect]:
+    def _save(self, assembled: AssembledFrame) -> Iterator[Effect]:
         tick = assembled.tick
         if self._saved_ns is None:
             self._saved_ns = tick.t_ns

@@ -9,7 +9,7 @@ from colony.execute.executor import ClientsExecutor
 from colony.execute.needs import ClientKey
 from colony.ir.frame import Answer
 from colony.runtime.clients.memory import MemoryFormatError, decode_memory, encode_memory
-from colony.runtime.frames.assembler import Assembled
+from colony.runtime.frames.assembler import AssembledFrame
 from colony.runtime.protocol.messages import Request
 from colony.runtime.protocol.topics import client_address, module_of
 
@@ -25,7 +25,7 @@ class ClientProgram:
         self._executor = ClientsExecutor(compiled, clients)
         self._keys = {client_address(*key): key for key in self._executor.clients}
         self._default_answers = dict.fromkeys(self._executor.python_modules, Answer())  # inactive
-        self._fresh = True
+        self._memory_is_initial = True
 
     @property
     def clients(self) -> tuple[str, ...]:
@@ -55,17 +55,17 @@ class ClientProgram:
             self._executor.recall({self._keys[c]: decode_memory(data) for c, data in memories.items()})
         except (MemoryFormatError, ValueError):
             return False
-        self._fresh = False
+        self._memory_is_initial = False
         return True
 
-    def step(self, assembled: Assembled) -> tuple[Request, ...]:
+    def step(self, assembled: AssembledFrame) -> tuple[Request, ...]:
         """Return the requests of the clients in a frame.
 
         Frames must be consecutive; an epoch begins with initial memory.
         """
-        if assembled.restart and not self._fresh:
+        if assembled.restart and not self._memory_is_initial:
             self._executor.restart()
-        self._fresh = False
+        self._memory_is_initial = False
         lost = frozenset(map(module_of, assembled.tick.lost)) if assembled.tick.lost else _NO_MODULES
         steps = self._executor.step(assembled.frame, self._default_answers | {**assembled.answers}, lost)
         return tuple(

@@ -12,8 +12,8 @@ assembler drops everything before it.
 Readings are converted here, once: into base units for executors, into declared units for the observer.
 
 The answer of a module in Python cannot count as missing, because no reader knows what it would have been. The
-assembler waits for it. Only where lesser behaviors may take over (`degrade`), a module without an answer
-counts as inactive. The observer waits only for modules that are alive.
+assembler waits for it. Only where lesser behaviors may take over (`on_loss degrade`), a module without an
+answer counts as inactive. The observer waits only for modules that are alive.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ flooded.
 V = TypeVar("V")
 
 
-def frames_kept(frame_ns: int) -> int:
+def frames_to_keep(frame_ns: int) -> int:
     """Return the number of frames that every node keeps."""
     return min(max(2, FRAME_RETENTION_NS // frame_ns), MAX_FRAMES_KEPT)
 
 
-class Assembled(NamedTuple):
+class AssembledFrame(NamedTuple):
     """Frame `tick.k` as a program sees it; `current` is True if no later tick has come.
 
     `answers` are those of the modules in Python, by module; the answer of a module that is not awaited may be
@@ -82,9 +82,9 @@ class FrameAssembler:
         bindings: the sensors that the process reads.
         modules: the modules in Python whose answers the process needs.
         run: the run whose ticks count.
-        keep: number of frames that servers keep.
+        frames_kept: number of frames that servers keep.
         awaited: modules whose answers the assembler waits for.
-        declared: True for readings in declared units, which users see, instead of base units.
+        declared_units: True for readings in declared units, which users see, instead of base units.
     """
 
     def __init__(
@@ -93,17 +93,17 @@ class FrameAssembler:
         modules: tuple[str, ...] = (),
         *,
         run: str = "",
-        keep: int = MAX_FRAMES_KEPT,
+        frames_kept: int = MAX_FRAMES_KEPT,
         awaited: Awaited = "all",
-        declared: bool = False,
+        declared_units: bool = False,
     ) -> None:
         self._bindings = bindings
         self._modules = {topics.activity(DSERVER.name, module): module for module in modules}
         self._servers = tuple(sorted({b.server for b in bindings}.union(self._modules)))
         self._run = run
-        self._keep = keep
+        self._frames_kept = frames_kept
         self._awaited = awaited
-        self._declared = declared
+        self._declared_units = declared_units
         self._ticks: dict[int, Tick] = {}
         self._frames: dict[int, dict[str, ServerFrame]] = {}
         self._void: dict[tuple[str, int], int] = {}  # the tick that declares a frame void, by (server, k)
@@ -138,7 +138,7 @@ class FrameAssembler:
         """
         if self._contradicted:
             return True
-        return self._latest - self._next >= self._keep and not self._only_modules_down()
+        return self._latest - self._next >= self._frames_kept and not self._only_modules_down()
 
     def take(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
         """Take a message, and return fetches of earlier ticks and frames that are missing."""
@@ -160,8 +160,8 @@ class FrameAssembler:
         self._trim(self._ticks)
         return () if self.lost else tuple(self._fetches())
 
-    def complete(self) -> Iterator[Assembled]:
-        """Yield every frame that can be handed out now, in order, each once."""
+    def pop_complete(self) -> Iterator[AssembledFrame]:
+        """Hand out every frame that is complete by now, in order, each once."""
         while not self._contradicted and (tick := self._ticks.get(self._next)) is not None:
             received = self._frames.get(self._next, {})
             absent = self._absent(tick)
@@ -174,7 +174,7 @@ class FrameAssembler:
                 received = {server: frame for server, frame in received.items() if server not in absent}
             for void in tick.void:  # needed only until the tick that declares them is handed out
                 self._void.pop(void, None)
-            yield Assembled(
+            yield AssembledFrame(
                 tick, self._assemble(tick, received), tick.k == self._latest, self._answers(received)
             )
 
@@ -189,7 +189,7 @@ class FrameAssembler:
 
     def skip(self) -> int:
         """Skip lost frames, for a reader that commands nothing; return the number of skipped frames."""
-        skipped = self._latest - self._next if self._latest - self._next >= self._keep else 0
+        skipped = self._latest - self._next if self._latest - self._next >= self._frames_kept else 0
         self._jump_to(self._next + skipped)
         self._contradicted = False
         return skipped
@@ -209,7 +209,7 @@ class FrameAssembler:
 
     def _trim(self, kept: dict[int, V]) -> None:
         """Drop old entries while nothing can be handed out; keep the next frame and the newest ones."""
-        while len(kept) > 2 * self._keep:
+        while len(kept) > 2 * self._frames_kept:
             del kept[next(k for k in kept if k != self._next)]
 
     def _note_void(self, server: str, k: int, declared_k: int) -> None:
@@ -284,7 +284,7 @@ class FrameAssembler:
             frame = frames.get(b.server)
             sample = None if frame is None else frame.fields.get(b.field)
             if sample is not None and b.is_fresh(sample.t_ns, tick.t_ns):
-                convert = b.in_declared_units if self._declared else b.in_base_units
+                convert = b.in_declared_units if self._declared_units else b.in_base_units
                 readings[b.sensor] = convert(sample.value)
         return Frame(tick.t_ns, readings)
 

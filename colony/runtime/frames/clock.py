@@ -1,10 +1,10 @@
 """The Clock of a robot: it numbers the frames, and publishes which nodes are down or lost.
 
-It lists the servers that are down, the clients that are lost, and the frames that are void. When a server
-dies, its frames that have not arrived are void. Frames begin one period apart. A robot without a program also
-has frames, `IDLE_FRAME_NS` apart, in the run "", so that scripts can drive it and servers are monitored. A
-leader deploys a program. The frames of its run begin when all clients have reported ready, or after
-`READY_TIMEOUT_NS`; they end with the leader's connection.
+Each tick lists the servers that are down, the clients that are lost, and the frames that are void. When a
+server dies, its frames that have not arrived are void. Frames begin one period apart. A robot without a
+program also has frames, `IDLE_FRAME_NS` apart, in the run "", so that scripts can drive it and servers are
+monitored. A leader deploys a program. The frames of its run begin when all clients have reported ready, or
+after `READY_TIMEOUT_NS`; they end with the leader's connection.
 
 An epoch is a sequence of frames that begins with initial memory. A new epoch begins with a run, when the
 Clock was restarted, when a client lost its memory irrecoverably, and when the observer stepped over a frame
@@ -66,7 +66,7 @@ class Clock:
 
     Args:
         servers: the robot's servers, which answer ticks.
-        keep: number of ticks kept for nodes that missed one.
+        frames_kept: number of frames whose ticks are kept for nodes that missed one.
         deployment: program that is deployed from the beginning; later ones arrive through `deploy`.
         on_deploy: callback for every deployment, before its first frame.
         stop_path: file that keeps the emergency stop; without it, a restart forgets the stop.
@@ -79,16 +79,16 @@ class Clock:
         self,
         *,
         servers: tuple[str, ...],
-        keep: int = FRAMES_KEPT,
+        frames_kept: int = FRAMES_KEPT,
         deployment: Deployment | None = None,
-        on_deploy: Callable[[Deployment], None] = lambda deployed: None,
+        on_deploy: Callable[[Deployment], None] = lambda deployment: None,
         stop_path: Path | None = None,
         report: Callable[[str], None] = lambda line: None,
     ) -> None:
         self._latch = StopLatch(stop_path, report=report)
         self._servers = servers
-        self._keep = keep
-        self._deployed = deployment
+        self._frames_kept = frames_kept
+        self._deployment = deployment
         self._on_deploy = on_deploy
         self._leadership = Leadership(self.address)
         self._leader: Caller | None = None
@@ -156,7 +156,7 @@ class Clock:
                         # not on the topic of ticks: a restarted server would take it for a new tick
                         yield Send(topics.frames(self.address), tick)
             case Ready():
-                if self._deployed is not None and message.run == self._deployed.run:
+                if self._deployment is not None and message.run == self._deployment.run:
                     self._registry.mark_ready(message.client)
                     if message.k >= 0:
                         self._registry.renew(message.client, now_ns)
@@ -205,42 +205,42 @@ class Clock:
 
     @property
     def _run(self) -> str:
-        return "" if self._deployed is None else self._deployed.run
+        return "" if self._deployment is None else self._deployment.run
 
     @property
     def _frame_ns(self) -> int:
         """The current frame period."""
-        if self._deployed is None or self._ready_by_ns is not None:
+        if self._deployment is None or self._ready_by_ns is not None:
             return IDLE_FRAME_NS
-        return self._deployed.frame_ns
+        return self._deployment.frame_ns
 
     def _enroll(self, now_ns: int) -> None:
         """Start monitoring the participants of the current deployment, and wait for its clients."""
-        deployed, announcers = self._deployed, self._announcers()
-        clients = () if deployed is None else tuple(address for address, _ in client_addresses(deployed))
-        lease_ns = lease(IDLE_FRAME_NS if deployed is None else deployed.frame_ns)
-        self._ready_by_ns = None if deployed is None else now_ns + READY_TIMEOUT_NS
+        deployment, announcers = self._deployment, self._announcers()
+        clients = () if deployment is None else tuple(address for address, _ in client_addresses(deployment))
+        lease_ns = lease(IDLE_FRAME_NS if deployment is None else deployment.frame_ns)
+        self._ready_by_ns = None if deployment is None else now_ns + READY_TIMEOUT_NS
         self._registry = ClientRegistry(clients, announcers, lease_ns=lease_ns, now_ns=now_ns)
         watched = (*self._watched_servers(), *announcers)
         self._liveness = Liveness(watched, lease_ns=lease_ns, now_ns=now_ns)
-        self._answers = TickAnswers(watched, keep=self._keep)
+        self._answers = TickAnswers(watched, frames_kept=self._frames_kept)
         self._restarts = 0
-        if deployed is not None and self._tick.k < 0:
+        if deployment is not None and self._tick.k < 0:
             self._due_ns = now_ns + IDLE_FRAME_NS  # a program is deployed: no idle frame before it
 
-    def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
-        new = self._leadership.take(call_id.caller, deployed) and deployed.run != self._run
+    def _deploy(self, call_id: CallId, deployment: Deployment, now_ns: int) -> None:
+        new = self._leadership.take(call_id.caller, deployment) and deployment.run != self._run
         self._leader = call_id.caller
-        if new or self._deployed is None:
-            self._deployed = deployed
-            self._on_deploy(deployed)
+        if new or self._deployment is None:
+            self._deployment = deployment
+            self._on_deploy(deployment)
             self._enroll(now_ns)
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
         """Handle a lost connection; if it was the leader's, the run ends."""
-        self._leadership.lost(caller)
+        self._leadership.on_lost(caller)
         if self._leader is not None and self._leader.connection == caller.connection:
-            self._leader, self._deployed = None, None
+            self._leader, self._deployment = None, None
             self._enroll(now_ns)
             self._due_ns = min(self._due_ns, now_ns + IDLE_FRAME_NS)  # its frame period may have been long
         return ()
@@ -256,27 +256,27 @@ class Clock:
                 self._liveness.renew(announcer, now_ns)
             ticked = self._tick.k >= 0 and self._tick.t_ns == now_ns
             self._due_ns = now_ns + 1 if ticked else now_ns
-        if now_ns >= self._due_ns or self._is_lockstep_done():
+        if now_ns >= self._due_ns or self._is_decided_in_lockstep():
             yield from self._begin_frame(now_ns)
         due = self._due_ns if self._ready_by_ns is None else min(self._due_ns, self._ready_by_ns)
         if self._wake_ns is None or now_ns >= self._wake_ns or due < self._wake_ns:
             self._wake_ns = due
             yield WakeAt(due)
 
-    def _is_lockstep_done(self) -> bool:
+    def _is_decided_in_lockstep(self) -> bool:
         """Return True if the run is in lockstep, and the frame is decided for all actuators."""
-        deployed = self._deployed
-        if deployed is None or not deployed.lockstep or self._ready_by_ns is not None:
+        deployment = self._deployment
+        if deployment is None or not deployment.lockstep or self._ready_by_ns is not None:
             return False
         return (
-            self._tick.run == deployed.run
-            and bool(deployed.actuators)
-            and len(self._decided) >= len(deployed.actuators)
+            self._tick.run == deployment.run
+            and bool(deployment.actuators)
+            and len(self._decided) >= len(deployment.actuators)
         )
 
     def _begin_frame(self, now_ns: int) -> Iterator[Effect]:
         run = "" if self._ready_by_ns is not None else self._run
-        lockstep = self._deployed is not None and self._deployed.lockstep and run != ""
+        lockstep = self._deployment is not None and self._deployment.lockstep and run != ""
         frame_ns = self._frame_ns
         missed_ns = max(0, (now_ns - self._due_ns) // frame_ns * frame_ns)
         if missed_ns:  # this process was suspended, which must not count toward leases
@@ -309,7 +309,7 @@ class Clock:
         overdue = list(self._answers.overdue(k))
         self._answers.tick_sent(k, down)
         self._kept[k] = tick
-        self._kept.pop(k - self._keep, None)
+        self._kept.pop(k - self._frames_kept, None)
         self._tick, self._next_k = tick, k + 1
         self._decided.clear()
         self._fetch_budget.reset()
@@ -323,16 +323,16 @@ class Clock:
     def _participants(self, call_id: CallId, arguments: object, now_ns: int) -> Participants:
         down = self._liveness.missing(now_ns)
         watched = (*self._watched_servers(), *self._announcers())
-        deployed = self._deployed
+        deployment = self._deployment
         return Participants(
             k=self._tick.k,
             t_ns=self._tick.t_ns,
             start=self._tick.start,
             frame_ns=self._frame_ns,
             run=self._run,
-            program="" if deployed is None else deployed.program,
+            program="" if deployment is None else deployment.program,
             leader=None if self._leader is None else self._leader.connection,
-            begun=deployed is not None and self._ready_by_ns is None,
+            begun=deployment is not None and self._ready_by_ns is None,
             restarts=self._restarts,
             servers=tuple(ServerParticipant(server=s, up=s not in down) for s in watched),
             clients=self._registry.statuses(now_ns),
@@ -342,9 +342,9 @@ class Clock:
 
     def _watched_servers(self) -> tuple[str, ...]:
         """Return the robot's servers, and any other servers that the program reads."""
-        additional = () if self._deployed is None else self._deployed.servers
+        additional = () if self._deployment is None else self._deployment.servers
         return tuple(dict.fromkeys((*self._servers, *additional)))
 
     def _announcers(self) -> tuple[str, ...]:
-        modules = () if self._deployed is None else self._deployed.python_modules
+        modules = () if self._deployment is None else self._deployment.python_modules
         return tuple(topics.activity(DSERVER.name, m) for m in modules)

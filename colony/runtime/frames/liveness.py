@@ -54,17 +54,17 @@ class TickAnswers:
     its frames that have not arrived become void. Stateful: remembers the missing frames.
     """
 
-    def __init__(self, servers: Iterable[str], *, keep: int) -> None:
+    def __init__(self, servers: Iterable[str], *, frames_kept: int) -> None:
         self._missing: dict[str, dict[int, None]] = {server: {} for server in servers}
         self._void: list[tuple[str, int]] = []
-        self._keep = keep
+        self._frames_kept = frames_kept
 
     def tick_sent(self, k: int, down: Iterable[str]) -> None:
         """Expect the frame `k` of all servers but those that are down."""
         for server, missing in self._missing.items():
             if server not in down:
                 missing[k] = None
-                if len(missing) > self._keep:
+                if len(missing) > self._frames_kept:
                     del missing[next(iter(missing))]
 
     def frame_received(self, server: str, k: int, since: int) -> None:
@@ -94,7 +94,7 @@ class TickAnswers:
         """
         for server, missing in self._missing.items():
             age = 2
-            while missing and age <= self._keep:
+            while missing and age <= self._frames_kept:
                 if k - age in missing:
                     yield server, k - age
                 age *= 2

@@ -62,7 +62,7 @@ class _KeptFrame(NamedTuple):
 
 
 class Publisher:
-    """Publishes one frame per tick, and keeps the newest `keep` frames. Mutable.
+    """Publishes one frame per tick, and keeps the newest `frames_kept` frames. Mutable.
 
     It never publishes two different frames for one k. If a reader fetches the frame of a tick that the server
     missed, all fields have "no value", so that all readers see the same frame. Fetches of frames before its
@@ -74,7 +74,7 @@ class Publisher:
         server: str,
         read: Callable[[Tick], Fields],
         *,
-        keep: int = FRAMES_KEPT,
+        frames_kept: int = FRAMES_KEPT,
         stopped: Callable[[], Stopped | None] = lambda: None,
     ) -> None:
         """Start with no frames; `stopped` returns the emergency stop that keeps the actuators idle."""
@@ -83,7 +83,7 @@ class Publisher:
         self._stopped = stopped
         self._kept: dict[int, _KeptFrame] = {}
         self._order: deque[int] = deque()
-        self._keep = keep
+        self._frames_kept = frames_kept
         self._bytes = 0
         self._shared: dict[int, int] = {}  # number of kept frames that share a fields object, by its id
         self._since: int | None = None
@@ -102,7 +102,7 @@ class Publisher:
         """A sentence for users if the byte limit has dropped frames early; else nothing."""
         if not self._was_full:
             return ()
-        kept = f"{len(self._kept)} of {self._keep} are kept"
+        kept = f"{len(self._kept)} of {self._frames_kept} are kept"
         return (f"frames: {kept}, because of the limit of {KEPT_BYTES >> 20} MiB",)
 
     def handle(self, message: Tick | Fetch) -> Iterable[Effect]:
@@ -141,8 +141,8 @@ class Publisher:
         self._latest = max(self._latest, k)
         uses = self._shared[id(fields)] = self._shared.get(id(fields), 0) + 1
         self._bytes += FRAME_BYTES if uses > 1 else kept.size
-        while len(self._order) > self._keep or (self._bytes > KEPT_BYTES and len(self._order) > 1):
-            self._was_full |= len(self._order) <= self._keep
+        while len(self._order) > self._frames_kept or (self._bytes > KEPT_BYTES and len(self._order) > 1):
+            self._was_full |= len(self._order) <= self._frames_kept
             self._drop(self._order.popleft())
         return kept
 

@@ -45,9 +45,9 @@ class Connection:
         self._timeout_s = timeout_s
         self._loop = asyncio.get_running_loop()
         self._notices: asyncio.Queue[Notice] = asyncio.Queue()
-        self._wire = hub.wire(server, name=name, priority=priority, notify=self._notify)
+        self._channel = hub.channel(server, name=name, priority=priority, notify=self._notify)
 
-    async def do(self, ask: Ask[T], *, timeout_s: float | None = None) -> T:
+    async def do(self, call: Ask[T], *, timeout_s: float | None = None) -> T:
         """Make a call to the server, and wait for the result.
 
         Raises:
@@ -56,21 +56,21 @@ class Connection:
                 automatically.
             CallTimeoutError: no answer came within `timeout_s`, by default that of the connection or call.
         """
-        wait_s = answer_timeout(ask, timeout_s, self._timeout_s)
+        wait_s = answer_timeout(call, timeout_s, self._timeout_s)
         future: asyncio.Future[Outcome] = self._loop.create_future()
-        pending = self._wire.submit(ask, lambda outcome: self._settle(future, outcome))
+        pending = self._channel.submit(call, lambda outcome: self._settle(future, outcome))
         try:
             async with asyncio.timeout(wait_s):
-                return read_result(self.server, ask, await future)
+                return read_result(self.server, call, await future)
         except TimeoutError:
-            raise timeout_error(self._wire, ask, wait_s) from None
+            raise timeout_error(self._channel, call, wait_s) from None
         finally:
-            self._wire.forget(pending)
+            self._channel.forget(pending)
 
-    async def keep(self, ask: Ask[T]) -> T:
+    async def keep(self, call: Ask[T]) -> T:
         """Make a call, such as a watch, immediately and each time the connection is reopened."""
-        result = await self.do(ask)
-        self._wire.keep(ask)
+        result = await self.do(call)
+        self._channel.repeat_on_reopen(call)
         return result
 
     async def notices(self) -> AsyncIterator[Notice]:
@@ -81,16 +81,16 @@ class Connection:
     @property
     def openings(self) -> int:
         """The number of times that the connection was opened; if above 1, the server has lost its state."""
-        return self._wire.openings
+        return self._channel.openings
 
     async def open(self) -> None:
         """Open the connection; see `connect`."""
-        opened: asyncio.Future[Outcome] = self._loop.create_future()
-        self._wire.open(lambda outcome: self._settle(opened, outcome))
+        opening: asyncio.Future[Outcome] = self._loop.create_future()
+        self._channel.open(lambda outcome: self._settle(opening, outcome))
         for wait_s in opening_timeouts(self._timeout_s):
-            done, _ = await asyncio.wait([opened], timeout=wait_s)
+            done, _ = await asyncio.wait([opening], timeout=wait_s)
             if done:
-                outcome = opened.result()
+                outcome = opening.result()
                 if isinstance(outcome, RobotConnectionError):
                     raise outcome
                 return
@@ -100,7 +100,7 @@ class Connection:
 
     async def close(self) -> None:
         """Close the connection."""
-        await asyncio.to_thread(self._hub.release, self._wire)
+        await asyncio.to_thread(self._hub.release, self._channel)
 
     def _settle(self, future: asyncio.Future[Outcome], outcome: Outcome) -> None:
         def settle() -> None:
@@ -184,9 +184,9 @@ async def connect(
 
     Arguments and errors are those of `connection.connect`.
     """
-    opened = Session.open(robot, gateway=gateway, credentials=credentials, environment=environment)
+    opening_session = Session.open(robot, gateway=gateway, credentials=credentials, environment=environment)
     async with (
-        opened as session,
+        opening_session as session,
         session.connect(server, name=name, priority=priority, timeout_s=timeout_s) as connection,
     ):
         yield connection

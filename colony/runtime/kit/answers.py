@@ -17,23 +17,23 @@ TIMEOUT_S = 5.0
 """Default timeout of a call, in seconds."""
 
 
-def answer_timeout(ask: Ask[Any], requested_s: float | None, default_s: float) -> float:
+def answer_timeout(call: Ask[Any], requested_s: float | None, default_s: float) -> float:
     """Return the timeout in seconds: `requested_s`; if None, `default_s`, or longer if the call needs it.
 
     Raises:
-        TypeError: `ask` is not a call of a library.
+        TypeError: `call` is not a call of a library.
     """
-    if not isinstance(ask, Ask):
-        hint = ": call it" if callable(ask) else ""
+    if not isinstance(call, Ask):
+        hint = ": call it" if callable(call) else ""
         raise TypeError(
-            f"not a call: {ask!r}{hint}; expected the result of a library function, such as robot.go(200)"
+            f"not a call: {call!r}{hint}; expected the result of a library function, such as robot.go(200)"
         )
     if requested_s is not None:
         return requested_s
-    return default_s if ask.wait_s is None else max(default_s, ask.wait_s)
+    return default_s if call.wait_s is None else max(default_s, call.wait_s)
 
 
-def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:
+def read_result(server: str, call: Ask[T], outcome: Outcome) -> T:
     """Return the result of a call.
 
     Raises:
@@ -42,9 +42,9 @@ def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:
     if isinstance(outcome, RobotConnectionError):
         raise outcome
     try:
-        result: T = _decoder(ask.reply).decode(outcome)
+        result: T = _decoder(call.reply).decode(outcome)
     except msgspec.DecodeError as problem:
-        text = f"{server}.{ask.method} returned an invalid result: {problem}"
+        text = f"{server}.{call.method} returned an invalid result: {problem}"
         raise CallRefusedError("reply", text) from None
     return result
 

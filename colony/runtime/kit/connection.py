@@ -26,10 +26,10 @@ from typing import Any, Generic, TypeVar
 from colony.runtime.kit.answers import TIMEOUT_S as TIMEOUT_S
 from colony.runtime.kit.answers import answer_timeout as answer_timeout
 from colony.runtime.kit.answers import read_result as read_result
+from colony.runtime.kit.channel import Channel
 from colony.runtime.kit.conversation import Outcome
 from colony.runtime.kit.errors import CallTimeoutError, RobotConnectionError
 from colony.runtime.kit.hub import Hub
-from colony.runtime.kit.wire import Wire
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Notice
 from colony.runtime.transport.live.robot_address import Credentials
@@ -47,15 +47,15 @@ MAX_NOTICES = 1024
 class Answer(Generic[T]):
     """The future answer to a call. Mutable until it arrives."""
 
-    def __init__(self, wire: Wire, ask: Ask[T], timeout_s: float) -> None:
-        self._wire = wire
-        self._ask = ask
+    def __init__(self, channel: Channel, call: Ask[T], timeout_s: float) -> None:
+        self._channel = channel
+        self._call = call
         self._due = time.monotonic() + timeout_s
         self._timeout_s = timeout_s
         self._ready = Lock()
         self._ready.acquire()
         self._outcome: Outcome | None = None
-        self._pending = wire.submit(ask, self._resolve)
+        self._pending = channel.submit(call, self._resolve)
 
     def result(self) -> T:
         """Wait for the answer, and return the result.
@@ -65,11 +65,11 @@ class Answer(Generic[T]):
         """
         left_s = min(max(0.0, self._due - time.monotonic()), TIMEOUT_MAX)  # the timeout may be unlimited
         if self._outcome is None and not self._ready.acquire(timeout=left_s):
-            self._wire.forget(self._pending)
+            self._channel.forget(self._pending)
             if self._outcome is None:
-                raise timeout_error(self._wire, self._ask, self._timeout_s)
+                raise timeout_error(self._channel, self._call, self._timeout_s)
         assert self._outcome is not None
-        return read_result(self._wire.server, self._ask, self._outcome)
+        return read_result(self._channel.server, self._call, self._outcome)
 
     def _resolve(self, outcome: Outcome) -> None:
         self._outcome = outcome
@@ -84,19 +84,19 @@ class Connection:
         self.server = server
         self._hub = hub
         self._timeout_s = timeout_s
-        self._sent: deque[Answer[Any]] = deque()
+        self._unreceived: deque[Answer[Any]] = deque()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._notice_signals: SimpleQueue[None] = SimpleQueue()
         self._resources = ExitStack()
-        self._wire = hub.wire(server, name=name, priority=priority, notify=self._notify)
-        self._resources.callback(hub.release, self._wire)
+        self._channel = hub.channel(server, name=name, priority=priority, notify=self._notify)
+        self._resources.callback(hub.release, self._channel)
         try:
             self._open()
         except BaseException:
             self.close()
             raise
 
-    def do(self, ask: Ask[T], *, timeout_s: float | None = None) -> T:
+    def do(self, call: Ask[T], *, timeout_s: float | None = None) -> T:
         """Make a call to the server, and wait for the result.
 
         Raises:
@@ -105,12 +105,12 @@ class Connection:
                 automatically.
             CallTimeoutError: no answer came within `timeout_s`, by default that of the connection or call.
         """
-        return self._answer(ask, timeout_s).result()
+        return self._answer(call, timeout_s).result()
 
-    def send(self, ask: Ask[T], *, timeout_s: float | None = None) -> Answer[T]:
+    def send(self, call: Ask[T], *, timeout_s: float | None = None) -> Answer[T]:
         """Make a call without waiting; `result` of the answer, or `recv`, waits."""
-        answer = self._answer(ask, timeout_s)
-        self._sent.append(answer)
+        answer = self._answer(call, timeout_s)
+        self._unreceived.append(answer)
         return answer
 
     def recv(self) -> Any:
@@ -120,14 +120,14 @@ class Connection:
             LookupError: every sent call was received already.
             CallRefusedError, ConnectionLostError, CallTimeoutError: as for `do`.
         """
-        if not self._sent:
+        if not self._unreceived:
             raise LookupError(f"every call sent to {self.server} was received already")
-        return self._sent.popleft().result()
+        return self._unreceived.popleft().result()
 
-    def keep(self, ask: Ask[T]) -> T:
+    def keep(self, call: Ask[T]) -> T:
         """Make a call, such as a watch, immediately and each time the connection is reopened."""
-        result = self.do(ask)
-        self._wire.keep(ask)
+        result = self.do(call)
+        self._channel.repeat_on_reopen(call)
         return result
 
     def notices(self, *, timeout_s: float | None = None) -> Iterator[Notice]:
@@ -146,14 +146,14 @@ class Connection:
     @property
     def openings(self) -> int:
         """The number of times that the connection was opened; if above 1, the server has lost its state."""
-        return self._wire.openings
+        return self._channel.openings
 
     def close(self) -> None:
         """Close the connection. Idempotent."""
         self._resources.close()
 
     def close_with(self, resources: ExitStack) -> None:
-        """Close `holds` too, after the connection."""
+        """Close `resources` too, after the connection."""
         resources.push(self._resources)
         self._resources = resources
 
@@ -165,12 +165,12 @@ class Connection:
         """Close the connection."""
         self.close()
 
-    def _answer(self, ask: Ask[T], timeout_s: float | None) -> Answer[T]:
-        return Answer(self._wire, ask, answer_timeout(ask, timeout_s, self._timeout_s))
+    def _answer(self, call: Ask[T], timeout_s: float | None) -> Answer[T]:
+        return Answer(self._channel, call, answer_timeout(call, timeout_s, self._timeout_s))
 
     def _open(self) -> None:
         ready: SimpleQueue[Outcome] = SimpleQueue()
-        self._wire.open(ready.put)
+        self._channel.open(ready.put)
         for wait_s in opening_timeouts(self._timeout_s):
             with suppress(Empty):
                 outcome = ready.get(timeout=wait_s)
@@ -296,13 +296,13 @@ def opening_timeouts(timeout_s: float) -> tuple[float, ...]:
     return (first, timeout_s - first)
 
 
-def timeout_error(wire: Wire, ask: Ask[Any], timeout_s: float) -> CallTimeoutError:
+def timeout_error(channel: Channel, call: Ask[Any], timeout_s: float) -> CallTimeoutError:
     """Return the error for a call that timed out."""
-    text = f"{wire.server} did not answer `{ask.method}` in {timeout_s:g} s"
-    if not wire.is_open:
+    text = f"{channel.server} did not answer `{call.method}` in {timeout_s:g} s"
+    if not channel.is_open:
         text += "; the connection was lost, and is not open again yet"
-    if wire.server_error:
-        text += f" (the server reported: {wire.server_error})"
+    if channel.server_error:
+        text += f" (the server reported: {channel.server_error})"
     return CallTimeoutError(text)
 
 

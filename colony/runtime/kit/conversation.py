@@ -26,10 +26,10 @@ from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 KEEPALIVE_NS = 150_000_000
 """Nanoseconds without a message after which a sign of life is due; checking every 100 ms suffices."""
 
-RESEND_NS = 250_000_000
+FIRST_RESEND_PAUSE_NS = 250_000_000
 """Nanoseconds without an answer before a call is first resent; each further pause is twice as long."""
 
-MAX_RESEND_NS = 2_000_000_000
+MAX_RESEND_PAUSE_NS = 2_000_000_000
 
 MAX_ARGUMENT_BYTES = MAX_MESSAGE_BYTES - 1024
 """Byte limit of the arguments of a call, which leaves room for its other fields."""
@@ -47,19 +47,19 @@ class Pending:
         CallRefusedError: the arguments are too large.
     """
 
-    ask: Ask[Any]
+    call: Ask[Any]
     resolve: Callable[[Outcome], None]
     arguments: bytes = b""
-    call: Call | None = None
+    message: Call | None = None
     sent_ns: int = 0
-    resend_ns: int = RESEND_NS
+    resend_pause_ns: int = FIRST_RESEND_PAUSE_NS
 
     def __post_init__(self) -> None:
         """Encode the arguments and check their size."""
-        self.arguments = msgspec.msgpack.encode(self.ask.arguments)
+        self.arguments = msgspec.msgpack.encode(self.call.arguments)
         if len(self.arguments) > MAX_ARGUMENT_BYTES:
             found = f"the arguments are {len(self.arguments)} bytes; expected at most {MAX_ARGUMENT_BYTES}"
-            raise CallRefusedError("size", f"{self.ask.method}: {found}")
+            raise CallRefusedError("size", f"{self.call.method}: {found}")
 
 
 class Listen(NamedTuple):
@@ -105,7 +105,7 @@ class Conversation:
     Args:
         server: the name of the server.
         user: the user of this process.
-        ids: function that returns a new id each time.
+        new_id: function that returns a new id each time.
         name: the display name of the connection.
         priority: the priority of all its calls.
         default_right: a right of the user, claimed by calls that any right allows.
@@ -113,7 +113,7 @@ class Conversation:
 
     server: str
     user: str
-    ids: Callable[[], str]
+    new_id: Callable[[], str]
     name: str
     priority: int
     default_right: Right = "read"
@@ -125,20 +125,20 @@ class Conversation:
     _opening: Pending | None = None
     _sent: dict[int, Pending] = field(default_factory=dict)
     _unsent: list[Pending] = field(default_factory=list)
-    _kept: list[Ask[Any]] = field(default_factory=list)
+    _repeated_on_reopen: list[Ask[Any]] = field(default_factory=list)
     _last_sent_ns: int = 0
 
     def open(self, resolve: Callable[[Outcome], None], now_ns: int) -> Iterator[Effect]:
         """Open the connection, for the first time or again."""
         self.state = State.OPENING
         if not self.connection:
-            self.connection = f"{self.user}/{self.ids()}"
+            self.connection = f"{self.user}/{self.new_id()}"
             yield Listen(self.connection)
-        ask = Ask("open", Open(name=self.name), None, self.default_right, repeatable=True)
-        self._opening = Pending(ask, resolve)
+        call = Ask("open", Open(name=self.name), None, self.default_right, repeatable=True)
+        self._opening = Pending(call, resolve)
         yield self._transmit(self._opening, now_ns)
 
-    def ask(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
+    def submit(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
         """Make a call, now or when the connection is open again."""
         match self.state:
             case State.OPEN:
@@ -150,20 +150,20 @@ class Conversation:
             case State.CLOSED:
                 yield Resolve(pending, ConnectionLostError(f"the connection to {self.server} was closed"))
 
-    def keep(self, ask: Ask[Any]) -> None:
+    def repeat_on_reopen(self, call: Ask[Any]) -> None:
         """Make this call again whenever the connection is reopened."""
-        self._kept.append(ask)
+        self._repeated_on_reopen.append(call)
 
     def forget(self, pending: Pending) -> None:
         """Drop a call whose answer is no longer awaited."""
-        if pending.call is not None:
-            self._sent.pop(pending.call.number, None)
+        if pending.message is not None:
+            self._sent.pop(pending.message.number, None)
         elif pending in self._unsent:
             self._unsent.remove(pending)
 
     def resend(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
         """Resend a call without an answer immediately."""
-        if pending.call is not None and pending.call.number in self._sent:
+        if pending.message is not None and pending.message.number in self._sent:
             yield self._transmit(pending, now_ns)
 
     def receive(self, message: Reply | Notice, now_ns: int) -> Iterator[Effect]:
@@ -178,7 +178,7 @@ class Conversation:
         elif message.number == 0:
             self.server_error = "" if message.problem is None else message.problem.message
         else:
-            yield from self._answer(message, now_ns)
+            yield from self._on_reply(message, now_ns)
 
     def reopen(self, now_ns: int) -> Iterator[Effect]:
         """Reopen the connection, which the server no longer has."""
@@ -217,8 +217,8 @@ class Conversation:
         if self._opening is not None:
             unanswered = (self._opening, *filter(_is_urgent, unanswered))
         for pending in unanswered:
-            if now_ns - pending.sent_ns >= pending.resend_ns:
-                pending.resend_ns = min(2 * pending.resend_ns, MAX_RESEND_NS)
+            if now_ns - pending.sent_ns >= pending.resend_pause_ns:
+                pending.resend_pause_ns = min(2 * pending.resend_pause_ns, MAX_RESEND_PAUSE_NS)
                 yield self._transmit(pending, now_ns)
         if self.state is State.OPEN and now_ns - self._last_sent_ns >= KEEPALIVE_NS:
             yield self._keepalive(now_ns)
@@ -226,8 +226,8 @@ class Conversation:
     def close(self, now_ns: int) -> Iterator[Effect]:
         """Close the connection: notify the server, and fail the calls without an answer."""
         if self.state is State.OPEN:
-            ask = Ask("close", NoArguments(), None, self.default_right)
-            yield self._transmit(Pending(ask, _ignore), now_ns)
+            call = Ask("close", NoArguments(), None, self.default_right)
+            yield self._transmit(Pending(call, _ignore), now_ns)
         self.state = State.CLOSED
         ended = ConnectionLostError(f"the connection to {self.server} was closed before the answer")
         for pending in (*self._sent.values(), *self._unsent):
@@ -237,7 +237,7 @@ class Conversation:
 
     # --- internals -----------------------------------------------------------------------------------
 
-    def _answer(self, reply: Reply, now_ns: int) -> Iterator[Effect]:
+    def _on_reply(self, reply: Reply, now_ns: int) -> Iterator[Effect]:
         outcome: Outcome = reply.result
         if reply.problem is not None and reply.problem.code == "flood":
             self.server_error = reply.problem.message
@@ -245,7 +245,7 @@ class Conversation:
         if reply.problem is not None:
             outcome = CallRefusedError(reply.problem.code, reply.problem.message)
         opening = self._opening
-        if opening is not None and opening.call is not None and reply.number == opening.call.number:
+        if opening is not None and opening.message is not None and reply.number == opening.message.number:
             if isinstance(outcome, RobotConnectionError):
                 self.server_error = str(outcome)
             else:
@@ -261,8 +261,8 @@ class Conversation:
         self.server_error = ""
         resend = tuple(self._sent.values())
         if self.openings > 1:
-            for ask in self._kept:
-                yield self._transmit(Pending(ask, _ignore), now_ns)
+            for call in self._repeated_on_reopen:
+                yield self._transmit(Pending(call, _ignore), now_ns)
         for pending in resend:
             yield self._transmit(pending, now_ns)
         unsent, self._unsent = self._unsent, []
@@ -272,26 +272,26 @@ class Conversation:
     def _fail_unrepeatable(self, lost: ConnectionLostError) -> Iterator[Effect]:
         """Fail the open calls that cannot be repeated."""
         for number, pending in tuple(self._sent.items()):
-            if not pending.ask.repeatable:
+            if not pending.call.repeatable:
                 del self._sent[number]
                 yield Resolve(pending, lost)
 
     def _transmit(self, pending: Pending, now_ns: int) -> Effect:
-        if pending.call is None:
+        if pending.message is None:
             self._number += 1
-            ask = pending.ask
-            pending.call = Call(
+            call = pending.call
+            pending.message = Call(
                 connection=self.connection,
                 number=self._number,
-                method=ask.method,
+                method=call.method,
                 arguments=msgspec.Raw(pending.arguments),
                 priority=self.priority,
-                right=self.default_right if ask.right == "read" else ask.right,
+                right=self.default_right if call.right == "read" else call.right,
             )
             if pending is not self._opening:
                 self._sent[self._number] = pending
         pending.sent_ns = self._last_sent_ns = now_ns
-        return Transmit(pending.call)
+        return Transmit(pending.message)
 
     def _keepalive(self, now_ns: int) -> Effect:
         self._last_sent_ns = now_ns
@@ -300,7 +300,7 @@ class Conversation:
 
 def _is_urgent(pending: Pending) -> bool:
     """Return True if a call is sent before the connection is open."""
-    return pending.ask.method == EMERGENCY_STOP
+    return pending.call.method == EMERGENCY_STOP
 
 
 def _ignore(outcome: Outcome) -> None:

@@ -63,9 +63,9 @@ class StopButton:
         self._session = session
         self._timeout_s = timeout_s
         hub = session.hub
-        self._wires = {s: hub.wire(s, name=name, priority=0, notify=lambda _: None) for s in SERVERS}
-        for wire in self._wires.values():
-            wire.open(lambda _: None)
+        self._channels = {s: hub.channel(s, name=name, priority=0, notify=lambda _: None) for s in SERVERS}
+        for channel in self._channels.values():
+            channel.open(lambda _: None)
 
     def press(self) -> StopReport:
         """Stop the robot, and wait until every actuator server that is up has acknowledged it.
@@ -75,18 +75,18 @@ class StopButton:
         """
         outcomes: SimpleQueue[tuple[str, Outcome]] = SimpleQueue()
         stop, due = emergency.stop(), time.monotonic() + self._timeout_s
-        sent = {
-            server: wire.submit(stop, lambda outcome, server=server: outcomes.put((server, outcome)))  # type: ignore[misc]
-            for server, wire in self._wires.items()
+        pending_calls = {
+            server: channel.submit(stop, lambda outcome, server=server: outcomes.put((server, outcome)))  # type: ignore[misc]
+            for server, channel in self._channels.items()
         }
         try:
-            return self._collect(outcomes, due, sent)
+            return self._collect(outcomes, due, pending_calls)
         finally:
-            for server, pending in sent.items():
-                self._wires[server].forget(pending)
+            for server, pending in pending_calls.items():
+                self._channels[server].forget(pending)
 
     def _collect(
-        self, outcomes: SimpleQueue[tuple[str, Outcome]], due: float, sent: Mapping[str, Pending]
+        self, outcomes: SimpleQueue[tuple[str, Outcome]], due: float, pending_calls: Mapping[str, Pending]
     ) -> StopReport:
         answers: dict[str, Outcome] = {}
         while self._unanswered(answers) and (left_s := due - time.monotonic()) > 0.0:
@@ -95,7 +95,7 @@ class StopButton:
                 answers[server] = outcome
             except Empty:
                 for server in self._unanswered(answers):
-                    self._wires[server].resend(sent[server])
+                    self._channels[server].resend(pending_calls[server])
         problems: dict[str, str] = {}
         for server, outcome in answers.items():
             try:
@@ -112,20 +112,20 @@ class StopButton:
 
     def _unanswered(self, answers: Mapping[str, Outcome]) -> list[str]:
         """Return the servers that are up and have not answered."""
-        missing = [server for server in self._wires if server not in answers]
-        present = {*self._session.servers(), *self._running()} if missing else ()
+        missing = [server for server in self._channels if server not in answers]
+        present = {*self._session.servers(), *self._running_servers()} if missing else ()
         return [server for server in missing if server in present]
 
-    def _running(self) -> Iterable[str]:
+    def _running_servers(self) -> Iterable[str]:
         """Return the servers with a process on this machine, even a frozen one; none for a remote robot."""
         robot_address = self._session.hub.network.robot_address
         return robot_address.directory.running() if isinstance(robot_address, Local) else ()
 
     def close(self) -> None:
         """Close the connections. Idempotent."""
-        wires, self._wires = self._wires, {}
-        for wire in wires.values():
-            self._session.hub.release(wire)
+        channels, self._channels = self._channels, {}
+        for channel in channels.values():
+            self._session.hub.release(channel)
 
     def __enter__(self) -> StopButton:
         """Return the button."""

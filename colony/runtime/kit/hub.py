@@ -18,9 +18,9 @@ from uuid import uuid4
 import msgspec
 import zenoh
 
+from colony.runtime.kit.channel import Channel
 from colony.runtime.kit.conversation import Outcome
 from colony.runtime.kit.errors import RobotConnectionError, ServerNotFoundError
-from colony.runtime.kit.wire import Wire
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import Notice, Reply, Right
@@ -51,14 +51,14 @@ class Hub:
     """The network session of a process, and the connections over it. Mutable. Threads may share it."""
 
     def __init__(self, network: ZenohSession, *, rights: tuple[Right, ...] = keys.RIGHTS) -> None:
-        """Use an open network that the caller owns; see also `on` and `open`.
+        """Use an open network that the caller owns; see also `on_network` and `open`.
 
         `rights` are those that connections claim; the user must have them.
         """
         self.network = network
         self._rights = rights
-        self._wires: set[Wire] = set()
-        self._wires_by_connection: dict[str, Wire] = {}
+        self._channels: set[Channel] = set()
+        self._channels_by_connection: dict[str, Channel] = {}
         self._bucket = f"{randbelow(REPLY_BUCKETS):02x}"
         self._lock = Lock()
         self._deferred: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
@@ -74,7 +74,7 @@ class Hub:
         self._resources.callback(self._deferred.put, None)
 
     @classmethod
-    def on(cls, network: ZenohSession) -> Hub:
+    def on_network(cls, network: ZenohSession) -> Hub:
         """Return a hub on an open network that the caller owns, with the user's rights.
 
         Raises:
@@ -110,11 +110,11 @@ class Hub:
             robot_address = Remote(robot=robot, endpoint=gateway, credentials=credentials)
         with ExitStack() as resources:
             network = resources.enter_context(ZenohSession.open(robot_address))
-            hub = cls.on(network)
+            hub = cls.on_network(network)
             hub._resources = _nested(hub._resources, resources.pop_all())
             return hub
 
-    def wire(
+    def channel(
         self,
         server: str,
         *,
@@ -122,8 +122,8 @@ class Hub:
         priority: int,
         notify: Callable[[Notice], None],
         rights: tuple[Right, ...] | None = None,
-    ) -> Wire:
-        """Return a conversation with a server that is not open yet; pass it to `release` at the end.
+    ) -> Channel:
+        """Return a channel to a server that is not open yet; pass it to `release` at the end.
 
         Raises:
             TypeError: the name or the priority cannot be sent.
@@ -134,29 +134,29 @@ class Hub:
             raise TypeError(
                 f"the priority of a connection is {priority!r}; expected a whole number, such as 50"
             )
-        wire = Wire(
+        channel = Channel(
             self.network,
             server,
             name=name,
             priority=priority,
             rights=self._rights if rights is None else rights,
-            ids=lambda: f"{self._bucket}-{uuid4().hex[:16]}",
-            begin=self._begin,
+            new_id=lambda: f"{self._bucket}-{uuid4().hex[:16]}",
+            register=self._register,
             notify=notify,
             defer=self._deferred.put,
         )
         with self._lock:
-            self._wires.add(wire)
-        return wire
+            self._channels.add(channel)
+        return channel
 
-    def release(self, wire: Wire) -> None:
-        """End a conversation."""
+    def release(self, channel: Channel) -> None:
+        """Close a channel."""
         with self._lock:
-            self._wires.discard(wire)
-        wire.close()
+            self._channels.discard(channel)
+        channel.close()
         with self._lock:
-            self._wires_by_connection = {
-                connection: w for connection, w in self._wires_by_connection.items() if w is not wire
+            self._channels_by_connection = {
+                connection: c for connection, c in self._channels_by_connection.items() if c is not channel
             }
 
     def not_found(self, server: str) -> ServerNotFoundError:
@@ -174,9 +174,9 @@ class Hub:
     def close(self) -> None:
         """Close all connections and leave the network. Idempotent."""
         with self._lock:
-            wires, self._wires = self._wires, set()
-        for wire in wires:
-            wire.close()
+            channels, self._channels = self._channels, set()
+        for channel in channels:
+            channel.close()
         self._resources.close()
 
     # --- internals -----------------------------------------------------------------------------------
@@ -189,19 +189,19 @@ class Hub:
                 work = self._deferred.get(timeout=max(0.0, due - time.monotonic()))
             except Empty:
                 due = time.monotonic() + POLL_INTERVAL_S
-                for wire in self._all():
-                    wire.poll()
+                for channel in self._open_channels():
+                    channel.poll()
             else:
                 if work is None:
                     return
                 work()
 
-    def _begin(self, wire: Wire, connection: str) -> None:
+    def _register(self, channel: Channel, connection: str) -> None:
         with self._lock:
-            self._wires_by_connection[connection] = wire
+            self._channels_by_connection[connection] = channel
 
     def _on_reply(self, sample: zenoh.Sample) -> None:
-        """Pass a reply or notice to its wire; ignore those for other processes of this user.
+        """Pass a reply or notice to its channel; ignore those for other processes of this user.
 
         Called in a network thread.
         """
@@ -211,19 +211,19 @@ class Hub:
             return
         if (
             isinstance(message, (Reply, Notice))
-            and (wire := self._wires_by_connection.get(message.connection)) is not None
+            and (channel := self._channels_by_connection.get(message.connection)) is not None
         ):
-            wire.receive(message)
+            channel.receive(message)
 
     def _on_presence(self, address: str, present: bool) -> None:
         """Handle the appearance or loss of a node, in a network thread."""
-        for wire in self._all():
-            if wire.server == address:
-                self._deferred.put(partial(wire.on_presence, present))
+        for channel in self._open_channels():
+            if channel.server == address:
+                self._deferred.put(partial(channel.on_presence, present))
 
-    def _all(self) -> tuple[Wire, ...]:
+    def _open_channels(self) -> tuple[Channel, ...]:
         with self._lock:
-            return tuple(self._wires)
+            return tuple(self._channels)
 
 
 def _rights(network: ZenohSession) -> tuple[Right, ...]:
@@ -234,16 +234,16 @@ def _rights(network: ZenohSession) -> tuple[Right, ...]:
     robot_address = network.robot_address
     if isinstance(robot_address, Local):
         return keys.RIGHTS
-    answered: SimpleQueue[Outcome] = SimpleQueue()
+    outcomes: SimpleQueue[Outcome] = SimpleQueue()
     hub = Hub(network)
     try:
-        wires = [
-            hub.wire(GATEWAY, name="login", priority=0, notify=_ignore, rights=(r,)) for r in keys.RIGHTS
+        channels = [
+            hub.channel(GATEWAY, name="login", priority=0, notify=_ignore, rights=(r,)) for r in keys.RIGHTS
         ]
-        for wire in wires:
-            wire.open(_ignore)
-            wire.submit(whoami(), answered.put)
-        outcome = answered.get(timeout=LOGIN_TIMEOUT_S)
+        for channel in channels:
+            channel.open(_ignore)
+            channel.submit(whoami(), outcomes.put)
+        outcome = outcomes.get(timeout=LOGIN_TIMEOUT_S)
     except Empty:
         raise UnreachableError(
             f"{robot_address.endpoint} does not admit {network.user}: the user's name must be that in "

@@ -61,11 +61,12 @@ def as_json(states: Sequence[RobotState]) -> str:
 def state_of(session: Session, robot_address: RobotAddress) -> RobotState:
     """Ask all servers in parallel, and report those without an answer as silent."""
     processes = dict(robot_address.directory.running()) if isinstance(robot_address, Local) else {}
-    present = {address for address in session.servers() if "/" not in address} - {OBSERVER}
-    names = sorted({*CORE_SERVERS, *present, *processes} - {OBSERVER}, key=_order)
+    present_servers = {address for address in session.servers() if "/" not in address} - {OBSERVER}
+    names = sorted({*CORE_SERVERS, *present_servers, *processes} - {OBSERVER}, key=_order)
     with ThreadPoolExecutor(max_workers=len(names)) as pool:
         futures = {
-            name: pool.submit(_ask, session, name, name in present, processes.get(name)) for name in names
+            name: pool.submit(_query, session, name, name in present_servers, processes.get(name))
+            for name in names
         }
         answers = {name: future.result() for name, future in futures.items()}
     return RobotState(
@@ -89,8 +90,8 @@ _DETAIL_CALLS: dict[str, Callable[[], Ask[Any]]] = {
 """Additional calls to some servers."""
 
 
-def _ask(session: Session, name: str, present: bool, process: int | None) -> tuple[ServerState, object]:
-    if not present:
+def _query(session: Session, name: str, is_present: bool, process: int | None) -> tuple[ServerState, object]:
+    if not is_present:
         # a process without a node, such as the plant, is not a server and takes no calls
         state = "down" if process is None or name in CORE_SERVERS else "up"
         return ServerState(server=name, state=state, process=process), None

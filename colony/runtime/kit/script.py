@@ -28,7 +28,7 @@ class Do(NamedTuple):
     """A step: make a call to a server. Its answer is the result of the call."""
 
     server: str
-    ask: Ask[Any]
+    call: Ask[Any]
 
 
 class Sleep(NamedTuple):
@@ -42,13 +42,13 @@ Script = Generator[Step, Any, None]
 """A client. It ends when the generator does; to end it from outside, close the generator."""
 
 
-def do(server: str, ask: Ask[T]) -> Generator[Step, Any, T]:
+def do(server: str, call: Ask[T]) -> Generator[Step, Any, T]:
     """Make a call to a server, and wait for the result.
 
     Raises:
         CallRefusedError, ConnectionLostError, CallTimeoutError: the call has no result.
     """
-    answer: T = yield Do(server, ask)
+    answer: T = yield Do(server, call)
     return answer
 
 

@@ -41,7 +41,7 @@ def run_script(
         stop: the event that ends the script, even while it waits for an answer.
         timeout_s: seconds to wait for an answer, unless the call needs longer.
     """
-    ended = stop if stop is not None else Event()
+    end_requested = stop if stop is not None else Event()
     with ExitStack() as resources:
         resources.enter_context(closing(script))
         connections: dict[str, Connection] = {}
@@ -56,7 +56,7 @@ def run_script(
 
         value: Any = None
         problem: RobotConnectionError | None = None
-        while not ended.is_set():
+        while not end_requested.is_set():
             try:
                 step = script.send(value) if problem is None else script.throw(problem)
             except StopIteration:
@@ -64,11 +64,11 @@ def run_script(
             value = problem = None
             match step:
                 case Sleep(seconds=seconds):
-                    ended.wait(max(0.0, seconds))
+                    end_requested.wait(max(0.0, seconds))
                     value = session.time_ns()
-                case Do(server=server, ask=ask):
+                case Do(server=server, call=call):
                     try:
-                        value = connection(server).do(ask)
+                        value = connection(server).do(call)
                     except RobotConnectionError as error:
                         problem = error
         return False

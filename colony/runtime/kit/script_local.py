@@ -22,7 +22,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import LATER, CallId, Handler, Method, RefusedError
 from colony.runtime.protocol.connections import Caller
 
-MAX_STEPS_PER_MOMENT = 20_000
+MAX_STEPS_PER_INSTANT = 20_000
 """Maximum number of steps of a script at one instant; beyond it, the script is taken to loop forever."""
 
 
@@ -55,21 +55,21 @@ class LocalServer:
         self.answers = [] if answers is None else answers
         self.handlers: Mapping[str, Handler] = {m.name: m.handler for m in methods}
 
-    def do(self, call_id: CallId, ask: Ask[Any], now_ns: int) -> Any:
+    def do(self, call_id: CallId, call: Ask[Any], now_ns: int) -> Any:
         """Return the result of a call, or `LATER` if the call has to wait.
 
         Raises:
             RefusedError: the server refuses the call.
         """
-        handler = self.handlers.get(ask.method)
+        handler = self.handlers.get(call.method)
         if handler is None:
-            known = ", ".join(sorted(self.handlers))
+            available = ", ".join(sorted(self.handlers))
             raise RefusedError(
-                "method", f"{self.address} has no method `{ask.method}` here; expected {known}"
+                "method", f"{self.address} has no method `{call.method}` here; expected {available}"
             )
-        result = handler(call_id, ask.arguments, now_ns)
+        result = handler(call_id, call.arguments, now_ns)
         if isinstance(result, msgspec.Raw):
-            return _decoder(ask.reply).decode(result)
+            return _decoder(call.reply).decode(result)
         if isinstance(result, dict):
             decode = _decoder(Any).decode
             return {name: decode(value) for name, value in result.items()}
@@ -100,20 +100,20 @@ class LocalScripts:
 
     def __init__(self, scripts: Mapping[str, Script], servers: Iterable[LocalServer]) -> None:
         self._servers = {server.address: server for server in servers}
-        self._all = {
+        self._scripts = {
             name: _RunningScript(name=name, script=script, caller=Caller(f"local/{name}", name, 0, "local"))
             for name, script in scripts.items()
         }
         self._sleeping: list[tuple[int, int, _RunningScript]] = []
         self._waiting: dict[CallId, _RunningScript] = {}
         self._ready: deque[tuple[_RunningScript, object, Exception | None]] = deque(
-            (running, None, None) for running in self._all.values()
+            (running, None, None) for running in self._scripts.values()
         )
         self._sleep_count = 0
 
     def has_ended(self, name: str) -> bool:
         """Return True if a script has reached its end."""
-        return self._all[name].has_ended
+        return self._scripts[name].has_ended
 
     def run(self, now_ns: int) -> None:
         """Resume the scripts that are due, until all sleep, wait or have ended.
@@ -132,7 +132,7 @@ class LocalScripts:
 
     def close(self) -> None:
         """Close all scripts."""
-        for running in self._all.values():
+        for running in self._scripts.values():
             running.script.close()
 
     def _collect(self) -> None:
@@ -149,7 +149,7 @@ class LocalScripts:
     def _resume(self, running: _RunningScript, value: object, problem: Exception | None, now_ns: int) -> None:
         script = running.script
         try:
-            for _ in range(MAX_STEPS_PER_MOMENT):
+            for _ in range(MAX_STEPS_PER_INSTANT):
                 step = script.send(value) if problem is None else script.throw(problem)
                 value = problem = None
                 if isinstance(step, Sleep):
@@ -169,7 +169,7 @@ class LocalScripts:
                     if value is LATER:
                         self._waiting[call_id] = running
                         return
-            raise RuntimeError(f"{MAX_STEPS_PER_MOMENT} calls without a `sleep` or a wait between them")
+            raise RuntimeError(f"{MAX_STEPS_PER_INSTANT} calls without a `sleep` or a wait between them")
         except StopIteration:
             running.has_ended = True
         except Exception as raised:
@@ -179,10 +179,10 @@ class LocalScripts:
     def _do(self, step: Do, call_id: CallId, now_ns: int) -> Any:
         server = self._servers.get(step.server)
         if server is None:
-            known = ", ".join(self._servers)
-            raise ServerNotFoundError(f"there is no server `{step.server}` in this run; it has {known}")
+            available = ", ".join(self._servers)
+            raise ServerNotFoundError(f"there is no server `{step.server}` in this run; it has {available}")
         try:
-            return server.do(call_id, step.ask, now_ns)
+            return server.do(call_id, step.call, now_ns)
         except RefusedError as refused:
             raise _call_refused(refused) from None
 

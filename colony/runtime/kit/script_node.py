@@ -50,7 +50,7 @@ class ScriptNode:
             server: Conversation(
                 server=server,
                 user=USER,
-                ids=partial("{}.{}".format, name, server),
+                new_id=partial("{}.{}".format, name, server),
                 name=name,
                 priority=priority,
                 default_right="command",
@@ -62,16 +62,16 @@ class ScriptNode:
         self._wake_ns: int | None = None
         self._pending_call: tuple[int, Pending, str, float] | None = None
         self._answer: Outcome | None = None
-        self._poll_ns = 0
+        self._next_poll_ns = 0
 
     def start(self, now_ns: int) -> Iterator[Effect]:
         """Open the connections and schedule the script's start."""
         for server, conversation in self._conversations.items():
             yield from self._carry_out(server, conversation.open(_ignore, now_ns), now_ns)
         self._wake_ns = now_ns + self._delay_ns
-        self._poll_ns = now_ns + POLL_INTERVAL_NS
+        self._next_poll_ns = now_ns + POLL_INTERVAL_NS
         yield WakeAt(self._wake_ns)
-        yield WakeAt(self._poll_ns)
+        yield WakeAt(self._next_poll_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         """Handle a reply or a wake, and resume the script."""
@@ -101,7 +101,7 @@ class ScriptNode:
                 (_, pending, server, _), self._pending_call = self._pending_call, None
                 outcome, self._answer = self._answer, None
                 try:
-                    value = read_result(server, pending.ask, outcome)
+                    value = read_result(server, pending.call, outcome)
                 except RobotConnectionError as problem:
                     yield from self._resume(None, problem, now_ns)
                 else:
@@ -124,21 +124,23 @@ class ScriptNode:
                 self._wake_ns = now_ns + max(0, round(seconds * 1e9))
                 if self._wake_ns > now_ns:
                     yield WakeAt(self._wake_ns)
-            case Do(server=server, ask=ask):
-                yield from self._ask(server, ask, now_ns)
+            case Do(server=server, call=call):
+                yield from self._call(server, call, now_ns)
 
-    def _ask(self, server: str, ask: Any, now_ns: int) -> Iterator[Effect]:
+    def _call(self, server: str, call: Any, now_ns: int) -> Iterator[Effect]:
         conversation = self._conversations.get(server)
         if conversation is None:
-            known = ", ".join(self._conversations)
-            problem = ServerNotFoundError(f"{self.address} has no connection to `{server}`; it has {known}")
+            available = ", ".join(self._conversations)
+            problem = ServerNotFoundError(
+                f"{self.address} has no connection to `{server}`; it has {available}"
+            )
             yield from self._resume(None, problem, now_ns)
             return
-        wait_s = answer_timeout(ask, None, TIMEOUT_S)
-        pending = Pending(ask, self._on_outcome)
+        wait_s = answer_timeout(call, None, TIMEOUT_S)
+        pending = Pending(call, self._on_outcome)
         due_ns = now_ns + round(min(wait_s, 1e9) * 1e9)
         self._pending_call = (due_ns, pending, server, wait_s)
-        yield from self._carry_out(server, conversation.ask(pending, now_ns), now_ns)
+        yield from self._carry_out(server, conversation.submit(pending, now_ns), now_ns)
 
     def _on_outcome(self, outcome: Outcome) -> None:
         self._answer = outcome
@@ -151,16 +153,18 @@ class ScriptNode:
     # --- connections -----------------------------------------------------------------------------------
 
     def _on_wake(self, now_ns: int) -> Iterator[Effect]:
-        if self.ended or now_ns < self._poll_ns:
+        if self.ended or now_ns < self._next_poll_ns:
             return
-        self._poll_ns = now_ns + POLL_INTERVAL_NS
-        yield WakeAt(self._poll_ns)
+        self._next_poll_ns = now_ns + POLL_INTERVAL_NS
+        yield WakeAt(self._next_poll_ns)
         for server, conversation in self._conversations.items():
             yield from self._carry_out(server, conversation.poll(now_ns), now_ns)
         if self._pending_call is not None and self._answer is None and now_ns >= self._pending_call[0]:
             _, pending, server, wait_s = self._pending_call
             self._conversations[server].forget(pending)
-            self._answer = CallTimeoutError(f"{server} did not answer `{pending.ask.method}` in {wait_s:g} s")
+            self._answer = CallTimeoutError(
+                f"{server} did not answer `{pending.call.method}` in {wait_s:g} s"
+            )
 
     def _carry_out(self, server: str, effects: Iterator[ConversationEffect], now_ns: int) -> Iterator[Effect]:
         for effect in effects:

@@ -63,7 +63,7 @@ class Server:
             RunDirectoryError: the robot's folder cannot be used.
         """
         robot_address = local(robot, environment)
-        network = ZenohSession.open(robot_address, listens=(name,))
+        network = ZenohSession.open(robot_address, server_names=(name,))
         try:
             return cls(name, network, robot_address, report)
         except BaseException:

@@ -89,16 +89,16 @@ class Service(QuietNode):
         self.address = name
         self._fields = tuple(fields)
         self._report = report
-        reporting = tuple(m._replace(handler=self._report_errors(m)) for m in methods)
+        reporting_methods = tuple(m._replace(handler=self._report_errors(m)) for m in methods)
         description = Description(
             server=name,
             fields=tuple(f.description for f in self._fields),
-            methods=tuple(MethodDescription(name=m.name, right=m.right) for m in reporting),
+            methods=tuple(MethodDescription(name=m.name, right=m.right) for m in reporting_methods),
         )
         describe = calls.method("describe", NoArguments, lambda *_: description, right="read")
         self._publisher = Publisher(name, self._read)
         self._calls = CallDispatcher(
-            name, (*reporting, describe), full=lambda: self._publisher.limit_messages
+            name, (*reporting_methods, describe), other_limit_messages=lambda: self._publisher.limit_messages
         )
         self._now_ns = 0
         self.listens = (*self._calls.listens, *(self._publisher.listens if self._fields else ()))

@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 class Ask(NamedTuple, Generic[T]):
-    """A call of `method` with `arguments`, under `right`; the result is a `reply`.
+    """A call of `method` with `arguments`, under `right`. `reply` is the type of its result.
 
     `repeatable` is True if the call may be repeated when the server crashes before it answers. `wait_s` is
     the timeout of the call, if that is longer than the connection's.

@@ -12,7 +12,7 @@ connection requested by `publish`. A name has 1 to 255 bytes of UTF-8.
 
 Acknowledged changes survive a crash of the server. Each call is executed once, even if it is repeated because
 no answer came. Besides the codes given below, calls are refused with "arguments"; "size" for a value or a
-call that is too large; "full" if the server or its disk has no room for more.
+call that is too large; "full" if the server or its disk has no space for more.
 """
 
 from __future__ import annotations
@@ -295,8 +295,8 @@ def signal(name: str) -> Ask[None]:
 def release(name: str) -> Ask[None]:
     """Release a semaphore that was taken with `hold`.
 
-    Refused with "not held" if this connection does not hold it. If it did, the connection was lost in
-    between, and another one may have held the semaphore at the same time.
+    Refused with "not held" if this connection does not hold the semaphore. If it took the semaphore before,
+    the connection was lost in the meantime, and another connection may have held the semaphore as well.
     """
     return Ask("release", Named(name=name), type(None), "command", repeatable=True)
 

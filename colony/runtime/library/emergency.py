@@ -12,7 +12,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import EMERGENCY_STOP, NoArguments
 from colony.runtime.protocol.fields import SERVERS
 
-ACTUATOR_SERVERS = tuple(s.name for s in SERVERS if s.commands or s.open_fields)
+ACTUATOR_SERVERS = tuple(s.name for s in SERVERS if s.commands or s.accepts_any_name)
 """Names of the servers that actuators can be bound to."""
 
 

@@ -12,10 +12,9 @@ which increases counterclockwise; `drive` takes turning speeds as programs do, p
 Commands that move the base are arbitrated by the connection's priority. During a run, a connection whose
 priority is above that of the modules drives instead of them; one below them drives only while they are idle.
 A priority that a client or another connection already has is refused with the code "tie". `drive`, `go`,
-`jog` and `stop` hold until their lease ends, unless they are repeated; other motions hold until they are
-done. Other
-codes: "stopped" while the emergency stop is on; "locked" while another connection has the lock; "replaced",
-"bumper" and "stalled" for motions that ended early.
+`jog` and `stop` stay in force until their lease ends, unless they are repeated; other motions, until they are
+done. Other codes: "stopped" while the emergency stop is on; "locked" while another connection has the lock;
+"replaced", "bumper" and "stalled" for motions that ended early.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from colony.runtime.protocol.deployment import Deployment
 
 LEASE_S = 0.5
-"""Seconds for which a command holds if it is not repeated."""
+"""Seconds for which a command stays in force if it is not repeated."""
 
 KEEP_SETTING = -1.0
 """Argument for a velocity or acceleration that keeps the value set last."""
@@ -174,7 +173,7 @@ class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A connection that has commanded, whose priority is therefore taken.
+    """A connection that has commanded the base, whose priority is therefore taken.
 
     `commands` is its current command, None if there is none. `lease_s` is the remaining time of the command's
     lease, None for a motion that ends when it is done.
@@ -322,7 +321,7 @@ def wheel_speed() -> Ask[float]:
 def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
     """Keep all other connections, and the program, from moving the base (`RobotLock`).
 
-    The lock holds until `unlock` or the end of this connection. If another connection has it, the call waits
+    The lock lasts until `unlock` or the end of this connection. If another connection has it, the call waits
     up to `wait_s`, behind connections of higher priority. Then, or immediately without `wait`, it is refused
     with the code "locked".
     """

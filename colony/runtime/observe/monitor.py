@@ -59,26 +59,29 @@ class Keyframe(NamedTuple):
 class Monitor:
     """Checks verdicts against the client list. Mutable.
 
-    `degrading` are the actuators with `on_loss degrade`. Once any client is lost, lesser clients may command
-    these actuators, so their verdicts are not compared until memory restarts. `modules` are the modules in
+    `degrading_actuators` are those with `on_loss degrade`. Once any client is lost, lesser clients may
+    command them, so their verdicts are not compared until memory restarts. `modules` are the modules in
     Python.
     """
 
     def __init__(
-        self, executor: RestartableExecutor, degrading: Iterable[str] = (), modules: Iterable[str] = ()
+        self,
+        executor: RestartableExecutor,
+        degrading_actuators: Iterable[str] = (),
+        modules: Iterable[str] = (),
     ) -> None:
         self._executor = executor
         self._modules = frozenset(modules)
-        self._degrading = frozenset(degrading)
+        self._degrading_actuators = frozenset(degrading_actuators)
         self._degraded: set[str] = set()
-        self._fresh, self._memory_unknown = True, False
+        self._memory_is_initial, self._memory_unknown = True, False
 
     def restart(self) -> None:
         """Restart all memory with the next frame."""
-        if not self._fresh:
+        if not self._memory_is_initial:
             self._executor.restart()
         self._degraded.clear()
-        self._fresh, self._memory_unknown = True, False
+        self._memory_is_initial, self._memory_unknown = True, False
 
     def lose_memory(self) -> None:
         """Stop comparing until memory restarts, because a frame was missed."""
@@ -100,9 +103,9 @@ class Monitor:
             self._memory_unknown = True
         if self._memory_unknown:
             return CheckedFrame(Outcome(()), ())
-        self._fresh = False
+        self._memory_is_initial = False
         if lost:
-            self._degraded.update(self._degrading)
+            self._degraded.update(self._degrading_actuators)
         expected = self._executor.step(frame, answers)
         texts = (
             self._disagreement(decision, verdict)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, TypeVar
 
 from colony.ir.frame import Answer, Frame, Outcome
-from colony.runtime.frames.assembler import FRAME_RETENTION_NS, Assembled, FrameAssembler
+from colony.runtime.frames.assembler import FRAME_RETENTION_NS, AssembledFrame, FrameAssembler
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.monitor import Keyframe, Monitor
 from colony.runtime.protocol import topics
@@ -92,7 +92,7 @@ class Sink(Protocol):
 class _PendingFrame(NamedTuple):
     """A frame that waits for its verdicts; `skipped` frames before it were lost."""
 
-    assembled: Assembled
+    assembled: AssembledFrame
     arrived_ns: int
     skipped: int
     memory_unknown: bool
@@ -117,7 +117,7 @@ class Observer:
         monitor: checker of the frames.
         sinks: consumers of the frames.
         request_servers: servers of the actuators whose requests are also passed to the sinks.
-        modules: assembler of the answers of modules in Python, if there are any.
+        answer_assembler: assembler of the answers of modules in Python, if there are any.
         frame_ns: period of the program's frames.
     """
 
@@ -131,11 +131,11 @@ class Observer:
         sinks: tuple[Sink, ...],
         request_servers: tuple[str, ...] = (),
         *,
-        modules: FrameAssembler | None = None,
+        answer_assembler: FrameAssembler | None = None,
         frame_ns: int = 0,
     ) -> None:
         self._assembler = assembler
-        self._modules = modules
+        self._answer_assembler = answer_assembler
         self._actuators = frozenset(actuators)
         self._monitor = monitor
         self._sinks = sinks
@@ -148,8 +148,12 @@ class Observer:
         self._keyframe_ns: int | None = None
         self._frame_ns = frame_ns
         self._skipped, self._memory_unknown = 0, True
-        self._contradicted: int | None = None
-        listens = (*assembler.listens, *(modules.listens if modules else ()), topics.VERDICTS)
+        self._contradicted_epoch: int | None = None
+        listens = (
+            *assembler.listens,
+            *(answer_assembler.listens if answer_assembler else ()),
+            topics.VERDICTS,
+        )
         self.listens = tuple(dict.fromkeys((*listens, *(topics.requests(s) for s in request_servers))))
 
     @property
@@ -175,14 +179,16 @@ class Observer:
                 if self._assembler.lost:
                     self._skip()
                     self._collect(now_ns)
-                if isinstance(message, Tick) and self._contradicted == self._assembler.start:
-                    restart = Restart(client=self.address, start=self._contradicted)
+                if isinstance(message, Tick) and self._contradicted_epoch == self._assembler.start:
+                    restart = Restart(client=self.address, start=self._contradicted_epoch)
                     effects = (*effects, Send(topics.RESTARTS, restart))
             case Verdict():
                 if message.actuator in self._actuators:
-                    _partial(self._verdicts, message.k)[message.actuator] = message
+                    _data_of_frame(self._verdicts, message.k)[message.actuator] = message
             case Request():
-                _partial(self._requests, message.k).setdefault((message.actuator, message.client), message)
+                _data_of_frame(self._requests, message.k).setdefault(
+                    (message.actuator, message.client), message
+                )
             case _:
                 return ()
         while self._pending and self._is_ready(self._pending[0], now_ns):
@@ -201,29 +207,29 @@ class Observer:
         """Skip lost frames; remember the epoch if a frame that was handed out has become void."""
         skipped = self._assembler.skip()
         if not skipped:
-            self._contradicted = self._assembler.start
+            self._contradicted_epoch = self._assembler.start
         self._skipped += skipped
         self._memory_unknown = True
 
     def _take_answers(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
         """Collect the answers of modules in Python; stop waiting for answers that are too far behind."""
-        if self._modules is None:
+        if self._answer_assembler is None:
             return ()
-        effects = self._modules.take(message)
-        for assembled in self._modules.complete():
-            _partial(self._answers, assembled.tick.k).update(assembled.answers)
-        if self._modules.lost:
-            self._modules.skip()
+        effects = self._answer_assembler.take(message)
+        for assembled in self._answer_assembler.pop_complete():
+            _data_of_frame(self._answers, assembled.tick.k).update(assembled.answers)
+        if self._answer_assembler.lost:
+            self._answer_assembler.skip()
         return effects
 
     def _collect(self, now_ns: int) -> None:
-        for assembled in self._assembler.complete():
+        for assembled in self._assembler.pop_complete():
             self._pending.append(_PendingFrame(assembled, now_ns, self._skipped, self._memory_unknown))
             self._skipped, self._memory_unknown = 0, False
 
     def _is_ready(self, first: _PendingFrame, now_ns: int) -> bool:
         k = first.assembled.tick.k
-        answered = self._modules is None or k < self._modules.next
+        answered = self._answer_assembler is None or k < self._answer_assembler.next
         if not answered or len(self._verdicts.get(k, ())) < len(self._actuators):
             return now_ns - first.arrived_ns > FRAME_RETENTION_NS
         return not self._collects_requests or self._has_requests(k) or len(self._pending) > 1
@@ -240,8 +246,11 @@ class Observer:
     def _release(self) -> None:
         assembled, _, skipped, memory_unknown = self._pending.popleft()
         tick, frame = assembled.tick, assembled.frame
-        verdicts, requests = _pop_partial(self._verdicts, tick.k), _pop_partial(self._requests, tick.k)
-        answers = _pop_partial(self._answers, tick.k)
+        verdicts, requests = (
+            _pop_data_of_frame(self._verdicts, tick.k),
+            _pop_data_of_frame(self._requests, tick.k),
+        )
+        answers = _pop_data_of_frame(self._answers, tick.k)
         if assembled.restart:
             self._monitor.restart()
         elif memory_unknown:
@@ -264,10 +273,10 @@ class Observer:
         for sink in self._sinks:
             sink.take(log)
 
-    def _keyframe(self, t_ns: int, jumped: bool) -> Keyframe | None:
-        """Return the memory before a frame if a keyframe is due, or after missing frames (`jumped`)."""
+    def _keyframe(self, t_ns: int, after_gap: bool) -> Keyframe | None:
+        """Return the memory before a frame if a keyframe is due, or after missing frames (`after_gap`)."""
         previous_ns = self._keyframe_ns
-        if previous_ns is not None and t_ns + self._frame_ns - previous_ns <= KEYFRAME_NS and not jumped:
+        if previous_ns is not None and t_ns + self._frame_ns - previous_ns <= KEYFRAME_NS and not after_gap:
             return None
         self._keyframe_ns = t_ns
         return self._monitor.keyframe()
@@ -276,21 +285,21 @@ class Observer:
 K = TypeVar("K")
 V = TypeVar("V")
 
-_MAX_PARTIAL_FRAMES = 20_000
+_MAX_INCOMPLETE_FRAMES = 20_000
 """Maximum number of incomplete frames that are kept."""
 
 
-def _partial(partial: dict[int, dict[K, V]], k: int) -> dict[K, V]:
+def _data_of_frame(by_frame: dict[int, dict[K, V]], k: int) -> dict[K, V]:
     """Return the data that has arrived for frame `k`, adding an empty entry if there is none."""
-    entry = partial.setdefault(k, {})
-    if len(partial) > _MAX_PARTIAL_FRAMES:
-        del partial[next(iter(partial))]
+    entry = by_frame.setdefault(k, {})
+    if len(by_frame) > _MAX_INCOMPLETE_FRAMES:
+        del by_frame[next(iter(by_frame))]
     return entry
 
 
-def _pop_partial(partial: dict[int, dict[K, V]], k: int) -> dict[K, V]:
+def _pop_data_of_frame(by_frame: dict[int, dict[K, V]], k: int) -> dict[K, V]:
     """Remove and return the data that has arrived for frame `k`; drop older frames."""
-    entry = partial.pop(k, {})
-    for old_k in [number for number in partial if number < k]:
-        del partial[old_k]
+    entry = by_frame.pop(k, {})
+    for old_k in [number for number in by_frame if number < k]:
+        del by_frame[old_k]
     return entry

@@ -118,7 +118,7 @@ class RunSummary:
         return asdict(self)
 
     @property
-    def sound(self) -> bool:
+    def succeeded(self) -> bool:
         """True if no contract was broken, the runtime followed the program, and the run did not break off."""
         return not self.breaches and not self.disagreements and self.broke_off is None
 
@@ -132,8 +132,8 @@ class Tally:
 
     def __init__(self, compiled: Compiled) -> None:
         self._compiled = compiled
-        self._places = compiled.clients_by_actuator
-        self._commanded: dict[str, Counter[str | None]] = {a: Counter() for a in self._places}
+        self._clients_by_actuator = compiled.clients_by_actuator
+        self._commanded: dict[str, Counter[str | None]] = {a: Counter() for a in self._clients_by_actuator}
         self._records: Counter[tuple[RecordKind, str]] = Counter()
         self._troubles: Counter[tuple[str, Fate]] = Counter()
         self._interventions: Counter[tuple[str, str | None, Hold | None]] = Counter()
@@ -184,8 +184,8 @@ class Tally:
             interrupted=interrupted,
             bumps=None if travel is None else travel.bumps,
             distance_mm=None if travel is None else travel.distance_mm,
-            mean_speed_mm_s=None if travel is None else _per(travel.distance_mm, duration_s),
-            actuators=tuple(self._actuator(a) for a in self._places),
+            mean_speed_mm_s=None if travel is None else _mean_speed(travel.distance_mm, duration_s),
+            actuators=tuple(self._actuator(a) for a in self._clients_by_actuator),
             contracts=len(self._compiled.contracts),
             breaches=tuple(self._breaches.values()),
             records=tuple(
@@ -209,7 +209,7 @@ class Tally:
     def _actuator(self, name: str) -> ActuatorSummary:
         counts = self._commanded[name]
         period_s = self._compiled.frame_ns / 1e9
-        rows: list[str | None] = [*self._places[name], None]
+        rows: list[str | None] = [*self._clients_by_actuator[name], None]
         return ActuatorSummary(
             actuator=name,
             shares=tuple(
@@ -224,7 +224,7 @@ class Tally:
         )
 
 
-def _per(distance_mm: float, duration_s: float) -> float:
+def _mean_speed(distance_mm: float, duration_s: float) -> float:
     return distance_mm / duration_s if duration_s > 0 else 0.0
 
 

@@ -23,25 +23,25 @@ class SensorBinding:
     """The binding of a sensor to `field` of `server`.
 
     `factor` is the declared unit in base units. The server sends base units or, if `declared`, values in the
-    sensor's declared unit, as people and programs set them.
+    sensor's declared unit. That is so for DServer's variables, which users and programs set in that unit.
     """
 
     sensor: str
     server: str
     field: str
-    within_ns: int | None
+    max_age_ns: int | None
     factor: float = 1.0
     declared: bool = False
 
     def is_fresh(self, taken_ns: int, now_ns: int) -> bool:
         """Return True if a value taken at `taken_ns` is not too old at `now_ns`."""
-        return self.within_ns is None or now_ns - taken_ns <= self.within_ns
+        return self.max_age_ns is None or now_ns - taken_ns <= self.max_age_ns
 
     def in_base_units(self, value: Value) -> Value:
         """Return the value that an executor computes with, for a value sent by the server.
 
-        Recordings hold readings as numbers in the declared unit. So a value from hardware is rounded to the
-        base value of such a number: otherwise no recording could represent it.
+        Recordings contain readings in the declared unit. So a value from hardware is converted to that unit
+        and back: then it equals, with the same rounding, the value that a replay computes.
         """
         factor = self.factor
         if factor == 1.0:
@@ -98,9 +98,9 @@ def bind(robot: Robot, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
     )
 
 
-def name_hint(name: str, known: Iterable[str]) -> str:
-    """Return a hint with the known name closest to `name`; with all known names if none is close."""
-    names = list(known)
+def name_hint(name: str, available: Iterable[str]) -> str:
+    """Return a hint with the available name closest to `name`; with all of them if none is close."""
+    names = list(available)
     hint = did_you_mean(name, names)
     return hint or ("expected one of: " + ", ".join(names) if names else "there is none")
 
@@ -124,7 +124,7 @@ def _bind_sensor(
     server = _server(sensor, servers, diagnostics)
     if server is None:
         return None
-    if not server.open_fields:
+    if not server.accepts_any_name:
         spec = next((f for f in server.fields if f.name == sensor.field), None)
         if spec is None:
             hint = name_hint(sensor.field, (f.name for f in server.fields))
@@ -139,9 +139,9 @@ def _bind_sensor(
         sensor=sensor.name,
         server=server.name,
         field=sensor.field,
-        within_ns=sensor.within_ns,
+        max_age_ns=sensor.within_ns,
         factor=sensor.factor,
-        declared=server.open_fields,
+        declared=server.accepts_any_name,
     )
 
 
@@ -156,7 +156,10 @@ def _sensor_fits(declared: Type, spec: FieldSpec) -> bool:
 
 
 def _fits(wanted: Scalar, provided: Scalar) -> bool:
-    """Return True for equal types, and for a plain number wanted from any quantity (then in base units)."""
+    """Return True if the types are equal, or if a plain number is wanted from a quantity.
+
+    Any quantity can be read as a plain number, which is its value in base units.
+    """
     match wanted, provided:
         case Quantity(dimension=a), Quantity(dimension=b):
             return a in (b, NUMBER)
@@ -173,7 +176,7 @@ def _bind_actuator(
     if server is None:
         return None
     field_indices: tuple[int | None, ...] = ()
-    if not server.open_fields:
+    if not server.accepts_any_name:
         command = next((c for c in server.commands if c.name == actuator.command), None)
         if command is None:
             hint = name_hint(actuator.command, (c.name for c in server.commands))
@@ -192,14 +195,14 @@ def _bind_actuator(
 
 
 def _check_parameters(actuator: Actuator, command: CommandSpec, diagnostics: list[Diagnostic]) -> None:
-    known = {p.name: p for p in command.parameters}
+    parameters = {p.name: p for p in command.parameters}
     for field in actuator.fields:
-        spec = known.get(field.name)
+        spec = parameters.get(field.name)
         if spec is None:
             message = (
                 f"`{actuator.name}.{field.name}`: {actuator.server}.{command.name} takes no `{field.name}`"
             )
-            diagnostics.append(error("R005", field.span, message, name_hint(field.name, known)))
+            diagnostics.append(error("R005", field.span, message, name_hint(field.name, parameters)))
         elif not _fits(field.type, spec.type):
             message = f"`{actuator.name}.{field.name}` is {field.type}, but the command takes {spec.type}"
             diagnostics.append(error("R003", field.span, message, f"it is the {spec.meaning}"))
@@ -208,12 +211,12 @@ def _check_parameters(actuator: Actuator, command: CommandSpec, diagnostics: lis
 def _shared_commands(actuators: tuple[Actuator, ...]) -> Iterable[Diagnostic]:
     owners: dict[tuple[str, str], str] = {}
     for actuator in actuators:
-        other = owners.setdefault((actuator.server, actuator.command), actuator.name)
-        if other != actuator.name:
+        first = owners.setdefault((actuator.server, actuator.command), actuator.name)
+        if first != actuator.name:
             where = f"{actuator.server}.{actuator.command}"
             yield error(
                 "R006",
                 actuator.span,
-                f"`{actuator.name}` and `{other}` both command {where}: nothing would arbitrate between them",
+                f"`{actuator.name}` and `{first}` both command {where}: nothing would arbitrate between them",
                 "wire the modules of both to one actuator",
             )

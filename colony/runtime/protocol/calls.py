@@ -189,7 +189,7 @@ class CallDispatcher:
         on_lost: called when a connection has ended, by `close` or by its lease; returns effects.
         stop: carries out an emergency stop, given the connection and the time; raises `RefusedError` if it
             could not do all of it. None if the server has nothing to stop.
-        full: returns messages for `status` about limits reached in other parts of the server.
+        other_limit_messages: returns messages for `status` about limits reached in other parts of the server.
     """
 
     def __init__(
@@ -200,11 +200,11 @@ class CallDispatcher:
         admit: Callable[[Caller], None] = lambda caller: None,
         on_lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
         stop: Callable[[str, int], None] | None = None,
-        full: Callable[[], Iterable[str]] = lambda: (),
+        other_limit_messages: Callable[[], Iterable[str]] = lambda: (),
     ) -> None:
         self._server = server
         self._stop = stop
-        self._full = full
+        self._other_limit_messages = other_limit_messages
         built_in = (
             method("open", Open, lambda *_: None, right="read"),
             method("close", NoArguments, lambda *_: None, right="read"),
@@ -219,7 +219,7 @@ class CallDispatcher:
         self._limit_messages: dict[str, None] = {}
         self._malformed = 0
         self._last_malformed: str | None = None
-        self._alarm: int | None = None
+        self._next_wake_ns: int | None = None
         self.listens = (topics.calls(server),)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
@@ -232,7 +232,7 @@ class CallDispatcher:
             case Alive():
                 connection = self._connections.get(message.connection)
                 if connection is not None:
-                    connection.heard_ns = now_ns
+                    connection.last_message_ns = now_ns
                 else:
                     yield self._fail(message.connection, 0, _CLOSED)
             case Malformed():
@@ -276,15 +276,15 @@ class CallDispatcher:
 
         A repeated call does not stop again, as the first stop may have been released in the meantime.
         """
-        known = self._stops.get((call.connection, call.number))
-        if known is not None:
-            return known
+        earlier_reply = self._stops.get((call.connection, call.number))
+        if earlier_reply is not None:
+            return earlier_reply
         if call.right == "read":
             text = f"{self._server}.{EMERGENCY_STOP} needs the right to stop, not to read"
             return self._fail(call.connection, call.number, Problem(code="right", message=text))
         connection = self._connections.get(call.connection)
         if connection is not None:
-            connection.heard_ns = now_ns
+            connection.last_message_ns = now_ns
             connection.calls += 1
         try:
             stop(call.connection, now_ns)
@@ -309,11 +309,11 @@ class CallDispatcher:
         if connection is None:
             yield self._fail(call.connection, call.number, _CLOSED)
             return
-        connection.heard_ns = now_ns
+        connection.last_message_ns = now_ns
         number = call.number
         if number in connection.answers:
             yield Send(topics.replies(self._server, call.connection), connection.answers[number])
-        elif number not in connection.pending and number > connection.forgotten:
+        elif number not in connection.pending and number > connection.highest_dropped:
             full = len(connection.pending) >= MAX_WAITING_PER_CONNECTION
             connection.pending.add(number)
             connection.calls += 1
@@ -327,9 +327,9 @@ class CallDispatcher:
 
     def _execute(self, connection: Connection, call: Call, now_ns: int) -> Iterator[Effect]:
         call_id = CallId(connection.caller, call.number)
-        known = self._methods.get(call.method)
+        entry = self._methods.get(call.method)
         # answers to reads may be large, so they are not kept: a repeated read is executed again
-        kept = known is not None and known[0].right != "read"
+        kept = entry is not None and entry[0].right != "read"
         try:
             result = self._result_of(call_id, call, now_ns)
         except RefusedError as refused:
@@ -343,16 +343,16 @@ class CallDispatcher:
     def _result_of(self, call_id: CallId, call: Call, now_ns: int) -> object:
         entry = self._methods.get(call.method)
         if entry is None:
-            known, name = ", ".join(self._methods), call.method[:MAX_NAME_LENGTH]
-            raise RefusedError("method", f"{self._server} has no method `{name}`; it has {known}")
+            available, name = ", ".join(self._methods), call.method[:MAX_NAME_LENGTH]
+            raise RefusedError("method", f"{self._server} has no method `{name}`; it has {available}")
         called, decoder = entry
         where = f"{self._server}.{called.name}"
         if call.right not in _RIGHTS[called.right] or (called.lasting and call.right == "stop"):
             raise RefusedError("right", f"{where} needs the right to {called.right}, not to {call.right}")
         if call.priority != call_id.caller.priority:
-            opened = call_id.caller.priority
+            priority = call_id.caller.priority
             raise RefusedError(
-                "arguments", f"{where}: the connection has priority {opened}, not {call.priority}"
+                "arguments", f"{where}: the connection has priority {priority}, not {call.priority}"
             )
         size = len(memoryview(call.arguments))
         if size > called.max_bytes:
@@ -382,7 +382,7 @@ class CallDispatcher:
             self._admit(caller)
         except RefusedError as refused:
             return None, refused.problem
-        connection = Connection(caller=caller, since_ns=now_ns, heard_ns=now_ns)
+        connection = Connection(caller=caller, since_ns=now_ns, last_message_ns=now_ns)
         self._connections[call.connection] = connection
         return connection, _CLOSED
 
@@ -400,19 +400,19 @@ class CallDispatcher:
             return
         connection.pending.discard(reply.number)
         if kept:
-            self._answer_bytes += connection.keep(reply)
+            self._answer_bytes += connection.keep_answer(reply)
             if self._answer_bytes > MAX_ANSWER_BYTES:
-                self._forget_answers()
+                self._drop_answers()
         if reply.problem is not None:
             connection.problems += 1
             connection.last_problem = reply.problem.message
         yield Send(topics.replies(self._server, call_id.caller.connection), reply)
 
-    def _forget_answers(self) -> None:
+    def _drop_answers(self) -> None:
         """Drop answers of the connection with the most bytes of answers, oldest first, all if necessary."""
         largest = max(self._connections.values(), key=lambda connection: connection.answer_bytes)
         while self._answer_bytes > MAX_ANSWER_BYTES and largest.answers:
-            self._answer_bytes -= largest.forget_oldest()
+            self._answer_bytes -= largest.drop_oldest_answer()
         self._note_limit(
             f"{self._server} keeps {MAX_ANSWER_BYTES >> 20} MiB of answers, and forgets the oldest"
         )
@@ -438,7 +438,7 @@ class CallDispatcher:
             ),
             malformed=self._malformed,
             last_malformed=self._last_malformed,
-            full=(*self._limit_messages, *self._full()),
+            full=(*self._limit_messages, *self._other_limit_messages()),
         )
 
     # --- leases --------------------------------------------------------------------------------------
@@ -446,17 +446,17 @@ class CallDispatcher:
     def _schedule_expiry(self, now_ns: int) -> Iterator[Effect]:
         """Schedule a wake for the earliest time at which a lease could expire."""
         if not self._connections:
-            self._alarm = None
+            self._next_wake_ns = None
             return
-        due = min(c.heard_ns for c in self._connections.values()) + LEASE_NS + 1
-        if self._alarm is None or now_ns >= self._alarm or due < self._alarm:
-            self._alarm = max(due, now_ns + 1)
-            yield WakeAt(self._alarm)
+        due = min(c.last_message_ns for c in self._connections.values()) + LEASE_NS + 1
+        if self._next_wake_ns is None or now_ns >= self._next_wake_ns or due < self._next_wake_ns:
+            self._next_wake_ns = max(due, now_ns + 1)
+            yield WakeAt(self._next_wake_ns)
 
     def _expire(self, now_ns: int) -> Iterator[Effect]:
-        if self._alarm is None or now_ns < self._alarm:
+        if self._next_wake_ns is None or now_ns < self._next_wake_ns:
             return
-        expired = [k for k, c in self._connections.items() if now_ns - c.heard_ns > LEASE_NS]
+        expired = [k for k, c in self._connections.items() if now_ns - c.last_message_ns > LEASE_NS]
         for connection in expired:
             yield from self._end(connection, now_ns)
             yield self._fail(connection, 0, _CLOSED)

@@ -63,7 +63,7 @@ def max_bytes(kind: type) -> int:
 
 _PREFIX = bytes([VERSION])
 
-_BATCH = _PREFIX + b"\x92" + msgspec.msgpack.encode("Batch")
+_BATCH_START = _PREFIX + b"\x92" + msgspec.msgpack.encode("Batch")
 """First bytes of every batch: the start of an array of two (tag and messages), and the tag."""
 
 T = TypeVar("T")
@@ -109,26 +109,26 @@ def decode_all(data: bytes) -> tuple[SentMessage, ...]:
     message = _decode(data, _batch_decoder)
     if not isinstance(message, Batch):
         return (message,)
-    if count(data) != len(message.messages):  # `count` knows only the shortest form
+    if message_count(data) != len(message.messages):  # `message_count` knows only the shortest form
         raise MessageFormatError(
             "the length of the batch cannot be counted: it is not encoded in the shortest form"
         )
     return message.messages
 
 
-def count(data: bytes) -> int:
-    """Return the number of messages that these bytes claim to hold, without decoding them; at least 1."""
-    if not data.startswith(_BATCH):
+def message_count(data: bytes) -> int:
+    """Return the number of messages that these bytes claim to contain, without decoding them; at least 1."""
+    if not data.startswith(_BATCH_START):
         return 1
-    head = data[len(_BATCH) : len(_BATCH) + 5]
+    head = data[len(_BATCH_START) : len(_BATCH_START) + 5]
     match head[:1]:
         case b"\xdc":
-            claimed = int.from_bytes(head[1:3], "big")
+            claimed_count = int.from_bytes(head[1:3], "big")
         case b"\xdd":
-            claimed = int.from_bytes(head[1:5], "big")
+            claimed_count = int.from_bytes(head[1:5], "big")
         case _:
-            claimed = head[0] & 0x0F if head else 1
-    return max(1, claimed)
+            claimed_count = head[0] & 0x0F if head else 1
+    return max(1, claimed_count)
 
 
 def _decode(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:

@@ -29,20 +29,23 @@ class Caller(NamedTuple):
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Connection:
-    """One connection: the time of its last message, its open calls, and its kept answers. Mutable."""
+    """One connection: the time of its last message, its pending calls, and its kept answers. Mutable.
+
+    `highest_dropped` is the highest number of a call whose answer is no longer kept.
+    """
 
     caller: Caller
     since_ns: int
-    heard_ns: int
+    last_message_ns: int
     calls: int = 0
     problems: int = 0
     last_problem: str | None = None
     pending: set[int] = field(default_factory=set)
     answers: OrderedDict[int, Reply] = field(default_factory=OrderedDict)
     answer_bytes: int = 0
-    forgotten: int = 0
+    highest_dropped: int = 0
 
-    def keep(self, reply: Reply) -> int:
+    def keep_answer(self, reply: Reply) -> int:
         """Keep an answer, drop the oldest ones beyond the limits, and return the change in bytes."""
         before = self.answer_bytes
         self.answers[reply.number] = reply
@@ -50,15 +53,15 @@ class Connection:
         while len(self.answers) > ANSWERS_KEPT or (
             len(self.answers) > 1 and self.answer_bytes > ANSWER_BYTES_KEPT
         ):
-            self.forget_oldest()
+            self.drop_oldest_answer()
         return self.answer_bytes - before
 
-    def forget_oldest(self) -> int:
+    def drop_oldest_answer(self) -> int:
         """Drop the oldest answer, and return its size in bytes."""
         number, old = self.answers.popitem(last=False)
         size = answer_size(old)
         self.answer_bytes -= size
-        self.forgotten = max(self.forgotten, number)
+        self.highest_dropped = max(self.highest_dropped, number)
         return size
 
 

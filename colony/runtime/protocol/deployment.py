@@ -37,8 +37,7 @@ MAX_CLIENTS = 2000
 """Maximum number of clients of all actuators of a program: each frame carries the fate of every client."""
 
 MAX_ITEMS = 1000
-"""Maximum number of actuators in a deployment; also of fields of each, Python modules, servers and variables.
-"""
+"""Maximum number of actuators in a deployment; also of fields of an actuator, Python modules, and so on."""
 
 MAX_REPORTED = 5
 """Maximum number of names or priorities listed in a message."""
@@ -141,7 +140,7 @@ def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
 
 
 def problems(deployed: Deployment) -> tuple[str, ...]:
-    """Return the reasons why a deployment is impossible; empty if it is valid.
+    """Return the reasons why a deployment is invalid; empty if it is valid.
 
     Reasons are a missing name, a frame period out of range, two clients with the same name or priority, and
     exceeded limits. Limits are checked first, so that nothing large is examined.

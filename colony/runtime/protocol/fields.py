@@ -46,12 +46,12 @@ class CommandSpec:
 
 @dataclass(frozen=True, slots=True)
 class ServerSpec:
-    """A server by name. With `open_fields`, it has fields and commands of any name."""
+    """A server by name. With `accepts_any_name`, it has fields and commands of any name."""
 
     name: str
     fields: tuple[FieldSpec, ...] = ()
     commands: tuple[CommandSpec, ...] = ()
-    open_fields: bool = False
+    accepts_any_name: bool = False
 
 
 PSERVER = ServerSpec(
@@ -92,7 +92,7 @@ RSERVER = ServerSpec(
 )
 """Interface of the base (thesis section 4.6.3, Table 4.1)."""
 
-DSERVER = ServerSpec("DServer", open_fields=True)
+DSERVER = ServerSpec("DServer", accepts_any_name=True)
 """Interface to the variables that processes share (thesis section 4.6.1); `to DServer.X` sets variable X."""
 
 RUNTIME = ServerSpec(

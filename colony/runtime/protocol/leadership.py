@@ -34,7 +34,7 @@ class Leadership:
         self._run = deployed.run
         return new
 
-    def lost(self, caller: Caller) -> None:
+    def on_lost(self, caller: Caller) -> None:
         """Handle the end of a connection; its deployment remains until another leader deploys."""
         if self._leader is not None and self._leader.connection == caller.connection:
             self._leader = None

@@ -1,8 +1,8 @@
 """Messages between the nodes of a robot, and requests of a node to its transport.
 
 Every message is an immutable struct of numbers, bools, strings, bytes, tuples and mappings of them, which
-`codec.py` encodes and checks on decoding. A part of a robot is a `Node`: it takes one message and a time and
-returns effects; it never sleeps, opens or sends anything itself. A process runs one or more nodes.
+`codec.py` encodes and checks on decoding. A component of a robot is a `Node`: it takes one message and a time
+and returns effects; it never sleeps, opens or sends anything itself. A process runs one or more nodes.
 
 One frame k of a robot, by its messages (thesis section 4.3: only clients and servers talk to each other):
 
@@ -63,10 +63,10 @@ class Tick(_Message, frozen=True, kw_only=True):
     """The start of frame `k` at `t_ns`; servers in `down` and clients in `lost` (by address) are not alive.
 
     `start` is the first frame of the epoch, in which all memory of the network had its initial values. Frames
-    of earlier epochs are obsolete. `run` names the run of a program that the frame
-    belongs to; "" is that of a robot without a program. `void` are past frames, by server and number, that
-    will never come because their server crashed: they count as "no value". `stopped` is the emergency stop in
-    force. A stop that a server received at or before `released_ns` is over.
+    of earlier epochs are obsolete. `run` names the run of a program that the frame belongs to, "" for a robot
+    without a program. `void` lists past frames, by server and number, that will never come because their
+    server crashed: they count as "no value". `stopped` is the emergency stop in force. A stop that a server
+    received at or before `released_ns` is over.
     """
 
     k: int
@@ -104,8 +104,8 @@ class Fetch(_Message, frozen=True, kw_only=True):
 class Request(_Message, frozen=True, kw_only=True):
     """The bid of `client` for `actuator` in frame `k`.
 
-    `values` are the fields in base units, already limited and clamped. They are None unless the bid is a
-    command, and if the command is not finite; then `fault` says so.
+    `values` are the command's fields in base units, already limited and clamped. They are None if the bid is
+    not a command, or if a field is not finite; in the latter case, `fault` describes it.
     """
 
     k: int
@@ -152,11 +152,11 @@ Hold = Literal["stopped", "locked"]
 class Verdict(_Message, frozen=True, kw_only=True):
     """The outcome of frame `k` for an actuator.
 
-    `by` is the client of the network that won. `values` were sent, in declared units; None when nothing was
-    (`idle hold`). `fates` has every client, highest priority first. `violation`: two clients were active.
-    `outside` is the client outside the network whose command was sent instead; `hold` is "stopped" or
-    "locked" if the emergency stop or a lock kept the network from deciding. `notes` describe problems with
-    the requests.
+    `by` is the client of the network that won. `values` is the command sent, in declared units, None if
+    nothing was sent (`idle hold`). `fates` has every client, highest priority first. `violation` is True if
+    two clients were active. `outside` is the client outside the network whose command was sent instead.
+    `hold` is "stopped" or "locked" if the emergency stop or a lock kept the network from deciding. `notes`
+    describe problems with the requests.
     """
 
     k: int
@@ -178,8 +178,7 @@ class Verdict(_Message, frozen=True, kw_only=True):
 class Ready(_Message, frozen=True, kw_only=True):
     """A report of a client of the network, by address, to the Clock: it is ready for a run.
 
-    The client repeats it as a sign of life: `k` is the frame of its newest request, -1 if it has sent
-    none.
+    The client repeats it as a sign of life: `k` is the frame of its newest request, -1 if it has sent none.
     """
 
     client: str
@@ -345,10 +344,10 @@ Effect = Send | WakeAt
 
 
 class Node(Protocol):
-    """A part of a robot, without its input and output.
+    """A component of a robot, without its input and output.
 
-    `handle` must accept messages in any order, and duplicates. Times are those
-    of the robot's Clock, in nanoseconds.
+    `handle` must accept messages in any order, and duplicates. Times are those of the robot's Clock, in
+    nanoseconds.
     """
 
     @property
@@ -375,7 +374,7 @@ class Node(Protocol):
 
 
 class QuietNode:
-    """Defaults for nodes that only wait for messages and hold nothing outside their process."""
+    """Defaults for nodes that only wait for messages and own no resources outside their process."""
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Do nothing."""

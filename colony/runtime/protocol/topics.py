@@ -41,7 +41,7 @@ def checkpoints(server: str) -> str:
     return f"{server}/checkpoints"
 
 
-def recalled(server: str, client: str) -> str:
+def recall_answers(server: str, client: str) -> str:
     """Return the topic of a data server's answer to the `Recall` of a client, given by address."""
     return f"{server}/recalled/{client}"
 

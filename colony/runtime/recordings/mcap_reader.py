@@ -39,7 +39,7 @@ from colony.runtime.recordings.mcap_writer import (
     ContractsMessage,
     VerdictMessage,
 )
-from colony.runtime.recordings.reader import BREAKS_OFF, command
+from colony.runtime.recordings.reader import BREAKS_OFF, command_values
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
 from colony.text.diagnostics import DiagnosticError, error
@@ -85,12 +85,12 @@ class McapReader:
 
     def __init__(self, file: BinaryIO, name: str) -> None:
         self._name = name
-        self.cut: str | None = None
+        self.truncation: str | None = None
         self.damaged = False
         self._topics: dict[int, str] = {}
         self._actuators: frozenset[str] = frozenset()
         records = self._records(file)
-        self.run, first_records = self._header(records)
+        self.run, first_records = self._read_header(records)
         self._remaining = chain(first_records, records)
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
@@ -102,14 +102,14 @@ class McapReader:
         for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
                 self._fail("A004", f"its robot lacks the actuator `{actuator.name}` of this program")
-        frames, last_ns = _RecordedFrameAssembler(self._topics, program), None
+        assembler, last_ns = _RecordedFrameAssembler(self._topics, program), None
         for record in self._remaining:
             match record:
                 case Damage():
                     self.damaged = True
-                    frames.forget()
+                    assembler.drop_messages()
                 case ChunkMessage():
-                    frame = self._frame(frames, record)
+                    frame = self._frame(assembler, record)
                     if frame is not None:
                         t_ns = frame.frame.t_ns
                         if last_ns is not None and t_ns <= last_ns:
@@ -119,9 +119,9 @@ class McapReader:
                 case _:
                     pass
 
-    def _frame(self, frames: _RecordedFrameAssembler, message: ChunkMessage) -> RecordedFrame | None:
+    def _frame(self, assembler: _RecordedFrameAssembler, message: ChunkMessage) -> RecordedFrame | None:
         try:
-            return frames.take(message, damaged=self.damaged)
+            return assembler.take(message, damaged=self.damaged)
         except (msgspec.MsgspecError, ValueError, RecursionError) as problem:
             text = f"the frame at {message.log_time} ns is not one of this program: {problem}"
             self._fail("A004", text)
@@ -134,11 +134,11 @@ class McapReader:
                     self._topics[record.id] = record.topic
                 yield record
         except TruncatedError:
-            self.cut = BREAKS_OFF
+            self.truncation = BREAKS_OFF
         except RecordTooLargeError:
             self._fail("A002", "it unpacks to far more data than any recording")
 
-    def _header(self, records: Iterator[Record]) -> tuple[RunInfo, tuple[Record, ...]]:
+    def _read_header(self, records: Iterator[Record]) -> tuple[RunInfo, tuple[Record, ...]]:
         metadata: dict[str, Mapping[str, str]] = {}
         sources: list[SourceFile] = []
         first: tuple[Record, ...] = ()
@@ -166,9 +166,8 @@ class McapReader:
 
     def _run(self, metadata: Mapping[str, Mapping[str, str]], sources: tuple[SourceFile, ...]) -> RunInfo:
         if METADATA not in metadata:
-            self._fail(
-                "A002", f"this is MCAP, but not a recording of a run{f': {self.cut}' if self.cut else ''}"
-            )
+            suffix = f": {self.truncation}" if self.truncation else ""
+            self._fail("A002", f"this is MCAP, but not a recording of a run{suffix}")
         try:
             run = msgspec.convert(metadata[METADATA], _RunText, strict=False)
             clients = tuple(
@@ -225,13 +224,13 @@ class _RecordedFrameAssembler:
     def __init__(self, topics: Mapping[int, str], program: Program) -> None:
         self._topics = topics
         self._actuators = {VERDICTS + a.name: a for a in program.robot.actuators}
-        self.forget()
+        self.drop_messages()
         self._next_number, self._gap = 0, False
         self._decode_frame = msgspec.json.Decoder(FrameMessage).decode
         self._decode_verdict = msgspec.json.Decoder(VerdictMessage).decode
         self._decode_contracts = msgspec.json.Decoder(ContractsMessage).decode
 
-    def forget(self) -> None:
+    def drop_messages(self) -> None:
         """Drop the messages of an incomplete frame."""
         self._verdicts: dict[str, VerdictMessage] = {}  # by topic
         self._broken: tuple[str, ...] = ()
@@ -272,7 +271,7 @@ class _RecordedFrameAssembler:
         ]
         damaged = damaged or self._gap
         self._gap = False
-        self.forget()
+        self.drop_messages()
         return RecordedFrame(
             tick=Tick(k=message.k, t_ns=t_ns, start=message.start, down=message.down, lost=message.lost),
             frame=Frame(t_ns, _readings(message.sensors)),
@@ -300,7 +299,7 @@ def _to_verdict(actuator: Actuator, message: VerdictMessage, t_ns: int) -> Verdi
         t_ns=t_ns,
         actuator=actuator.name,
         by=message.by,
-        values=None if message.values is None else command(actuator, message.values),
+        values=None if message.values is None else command_values(actuator, message.values),
         fates=tuple(message.fates.items()),
         fault=message.fault,
         violation=message.violation,

@@ -79,31 +79,29 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
         OSError: the file cannot be read.
     """
     size = file.seek(0, 2)
-    allowance, messages = (
-        UNPACKED_BASE_BYTES + MAX_UNPACKED_RATIO * size,
-        MESSAGES_BASE + size // MESSAGE_BYTES,
-    )
-    at, seen_chunk = len(MAGIC), False
+    bytes_left = UNPACKED_BASE_BYTES + MAX_UNPACKED_RATIO * size
+    messages_left = MESSAGES_BASE + size // MESSAGE_BYTES
+    offset, seen_chunk = len(MAGIC), False
     while True:
-        file.seek(at)
+        file.seek(offset)
         head = file.read(_MAX_HEAD_BYTES)
         if len(head) < _RECORD.size:
             raise TruncatedError
         opcode, length = _RECORD.unpack_from(head)
-        end = at + _RECORD.size + length
+        end = offset + _RECORD.size + length
         chunk_head = _chunk_head(head) if opcode == Opcode.CHUNK else None
         if chunk_head is not None and end <= size:
             seen_chunk = True
-            allowance -= chunk_head.unpacked if chunk_head.unpacked <= MAX_CHUNK_BYTES else 0
-            if allowance < 0:
+            bytes_left -= chunk_head.unpacked_size if chunk_head.unpacked_size <= MAX_CHUNK_BYTES else 0
+            if bytes_left < 0:
                 raise RecordTooLargeError
-            file.seek(end - chunk_head.packed)
-            for record in _read_chunk(chunk_head, file.read(chunk_head.packed)):
-                messages -= isinstance(record, ChunkMessage)
-                if messages < 0:
+            file.seek(end - chunk_head.packed_size)
+            for record in _read_chunk(chunk_head, file.read(chunk_head.packed_size)):
+                messages_left -= isinstance(record, ChunkMessage)
+                if messages_left < 0:
                     raise RecordTooLargeError
                 yield record
-            at = end
+            offset = end
             continue
         if opcode == Opcode.DATA_END and length == _DATA_END_BYTES and end <= size:
             return
@@ -113,10 +111,10 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
             "a record that does not end in the file"
         )
         if end <= size and length <= MAX_RECORD_BYTES:
-            file.seek(at + _RECORD.size)
+            file.seek(offset + _RECORD.size)
             record_or_damage = _read_other(opcode, file.read(length), before_chunks=not seen_chunk)
         if isinstance(record_or_damage, Damage):
-            next_start = _find_chunk(file, at + 1, size)
+            next_start = _find_chunk(file, offset + 1, size)
             if next_start is None and end > size and not seen_chunk:
                 raise TruncatedError
             yield record_or_damage
@@ -125,7 +123,7 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
             end = next_start
         elif record_or_damage is not None:
             yield record_or_damage
-        at = end
+        offset = end
 
 
 # --- chunks ----------------------------------------------------------------------------------------
@@ -148,9 +146,9 @@ _MESSAGE = struct.Struct("<HIQQ")
 
 class _ChunkHead(NamedTuple):
     compression: bytes
-    unpacked: int
+    unpacked_size: int
     checksum: int
-    packed: int
+    packed_size: int
 
 
 def _may_be_cut_off(opcode: int, length: int, available: int) -> bool:
@@ -166,31 +164,31 @@ def _chunk_head(head: bytes) -> _ChunkHead | None:
         return None
     opcode, length = _RECORD.unpack_from(head)
     _, _, unpacked, crc, name_length = _CHUNK.unpack_from(head, _RECORD.size)
-    at = _RECORD.size + _CHUNK.size
+    offset = _RECORD.size + _CHUNK.size
     if opcode != Opcode.CHUNK or name_length > 4:
         return None
-    name = head[at : at + name_length]
-    (packed,) = struct.unpack_from("<Q", head, at + name_length)
+    name = head[offset : offset + name_length]
+    (packed,) = struct.unpack_from("<Q", head, offset + name_length)
     if name not in _COMPRESSIONS or length != _CHUNK.size + name_length + 8 + packed:
         return None
     return _ChunkHead(name, unpacked, crc, packed) if length <= MAX_RECORD_BYTES else None
 
 
-def _find_chunk(file: BinaryIO, at: int, size: int) -> int | None:
+def _find_chunk(file: BinaryIO, offset: int, size: int) -> int | None:
     """Return the offset of the first whole chunk at or after `at`, None if there is none."""
     block = 1 << 20
-    while at < size:
-        file.seek(at)
+    while offset < size:
+        file.seek(offset)
         data = file.read(block + _MAX_HEAD_BYTES)
         for match in _CHUNK_START.finditer(data, 0, block + 8):
             chunk_head = _chunk_head(data[match.start() : match.start() + _MAX_HEAD_BYTES])
-            start = at + match.start()
+            start = offset + match.start()
             if (
                 chunk_head is not None
                 and start + _RECORD.size + _RECORD.unpack_from(data, match.start())[1] <= size
             ):
                 return start
-        at += block
+        offset += block
     return None
 
 
@@ -200,41 +198,43 @@ def _read_chunk(chunk_head: _ChunkHead, packed: bytes) -> Iterator[Record]:
     if isinstance(records, Damage):
         yield records
         return
-    at = 0
-    while at + _RECORD.size <= len(records):
-        opcode, length = _RECORD.unpack_from(records, at)
-        at, end = at + _RECORD.size, at + _RECORD.size + length
-        if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= min(len(records) - at, MAX_MESSAGE_BYTES):
-            channel_id, _, log_time, _ = _MESSAGE.unpack_from(records, at)
-            yield ChunkMessage(channel_id, log_time, records[at + _MESSAGE.size : end])
+    offset = 0
+    while offset + _RECORD.size <= len(records):
+        opcode, length = _RECORD.unpack_from(records, offset)
+        offset, end = offset + _RECORD.size, offset + _RECORD.size + length
+        if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= min(
+            len(records) - offset, MAX_MESSAGE_BYTES
+        ):
+            channel_id, _, log_time, _ = _MESSAGE.unpack_from(records, offset)
+            yield ChunkMessage(channel_id, log_time, records[offset + _MESSAGE.size : end])
         elif opcode == Opcode.CHANNEL:
             try:
-                yield Channel.read(ReadDataStream(BytesIO(records[at:end])))
+                yield Channel.read(ReadDataStream(BytesIO(records[offset:end])))
             except (EndOfFile, ValueError, struct.error):
                 yield Damage("a channel that cannot be read")
         elif opcode != Opcode.SCHEMA:
-            yield Damage("a chunk of something else")
+            yield Damage("a chunk with an unexpected record")
             return
-        at = end
+        offset = end
 
 
 def _decompress(chunk_head: _ChunkHead, packed: bytes) -> bytes | Damage:
-    if chunk_head.unpacked > MAX_CHUNK_BYTES:
-        return Damage(f"a chunk that unpacks to {chunk_head.unpacked} bytes")
+    if chunk_head.unpacked_size > MAX_CHUNK_BYTES:
+        return Damage(f"a chunk that unpacks to {chunk_head.unpacked_size} bytes")
     if chunk_head.checksum == 0:
         return Damage("a chunk without a checksum")
     try:
         match chunk_head.compression:
             case b"zstd":
-                records = _zstd.stream_reader(packed).read(chunk_head.unpacked + 1)
+                records = _zstd.stream_reader(packed).read(chunk_head.unpacked_size + 1)
             case b"lz4":
                 decompressor = lz4.frame.LZ4FrameDecompressor()
-                records = decompressor.decompress(packed, max_length=chunk_head.unpacked + 1)
+                records = decompressor.decompress(packed, max_length=chunk_head.unpacked_size + 1)
             case _:
                 records = packed
     except (zstandard.ZstdError, RuntimeError, ValueError, EOFError):
         return Damage("a chunk that cannot be unpacked")
-    if len(records) != chunk_head.unpacked or zlib.crc32(records) != chunk_head.checksum:
+    if len(records) != chunk_head.unpacked_size or zlib.crc32(records) != chunk_head.checksum:
         return Damage("a chunk with a wrong checksum")
     return records
 
@@ -245,7 +245,7 @@ _zstd = zstandard.ZstdDecompressor(max_window_size=2 * MAX_CHUNK_BYTES)
 # --- other records ---------------------------------------------------------------------------------
 
 _DATA_END_BYTES = 4
-_IN_HEAD: dict[int, type[Header | Schema | Channel]] = {
+_IGNORED_BEFORE_CHUNKS: dict[int, type[Header | Schema | Channel]] = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
@@ -264,8 +264,8 @@ def _read_other(opcode: int, content: bytes, *, before_chunks: bool) -> Metadata
             record = Metadata.read(stream)
         elif opcode == Opcode.ATTACHMENT:
             record = Attachment.read(stream)
-        elif before_chunks and opcode in _IN_HEAD:
-            record = _IN_HEAD[opcode].read(stream)
+        elif before_chunks and opcode in _IGNORED_BEFORE_CHUNKS:
+            record = _IGNORED_BEFORE_CHUNKS[opcode].read(stream)
     except (EndOfFile, ValueError, struct.error):
         return Damage("a record that cannot be read")
     if record is None or stream.count != len(content):

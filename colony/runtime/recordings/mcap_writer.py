@@ -64,7 +64,7 @@ CHUNK_BYTES = 1024 * 1024
 """Size in bytes beyond which a chunk is written early."""
 
 MAX_COMPRESSION_RATIO = 32
-"""Compression ratio from which a chunk is stored uncompressed, lest readers take it for a bomb."""
+"""Compression ratio from which a chunk is stored uncompressed: readers reject decompression bombs."""
 
 MEDIA_TYPES = {"behavior": "text/x-colony", "python": "text/x-python"}
 
@@ -119,7 +119,7 @@ class McapRecording:
         self._chunk = _Chunk()
         self._keyframes = 0
         self._last_write_succeeded = True
-        self._taken_ns: int | None = None
+        self._last_frame_ns: int | None = None
         self.written_ns: int | None = None
         """Time of the last frame that is in the file."""
         self._encode = msgspec.json.Encoder().encode
@@ -155,7 +155,7 @@ class McapRecording:
         if log.breaches:
             self._add(CONTRACTS, k, t_ns, self._encode(ContractsMessage(k=k, broken=log.breaches)))
         self._add(FRAMES, k, t_ns, self._frame(log))
-        self._taken_ns = log.frame.t_ns
+        self._last_frame_ns = log.frame.t_ns
         next_end_ns = t_ns + 2 * self._compiled.robot.frame_ns
         if next_end_ns - self._chunk.first_ns > KEYFRAME_NS or self._chunk.size > CHUNK_BYTES:
             self._flush()
@@ -235,7 +235,7 @@ class McapRecording:
         self._last_write_succeeded = False
         write_all(self._file, self._buffer.take())
         self._last_write_succeeded = True
-        self.written_ns = self._taken_ns
+        self.written_ns = self._last_frame_ns
 
 
 _MESSAGE = struct.Struct("<BQHIQQ")
@@ -299,11 +299,11 @@ class _Buffer:
     """The output of the MCAP writer. Stateful: keeps the unwritten bytes, and counts all bytes."""
 
     def __init__(self) -> None:
-        self._waiting: list[bytes] = []
+        self._unwritten: list[bytes] = []
         self._length = 0
 
     def write(self, data: bytes) -> int:
-        self._waiting.append(bytes(data))
+        self._unwritten.append(bytes(data))
         self._length += len(data)
         return len(data)
 
@@ -314,8 +314,8 @@ class _Buffer:
         """Do nothing: `take` empties the buffer."""
 
     def take(self) -> bytes:
-        data = b"".join(self._waiting)
-        self._waiting.clear()
+        data = b"".join(self._unwritten)
+        self._unwritten.clear()
         return data
 
 
@@ -336,7 +336,7 @@ def _verdict(actuator: Actuator, verdict: Verdict) -> VerdictMessage:
     return VerdictMessage(
         k=verdict.k,
         by=verdict.by,
-        values=_named(actuator, verdict.values),
+        values=_values_by_field(actuator, verdict.values),
         fates=dict(verdict.fates),
         fault=verdict.fault,
         violation=verdict.violation,
@@ -354,12 +354,14 @@ def _requests(k: int, actuator: Actuator, requests: list[Request]) -> RequestsMe
             values = in_declared_units(values, actuator.fields)
         else:
             values = None
-        bid = BidMessage(bid=request.bid, values=_named(actuator, values), fault=request.fault)
+        bid = BidMessage(bid=request.bid, values=_values_by_field(actuator, values), fault=request.fault)
         clients.setdefault(request.client, bid)
     return RequestsMessage(k=k, clients=clients)
 
 
-def _named(actuator: Actuator, values: tuple[ScalarValue, ...] | None) -> dict[str, float | bool] | None:
+def _values_by_field(
+    actuator: Actuator, values: tuple[ScalarValue, ...] | None
+) -> dict[str, float | bool] | None:
     if values is None:
         return None
     return dict(zip((f.name for f in actuator.fields), values, strict=True))

@@ -17,7 +17,7 @@ from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
 from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.recorded import RecordedFrame
-from colony.runtime.recordings.replay import LINE_BYTES, Row, Rows, located
+from colony.runtime.recordings.replay import LINE_BYTES, Row, Rows, line_error
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
@@ -35,12 +35,12 @@ class _Lines:
     def __init__(self, file: BinaryIO, name: str) -> None:
         self._file = file
         self._name = name
-        self.cut: str | None = None
+        self.truncation: str | None = None
         self.damaged = False
 
     def _finish(self, rows: Rows) -> None:
         self.damaged = rows.damaged
-        self.cut = BREAKS_OFF if rows.broken_off else None
+        self.truncation = BREAKS_OFF if rows.broken_off else None
 
 
 class LinesReader(_Lines):
@@ -65,11 +65,11 @@ class LinesReader(_Lines):
                 if members.restart or start is None:
                     start = _UNKNOWN_START if row.damaged and not members.restart else k
                 tick = Tick(k=k, t_ns=row.frame.t_ns, start=start)
-                recorded = _recorded(tick, row, actuators, members)
+                recorded = _recorded_frame(tick, row, actuators, members)
             except msgspec.ValidationError as problem:
                 message = f"this is not a decision of this program: {problem}"
                 raise DiagnosticError(
-                    [located("A004", self._name, row.number, row.text, 0, message)]
+                    [line_error("A004", self._name, row.number, row.text, 0, message)]
                 ) from None
             yield recorded
         self._finish(rows)
@@ -119,7 +119,7 @@ class _Row(
     kw_only=True,
     rename=lambda name: f"@{name}",
 ):
-    """What a line says about the frame itself."""
+    """The members of a line about the frame itself."""
 
     tick: int | None = None
     restart: bool = False
@@ -135,7 +135,7 @@ class _Decision(
     forbid_unknown_fields=True,
     rename={"outside": "@outside", "held_by": "@held_by"},
 ):
-    """What a line says about one actuator, apart from the command's fields."""
+    """The members of an actuator's object, apart from the command's fields."""
 
     by: str | None = None
     fault: str | None = None
@@ -144,7 +144,7 @@ class _Decision(
     held_by: Hold | None = None
 
 
-def _recorded(tick: Tick, row: Row, actuators: tuple[Actuator, ...], members: _Row) -> RecordedFrame:
+def _recorded_frame(tick: Tick, row: Row, actuators: tuple[Actuator, ...], members: _Row) -> RecordedFrame:
     verdicts = {a.name: _verdict(tick, a, row.values[a.name]) for a in actuators if a.name in row.values}
     lost = {f"{v.actuator}/{c}" for v in verdicts.values() for c, fate in v.fates if fate == "lost"}
     return RecordedFrame(
@@ -173,7 +173,7 @@ def _verdict(tick: Tick, actuator: Actuator, row: Any) -> Verdict:
         t_ns=tick.t_ns,
         actuator=actuator.name,
         by=members.by,
-        values=command(actuator, msgspec.convert(values, dict[str, float | bool])) if values else None,
+        values=command_values(actuator, msgspec.convert(values, dict[str, float | bool])) if values else None,
         fates=tuple(members.fates.items()),
         fault=members.fault,
         violation="overruled" in members.fates.values(),
@@ -182,7 +182,7 @@ def _verdict(tick: Tick, actuator: Actuator, row: Any) -> Verdict:
     )
 
 
-def command(actuator: Actuator, values: dict[str, float | bool]) -> tuple[float | bool, ...]:
+def command_values(actuator: Actuator, values: dict[str, float | bool]) -> tuple[float | bool, ...]:
     """Return a recorded command in the order of the actuator's fields.
 
     Raises:

@@ -62,8 +62,8 @@ class RecordingReader(Protocol):
         ...
 
     @property
-    def cut(self) -> str | None:
-        """How the recording breaks off, None if it does not; valid after all frames were read."""
+    def truncation(self) -> str | None:
+        """A text on how the recording breaks off, None if it is whole; valid after all frames were read."""
         ...
 
     @property

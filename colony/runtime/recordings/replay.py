@@ -31,7 +31,7 @@ from colony.text.units import nanoseconds
 LINE_BYTES = 4 * 1024 * 1024
 """Byte limit of a line of a recording; no message of a robot, and so no frame, is larger."""
 
-_EXACT_BELOW = float(2**20)
+_MAX_EXACT_S = float(2**20)
 """Limit, in seconds, below which a double is within half a nanosecond of the decimal time it represents."""
 
 _MAX_TIME_S = 9e9
@@ -129,10 +129,8 @@ class _RowParser:
         try:
             row = json.loads(text, object_pairs_hook=_reject_repeated_keys)
         except _RepeatedKeyError as repeated:
-            offset, hint = (
-                self._offset(text, repeated.key, last=True),
-                "each line is a whole frame, each name once",
-            )
+            offset = self._offset(text, repeated.key, last=True)
+            hint = "each line is a whole frame, each name once"
             message = f"`{repeated.key}` appears twice in one object"
             raise self._failure("F001", number, text, offset, message, hint) from None
         except json.JSONDecodeError as problem:
@@ -169,7 +167,7 @@ class _RowParser:
             found = found if len(found) <= 40 else f"{found[:37]}..."
             message = f'"t" must be the frame\'s time in seconds, found {found}'
             raise self._failure("F003", number, text, self._offset(text, "t"), message)
-        if abs(t) < _EXACT_BELOW:
+        if abs(t) < _MAX_EXACT_S:
             t_ns = nanoseconds(t)
         else:
             t_ns = round(Decimal(json.loads(text, parse_float=Decimal)["t"]) * 1_000_000_000)
@@ -202,7 +200,7 @@ class _RowParser:
     def _failure(
         self, code: str, number: int, text: str, offset: int, message: str, hint: str | None = None
     ) -> DiagnosticError:
-        return DiagnosticError([located(code, self._name, number, text, offset, message, hint)])
+        return DiagnosticError([line_error(code, self._name, number, text, offset, message, hint)])
 
 
 class _RepeatedKeyError(Exception):
@@ -235,7 +233,7 @@ def _kind(value: object) -> str:
             return "a number"
 
 
-def located(
+def line_error(
     code: str, name: str, number: int, text: str, offset: int, message: str, hint: str | None = None
 ) -> Diagnostic:
     """Return an error at a character of line `number` of the file `name`."""

@@ -91,7 +91,7 @@ class Base:
 
     def observation(self, elapsed_s: float) -> BaseObservation:
         """Return the input of the motion laws, `elapsed_s` after the last command."""
-        return BaseObservation(self._odometer.track, self._setting, elapsed_s)
+        return BaseObservation(self._odometer.continuous_pose, self._setting, elapsed_s)
 
     def drive(self, speeds: Speeds) -> Bumper | None:
         """Send these speeds to the base; send only the turn if a pressed bumper blocks the motion.

@@ -72,15 +72,15 @@ def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuat
     """Return the actuator bound to the base in a valid deployment, else the built-in one."""
     if deployed is None:
         return BaseActuator(run="", frame_ns=FRAME_NS, spec=_BUILT_IN, allowed=full_range(limits), clients={})
-    bound = actuators_of(deployed, RSERVER.name)
-    spec = bound[0] if bound else _BUILT_IN
+    specs = actuators_of(deployed, RSERVER.name)
+    spec = specs[0] if specs else _BUILT_IN
     return BaseActuator(
         run=deployed.run,
         frame_ns=deployed.frame_ns,
         spec=spec,
         allowed=_range(spec, limits),
         clients={priority: name for name, priority in spec.clients},
-        published=bool(bound),
+        published=bool(specs),
         lockstep=deployed.lockstep,
     )
 
@@ -125,7 +125,7 @@ def _is_finite_number(value: ScalarValue) -> bool:
 
 
 def _range(spec: ActuatorSpec, limits: BaseLimits) -> Range:
-    """Return the program's range within the limits of the base; a speed without a field keeps the limits."""
+    """Return the program's range within the base's limits; a speed without a field has the base's limits."""
     full = full_range(limits)
     velocity, turn = spec.field_indices
     return full._replace(velocity=_narrow(full.velocity, spec, velocity), turn=_narrow(full.turn, spec, turn))

@@ -40,14 +40,14 @@ MAX_CALL_NUMBER = (1 << 53) - 1
 class _Answer(NamedTuple):
     sequence: int
     number: int
-    floor: int  # the highest number whose answer had been dropped when this one was recorded
+    highest_dropped: int  # the highest number whose answer had been dropped when this one was recorded
     result: bytes
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Ring:
     sequence: int = 0
-    floor: int = 0
+    highest_dropped: int = 0
     answers: dict[int, _Answer] = field(default_factory=dict)  # by number, in the order of recording
     pending: set[int] = field(default_factory=set)
 
@@ -80,7 +80,7 @@ class CallAnswers:
         answer = ring.answers.get(number)
         if answer is not None:
             return answer.result
-        if number <= ring.floor and number not in ring.pending:
+        if number <= ring.highest_dropped and number not in ring.pending:
             text = f"DServer: call {number} is too old to tell whether it was executed"
             raise RefusedError("forgotten", text)
         return None
@@ -94,8 +94,8 @@ class CallAnswers:
         # the new answer takes the slot of the oldest one in a full ring
         if oldest is not None and oldest.sequence == ring.sequence - ANSWERS_PER_CONNECTION:
             self._used -= _cost(connection, answers.pop(oldest.number))
-            ring.floor = max(ring.floor, oldest.number)
-        answer = answers[number] = _Answer(ring.sequence, number, ring.floor, result)
+            ring.highest_dropped = max(ring.highest_dropped, oldest.number)
+        answer = answers[number] = _Answer(ring.sequence, number, ring.highest_dropped, result)
         ring.sequence += 1
         self._used += _cost(connection, answer)
         self._journal.put(
@@ -130,13 +130,15 @@ class CallAnswers:
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
         """Load the entries of kinds "answer" and "pending" from a store."""
-        kept = [(key.name, _answers.decode(data)) for key, data in entries.items() if key.kind == "answer"]
-        for connection, answer in sorted(kept, key=lambda entry: entry[1].sequence):
+        recorded = [
+            (key.name, _answers.decode(data)) for key, data in entries.items() if key.kind == "answer"
+        ]
+        for connection, answer in sorted(recorded, key=lambda entry: entry[1].sequence):
             ring = self._rings.setdefault(connection, _Ring())
             ring.answers[answer.number] = answer
             self._used += _cost(connection, answer)
             ring.sequence = answer.sequence + 1
-            ring.floor = max(ring.floor, answer.floor)
+            ring.highest_dropped = max(ring.highest_dropped, answer.highest_dropped)
         for key in entries:
             if key.kind == "pending":
                 self._rings.setdefault(key.name, _Ring()).pending.add(key.slot)

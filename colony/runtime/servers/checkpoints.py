@@ -43,15 +43,15 @@ class Checkpoints:
         """User-readable messages about the limits reached since the server started."""
         return self._bound.limit_messages(self._used)
 
-    def keep(self, checkpoint: Checkpoint) -> None:
+    def put(self, checkpoint: Checkpoint) -> None:
         """Keep a checkpoint of a client of the program, unless it is too large or outdated."""
         client = checkpoint.client
         if client not in self._clients:
             return
-        known = self._newest.get(client)
-        if known is not None and (checkpoint.start, checkpoint.k) <= (known.start, known.k):
+        previous = self._newest.get(client)
+        if previous is not None and (checkpoint.start, checkpoint.k) <= (previous.start, previous.k):
             return
-        used = self._used + _size(checkpoint) - (0 if known is None else _size(known))
+        used = self._used + _size(checkpoint) - (0 if previous is None else _size(previous))
         if len(checkpoint.memory) > MAX_MEMORY_BYTES or not self._bound.allows(used):
             return
         self._used = used
@@ -63,7 +63,7 @@ class Checkpoints:
         if recall.client in self._clients:
             empty = Checkpoint(client=recall.client, k=-1, start=-1, memory=b"")
             newest = self._newest.get(recall.client, empty)
-            yield Send(topics.recalled(DSERVER.name, recall.client), newest)
+            yield Send(topics.recall_answers(DSERVER.name, recall.client), newest)
 
     def begin(self, run: str, clients: Iterable[str]) -> None:
         """Begin a run with these clients; drop all checkpoints if the run is new."""

@@ -68,8 +68,8 @@ class CommandDispatcher:
 
     Args:
         actuators: the actuators.
-        times: the deadline and grace period of their frames.
-        perform: carries out a dispatched command; not called if nothing is sent (`idle hold`).
+        frame_timing: the deadline and grace period of their frames.
+        perform: carries out a dispatched command; not called for an idle actuator declared `idle hold`.
         on_dispatch: called with every dispatch.
         publish: True to publish the verdicts.
     """
@@ -77,14 +77,14 @@ class CommandDispatcher:
     def __init__(
         self,
         actuators: tuple[ActuatorSpec, ...],
-        times: Timing,
+        frame_timing: Timing,
         perform: Perform,
         *,
         on_dispatch: OnDispatch = lambda actuator, dispatch, now_ns: None,
         publish: bool = True,
     ) -> None:
         self._actuators = {spec.name: spec for spec in actuators}
-        self._arbiters = {spec.name: Arbiter(spec, times) for spec in actuators}
+        self._arbiters = {spec.name: Arbiter(spec, frame_timing) for spec in actuators}
         self._clients = {
             name: {topics.client_address(name, client): client for client, _ in spec.clients}
             for name, spec in self._actuators.items()
@@ -93,7 +93,7 @@ class CommandDispatcher:
         self._perform = perform
         self._on_dispatch = on_dispatch
         self._publish = publish
-        self._alarm: int | None = None
+        self._next_wake_ns: int | None = None
 
     @property
     def can_halt(self) -> bool:
@@ -106,9 +106,9 @@ class CommandDispatcher:
         """Open the frame of every actuator; `interventions` compete with its clients."""
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
-            lost = frozenset(clients[a] for a in tick.lost if a in clients)
+            lost = frozenset(clients[address] for address in tick.lost if address in clients)
             yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, interventions), now_ns)
-        yield from self._set_alarm()
+        yield from self._schedule_wake()
 
     def request(self, request: Request, now_ns: int) -> Iterable[Effect]:
         """Handle a client's request; ignore one for an actuator of another server."""
@@ -118,8 +118,8 @@ class CommandDispatcher:
             if events:
                 yield from self._carry_out(request.actuator, events, now_ns)
             due = arbiter.wake_at
-            if due is not None and (self._alarm is None or due < self._alarm):
-                self._alarm = due
+            if due is not None and (self._next_wake_ns is None or due < self._next_wake_ns):
+                self._next_wake_ns = due
                 yield WakeAt(due)
 
     def intervene(self, actuator: str, interventions: Interventions, now_ns: int) -> Iterable[Effect]:
@@ -127,7 +127,7 @@ class CommandDispatcher:
         yield from self._carry_out(
             actuator, self._arbiters[actuator].intervene(interventions, now_ns), now_ns
         )
-        yield from self._set_alarm()
+        yield from self._schedule_wake()
 
     def halt(self, now_ns: int) -> Iterable[Effect]:
         """Carry out every idle command, regardless of what the frames decide.
@@ -139,7 +139,7 @@ class CommandDispatcher:
             if spec.idle is not None:
                 self._perform(spec, spec.idle, now_ns)
 
-    def malformed(self, message: Malformed) -> None:
+    def note_malformed(self, message: Malformed) -> None:
         """Add a note about a malformed request to the verdicts of the frame."""
         for name in self._arbiters:
             self.add_note(name, f"a request could not be read: {message.reason}")
@@ -150,11 +150,11 @@ class CommandDispatcher:
 
     def wake(self, now_ns: int) -> Iterable[Effect]:
         """Decide overdue frames."""
-        if self._alarm is not None and now_ns >= self._alarm:
-            self._alarm = None
+        if self._next_wake_ns is not None and now_ns >= self._next_wake_ns:
+            self._next_wake_ns = None
         for name, arbiter in self._arbiters.items():
             yield from self._carry_out(name, arbiter.wake(now_ns), now_ns)
-        yield from self._set_alarm()
+        yield from self._schedule_wake()
 
     def finish(self, now_ns: int) -> Iterable[Effect]:
         """End the current frames as they stand, because no others follow."""
@@ -177,11 +177,11 @@ class CommandDispatcher:
                 if self._publish:
                     yield Send(topics.VERDICTS, event)
 
-    def _set_alarm(self) -> Iterator[Effect]:
+    def _schedule_wake(self) -> Iterator[Effect]:
         times = (arbiter.wake_at for arbiter in self._arbiters.values())
         due = min((t_ns for t_ns in times if t_ns is not None), default=None)
-        if due is not None and (self._alarm is None or due < self._alarm):
-            self._alarm = due
+        if due is not None and (self._next_wake_ns is None or due < self._next_wake_ns):
+            self._next_wake_ns = due
             yield WakeAt(due)
 
 

@@ -90,8 +90,8 @@ class Camera:
     @property
     def wake_at(self) -> int | None:
         """The time of the next image, or of the next timeout of a call waiting for the lock."""
-        dues = (self._lock.wake_at, self._due_ns if self._lock.holder is None else None)
-        return min((due for due in dues if due is not None), default=None)
+        due_times = (self._lock.wake_at, self._due_ns if self._lock.holder is None else None)
+        return min((due for due in due_times if due is not None), default=None)
 
     def start(self, now_ns: int) -> None:
         """Grab the first image now."""
@@ -107,7 +107,7 @@ class Camera:
             self._due_ns += self._period_ns * (1 + (now_ns - self._due_ns) // self._period_ns)
         self.answers += [(call_id, self._lock.refusal()) for call_id in self._lock.expire(now_ns)]
 
-    def lost(self, caller: Caller) -> None:
+    def on_lost(self, caller: Caller) -> None:
         """Release the lock of a connection that has ended, and remove the connection from the queue."""
         self._grant(self._lock.drop(caller))
 
@@ -164,15 +164,17 @@ class CServer(QuietNode):
     Args:
         driver: the camera.
         address: the server's name, an identifier.
-        keep: the number of frames kept for readers that missed one.
+        frames_kept: the number of frames kept for readers that missed one.
     """
 
-    def __init__(self, driver: CameraDriver, *, keep: int = FRAMES_KEPT, address: str = CSERVER) -> None:
+    def __init__(
+        self, driver: CameraDriver, *, frames_kept: int = FRAMES_KEPT, address: str = CSERVER
+    ) -> None:
         self.address = address
         self._camera = Camera(address, driver)
-        self._publisher = Publisher(address, lambda tick: {}, keep=keep)
+        self._publisher = Publisher(address, lambda tick: {}, frames_kept=frames_kept)
         self._calls = CallDispatcher(address, self._camera.methods, on_lost=self._lost)
-        self._alarm: int | None = None
+        self._next_wake_ns: int | None = None
         self.listens = (*self._publisher.listens, *self._calls.listens)
 
     def start(self, now_ns: int) -> Iterable[Effect]:
@@ -197,10 +199,12 @@ class CServer(QuietNode):
         answers, self._camera.answers = self._camera.answers, []
         yield from self._calls.settle(answers)
         due = self._camera.wake_at
-        if due is not None and (self._alarm is None or due < self._alarm or now_ns >= self._alarm):
-            self._alarm = due
+        if due is not None and (
+            self._next_wake_ns is None or due < self._next_wake_ns or now_ns >= self._next_wake_ns
+        ):
+            self._next_wake_ns = due
             yield WakeAt(due)
 
     def _lost(self, caller: Caller, now_ns: int) -> tuple[Effect, ...]:
-        self._camera.lost(caller)
+        self._camera.on_lost(caller)
         return ()

@@ -49,8 +49,8 @@ class DataCalls:
         other_methods: further methods of the server.
         on_lost: called for each connection that has ended.
         stop: carries out an emergency stop, given the connection and the time.
-        full: returns messages about limits that the server has reached.
-        no_room: returns the reason why changes cannot be stored, None while they can.
+        other_limit_messages: returns messages about limits that the server has reached.
+        storage_problem: returns the reason why changes cannot be stored, None while they can.
     """
 
     def __init__(
@@ -64,10 +64,10 @@ class DataCalls:
         other_methods: Iterable[Method] = (),
         on_lost: Callable[[Caller], None] = lambda caller: None,
         stop: Callable[[str, int], None] | None = None,
-        full: Callable[[], Iterable[str]] = lambda: (),
-        no_room: Callable[[], str | None] = lambda: None,
+        other_limit_messages: Callable[[], Iterable[str]] = lambda: (),
+        storage_problem: Callable[[], str | None] = lambda: None,
     ) -> None:
-        self._no_room = no_room
+        self._storage_problem = storage_problem
         self._variables = variables
         self._semaphores = semaphores
         self._answers = answers
@@ -75,28 +75,28 @@ class DataCalls:
         self._frame_subscriptions = frame_subscriptions
         self._notices = NoticeQueue(variables, watches, self._notify)
         self._data = DataMethods(variables, semaphores, self._notices.mark_changed)
-        self._next_slice: int | None = None
+        self._next_slice_ns: int | None = None
         self._calls = CallDispatcher(
             DSERVER.name,
             (*self._methods(), *other_methods),
             admit=self._admit,
             on_lost=self._end,
             stop=stop,
-            full=full,
+            other_limit_messages=other_limit_messages,
         )
         self._on_lost = on_lost
         self._callers: dict[str, Caller] = {}
         self._opened: list[str] = []
-        self._alarm: int | None = None
-        self._reconnect_by: int | None = None
+        self._next_wake_ns: int | None = None
+        self._reconnect_by_ns: int | None = None
         self.listens = self._calls.listens
 
     def start(self, now_ns: int) -> Iterator[Effect]:
         """Give the connections of before a restart time to reconnect; none is open yet."""
         self._watches.start(now_ns)
         if self._semaphores.holders_except(()):
-            self._reconnect_by = now_ns + RECONNECT_GRACE_NS
-            yield WakeAt(self._reconnect_by)
+            self._reconnect_by_ns = now_ns + RECONNECT_GRACE_NS
+            yield WakeAt(self._reconnect_by_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         """Handle calls, signs of life, malformed calls, and wakes."""
@@ -135,7 +135,7 @@ class DataCalls:
             if recorded is not None:
                 return msgspec.Raw(recorded)
             try:
-                self._check_room()
+                self._check_space()
                 result = handler(call_id, arguments, now_ns)
             except RefusedError:
                 self._answers.clear_pending(connection, number)
@@ -148,13 +148,13 @@ class DataCalls:
 
         return handle
 
-    def _check_room(self) -> None:
+    def _check_space(self) -> None:
         """Check that the changes of a call can be stored.
 
         Raises:
             RefusedError: "full".
         """
-        if (reason := self._no_room()) is not None:
+        if (reason := self._storage_problem()) is not None:
             raise RefusedError("full", f"DServer keeps nothing new: {reason}")
 
     # --- variables -----------------------------------------------------------------------------------
@@ -162,13 +162,13 @@ class DataCalls:
     def _publish(self, call_id: CallId, arguments: Publish, now_ns: int) -> None:
         check_count(len(arguments.names))
         names = dict.fromkeys(validate_name(name) for name in arguments.names)
-        self._variables.check_frame_room(names)
+        self._variables.check_frame_space(names)
         self._variables.show(self._frame_subscriptions.subscribe(call_id.caller.connection, names))
 
     # --- changes -------------------------------------------------------------------------------------
 
     def _watch(self, call_id: CallId, arguments: Watch, now_ns: int) -> None:
-        self._check_room()
+        self._check_space()
         check_count(len(arguments.names) + len(arguments.prefixes))
         for text in (*arguments.names, *arguments.prefixes):
             validate_name(text or "-")  # a prefix may be empty
@@ -192,10 +192,10 @@ class DataCalls:
         """Send one slice of notices, and schedule a wake if more are pending."""
         yield from self._notices.slice()
         if not self._notices.pending:
-            self._next_slice = None
-        elif self._next_slice is None or now_ns >= self._next_slice:
-            self._next_slice = now_ns + SLICE_INTERVAL_NS
-            yield WakeAt(self._next_slice)
+            self._next_slice_ns = None
+        elif self._next_slice_ns is None or now_ns >= self._next_slice_ns:
+            self._next_slice_ns = now_ns + SLICE_INTERVAL_NS
+            yield WakeAt(self._next_slice_ns)
 
     # --- connections and time ------------------------------------------------------------------------
 
@@ -207,15 +207,15 @@ class DataCalls:
         """Restore the watches of reopened connections, and queue notices of the current values."""
         opened, self._opened = self._opened, []
         for connection in opened:
-            self._watches.opened(connection)
+            self._watches.on_reopened(connection)
             self._notices.queue_current_values(connection, *self._watches.watched_by(connection))
 
     def _end(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
         connection = caller.connection
         self._callers.pop(connection, None)
-        self._watches.lost(connection, now_ns)
-        self._notices.lost(connection)
-        self._variables.hide(self._frame_subscriptions.lost(connection))
+        self._watches.on_lost(connection, now_ns)
+        self._notices.on_lost(connection)
+        self._variables.hide(self._frame_subscriptions.on_lost(connection))
         self._release_semaphores(connection)
         self._on_lost(caller)
         return ()
@@ -227,8 +227,8 @@ class DataCalls:
 
     def _wake(self, now_ns: int) -> None:
         self._watches.expire(now_ns)
-        if self._reconnect_by is not None and now_ns >= self._reconnect_by:
-            self._reconnect_by = None
+        if self._reconnect_by_ns is not None and now_ns >= self._reconnect_by_ns:
+            self._reconnect_by_ns = None
             for connection in self._semaphores.holders_except(self._callers):
                 self._release_semaphores(connection)
         self._data.expire(now_ns)
@@ -243,10 +243,10 @@ class DataCalls:
                 self._answers.record(call_id.caller.connection, call_id.number, _NIL)
         yield from self._calls.settle(answers)
         due = self._data.wake_at
-        if due is None or due == self._alarm:
+        if due is None or due == self._next_wake_ns:
             return
-        if self._alarm is None or due < self._alarm or now_ns >= self._alarm:
-            self._alarm = due
+        if self._next_wake_ns is None or due < self._next_wake_ns or now_ns >= self._next_wake_ns:
+            self._next_wake_ns = due
             yield WakeAt(due)
 
 

@@ -185,7 +185,7 @@ class DataMethods:
         waiter = self._semaphores.wait(call_id, name, arguments.wait_ns, now_ns, hold=hold)
         if waiter is None:
             return None
-        due = waiter.until_ns
+        due = waiter.expires_ns
         if due is not None and (self.wake_at is None or due < self.wake_at):
             self.wake_at = due
         return LATER

@@ -62,13 +62,13 @@ from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreEr
 _CLOCK_ID = Key("fact", "epoch")
 _CLOSED = Key("fact", "closed")
 
-_ROBOT_WITHOUT_PROGRAM = timing(50_000_000)
+_TIMING_WITHOUT_PROGRAM = timing(50_000_000)
 
 WATCHDOG_DEADLINES = 3
 """Time without a tick, in frame deadlines, after which actuators become idle: two ticks were missed."""
 
-ROOM_CHECK_INTERVAL_NS = 1_000_000_000
-"""Nanoseconds between two checks for room on a full disk."""
+SPACE_CHECK_INTERVAL_NS = 1_000_000_000
+"""Nanoseconds between two checks for space on a full disk."""
 
 
 class DServer:
@@ -83,10 +83,10 @@ class DServer:
     that the program reads.
 
     Args:
-        held: variables that are fresh in every frame, as if an outside source kept setting them, until a call
-            sets them; this outlasts a restart.
+        pinned_variables: variables that are fresh in every frame, as if an outside source kept setting them,
+            until a call sets them; this outlasts a restart.
         deployment: the program deployed at the start; the call `deploy` replaces it.
-        keep: the number of frames kept for readers that missed one.
+        frames_kept: the number of frames kept for readers that missed one.
         store: the store of the state. It is loaded here, and closed by `close`.
         clock_id: the identity of the clock in use. Stored values dated by another clock count as old.
         notes: returns user-readable messages about the store, for `status`.
@@ -99,10 +99,10 @@ class DServer:
 
     def __init__(
         self,
-        held: Mapping[str, Value] | None = None,
+        pinned_variables: Mapping[str, Value] | None = None,
         *,
         deployment: Deployment | None = None,
-        keep: int = FRAMES_KEPT,
+        frames_kept: int = FRAMES_KEPT,
         store: Store | None = None,
         clock_id: str = "",
         notes: Callable[[], Iterable[str]] = lambda: (),
@@ -118,7 +118,7 @@ class DServer:
         self._semaphores, self._answers = Semaphores(self._journal), CallAnswers(self._journal)
         self._watches, self._checkpoints = Watches(self._journal), Checkpoints(self._journal)
         if self._load():
-            self._variables.pin(held or {})
+            self._variables.pin(pinned_variables or {})
         self._leadership = Leadership(self.address)
         self._calls = DataCalls(
             self._variables,
@@ -127,24 +127,24 @@ class DServer:
             self._watches,
             self._frame_subscriptions,
             other_methods=(method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),),
-            on_lost=self._leadership.lost,
+            on_lost=self._leadership.on_lost,
             stop=self._stop,
-            full=self.full,
-            no_room=lambda: self._journal.full,
+            other_limit_messages=self.limit_messages,
+            storage_problem=lambda: self._journal.full,
         )
-        self._next_room_check_ns = 0
+        self._next_space_check_ns = 0
         self._emergency = StopFollower()
         self._halt_due = False
         self._watchdog_due_ns: int | None = None
-        self._timing = _ROBOT_WITHOUT_PROGRAM
+        self._timing = _TIMING_WITHOUT_PROGRAM
         self._changed: list[str] = []
         self._reads: tuple[str, ...] = ()
         self._run: str | None = None
         self._publisher = Publisher(
-            self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
+            self.address, self._read, frames_kept=frames_kept, stopped=lambda: self._emergency.stopped
         )
         self._commands = CommandDispatcher((), self._timing, self._set)
-        self._relay = ActivityRelay(self.address, (), keep=keep)
+        self._relay = ActivityRelay(self.address, (), frames_kept=frames_kept)
         if deployment is not None:
             self._activate(deployment)
         listens = (
@@ -163,7 +163,7 @@ class DServer:
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         """Handle a message, and carry out its commands and stops."""
-        self._make_room(now_ns)
+        self._check_space(now_ns)
         match message:
             case Call() | Alive():
                 yield from self._calls.handle(message, now_ns)
@@ -184,11 +184,11 @@ class DServer:
             case Request():
                 yield from self._commands.request(message, now_ns)
             case Checkpoint():
-                self._checkpoints.keep(message)
+                self._checkpoints.put(message)
             case Recall():
                 yield from self._checkpoints.recall(message)
             case Malformed() if message.topic == topics.requests(self.address):
-                self._commands.malformed(message)
+                self._commands.note_malformed(message)
             case Malformed():
                 yield from self._calls.handle(message, now_ns)
             case Wake():
@@ -204,20 +204,20 @@ class DServer:
             changed, self._changed = self._changed, []
             yield from self._calls.changed(changed, now_ns)
 
-    def _make_room(self, now_ns: int) -> None:
-        """Check periodically whether a full disk has room again."""
-        if self._journal.full is not None and now_ns >= self._next_room_check_ns:
-            self._next_room_check_ns = now_ns + ROOM_CHECK_INTERVAL_NS
-            self._journal.make_room()
+    def _check_space(self, now_ns: int) -> None:
+        """Check periodically whether a full disk has space again."""
+        if self._journal.full is not None and now_ns >= self._next_space_check_ns:
+            self._next_space_check_ns = now_ns + SPACE_CHECK_INTERVAL_NS
+            self._journal.check_space()
 
     def _check_watchdog(self, now_ns: int) -> None:
         """Halt once the watchdog is due."""
         if self._watchdog_due_ns is not None and now_ns >= self._watchdog_due_ns:
             self._watchdog_due_ns, self._halt_due = None, True
 
-    def full(self) -> tuple[str, ...]:
+    def limit_messages(self) -> tuple[str, ...]:
         """Return user-readable messages about the store and the limits reached since the server started."""
-        parts = (
+        limited_components = (
             self._variables,
             self._frame_subscriptions,
             self._semaphores,
@@ -226,8 +226,14 @@ class DServer:
             self._checkpoints,
             self._publisher,
         )
-        no_room = () if self._journal.full is None else (f"nothing new is kept: {self._journal.full}",)
-        return (*no_room, *self._notes(), *(message for part in parts for message in part.limit_messages))
+        storage_messages = (
+            () if self._journal.full is None else (f"nothing new is kept: {self._journal.full}",)
+        )
+        return (
+            *storage_messages,
+            *self._notes(),
+            *(message for component in limited_components for message in component.limit_messages),
+        )
 
     def settle(self) -> None:
         """Commit the changes; on a full disk, those that are not about to be acknowledged wait.
@@ -246,12 +252,12 @@ class DServer:
             self._store.close()
 
     def _read(self, tick: Tick) -> Fields:
-        new, gone = self._frame_subscriptions.begin_frame(tick.run)
-        self._variables.hide(gone)
+        shown, hidden = self._frame_subscriptions.begin_frame(tick.run)
+        self._variables.hide(hidden)
         if (reads := self._frame_subscriptions.reads) is not self._reads:
             self._reads = reads
-            self._variables.read_by_program(reads)
-        self._variables.show(new)
+            self._variables.set_program_names(reads)
+        self._variables.show(shown)
         return self._variables.fields(tick.t_ns)
 
     def _arbitrate(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
@@ -296,7 +302,7 @@ class DServer:
     def _load(self) -> bool:
         """Load the store; return False if it was left by a server that crashed."""
         entries = dict(self._store.load())
-        parts = (
+        stored_components = (
             self._variables,
             self._frame_subscriptions,
             self._semaphores,
@@ -305,8 +311,8 @@ class DServer:
             self._checkpoints,
         )
         try:
-            for part in parts:
-                part.load(entries)
+            for component in stored_components:
+                component.load(entries)
         except (msgspec.MsgspecError, LookupError, ValueError, RefusedError) as problem:
             raise StoreError(f"the content of DServer's store is inconsistent: {problem!r}") from None
         if entries.get(_CLOCK_ID, b"") != self._clock_id.encode():

@@ -37,7 +37,10 @@ _READS = Key("fact", "reads")
 
 
 class FrameValue(NamedTuple):
-    """A value as frames show it, None if they cannot; its size there in bytes, 0 if it is of another type."""
+    """A value as frames show it (None if they cannot), and its size in a frame in bytes.
+
+    The size is 0 for a type that frames do not show.
+    """
 
     value: Value | None
     size: int
@@ -68,16 +71,18 @@ class FrameContent:
     """The content of frames: the variables that they show, with their current values. Mutable.
 
     The variables that the program reads and those that only connections requested have separate limits, so
-    that observers take no room from the program. A value that does not fit is left out.
+    that observers take no space from the program. A value that does not fit is left out.
     """
 
     def __init__(self, space: int = FRAME_SPACE) -> None:
         self.space = space
-        self._bound = Bound("numbers in frames", space, in_bytes=True)
-        self._published = Bound("numbers in frames that no program reads", PUBLISHED_SPACE, in_bytes=True)
-        self._used = self._published_used = 0
+        self._program_limit = Bound("numbers in frames", space, in_bytes=True)
+        self._published_limit = Bound(
+            "numbers in frames that no program reads", PUBLISHED_SPACE, in_bytes=True
+        )
+        self._program_used = self._published_used = 0
         self._names: set[str] = set()
-        self._read: frozenset[str] = frozenset()
+        self._program_names: frozenset[str] = frozenset()
         self._samples: dict[str, Sample] = {}
         self._sizes: dict[str, int] = {}
         self._fields: Fields | None = None
@@ -86,8 +91,8 @@ class FrameContent:
     def limit_messages(self) -> tuple[str, ...]:
         """User-readable messages about the limits reached since the server started."""
         return (
-            *self._bound.limit_messages(self._used),
-            *self._published.limit_messages(self._published_used),
+            *self._program_limit.limit_messages(self._program_used),
+            *self._published_limit.limit_messages(self._published_used),
         )
 
     def set_program_names(self, names: Iterable[str]) -> frozenset[str]:
@@ -96,10 +101,10 @@ class FrameContent:
         Return the names added and removed; the caller must `put` their current values again.
         """
         new = frozenset(names)
-        changed = self._read ^ new
+        changed = self._program_names ^ new
         for name in changed:
             self.drop(name)
-        self._read = new
+        self._program_names = new
         return changed
 
     def fields(self) -> Fields:
@@ -109,29 +114,29 @@ class FrameContent:
         return self._fields
 
     def growth(self, name: str, size: int) -> int:
-        """Return the bytes by which a value of this size enlarges the program's part of frames."""
-        return size - self._sizes.get(name, 0) if name in self._names and name in self._read else 0
+        """Return the bytes by which a value of this size enlarges the program's share of frames."""
+        return size - self._sizes.get(name, 0) if name in self._names and name in self._program_names else 0
 
-    def check_published_room(self, size: int) -> None:
-        """Check that frames have room for `size` more bytes that no program reads.
+    def check_published_space(self, size: int) -> None:
+        """Check that frames have space for `size` more bytes that no program reads.
 
         Raises:
             RefusedError: "full".
         """
-        if not self._published.allows(self._published_used + size):
+        if not self._published_limit.allows(self._published_used + size):
             text = (
                 f"DServer's frames have no room for more than {PUBLISHED_SPACE} bytes that no program reads"
             )
             raise RefusedError("full", text)
 
-    def check_room(self, growth: int) -> None:
-        """Check that the program's part of frames has room for `growth` more bytes.
+    def check_space(self, growth: int) -> None:
+        """Check that the program's share of frames has space for `growth` more bytes.
 
         Raises:
             RefusedError: "full".
         """
-        if growth > 0 and not self._bound.allows(self._used + growth):
-            text = f"DServer's frames have no room for more than {self._bound.limit} bytes of numbers"
+        if growth > 0 and not self._program_limit.allows(self._program_used + growth):
+            text = f"DServer's frames have no room for more than {self._program_limit.limit} bytes of numbers"
             raise RefusedError("full", text)
 
     def show(self, name: str) -> None:
@@ -144,7 +149,7 @@ class FrameContent:
         self.drop(name)
 
     def put(self, name: str, shown: FrameValue, t_ns: int) -> None:
-        """Show the new value of a variable, if frames show that variable and have room for the value."""
+        """Show the new value of a variable, if frames show that variable and have space for the value."""
         if name not in self._names:
             return
         self.drop(name)
@@ -152,22 +157,22 @@ class FrameContent:
             self._fields = None
             self._samples[name] = Sample(shown.value, t_ns)
             self._sizes[name] = shown.size
-            self._count(name, shown.size)
+            self._add_used(name, shown.size)
 
     def drop(self, name: str) -> None:
         """Leave out a variable until `put` gives it a value."""
         if self._samples.pop(name, None) is not None:
             self._fields = None
-            self._count(name, -self._sizes.pop(name))
+            self._add_used(name, -self._sizes.pop(name))
 
     def _allows(self, name: str, size: int) -> bool:
-        if name in self._read:
-            return self._bound.allows(self._used + size)
-        return self._published.allows(self._published_used + size)
+        if name in self._program_names:
+            return self._program_limit.allows(self._program_used + size)
+        return self._published_limit.allows(self._published_used + size)
 
-    def _count(self, name: str, size: int) -> None:
-        if name in self._read:
-            self._used += size
+    def _add_used(self, name: str, size: int) -> None:
+        if name in self._program_names:
+            self._program_used += size
         else:
             self._published_used += size
 
@@ -183,10 +188,10 @@ class FrameSubscriptions:
         self._journal = journal
         self._run: str | None = None
         self._reads: tuple[str, ...] = ()
-        self._reading = False
+        self._program_is_running = False
         self._requested: dict[str, dict[str, None]] = {}  # by connection
-        self._count: dict[str, int] = {}
-        self._bound = Bound("names asked for in frames", MAX_NAMES_REQUESTED)
+        self._reader_counts: dict[str, int] = {}
+        self._bound = Bound("names requested in frames", MAX_NAMES_REQUESTED)
         self._total = 0
 
     @property
@@ -196,28 +201,28 @@ class FrameSubscriptions:
 
     def deploy(self, run: str, reads: tuple[str, ...]) -> tuple[str, ...]:
         """Replace the program; return the names that no longer have a reader."""
-        gone = self.begin_frame(None)[1]
+        unread = self.begin_frame(None)[1]
         self._run, self._reads = run, tuple(dict.fromkeys(reads))
         self._journal.put(_READS, _encode((self._run, self._reads)))
-        return gone
+        return unread
 
     def begin_frame(self, run: str | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Begin a frame of a run; return the names to show from now on, and those no longer to show.
 
         The program's names count only in frames of its own run.
         """
-        reading = run is not None and run == self._run
-        if reading == self._reading:
+        is_running = run is not None and run == self._run
+        if is_running == self._program_is_running:
             return (), ()
-        self._reading = reading
-        if reading:
+        self._program_is_running = is_running
+        if is_running:
             return tuple(self._add(self._reads)), ()
         return (), tuple(self._remove(self._reads))
 
     @property
     def reads(self) -> tuple[str, ...]:
         """The variables that the program reads in the current frame."""
-        return self._reads if self._reading else ()
+        return self._reads if self._program_is_running else ()
 
     def subscribe(self, connection: str, names: Iterable[str]) -> tuple[str, ...]:
         """Add names to those that a connection requests; return the names that had no reader before.
@@ -230,21 +235,21 @@ class FrameSubscriptions:
         if len(requested) + len(new) > MAX_NAMES_PER_CONNECTION:
             raise RefusedError(
                 "full",
-                f"DServer: a connection asks for at most {MAX_NAMES_PER_CONNECTION} variables in frames",
+                f"DServer: a connection may request at most {MAX_NAMES_PER_CONNECTION} variables in frames",
             )
         if not self._bound.allows(self._total + len(new)):
             raise RefusedError(
-                "full", f"DServer: connections ask for {MAX_NAMES_REQUESTED} variables in frames already"
+                "full", f"DServer: connections request {MAX_NAMES_REQUESTED} variables in frames already"
             )
         self._requested.setdefault(connection, requested).update(dict.fromkeys(new))
         self._total += len(new)
         return tuple(self._add(new))
 
-    def lost(self, connection: str) -> tuple[str, ...]:
+    def on_lost(self, connection: str) -> tuple[str, ...]:
         """Drop the names of a connection that ended; return the names that no longer have a reader."""
-        gone = self._requested.pop(connection, {})
-        self._total -= len(gone)
-        return tuple(self._remove(gone))
+        names = self._requested.pop(connection, {})
+        self._total -= len(names)
+        return tuple(self._remove(names))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
         """Load the names that the program reads from the entries of a store."""
@@ -253,15 +258,15 @@ class FrameSubscriptions:
 
     def _add(self, names: Iterable[str]) -> Iterator[str]:
         for name in names:
-            self._count[name] = self._count.get(name, 0) + 1
-            if self._count[name] == 1:
+            self._reader_counts[name] = self._reader_counts.get(name, 0) + 1
+            if self._reader_counts[name] == 1:
                 yield name
 
     def _remove(self, names: Iterable[str]) -> Iterator[str]:
         for name in names:
-            self._count[name] -= 1
-            if not self._count[name]:
-                del self._count[name]
+            self._reader_counts[name] -= 1
+            if not self._reader_counts[name]:
+                del self._reader_counts[name]
                 yield name
 
 

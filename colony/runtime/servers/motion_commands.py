@@ -69,7 +69,7 @@ def drive(arguments: robot.Drive, allowed: Range) -> Motion:
 def go(
     arguments: robot.Go, settings: Settings, allowed: Range, previous: Motion | None, *, integrating: bool
 ) -> tuple[Motion, Settings]:
-    """Return a motion straight ahead; if the `previous` motion is one, too, it keeps holding that heading."""
+    """Return a motion straight ahead, with the heading of the `previous` motion if that is straight, too."""
     velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
     if velocity != 0.0:
         settings = settings._replace(velocity=abs(velocity))
@@ -85,7 +85,7 @@ def go(
 
 
 def jog(arguments: robot.Jog, settings: Settings, allowed: Range, previous: Motion | None) -> Motion:
-    """Return a turning rate on top of the forward speed of the `previous` motion."""
+    """Return a motion that adds a turning rate to the forward speed of the `previous` motion."""
     low, high = allowed.turn
     rate = _in_range("rate", arguments.rate, (-high, -low), "deg/s")
     match previous:
@@ -193,7 +193,7 @@ def _in_range(name: str, value: float, allowed: tuple[float, float], unit: str) 
 
 
 def _magnitude(name: str, value: float, setting: float, limit: float, unit: str) -> float:
-    """Return a given magnitude or, if it is negative, that of the settings."""
+    """Return a call's magnitude or, if it is negative, the setting."""
     if limit <= 0.0:
         raise RefusedError("arguments", f"{name}: the program's range allows no motion in that direction")
     if value < 0.0:

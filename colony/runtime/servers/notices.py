@@ -63,11 +63,11 @@ class NoticeQueue:
 
     def queue_current_values(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
         """Queue notices of the current values, for a connection that starts or resumes watching these."""
-        known_names, known_prefixes = self._initial.setdefault(connection, ({}, {}))
-        known_names.update(dict.fromkeys(names))
-        known_prefixes.update(dict.fromkeys(prefixes))
+        queued_names, queued_prefixes = self._initial.setdefault(connection, ({}, {}))
+        queued_names.update(dict.fromkeys(names))
+        queued_prefixes.update(dict.fromkeys(prefixes))
 
-    def lost(self, connection: str) -> None:
+    def on_lost(self, connection: str) -> None:
         """Drop the initial notices of a connection that has ended."""
         self._initial.pop(connection, None)
 

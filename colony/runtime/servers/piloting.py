@@ -1,8 +1,8 @@
 """Control of the base by connections outside the network: their motions, the lock, the emergency stop.
 
 The pilot handles the calls of Table 4.1 that move the base. For each frame, it returns the commands that
-connections want (`interventions`). Arbitration decides, and reports the result to the pilot (`on_dispatch`),
-so that only the motion that was carried out progresses. The pilot does not use a driver.
+connections request (`interventions`). Arbitration decides, and reports the result to the pilot
+(`on_dispatch`), so that only the motion that was carried out progresses. The pilot does not use a driver.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Pilot:
     # --- frames --------------------------------------------------------------------------------------
 
     def interventions(self, observation: BaseObservation, now_ns: int) -> Interventions:
-        """Return the outside commands and holds of a frame, given the state of the base."""
+        """Return the outside commands of a frame, and the stop or lock in force, given the base's state."""
         self._proposal = None
         if self._emergency.stopped is not None:
             return Interventions((), "stopped", None)
@@ -153,21 +153,21 @@ class Pilot:
         observation: BaseObservation,
     ) -> None:
         ended, call_id = commander.motion, commander.call_id
-        commander.motion = commander.call_id = commander.until_ns = None
+        commander.motion = commander.call_id = commander.lease_end_ns = None
         self.mode = "go"
         if call_id is None or not isinstance(ended, FiniteMotion):
             return
         unit = "mm" if isinstance(ended, motion.Move) else "deg"
-        done = motion.measure_progress(ended, observation.pose)
+        progress = motion.measure_progress(ended, observation.pose)
         match reason:
             case "done":
-                self.answers.append((call_id, done))
+                self.answers.append((call_id, progress))
             case "stalled":
-                stalled = f"no progress for {motion.STALL_TIMEOUT_S:g} s, after {done:.4g} {unit}"
-                self.answers.append((call_id, RefusedError("stalled", stalled)))
+                text = f"no progress for {motion.STALL_TIMEOUT_S:g} s, after {progress:.4g} {unit}"
+                self.answers.append((call_id, RefusedError("stalled", text)))
             case "front" | "rear":
-                bumped = f"the {reason} bumper is pressed, after {done:.4g} {unit}"
-                self.answers.append((call_id, RefusedError("bumper", bumped)))
+                text = f"the {reason} bumper is pressed, after {progress:.4g} {unit}"
+                self.answers.append((call_id, RefusedError("bumper", text)))
 
     def report(self, now_ns: int) -> tuple[robot.OutsideReport, ...]:
         """Return the connections that have commanded, and their current commands."""
@@ -177,7 +177,7 @@ class Pilot:
                 name=commander.caller.name,
                 priority=commander.caller.priority,
                 commands=None if commander.motion is None else motion.mode(commander.motion),
-                lease_s=None if commander.until_ns is None else (commander.until_ns - now_ns) / 1e9,
+                lease_s=None if commander.lease_end_ns is None else (commander.lease_end_ns - now_ns) / 1e9,
             )
             for commander in self.outside_commanders.all
         )
@@ -196,7 +196,7 @@ class Pilot:
         self.mode = "joystick"
         self.changed = True
 
-    def lost(self, caller: Caller) -> None:
+    def on_lost(self, caller: Caller) -> None:
         """Remove a connection that ended, with its command and its lock."""
         commander = self.outside_commanders.find(caller)
         self.changed = self.changed or (commander is not None and commander.motion is not None)
@@ -211,7 +211,7 @@ class Pilot:
     def _cancel(self, commander: Commander, refused: RefusedError) -> None:
         if commander.call_id is not None:
             self.answers.append((commander.call_id, refused))
-        commander.motion = commander.call_id = commander.until_ns = None
+        commander.motion = commander.call_id = commander.lease_end_ns = None
 
     def _stop_refusal(self) -> RefusedError:
         stopped = self._emergency.stopped
@@ -235,14 +235,14 @@ class Pilot:
             raise RefusedError("clock", "the Clock is not ticking, so the base cannot move (see `colony ps`)")
         return self._admit(caller)
 
-    def _set_leased_motion(self, commander: Commander, new_motion: Motion, until_ns: int) -> None:
-        """Set a command that holds until its lease ends."""
+    def _set_leased_motion(self, commander: Commander, new_motion: Motion, lease_end_ns: int) -> None:
+        """Set a command that stays in force until its lease ends."""
         self._cancel(commander, _REPLACED)
-        commander.motion, commander.until_ns = new_motion, until_ns
+        commander.motion, commander.lease_end_ns = new_motion, lease_end_ns
         self.changed = True
 
     def _set_motion(self, call_id: CallId, new_motion: FiniteMotion, wait: bool, now_ns: int) -> Later | None:
-        """Set a command that holds until it is done."""
+        """Set a command that stays in force until it is done."""
         commander = self._admit_motion(call_id.caller, now_ns)
         self._cancel(commander, _REPLACED)
         commander.motion = new_motion
@@ -253,32 +253,32 @@ class Pilot:
         return LATER
 
     def _drive(self, call_id: CallId, arguments: robot.Drive, now_ns: int) -> None:
-        new_motion, until_ns = (
+        new_motion, lease_end_ns = (
             motion_commands.drive(arguments, self.allowed),
             lease_end(arguments.lease_s, now_ns),
         )
-        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, until_ns)
+        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns)
 
     def _go(self, call_id: CallId, arguments: robot.Go, now_ns: int, integrating: bool = True) -> None:
-        previous, until_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
+        previous, lease_end_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
         new_motion, settings = motion_commands.go(
             arguments, self._settings, self.allowed, previous, integrating=integrating
         )
-        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, until_ns)
+        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns)
         self._settings = settings
 
     def _proportional_go(self, call_id: CallId, arguments: robot.Go, now_ns: int) -> None:
         self._go(call_id, arguments, now_ns, integrating=False)
 
     def _jog(self, call_id: CallId, arguments: robot.Jog, now_ns: int) -> None:
-        previous, until_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
+        previous, lease_end_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
         new_motion = motion_commands.jog(arguments, self._settings, self.allowed, previous)
-        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, until_ns)
+        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns)
 
     def _halt(self, call_id: CallId, arguments: robot.Halt, now_ns: int) -> None:
-        until_ns = lease_end(arguments.lease_s, now_ns)
+        lease_end_ns = lease_end(arguments.lease_s, now_ns)
         self._set_leased_motion(
-            self._admit(call_id.caller), motion_commands.halt(arguments, self._settings), until_ns
+            self._admit(call_id.caller), motion_commands.halt(arguments, self._settings), lease_end_ns
         )
 
     def _move(self, call_id: CallId, arguments: robot.Move, now_ns: int) -> Later | None:

@@ -32,9 +32,9 @@ class PServer(QuietNode):
 
     address = PSERVER.name
 
-    def __init__(self, driver: ProximityDriver, *, keep: int = FRAMES_KEPT) -> None:
+    def __init__(self, driver: ProximityDriver, *, frames_kept: int = FRAMES_KEPT) -> None:
         self._driver = driver
-        self._publisher = Publisher(self.address, self._read, keep=keep)
+        self._publisher = Publisher(self.address, self._read, frames_kept=frames_kept)
         self._timeouts: tuple[float, ...] | None = None
         self.methods = (
             method("sonar", NoArguments, self._sonar_reading, right="read"),
@@ -42,7 +42,9 @@ class PServer(QuietNode):
             method("timeouts", NoArguments, lambda *_: self._timeouts, right="read"),
             method("set_timeouts", SetTimeouts, self._set_timeouts),
         )
-        self._calls = CallDispatcher(self.address, self.methods, full=lambda: self._publisher.limit_messages)
+        self._calls = CallDispatcher(
+            self.address, self.methods, other_limit_messages=lambda: self._publisher.limit_messages
+        )
         self.listens = (*self._publisher.listens, *self._calls.listens)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:

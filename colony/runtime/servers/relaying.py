@@ -11,15 +11,16 @@ from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample
 
 
 class ActivityRelay:
-    """A publisher of announcements as frames, which keeps the newest `keep` frames of each module. Mutable.
+    """A publisher of announcements as frames. Mutable.
 
-    It answers fetches within a budget that is renewed by each tick. The module's process receives the same
-    fetches, and announces again the answers that are not kept here.
+    It keeps the newest `frames_kept` frames of each module, and answers fetches within a budget that each
+    tick renews. The module's process receives the same fetches, and announces again the answers that are not
+    kept here.
     """
 
-    def __init__(self, server: str, modules: tuple[str, ...], *, keep: int) -> None:
+    def __init__(self, server: str, modules: tuple[str, ...], *, frames_kept: int) -> None:
         self._server = server
-        self._max_frames = keep
+        self._max_frames = frames_kept
         self._budget = FetchBudget()
         self.listens = (topics.announcements(server), topics.fetches(server))
         self.deploy(modules)
@@ -27,8 +28,8 @@ class ActivityRelay:
     def deploy(self, modules: tuple[str, ...]) -> None:
         """Relay the answers of these modules from now on."""
         self._names = {module: topics.activity(self._server, module) for module in modules}
-        self._kept: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
-        self._bytes = dict.fromkeys(self._kept, 0)
+        self._frames: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
+        self._bytes = dict.fromkeys(self._frames, 0)
         self._bytes_per_module = KEPT_BYTES // max(1, len(self._names))
 
     def tick(self) -> None:
@@ -38,9 +39,9 @@ class ActivityRelay:
     def announce(self, message: Announcement, now_ns: int) -> Iterable[Effect]:
         """Relay an announcement; ignore unknown modules and repeated announcements."""
         name = self._names.get(message.module)
-        if name is None or message.k in self._kept[name]:
+        if name is None or message.k in self._frames[name]:
             return ()
-        kept = self._kept[name]
+        kept = self._frames[name]
         values, error = message.answer
         fields = {COMMAND: None if values is None else Sample(values, now_ns), ERROR: Sample(error, now_ns)}
         frame = kept[message.k] = ServerFrame(server=name, k=message.k, fields=fields)
@@ -51,7 +52,7 @@ class ActivityRelay:
 
     def fetch(self, message: Fetch) -> Iterable[Effect]:
         """Publish a frame again, if it is kept."""
-        frame = self._kept.get(message.server, {}).get(message.k)
+        frame = self._frames.get(message.server, {}).get(message.k)
         if frame is None or not self._budget.take(message.server, message.k, frame_bytes(frame.fields)):
             return ()
         return (Send(topics.frames(message.server), frame),)

@@ -62,10 +62,10 @@ class RServer:
 
     Args:
         driver: the base.
-        deployment: the program deployed at the start. The call `deploy` replaces it, by a deployment that
-            ends with the connection that made the call.
+        deployment: the program deployed at the start. The call `deploy` replaces it; the new deployment ends
+            with the connection that made the call.
         watchdog_ns: the time without a decision after which the base is stopped; by default two frames.
-        keep: the number of frames kept for readers that missed one.
+        frames_kept: the number of frames kept for readers that missed one.
     """
 
     address = RSERVER.name
@@ -76,21 +76,25 @@ class RServer:
         *,
         deployment: Deployment | None = None,
         watchdog_ns: int | None = None,
-        keep: int = FRAMES_KEPT,
+        frames_kept: int = FRAMES_KEPT,
     ) -> None:
         self._base = Base(driver)
         self._emergency = StopFollower()
         self._publisher = Publisher(
-            self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
+            self.address, self._read, frames_kept=frames_kept, stopped=lambda: self._emergency.stopped
         )
         self._pilot = Pilot(self._base.limits, self._emergency, self._values, self._is_ticking)
         self._leadership = Leadership(self.address)
         self._leader: str | None = None
         methods = (*self._pilot.methods, *self._base.methods, *self._methods())
         self._calls = CallDispatcher(
-            self.address, methods, on_lost=self._lost, stop=self._stop, full=self._full
+            self.address,
+            methods,
+            on_lost=self._lost,
+            stop=self._stop,
+            other_limit_messages=self._limit_messages,
         )
-        self._watchdog_given = watchdog_ns
+        self._fixed_watchdog_ns = watchdog_ns
         self._activate(deployment)
         self._k = -1
         self._tick_ns = 0
@@ -123,7 +127,7 @@ class RServer:
             case Fetch():
                 yield from self._publisher.handle(message)
             case Malformed() if message.topic == topics.requests(self.address):
-                self._commands.malformed(message)
+                self._commands.note_malformed(message)
             case Call() | Alive() | Malformed():
                 yield from self._calls.handle(message, now_ns)
             case Wake():
@@ -135,7 +139,7 @@ class RServer:
         yield from self._apply_changes(now_ns)
         yield from self._check_watchdog(now_ns)
 
-    def _full(self) -> Iterable[str]:
+    def _limit_messages(self) -> Iterable[str]:
         return self._publisher.limit_messages
 
     def close(self) -> None:
@@ -199,12 +203,12 @@ class RServer:
         self._commanded_ns = now_ns
 
     def _is_ticking(self, now_ns: int) -> bool:
-        """Return True if the Clock ticked recently; in lockstep the times of ticks only count frames."""
+        """Return True if the Clock ticked recently; always in lockstep, where ticks only count frames."""
         last_ns = max(self._started_ns, self._tick_ns)
         return self._actuator.lockstep or now_ns - last_ns <= CLOCK_GRACE_NS
 
     def _is_stale(self, now_ns: int) -> bool:
-        """Return True if the current frame is long over; in lockstep the times of ticks only count frames."""
+        """Return True if the current frame is long over; never in lockstep, where ticks only count frames."""
         return not self._actuator.lockstep and now_ns - self._tick_ns > STALE_FRAMES * self._actuator.frame_ns
 
     def _on_bumper(self, requested: Speeds, bumper: Bumper, now_ns: int) -> None:
@@ -252,14 +256,14 @@ class RServer:
 
     def _activate(self, deployed: Deployment | None) -> None:
         """Arbitrate among the clients of this program, from the next tick on."""
-        base = base_actuator(deployed, self._base.limits)
-        self._actuator = base
-        self._watchdog_ns = self._watchdog_given or WATCHDOG_FRAMES * base.frame_ns
-        self._pilot.allowed, self._pilot.clients = base.allowed, base.clients
-        times = timing(base.frame_ns, lockstep=base.lockstep)
-        on_dispatch, publish = self._on_dispatch, base.published
+        actuator = base_actuator(deployed, self._base.limits)
+        self._actuator = actuator
+        self._watchdog_ns = self._fixed_watchdog_ns or WATCHDOG_FRAMES * actuator.frame_ns
+        self._pilot.allowed, self._pilot.clients = actuator.allowed, actuator.clients
+        frame_timing = timing(actuator.frame_ns, lockstep=actuator.lockstep)
+        on_dispatch, publish = self._on_dispatch, actuator.published
         self._commands = CommandDispatcher(
-            (base.spec,), times, self._perform, on_dispatch=on_dispatch, publish=publish
+            (actuator.spec,), frame_timing, self._perform, on_dispatch=on_dispatch, publish=publish
         )
 
     def _replace_deployment(self, deployed: Deployment | None, now_ns: int) -> None:
@@ -280,8 +284,8 @@ class RServer:
             self._replace_deployment(deployed, now_ns)
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
-        self._pilot.lost(caller)
-        self._leadership.lost(caller)
+        self._pilot.on_lost(caller)
+        self._leadership.on_lost(caller)
         if caller.connection == self._leader:
             self._leader = None
             self._replace_deployment(None, now_ns)

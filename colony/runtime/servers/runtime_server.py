@@ -28,15 +28,15 @@ from colony.runtime.protocol.messages import (
 class RuntimeServer(QuietNode):
     """The server of `random`, which depends only on the run's seed and the number of the frame.
 
-    So a restarted server continues with the same numbers. Mutable: the seed, which comes with each deployment
-    before the first frame of the run, by the call `deploy` or, from a Clock in the same process, by `use`.
+    So a restarted server continues with the same numbers. Mutable: each deployment sets the seed before the
+    first frame of its run, by the call `deploy` or, from a Clock in the same process, by `on_deploy`.
     """
 
     address = RUNTIME.name
 
-    def __init__(self, seed: int = 0, *, keep: int = FRAMES_KEPT) -> None:
+    def __init__(self, seed: int = 0, *, frames_kept: int = FRAMES_KEPT) -> None:
         self._seed = seed
-        self._publisher = Publisher(self.address, self._read, keep=keep)
+        self._publisher = Publisher(self.address, self._read, frames_kept=frames_kept)
         self._leadership = Leadership(self.address)
         self._calls = CallDispatcher(
             self.address,
@@ -45,7 +45,7 @@ class RuntimeServer(QuietNode):
         )
         self.listens = (*self._publisher.listens, *self._calls.listens)
 
-    def use(self, deployed: Deployment) -> None:
+    def on_deploy(self, deployed: Deployment) -> None:
         """Publish the numbers of this run, from the next frame on."""
         self._seed = deployed.seed
 
@@ -64,10 +64,10 @@ class RuntimeServer(QuietNode):
 
     def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
         self._leadership.take(call_id.caller, deployed)
-        self.use(deployed)
+        self.on_deploy(deployed)
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
-        self._leadership.lost(caller)
+        self._leadership.on_lost(caller)
         return ()
 
 

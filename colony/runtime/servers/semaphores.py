@@ -39,11 +39,11 @@ MAX_INITIAL_VALUE = (1 << 31) - 1
 
 
 class Waiter(NamedTuple):
-    """A call that waits for a semaphore until its timeout (None: forever), to take it as a hold if `hold`."""
+    """A call that waits for a semaphore until `expires_ns` (None: forever), as a hold if `hold` is True."""
 
     call_id: CallId
     name: str
-    until_ns: int | None
+    expires_ns: int | None
     hold: bool
 
 
@@ -65,7 +65,7 @@ class Semaphores:
         self._semaphores: dict[str, _Semaphore] = {}
         self._holds: dict[str, dict[int, str]] = {}  # semaphores by connection and number of the call
         self._waits: dict[str, dict[CallId, Waiter]] = {}  # by connection
-        self._held = self._waiting = 0
+        self._hold_count = self._waiting_count = 0
         self._semaphore_limit = Bound("semaphores", MAX_SEMAPHORES)
         self._hold_limit = Bound("holds of semaphores", MAX_HOLDS)
         self._waiting_limit = Bound("calls that wait for semaphores", MAX_WAITING_CALLS)
@@ -76,8 +76,8 @@ class Semaphores:
         """User-readable messages about the limits reached since the server started."""
         return (
             *self._semaphore_limit.limit_messages(len(self._semaphores)),
-            *self._hold_limit.limit_messages(self._held),
-            *self._waiting_limit.limit_messages(self._waiting),
+            *self._hold_limit.limit_messages(self._hold_count),
+            *self._waiting_limit.limit_messages(self._waiting_count),
         )
 
     def has(self, name: str) -> bool:
@@ -142,22 +142,22 @@ class Semaphores:
             RefusedError: "unknown", "timeout" or "full".
         """
         semaphore = self._find(name)
-        if hold and not self._hold_limit.allows(self._held + 1):
+        if hold and not self._hold_limit.allows(self._hold_count + 1):
             raise RefusedError("full", f"DServer already has {MAX_HOLDS} holds")
         if semaphore.value > 0:
             self._set(name, semaphore.value - 1)
             if hold:
-                self._hold(call_id, name)
+                self._begin_hold(call_id, name)
             return None
         if wait_ns is not None and wait_ns <= 0:
             raise timeout_refusal(name)
-        if not self._waiting_limit.allows(self._waiting + 1):
+        if not self._waiting_limit.allows(self._waiting_count + 1):
             raise RefusedError("full", f"DServer already has {MAX_WAITING_CALLS} waiting calls")
-        until_ns = None if wait_ns is None or wait_ns >= UNLIMITED_WAIT_NS else now_ns + wait_ns
-        waiter = Waiter(call_id, name, until_ns, hold)
+        expires_ns = None if wait_ns is None or wait_ns >= UNLIMITED_WAIT_NS else now_ns + wait_ns
+        waiter = Waiter(call_id, name, expires_ns, hold)
         semaphore.waiting[call_id] = waiter
         self._waits.setdefault(call_id.caller.connection, {})[call_id] = waiter
-        self._waiting += 1
+        self._waiting_count += 1
         return waiter
 
     def signal(self, name: str, connection: str) -> CallId | None:
@@ -167,9 +167,9 @@ class Semaphores:
             RefusedError: "unknown".
         """
         self._find(name)
-        held = self._held_by(connection, name)
-        if held is not None:
-            self._end_hold(connection, held)
+        number = self._hold_number(connection, name)
+        if number is not None:
+            self._end_hold(connection, number)
         return self._put_back(name)
 
     def release(self, name: str, connection: str) -> CallId | None:
@@ -179,7 +179,7 @@ class Semaphores:
             RefusedError: "unknown" or "not held".
         """
         self._find(name)
-        if self._held_by(connection, name) is None:
+        if self._hold_number(connection, name) is None:
             raise RefusedError("not held", f"DServer: this connection does not hold `{name}` (any more)")
         return self.signal(name, connection)
 
@@ -208,11 +208,11 @@ class Semaphores:
     @property
     def wake_at(self) -> int | None:
         """The earliest timeout of the waiting calls."""
-        return min((w.until_ns for w in self._waiters() if w.until_ns is not None), default=None)
+        return min((w.expires_ns for w in self._waiters() if w.expires_ns is not None), default=None)
 
     def expire(self, now_ns: int) -> tuple[Waiter, ...]:
         """Remove and return the calls whose timeout has passed; they are to be refused."""
-        expired = tuple(w for w in self._waiters() if w.until_ns is not None and now_ns >= w.until_ns)
+        expired = tuple(w for w in self._waiters() if w.expires_ns is not None and now_ns >= w.expires_ns)
         for waiter in expired:
             self._remove_waiter(waiter.call_id)
         return expired
@@ -228,7 +228,7 @@ class Semaphores:
                 name = _names.decode(data)
                 self._holds.setdefault(key.name, {})[key.slot] = name
                 self._semaphores[name].holds[key.name, key.slot] = None
-                self._held += 1
+                self._hold_count += 1
 
     # --- internals -----------------------------------------------------------------------------------
 
@@ -251,7 +251,7 @@ class Semaphores:
         first = next(iter(semaphore.waiting.values()))
         self._remove_waiter(first.call_id)
         if first.hold:
-            self._hold(first.call_id, name)
+            self._begin_hold(first.call_id, name)
         return first.call_id
 
     def _waiters(self) -> Iterator[Waiter]:
@@ -262,13 +262,13 @@ class Semaphores:
         del self._semaphores[waits.pop(call_id).name].waiting[call_id]
         if not waits:
             del self._waits[call_id.caller.connection]
-        self._waiting -= 1
+        self._waiting_count -= 1
 
-    def _hold(self, call_id: CallId, name: str) -> None:
+    def _begin_hold(self, call_id: CallId, name: str) -> None:
         connection, number = call_id.caller.connection, call_id.number
         self._holds.setdefault(connection, {})[number] = name
         self._semaphores[name].holds[connection, number] = None
-        self._held += 1
+        self._hold_count += 1
         self._journal.put(Key("hold", connection, number), _encode(name))
 
     def _end_hold(self, connection: str, number: int) -> None:
@@ -276,11 +276,11 @@ class Semaphores:
         del self._semaphores[held.pop(number)].holds[connection, number]
         if not held:
             del self._holds[connection]
-        self._held -= 1
+        self._hold_count -= 1
         self._journal.drop(Key("hold", connection, number))
 
-    def _held_by(self, connection: str, name: str) -> int | None:
-        """Return the number of the connection's first call that holds a semaphore; None if there is none."""
+    def _hold_number(self, connection: str, name: str) -> int | None:
+        """Return the number of the first call by which a connection holds a semaphore, None if none."""
         held = self._holds.get(connection)
         return None if held is None else next((number for number, n in held.items() if n == name), None)
 

@@ -72,7 +72,7 @@ class CheckedValue(NamedTuple):
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Variable:
-    length: int
+    history_length: int
     sequence: int = 0
     values: deque[StoredValue] = field(default_factory=deque)
     shown_size: int = 0
@@ -82,7 +82,7 @@ class _Variable:
 
         It is the same for every length but 1, so that changing the length of a history moves no values.
         """
-        return 0 if self.length == 1 else sequence % MAX_HISTORY_LENGTH
+        return 0 if self.history_length == 1 else sequence % MAX_HISTORY_LENGTH
 
 
 class Variables:
@@ -91,7 +91,7 @@ class Variables:
     Args:
         journal: the journal of changes.
         space: the byte limit of all values (`MAX_TOTAL_BYTES`).
-        frame_space: the byte limit of the program's part of frames.
+        frame_space: the byte limit of the program's share of frames.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Variables:
         self._count_limit = Bound("variables", MAX_VARIABLES)
         self._used = 0
         self._variables: dict[str, _Variable] = {}
-        self._shown = FrameContent(frame_space)
+        self._frame_content = FrameContent(frame_space)
         self._pinned: set[str] = set()
         self.names = SortedNames()
 
@@ -112,14 +112,14 @@ class Variables:
     def limit_messages(self) -> tuple[str, ...]:
         """User-readable messages about the limits reached since the server started."""
         count = self._count_limit.limit_messages(len(self._variables))
-        return (*count, *self._bytes_limit.limit_messages(self._used), *self._shown.limit_messages)
+        return (*count, *self._bytes_limit.limit_messages(self._used), *self._frame_content.limit_messages)
 
     def fields(self, now_ns: int) -> Fields:
         """Return the fields of a frame: the requested variables that are numbers, bools or lists of them.
 
         Frames share one object until something changes; but pinned variables get a new time in each frame.
         """
-        shown = self._shown.fields()
+        shown = self._frame_content.fields()
         pinned = {
             name: sample._replace(t_ns=now_ns)
             for name in self._pinned
@@ -127,39 +127,39 @@ class Variables:
         }
         return {**shown, **pinned} if pinned else shown
 
-    def check_frame_room(self, names: Iterable[str]) -> None:
-        """Check that frames have room for these variables in addition to those shown.
+    def check_frame_space(self, names: Iterable[str]) -> None:
+        """Check that frames have space for these variables in addition to those shown.
 
         Raises:
             RefusedError: "full".
         """
-        known = (self._variables.get(name) for name in names)
-        self._shown.check_published_room(
-            sum(variable.shown_size for variable in known if variable is not None)
+        variables = (self._variables.get(name) for name in names)
+        self._frame_content.check_published_space(
+            sum(variable.shown_size for variable in variables if variable is not None)
         )
 
-    def read_by_program(self, names: Iterable[str]) -> None:
+    def set_program_names(self, names: Iterable[str]) -> None:
         """Set the variables that the program reads, in place of earlier ones."""
-        self._refresh(self._shown.set_program_names(names))
+        self._refresh(self._frame_content.set_program_names(names))
 
     def show(self, names: Iterable[str]) -> None:
         """Show these variables in frames from now on, including those not set yet."""
         names = tuple(names)
         for name in names:
-            self._shown.show(name)
+            self._frame_content.show(name)
         self._refresh(names)
 
     def _refresh(self, names: Iterable[str]) -> None:
         for name in names:
             variable = self._variables.get(name)
-            if variable is not None and 0 < variable.shown_size <= self._shown.space:
+            if variable is not None and 0 < variable.shown_size <= self._frame_content.space:
                 current = variable.values[-1]
-                self._shown.put(name, frame_value(name, current.data), current.t_ns)
+                self._frame_content.put(name, frame_value(name, current.data), current.t_ns)
 
     def hide(self, names: Iterable[str]) -> None:
         """Stop showing these variables in frames."""
         for name in names:
-            self._shown.hide(name)
+            self._frame_content.hide(name)
 
     def has(self, name: str) -> bool:
         """Return True if there is a variable of this name."""
@@ -181,8 +181,8 @@ class Variables:
             raise unknown_variable(name)
         if back == 0 and variable.values:
             return variable.values[-1]
-        if not -variable.length < back <= 0:
-            oldest = 1 - variable.length
+        if not -variable.history_length < back <= 0:
+            oldest = 1 - variable.history_length
             text = f"DServer: there is no value {back} of `{name}`; expected {oldest} to 0"
             raise RefusedError("range", text if oldest else f"{text}, as its history is 1 long")
         if -back >= len(variable.values):
@@ -210,19 +210,18 @@ class Variables:
         Raises:
             RefusedError: "full"; then nothing is set.
         """
-        growth = frame_growth = 0
-        new = 0
+        growth = frame_growth = new_count = 0
         for value in new_values:
             variable = self._variables.get(value.name)
             growth += _cost(value.data)
-            frame_growth += self._shown.growth(value.name, value.shown.size)
+            frame_growth += self._frame_content.growth(value.name, value.shown.size)
             if variable is None:
                 growth += OVERHEAD + len(value.name)
-                new += 1
-            elif len(variable.values) == variable.length:
+                new_count += 1
+            elif len(variable.values) == variable.history_length:
                 growth -= _cost(variable.values[0].data)
-        self._check_room(growth, new)
-        self._shown.check_room(frame_growth)
+        self._check_space(growth, new_count)
+        self._frame_content.check_space(frame_growth)
         for value in new_values:
             self.put(value, now_ns)
 
@@ -231,11 +230,11 @@ class Variables:
         name, data, shown = value
         if name in self._pinned:
             self._unpin(name)
-        variable = self._variables.get(name) or self._make(name, 1)
+        variable = self._variables.get(name) or self._create(name, 1)
         values = variable.values
         stored = StoredValue(variable.sequence, now_ns, data)
         slot = variable.slot(stored.sequence)
-        if len(values) == variable.length:
+        if len(values) == variable.history_length:
             oldest = values.popleft()
             self._used -= _cost(oldest.data)
             if variable.slot(oldest.sequence) != slot:
@@ -245,10 +244,10 @@ class Variables:
         self._used += _cost(data)
         self._journal.put(Key("value", name, slot), _encode(stored))
         variable.shown_size = shown.size
-        self._shown.put(name, shown, now_ns)
+        self._frame_content.put(name, shown, now_ns)
 
-    def _check_room(self, growth: int, new: int) -> None:
-        if new and not self._count_limit.allows(len(self._variables) + new):
+    def _check_space(self, growth: int, new_count: int) -> None:
+        if new_count and not self._count_limit.allows(len(self._variables) + new_count):
             raise RefusedError(
                 "full", f"DServer has no room for more than {self._count_limit.limit} variables"
             )
@@ -277,15 +276,15 @@ class Variables:
             )
         variable = self._variables.get(name)
         if variable is None:
-            self._check_room(OVERHEAD + len(name), 1)
-            self._make(name, length)
+            self._check_space(OVERHEAD + len(name), 1)
+            self._create(name, length)
             return
         while len(variable.values) > length:
             oldest = variable.values.popleft()
             self._used -= _cost(oldest.data)
             self._journal.drop(Key("value", name, variable.slot(oldest.sequence)))
         old_slots = {stored.sequence: variable.slot(stored.sequence) for stored in variable.values}
-        variable.length = length
+        variable.history_length = length
         self._journal.put(Key("variable", name), _encode(length))
         self._move(name, variable, old_slots)
 
@@ -298,7 +297,7 @@ class Variables:
         for stored in variable.values:
             self._journal.drop(Key("value", name, variable.slot(stored.sequence)))
         self._used -= OVERHEAD + len(name) + sum(_cost(stored.data) for stored in variable.values)
-        self._shown.drop(name)
+        self._frame_content.drop(name)
         self.names.discard(name)
         if name in self._pinned:
             self._unpin(name)
@@ -311,8 +310,8 @@ class Variables:
     def _persist_pinned(self) -> None:
         self._journal.put(_PINNED, _encode(sorted(self._pinned)))
 
-    def _make(self, name: str, length: int) -> _Variable:
-        variable = self._variables[name] = _Variable(length=length)
+    def _create(self, name: str, length: int) -> _Variable:
+        variable = self._variables[name] = _Variable(history_length=length)
         self.names.add(name)
         self._used += OVERHEAD + len(name)
         self._journal.put(Key("variable", name), _encode(length))
@@ -336,12 +335,14 @@ class Variables:
         """Load the entries of kinds "variable" and "value", and the pinned variables, from a store."""
         for key, data in entries.items():
             if key.kind == "variable":
-                self._variables[key.name] = _Variable(length=_lengths.decode(data))
+                self._variables[key.name] = _Variable(history_length=_lengths.decode(data))
                 self._used += OVERHEAD + len(key.name)
         self.names.update(self._variables)
-        kept = [(key, _datings.decode(data)) for key, data in entries.items() if key.kind == "value"]
+        stored_values = [
+            (key, _stored_values.decode(data)) for key, data in entries.items() if key.kind == "value"
+        ]
         slots: dict[str, dict[int, int]] = {}
-        for key, stored in sorted(kept, key=lambda entry: entry[1].sequence):
+        for key, stored in sorted(stored_values, key=lambda entry: entry[1].sequence):
             variable = self._variables[key.name]
             variable.values.append(stored)
             variable.sequence = stored.sequence + 1
@@ -411,4 +412,4 @@ _encode = msgspec.msgpack.Encoder().encode
 _anything: msgspec.msgpack.Decoder[object] = msgspec.msgpack.Decoder()
 _lengths = msgspec.msgpack.Decoder(int)
 _names = msgspec.msgpack.Decoder(list[str])
-_datings = msgspec.msgpack.Decoder(StoredValue)
+_stored_values = msgspec.msgpack.Decoder(StoredValue)

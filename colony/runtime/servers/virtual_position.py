@@ -22,18 +22,22 @@ class VirtualAxis:
     """
 
     def __init__(self, bits: int | None) -> None:
-        self._half = None if bits is None else float(1 << (bits - 1))
+        self._half_range = None if bits is None else float(1 << (bits - 1))
         self._last: float | None = None
         self._overflows = 0
 
     def extend(self, register: float) -> float:
         """Return the position for a value of the register."""
-        if self._half is None:
+        if self._half_range is None:
             return register
         last, self._last = self._last, register
-        if last is not None and abs(register - last) > self._half and (last >= 0.0) != (register >= 0.0):
+        if (
+            last is not None
+            and abs(register - last) > self._half_range
+            and (last >= 0.0) != (register >= 0.0)
+        ):
             self._overflows += 1 if last >= 0.0 else -1
-        return register + 2.0 * self._half * self._overflows
+        return register + 2.0 * self._half_range * self._overflows
 
     def reset(self) -> None:
         """Forget the last value and the overflows, so that the next value counts as it is."""
@@ -43,15 +47,16 @@ class VirtualAxis:
 class Odometer:
     """Both axes of a base and its heading. Mutable.
 
-    `track` is the pose of the base without jumps, by which motions are measured. Its heading continues beyond
-    360, and its position is in the axes of the base's dead reckoning, regardless of the poses that users set.
+    `continuous_pose` is the pose of the base without jumps, by which motions are measured. Its heading
+    continues beyond 360, and its position is in the axes of the base's dead reckoning, regardless of the
+    poses that users set.
     """
 
     def __init__(self, register_bits: int | None) -> None:
         self._axes = (VirtualAxis(register_bits), VirtualAxis(register_bits))
         self._reading: OdometerPose | None = None
         self._anchor = (OdometerPose(0.0, 0.0, 0.0), OdometerPose(0.0, 0.0, 0.0))
-        self.track: OdometerPose | None = None
+        self.continuous_pose: OdometerPose | None = None
 
     def observe(self, state: BaseState) -> OdometerPose:
         """Observe a snapshot of the base; return the pose relative to the one that users set.
@@ -60,12 +65,14 @@ class Odometer:
         """
         x, y = self._axes[0].extend(state.x), self._axes[1].extend(state.y)
         before, self._reading = self._reading, OdometerPose(x, y, state.heading)
-        if self.track is None or before is None:
-            self.track = self._reading
+        if self.continuous_pose is None or before is None:
+            self.continuous_pose = self._reading
         else:
             turned = math.remainder(state.heading - before.heading, 360.0)
-            track = self.track
-            self.track = OdometerPose(track.x + x - before.x, track.y + y - before.y, track.heading + turned)
+            previous = self.continuous_pose
+            self.continuous_pose = OdometerPose(
+                previous.x + x - before.x, previous.y + y - before.y, previous.heading + turned
+            )
         return self._user_pose(self._reading)
 
     def set(self, state: BaseState, pose: OdometerPose) -> None:

@@ -17,7 +17,7 @@ from colony.runtime.protocol.topics import user_of
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
 
-MAX_WATCHED = 2_000
+MAX_WATCHED_PER_CONNECTION = 2_000
 """Maximum number of names and prefixes that one connection may watch."""
 
 MAX_PREFIXES_PER_CONNECTION = 50
@@ -40,7 +40,7 @@ LOST_WATCHES_NS = 60_000_000_000
 class _Watch:
     names: dict[str, None] = field(default_factory=dict)
     prefixes: dict[str, None] = field(default_factory=dict)
-    until_ns: int | None = None  # set if the connection is lost
+    expires_ns: int | None = None  # None while the connection is open
 
 
 class Watches:
@@ -66,9 +66,9 @@ class Watches:
 
     def watchers(self, name: str) -> Collection[str]:
         """Return the connections that watch a variable, each once."""
-        connections = self._by_name.get(name, _NOBODY)
+        connections = self._by_name.get(name, _NO_CONNECTIONS)
         for length in self._lengths:
-            connections = connections | self._by_prefix.get(name[:length], _NOBODY)
+            connections = connections | self._by_prefix.get(name[:length], _NO_CONNECTIONS)
         return connections
 
     def watched_by(self, connection: str) -> tuple[Iterable[str], Iterable[str]]:
@@ -85,18 +85,19 @@ class Watches:
         watch = self._watches.get(connection, _Watch())
         names = [name for name in dict.fromkeys(names) if name not in watch.names]
         prefixes = [prefix for prefix in dict.fromkeys(prefixes) if prefix not in watch.prefixes]
-        if len(watch.names) + len(names) + len(watch.prefixes) + len(prefixes) > MAX_WATCHED:
+        if len(watch.names) + len(names) + len(watch.prefixes) + len(prefixes) > MAX_WATCHED_PER_CONNECTION:
             raise RefusedError(
-                "full", f"DServer: a connection watches at most {MAX_WATCHED} names and prefixes"
+                "full",
+                f"DServer: a connection may watch at most {MAX_WATCHED_PER_CONNECTION} names and prefixes",
             )
         if len(watch.prefixes) + len(prefixes) > MAX_PREFIXES_PER_CONNECTION:
             raise RefusedError(
-                "full", f"DServer: a connection watches at most {MAX_PREFIXES_PER_CONNECTION} prefixes"
+                "full", f"DServer: a connection may watch at most {MAX_PREFIXES_PER_CONNECTION} prefixes"
             )
         user_watches = [w for c, w in self._watches.items() if user_of(c) == user_of(connection)]
         if sum(len(w.names) for w in user_watches) + len(names) > MAX_WATCHED_NAMES // USER_LIMIT_DIVISOR:
             raise RefusedError(
-                "full", f"DServer: a user watches at most {MAX_WATCHED_NAMES // USER_LIMIT_DIVISOR} names"
+                "full", f"DServer: a user may watch at most {MAX_WATCHED_NAMES // USER_LIMIT_DIVISOR} names"
             )
         if (
             sum(len(w.prefixes) for w in user_watches) + len(prefixes)
@@ -104,7 +105,7 @@ class Watches:
         ):
             raise RefusedError(
                 "full",
-                f"DServer: a user watches at most {MAX_WATCHED_PREFIXES // USER_LIMIT_DIVISOR} prefixes",
+                f"DServer: a user may watch at most {MAX_WATCHED_PREFIXES // USER_LIMIT_DIVISOR} prefixes",
             )
         if not self._name_limit.allows(self._names + len(names)):
             raise RefusedError("full", f"DServer: connections watch {MAX_WATCHED_NAMES} names already")
@@ -141,28 +142,28 @@ class Watches:
         if watch is not None:
             self.remove(connection, [*watch.names], [*watch.prefixes])
 
-    def opened(self, connection: str) -> None:
+    def on_reopened(self, connection: str) -> None:
         """Cancel the timeout of the watches of a connection that was reopened."""
         watch = self._watches.get(connection)
         if watch is not None:
-            watch.until_ns = None
+            watch.expires_ns = None
 
-    def lost(self, connection: str, now_ns: int) -> None:
+    def on_lost(self, connection: str, now_ns: int) -> None:
         """Start the timeout of the watches of a lost connection; it may reconnect."""
         watch = self._watches.get(connection)
         if watch is not None:
-            watch.until_ns = now_ns + LOST_WATCHES_NS
+            watch.expires_ns = now_ns + LOST_WATCHES_NS
 
     def expire(self, now_ns: int) -> None:
         """Drop the watches of connections that did not reconnect."""
-        expired = [c for c, w in self._watches.items() if w.until_ns is not None and now_ns >= w.until_ns]
+        expired = [c for c, w in self._watches.items() if w.expires_ns is not None and now_ns >= w.expires_ns]
         for connection in expired:
             self.forget(connection)
 
     def start(self, now_ns: int) -> None:
         """Start the timeouts of all loaded watches, as no connection is open yet."""
         for connection in self._watches:
-            self.lost(connection, now_ns)
+            self.on_lost(connection, now_ns)
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
         """Load the entries of kind "watch" from a store."""
@@ -198,6 +199,6 @@ def _unindex(table: dict[str, dict[str, None]], key: str, connection: str) -> bo
     return True
 
 
-_NOBODY: dict[str, None] = {}
+_NO_CONNECTIONS: dict[str, None] = {}
 _encode = msgspec.msgpack.Encoder().encode
 _watched = msgspec.msgpack.Decoder(tuple[tuple[str, ...], tuple[str, ...]])

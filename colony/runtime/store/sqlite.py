@@ -20,8 +20,7 @@ or a quota counts as a full disk.
 Damage. An empty or damaged file is quarantined (`quarantine.py`), and the store starts empty; the store
 reports that, and DServer keeps reporting it. An empty file counts as damaged because the store never creates
 one: it fills a new database under another name first. A file that is not DServer's, or is from a later
-    version, is
-refused and left unchanged.
+version, is refused and left unchanged.
 """
 
 from __future__ import annotations
@@ -112,15 +111,15 @@ class SqliteStore:
             raise
         self._reserve = Reserve(self._path.with_name(self._path.name + ".reserve"))
         self.full: str | None = None
-        self.make_room()
+        self.check_space()
 
-    def make_room(self) -> None:
+    def check_space(self) -> None:
         """Allocate the reserve if it was released; if there is no space for it, the store stays full."""
         try:
             _check_growth(self._path)
             self._reserve.take()
         except OSError as problem:
-            self.full = str(self._no_room(problem))
+            self.full = str(self._full_error(problem))
         else:
             self.full = None
 
@@ -244,14 +243,14 @@ class SqliteStore:
         if primary in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             return StoreError(f"{self._path} is in use by another server")
         if code == sqlite3.SQLITE_IOERR_WRITE and _file_size_limit() is not None:
-            return self._no_room(_too_large(self._path))
+            return self._full_error(_file_too_large_error(self._path))
         if primary == sqlite3.SQLITE_FULL or code == sqlite3.SQLITE_IOERR_WRITE:
-            return self._no_room(problem)
+            return self._full_error(problem)
         if primary in _DAMAGE or isinstance(problem, UnicodeDecodeError):
             return _DamagedStoreError(self._path, str(problem))
         return StoreError(f"{self._path}: {problem}")
 
-    def _no_room(self, problem: Exception) -> StoreFullError:
+    def _full_error(self, problem: Exception) -> StoreFullError:
         advice = limit_advice(problem) if isinstance(problem, OSError) else None
         default = f"free some space in {self._path.parent}"
         return StoreFullError(f"{self._path}: {reason(problem)}: {advice or default}")
@@ -273,8 +272,8 @@ _HEADER = b"SQLite format 3\0"
 def _check_files(path: Path) -> bool:
     """Return True if there is no database; reject files that are unreadable, empty, or not a database."""
     for suffix in COMPANION_SUFFIXES:
-        _header(path.with_name(path.name + suffix))
-    header, log = _header(path), _header(path.with_name(f"{path.name}-wal"))
+        _read_header(path.with_name(path.name + suffix))
+    header, log = _read_header(path), _read_header(path.with_name(f"{path.name}-wal"))
     if header is None and log:
         raise _DamagedStoreError(path, "it is missing, but its log exists")
     if header == b"":
@@ -284,7 +283,7 @@ def _check_files(path: Path) -> bool:
     return header is None
 
 
-def _header(path: Path) -> bytes | None:
+def _read_header(path: Path) -> bytes | None:
     try:
         with open_regular(path) as file:
             return file.read(len(_HEADER))
@@ -333,7 +332,7 @@ def _check_growth(path: Path) -> None:
     """
     limit = _file_size_limit()
     if limit is not None and path.stat().st_size + RESERVE_BYTES > limit:
-        raise _too_large(path)
+        raise _file_too_large_error(path)
 
 
 def _file_size_limit() -> int | None:
@@ -342,7 +341,7 @@ def _file_size_limit() -> int | None:
     return None if limit == resource.RLIM_INFINITY else limit
 
 
-def _too_large(path: Path) -> OSError:
+def _file_too_large_error(path: Path) -> OSError:
     return OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
 
 

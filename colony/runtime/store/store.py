@@ -44,11 +44,11 @@ class Store(Protocol):
     def full(self) -> str | None:
         """The reason why no new data should be accepted; None while there is space.
 
-        It stays set until `make_room` finds space.
+        It stays set until `check_space` finds space.
         """
         ...
 
-    def make_room(self) -> None:
+    def check_space(self) -> None:
         """Check whether there is space again; too slow to be called for every message."""
         ...
 
@@ -82,7 +82,7 @@ class MemoryStore:
     def __init__(self) -> None:
         self._entries: dict[Key, bytes] = {}
 
-    def make_room(self) -> None:
+    def check_space(self) -> None:
         """Do nothing: memory is not limited here."""
 
     def load(self) -> tuple[tuple[Key, bytes], ...]:
@@ -122,10 +122,10 @@ class PendingStore:
         """The reason why no new data should be accepted; None while there is space."""
         return self._problem if self._store is None else self._store.full
 
-    def make_room(self) -> None:
+    def check_space(self) -> None:
         """Create the store if that is possible now, or let an existing store check for space."""
         if self._store is not None:
-            self._store.make_room()
+            self._store.check_space()
             return
         try:
             self._store = self._make()
@@ -166,9 +166,9 @@ class Journal:
         """The reason why no new data should be accepted; None while there is space."""
         return self._store.full
 
-    def make_room(self) -> None:
+    def check_space(self) -> None:
         """Check whether there is space again; the next `settle` retries the waiting changes in any case."""
-        self._store.make_room()
+        self._store.check_space()
         self._waiting = False
 
     def put(self, key: Key, data: bytes) -> None:

@@ -46,17 +46,17 @@ class Faults:
         """Draw the fate of a message, as a `Link` returns it."""
         if self._exempt(sender, receiver, message):
             return 0
-        rates, drawn = self._rates, self._random()
-        if drawn < rates.lost:
+        rates, draw = self._rates, self._random()
+        if draw < rates.lost:
             return None
-        drawn -= rates.lost
-        if drawn < rates.duplicated:
+        draw -= rates.lost
+        if draw < rates.duplicated:
             return 0, self._random_delay(rates.late_ns)
-        drawn -= rates.duplicated
-        if drawn < rates.late:
+        draw -= rates.duplicated
+        if draw < rates.late:
             return self._random_delay(rates.late_ns)
-        drawn -= rates.late
-        return self._random_delay(rates.reordered_ns) if drawn < rates.reordered else 0
+        draw -= rates.late
+        return self._random_delay(rates.reordered_ns) if draw < rates.reordered else 0
 
     def _random_delay(self, max_ns: int) -> int:
         return int(self._random() * max_ns)

@@ -1,10 +1,9 @@
 """A transport within one process and in virtual time, with a seeded scheduler.
 
-A queue stands in for the network. Messages due at the same time are delivered in an order drawn
-from the seed, so that different seeds cover the orders that a network could produce, and each run can be
-repeated. A `Link`
-delays, drops and duplicates messages where a test wants faults (`faults.py`). Nodes can be killed, frozen and
-restarted at any time.
+A queue stands in for the network. Messages due at the same time are delivered in an order drawn from the
+seed, so that different seeds cover the orders that a network could produce, and each run can be repeated. A
+`Link` delays, drops and duplicates messages where a test needs faults (`faults.py`). Nodes can be killed,
+frozen and restarted at any time.
 """
 
 from __future__ import annotations
@@ -183,8 +182,8 @@ class VirtualTransport:
             delay = link(sender, receiver, message)
             if delay is None:
                 continue
-            for late_ns in delay if isinstance(delay, tuple) else (delay,):
-                self._put(now + late_ns, self._random(), receiver, message)
+            for delay_ns in delay if isinstance(delay, tuple) else (delay,):
+                self._put(now + delay_ns, self._random(), receiver, message)
 
     def _put(self, t_ns: int, order: float, receiver: str, message: Message | Action) -> None:
         self._count += 1

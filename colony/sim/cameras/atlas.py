@@ -54,31 +54,31 @@ class Atlas(NamedTuple):
 def atlas_of(pictures: Sequence[Picture]) -> Atlas:
     """Return an atlas of pictures, numbered as given."""
     tables: list[Floats] = []
-    rows: list[tuple[float, ...]] = []
+    entries: list[tuple[float, ...]] = []
     table_start = 0
     for picture in pictures:
-        high, wide = picture.shades.shape
+        rows, columns = picture.shades.shape
         layers = [picture.shades if picture.opacity is None else picture.shades * picture.opacity]
         layers += [] if picture.opacity is None else [picture.opacity]
         offsets = []
         for layer in layers:
-            table = np.zeros((wide + 1, high + 1))
+            table = np.zeros((columns + 1, rows + 1))
             table[1:, 1:] = layer.T.cumsum(axis=0).cumsum(axis=1)
             tables.append(table.ravel())
             offsets.append(table_start)
             table_start += table.size
-        across, down = picture.width_mm / wide, picture.height_mm / high
+        across, down = picture.width_mm / columns, picture.height_mm / rows
         opacity_offset = float(offsets[1]) if len(offsets) > 1 else -1.0
-        rows.append((offsets[0], wide, high, across, down, opacity_offset, float(picture.wraps)))
+        entries.append((offsets[0], columns, rows, across, down, opacity_offset, float(picture.wraps)))
     return Atlas(
         sums=np.concatenate([np.zeros(0), *tables]),
-        pictures=np.array(rows, dtype=np.float64).reshape(-1, 7),
+        pictures=np.array(entries, dtype=np.float64).reshape(-1, 7),
     )
 
 
 @inlined
 def _interpolate(
-    sums: Floats, start: int, high: int, column_fraction: float, row: int, row_fraction: float
+    sums: Floats, start: int, rows: int, column_fraction: float, row: int, row_fraction: float
 ) -> float:
     """Interpolate a summed-area table between its columns and rows.
 
@@ -86,26 +86,26 @@ def _interpolate(
     """
     index = start + row
     left: float = sums[index] + row_fraction * (sums[index + 1] - sums[index])
-    index += high + 1
+    index += rows + 1
     right: float = sums[index] + row_fraction * (sums[index + 1] - sums[index])
     return left + column_fraction * (right - left)
 
 
 @inlined
 def _strip(
-    sums: Floats, offset: int, wide: int, high: int, left: float, right: float, laps: float, down: float
+    sums: Floats, offset: int, columns: int, rows: int, left: float, right: float, laps: float, down: float
 ) -> float:
     """Return the sum over the columns from `left` to `right`, from the top down to row `down`.
 
     `laps` is the number of whole repetitions of the picture in between.
     """
-    row = min(int(down), high - 1)
+    row = min(int(down), rows - 1)
     rest = down - row
-    first, last = min(int(left), wide - 1), min(int(right), wide - 1)
-    total = _interpolate(sums, offset + last * (high + 1), high, right - last, row, rest)
-    total -= _interpolate(sums, offset + first * (high + 1), high, left - first, row, rest)
+    first, last = min(int(left), columns - 1), min(int(right), columns - 1)
+    total = _interpolate(sums, offset + last * (rows + 1), rows, right - last, row, rest)
+    total -= _interpolate(sums, offset + first * (rows + 1), rows, left - first, row, rest)
     if laps != 0.0:
-        total += laps * _interpolate(sums, offset + (wide - 1) * (high + 1), high, 1.0, row, rest)
+        total += laps * _interpolate(sums, offset + (columns - 1) * (rows + 1), rows, 1.0, row, rest)
     return total
 
 
@@ -133,7 +133,7 @@ def paint_picture(
         gain: factor from shades to gray levels.
     """
     entry = atlas.pictures[picture]
-    wide, high, offset, opacity_offset = (
+    columns, rows, offset, opacity_offset = (
         int(entry[COLUMNS]),
         int(entry[ROWS]),
         int(entry[OFFSET]),
@@ -141,24 +141,24 @@ def paint_picture(
     )
     start, end, laps = left / entry[ACROSS], right / entry[ACROSS], 0.0
     if entry[WRAPS] > 0.0:
-        start_lap, end_lap = math.floor(start / wide), math.floor(end / wide)
-        start, end, laps = start - start_lap * wide, end - end_lap * wide, end_lap - start_lap
-    start, end = min(max(start, 0.0), wide + 0.0), min(max(end, 0.0), wide + 0.0)
+        start_lap, end_lap = math.floor(start / columns), math.floor(end / columns)
+        start, end, laps = start - start_lap * columns, end - end_lap * columns, end_lap - start_lap
+    start, end = min(max(start, 0.0), columns + 0.0), min(max(end, 0.0), columns + 0.0)
     area = width / entry[ACROSS] * step / entry[DOWN]
-    share = min((right - left) / width, 1.0)
+    width_fraction = min((right - left) / width, 1.0)
     down = min(max(above + first * step, clip_top), clip_bottom)
-    table_row = min(max(down / entry[DOWN], 0.0), high + 0.0)
-    before = _strip(atlas.sums, offset, wide, high, start, end, laps, table_row)
+    table_row = min(max(down / entry[DOWN], 0.0), rows + 0.0)
+    before = _strip(atlas.sums, offset, columns, rows, start, end, laps, table_row)
     hidden_before = 0.0
     if opacity_offset >= 0:
-        hidden_before = _strip(atlas.sums, opacity_offset, wide, high, start, end, laps, table_row)
+        hidden_before = _strip(atlas.sums, opacity_offset, columns, rows, start, end, laps, table_row)
     for row in range(first, last):
         lower = min(max(above + (row + 1) * step, clip_top), clip_bottom)
-        table_row = min(max(lower / entry[DOWN], 0.0), high + 0.0)
-        after = _strip(atlas.sums, offset, wide, high, start, end, laps, table_row)
-        hidden = share * (lower - down) / step
+        table_row = min(max(lower / entry[DOWN], 0.0), rows + 0.0)
+        after = _strip(atlas.sums, offset, columns, rows, start, end, laps, table_row)
+        hidden = width_fraction * (lower - down) / step
         if opacity_offset >= 0:
-            hidden_after = _strip(atlas.sums, opacity_offset, wide, high, start, end, laps, table_row)
+            hidden_after = _strip(atlas.sums, opacity_offset, columns, rows, start, end, laps, table_row)
             hidden = (hidden_after - hidden_before) / area
             hidden_before = hidden_after
         out[row] += gain * (after - before) / area - hidden * out[row]

@@ -30,7 +30,7 @@ _LIGHT_LEVEL = 180.0  # excess of a light over the ceiling
 _OUT_LEVEL = -12.0  # level of a light that is out, relative to the ceiling
 _TILE_MM, _TILE_LEVELS = 600.0, 6.0
 _SEAM_MM, _SEAM_LEVEL = 12.0, -18.0  # half the width of the grid that holds the tiles
-_SUN_SOFT_MM = 60.0
+_SUN_BLUR_MM = 60.0
 _MAX_NEAR = 32
 _TILES = 64  # period of the pattern of tiles
 
@@ -156,21 +156,21 @@ def _sun_row(band: SunBand) -> tuple[float, ...]:
 
 
 @inlined
-def _inside(depth: float, sharpness: float) -> float:
+def _visible_fraction(depth: float, sharpness: float) -> float:
     """Return the visible fraction, 0 to 1, at `depth` inside a blurred edge (negative: outside)."""
     fraction = min(max(0.5 + depth * sharpness, 0.0), 1.0)
     return fraction * fraction * (3.0 - 2.0 * fraction)
 
 
 @inlined
-def _gather(x: float, y: float, reach: float, shapes: Floats2, near: Ints) -> int:
+def _gather(x: float, y: float, reach: float, rectangles: Floats2, near: Ints) -> int:
     """Collect the indices of the rectangles that may be in view from (x, y) into `near`; return the count."""
     count = 0
-    for number in range(shapes.shape[0]):
-        shape = shapes[number]
-        dx, dy = x - shape[0], y - shape[1]
-        along, across = abs(dx * shape[2] + dy * shape[3]), abs(dy * shape[2] - dx * shape[3])
-        if along < shape[4] + reach and across < shape[5] + reach and count < _MAX_NEAR:
+    for number in range(rectangles.shape[0]):
+        rectangle = rectangles[number]
+        dx, dy = x - rectangle[0], y - rectangle[1]
+        along, across = abs(dx * rectangle[2] + dy * rectangle[3]), abs(dy * rectangle[2] - dx * rectangle[3])
+        if along < rectangle[4] + reach and across < rectangle[5] + reach and count < _MAX_NEAR:
             near[count] = number
             count += 1
     return count
@@ -183,9 +183,9 @@ def _draw_tiles(x: float, y: float, dx: float, dy: float, blur: float, ceiling: 
     east0, north0, east_step, north_step = x / _TILE_MM, y / _TILE_MM, dx / _TILE_MM, dy / _TILE_MM
     for column in range(ceiling.level.shape[0]):  # a loop that the compiler vectorizes
         east, north = east0 + column * east_step, north0 + column * north_step
-        part_x, part_y = east - math.floor(east), north - math.floor(north)
-        edge = _TILE_MM * min(min(part_x, 1.0 - part_x), min(part_y, 1.0 - part_y))
-        ceiling.level[column] = _SEAM_LEVEL * _inside(_SEAM_MM - edge, sharpness)
+        fraction_x, fraction_y = east - math.floor(east), north - math.floor(north)
+        edge = _TILE_MM * min(min(fraction_x, 1.0 - fraction_x), min(fraction_y, 1.0 - fraction_y))
+        ceiling.level[column] = _SEAM_LEVEL * _visible_fraction(_SEAM_MM - edge, sharpness)
         ceiling.hidden[column] = 0.0
     for column in range(ceiling.level.shape[0]):
         tile_x = math.floor(east0 + column * east_step) & (_TILES - 1)
@@ -194,18 +194,20 @@ def _draw_tiles(x: float, y: float, dx: float, dy: float, blur: float, ceiling: 
 
 
 @inlined
-def _add(
-    x: float, y: float, dx: float, dy: float, blur: float, shape: Floats, out: Floats, factor: float
+def _add_rectangle(
+    x: float, y: float, dx: float, dy: float, blur: float, rectangle: Floats, out: Floats, factor: float
 ) -> None:
     """Add `factor` times the visible fraction of a rectangle to each pixel of a row as in `_draw_tiles`."""
-    ox, oy = x - shape[0], y - shape[1]
-    along, along_step = ox * shape[2] + oy * shape[3], dx * shape[2] + dy * shape[3]
-    across, across_step = oy * shape[2] - ox * shape[3], dy * shape[2] - dx * shape[3]
-    half_along, half_across, sharpness = shape[4], shape[5], 1.0 / (2.0 * blur)
+    ox, oy = x - rectangle[0], y - rectangle[1]
+    along, along_step = ox * rectangle[2] + oy * rectangle[3], dx * rectangle[2] + dy * rectangle[3]
+    across, across_step = oy * rectangle[2] - ox * rectangle[3], dy * rectangle[2] - dx * rectangle[3]
+    half_along, half_across, sharpness = rectangle[4], rectangle[5], 1.0 / (2.0 * blur)
     for column in range(out.shape[0]):
-        deep = half_along - abs(along + column * along_step)
-        wide = half_across - abs(across + column * across_step)
-        out[column] += factor * _inside(deep, sharpness) * _inside(wide, sharpness)
+        depth_along = half_along - abs(along + column * along_step)
+        depth_across = half_across - abs(across + column * across_step)
+        out[column] += (
+            factor * _visible_fraction(depth_along, sharpness) * _visible_fraction(depth_across, sharpness)
+        )
 
 
 @inlined
@@ -242,7 +244,7 @@ def render_rows(
     """
     sine, cosine = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
     ahead = -lens.along_mm * lens.center_column
-    reach = math.hypot(ahead, lens.across_mm * lens.center_row) + lens.blur + _SUN_SOFT_MM
+    reach = math.hypot(ahead, lens.across_mm * lens.center_row) + lens.blur + _SUN_BLUR_MM
     lights = _gather(x, y, reach, ceiling.lights, ceiling.near_lights)
     bands = _gather(x, y, reach, ceiling.sun, ceiling.near_sun)
     dx, dy = -lens.along_mm * sine, lens.along_mm * cosine
@@ -251,15 +253,15 @@ def render_rows(
         px, py = x - ahead * sine - left * cosine, y + ahead * cosine - left * sine
         _draw_tiles(px, py, dx, dy, lens.blur, ceiling)
         for light in ceiling.near_lights[:lights]:
-            _add(px, py, dx, dy, lens.blur, ceiling.lights[light], ceiling.hidden, 1.0)
+            _add_rectangle(px, py, dx, dy, lens.blur, ceiling.lights[light], ceiling.hidden, 1.0)
         for column in range(image.shape[1]):
             ceiling.level[column] = _CEILING_LEVEL + ceiling.level[column] * (1.0 - ceiling.hidden[column])
         for light in ceiling.near_lights[:lights]:
             lamp = ceiling.lights[light]
-            _add(px, py, dx, dy, lens.blur, lamp, ceiling.level, lamp[6])
+            _add_rectangle(px, py, dx, dy, lens.blur, lamp, ceiling.level, lamp[6])
         for band in ceiling.near_sun[:bands]:
-            shape = ceiling.sun[band]
-            _add(px, py, dx, dy, lens.blur + _SUN_SOFT_MM, shape, ceiling.level, shape[6])
+            rectangle = ceiling.sun[band]
+            _add_rectangle(px, py, dx, dy, lens.blur + _SUN_BLUR_MM, rectangle, ceiling.level, rectangle[6])
         _expose(rows[index], t_ns, ceiling, lens, image, index)
 
 

@@ -81,7 +81,7 @@ class _Appearance(NamedTuple):
 def _appearance(scene: Scene, row: NDArray[np.float64]) -> _Appearance:
     for elevator in scene.elevators.tolist():
         wall = scene.walls[elevator]
-        span = _on_line(wall, row)
+        span = _collinear_span(wall, row)
         if span is not None and span[1] > span[0]:
             return _leaf_of_elevator(scene, elevator, *span)
         door_center, center = (wall[:2] + wall[2:4]) / 2, (row[:2] + row[2:4]) / 2
@@ -93,7 +93,7 @@ def _appearance(scene: Scene, row: NDArray[np.float64]) -> _Appearance:
     return _Appearance(shade=_ROOM_SHADE, material=scene.room_material)
 
 
-def _on_line(wall: NDArray[np.float64], row: NDArray[np.float64]) -> tuple[float, float] | None:
+def _collinear_span(wall: NDArray[np.float64], row: NDArray[np.float64]) -> tuple[float, float] | None:
     """Return the span of another wall along a wall, or None if they are not on the same line."""
     spans = []
     for x, y in ((row[0], row[1]), (row[2], row[3])):
@@ -109,8 +109,8 @@ def _is_leaf(door: NDArray[np.float64], row: NDArray[np.float64]) -> bool:
     """Return True if a wall begins or ends at a jamb of a door, and is not parallel to the door."""
     jambs = ((door[0], door[1]), (door[2], door[3]))
     ends = ((row[0], row[1]), (row[2], row[3]))
-    hangs = any(math.dist(jamb, end) < _NEAR_MM for jamb in jambs for end in ends)
-    return hangs and abs(row[4] * door[5] - row[5] * door[4]) > 1e-3
+    is_hinged = any(math.dist(jamb, end) < _NEAR_MM for jamb in jambs for end in ends)
+    return is_hinged and abs(row[4] * door[5] - row[5] * door[4]) > 1e-3
 
 
 def _leaf_of_elevator(scene: Scene, elevator: int, start: float, end: float) -> _Appearance:

@@ -16,10 +16,10 @@ from colony.sim.cameras.posters import BLACK_KINDS, OTHER_KINDS, POSTERS_MM
 from colony.sim.cameras.silhouettes import EXTINGUISHER_MM
 from colony.sim.hazards.scenery import Extinguisher, Poster
 
-_CLEAR_MM = 120.0
+_CLEARANCE_MM = 120.0
 _POSTER_CENTER_MM = (1250.0, 1550.0)
-_ON_DOOR_CENTER_MM = (1300.0, 1450.0)
-_TRIES = 8
+_DOOR_POSTER_CENTER_MM = (1300.0, 1450.0)
+_MAX_TRIES = 8
 
 _PANE = re.compile(r"\b(glass|window)", re.IGNORECASE)  # nothing hangs on glass
 
@@ -30,13 +30,13 @@ _Span = tuple[float, float]
 class Spacings:
     """The mean length of wall in mm per black poster, other poster and fire extinguisher.
 
-    `on_door` is the probability that a door has a black poster.
+    `door_poster_probability` is that of a black poster on a door.
     """
 
     black_poster_mm: float
     poster_mm: float
     extinguisher_mm: float
-    on_door: float
+    door_poster_probability: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ def draw_furnishings(
     for edge in _edges(floor):
         rng = stream(edge.index)
         if edge.is_door:
-            posters += _on_door(edge, spacings, rng)
+            posters += _door_posters(edge, spacings, rng)
             continue
         occupied = list(edge.occupied)
         extinguishers += _extinguishers(edge, spacings.extinguisher_mm, occupied, rng)
@@ -89,11 +89,11 @@ def _edges(floor: Map) -> tuple[_Edge, ...]:
     )
 
 
-def _on_door(edge: _Edge, spacings: Spacings, rng: np.random.Generator) -> Iterator[Poster]:
-    drawn, center = rng.random(), float(rng.uniform(*_ON_DOOR_CENTER_MM))
+def _door_posters(edge: _Edge, spacings: Spacings, rng: np.random.Generator) -> Iterator[Poster]:
+    draw, center = rng.random(), float(rng.uniform(*_DOOR_POSTER_CENTER_MM))
     kind = int(rng.choice(BLACK_KINDS))
     free_mm = edge.length_mm - POSTERS_MM[kind][0]
-    if drawn < spacings.on_door and free_mm > 2 * _CLEAR_MM:
+    if draw < spacings.door_poster_probability and free_mm > 2 * _CLEARANCE_MM:
         yield Poster(edge=edge.index, start_mm=free_mm / 2, center_mm=center, kind=kind)
 
 
@@ -111,12 +111,12 @@ def _reserve_span(
     length: float, width: float, occupied: list[_Span], rng: np.random.Generator
 ) -> float | None:
     """Reserve a free span of this width, and return its start; None if a few tries find none."""
-    free_mm = length - width - 2 * _CLEAR_MM
+    free_mm = length - width - 2 * _CLEARANCE_MM
     if free_mm <= 0.0:
         return None
-    for start in (_CLEAR_MM + free_mm * rng.random(_TRIES)).tolist():
+    for start in (_CLEARANCE_MM + free_mm * rng.random(_MAX_TRIES)).tolist():
         end = start + width
-        if all(end + _CLEAR_MM <= low or high + _CLEAR_MM <= start for low, high in occupied):
+        if all(end + _CLEARANCE_MM <= low or high + _CLEARANCE_MM <= start for low, high in occupied):
             occupied.append((start, end))
             return float(start)
     return None

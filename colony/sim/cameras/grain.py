@@ -20,5 +20,5 @@ QUANTILES = 4096
 @lru_cache(maxsize=1)
 def quantiles() -> Floats:
     """Return (4096,) quantiles of the normal distribution, read-only; a random one is a normal deviate."""
-    parts = (np.arange(QUANTILES) + 0.5) / QUANTILES
-    return np.array([NormalDist().inv_cdf(part) for part in parts.tolist()])
+    probabilities = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    return np.array([NormalDist().inv_cdf(probability) for probability in probabilities.tolist()])

@@ -51,9 +51,9 @@ def font_file() -> Path:
 @lru_cache(maxsize=256)
 def plate(text: str) -> Picture:
     """Draw the plate of a door: white characters on black."""
-    high, wide = round(PLATE_HEIGHT_MM / TEXEL_MM), round(PLATE_WIDTH_MM / TEXEL_MM)
-    ink = np.zeros((high, wide))
-    _write(ink, text, height_mm=CHARACTER_HEIGHT_MM, center=(wide / 2, high / 2), max_width=wide)
+    height, width = round(PLATE_HEIGHT_MM / TEXEL_MM), round(PLATE_WIDTH_MM / TEXEL_MM)
+    ink = np.zeros((height, width))
+    _write(ink, text, height_mm=CHARACTER_HEIGHT_MM, center=(width / 2, height / 2), max_width=width)
     return Picture(
         shades=_BLACK + (_WHITE - _BLACK) * ink, width_mm=PLATE_WIDTH_MM, height_mm=PLATE_HEIGHT_MM
     )
@@ -70,10 +70,10 @@ def marker(code: int) -> Picture:
 
 def write_lines(ink: Floats2, lines: tuple[str, ...], *, height_mm: float) -> None:
     """Write lines of this character height, spread evenly over a picture with texels of `TEXEL_MM`."""
-    high, wide = ink.shape
+    height, width = ink.shape
     for number, line in enumerate(lines):
-        center = (wide / 2, high * (number + 0.5) / len(lines))
-        _write(ink, line, height_mm=height_mm, center=center, max_width=wide)
+        center = (width / 2, height * (number + 0.5) / len(lines))
+        _write(ink, line, height_mm=height_mm, center=center, max_width=width)
 
 
 def _write(ink: Floats2, text: str, *, height_mm: float, center: tuple[float, float], max_width: int) -> None:
@@ -82,25 +82,27 @@ def _write(ink: Floats2, text: str, *, height_mm: float, center: tuple[float, fl
         return
     from PIL.Image import Resampling
 
-    letters = _letters(text, round(_SUPERSAMPLING * height_mm / TEXEL_MM))
-    high = round(height_mm / TEXEL_MM * letters.height / round(_SUPERSAMPLING * height_mm / TEXEL_MM))
+    lettering = _draw_letters(text, round(_SUPERSAMPLING * height_mm / TEXEL_MM))
+    height = round(height_mm / TEXEL_MM * lettering.height / round(_SUPERSAMPLING * height_mm / TEXEL_MM))
     max_texels = max(1, max_width - round(2 * _MARGIN_MM / TEXEL_MM))
-    wide = min(round(letters.width / _SUPERSAMPLING), max_texels)
-    small = letters.resize((wide, max(high, 1)), Resampling.BOX)
-    top, left = round(center[1] - small.height / 2), round(center[0] - small.width / 2)
-    rows = slice(max(top, 0), min(top + small.height, ink.shape[0]))
-    columns = slice(max(left, 0), min(left + small.width, ink.shape[1]))
-    drawn = np.asarray(small, dtype=np.float64) / 255.0
-    ink[rows, columns] = drawn[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+    width = min(round(lettering.width / _SUPERSAMPLING), max_texels)
+    reduced = lettering.resize((width, max(height, 1)), Resampling.BOX)
+    top, left = round(center[1] - reduced.height / 2), round(center[0] - reduced.width / 2)
+    rows = slice(max(top, 0), min(top + reduced.height, ink.shape[0]))
+    columns = slice(max(left, 0), min(left + reduced.width, ink.shape[1]))
+    coverage = np.asarray(reduced, dtype=np.float64) / 255.0
+    ink[rows, columns] = coverage[
+        rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
+    ]
 
 
-def _letters(text: str, capital: int) -> Image:
+def _draw_letters(text: str, capital_height: int) -> Image:
     """Draw a text, cropped to its ink; capitals are `capital` pixels high."""
     from PIL import Image, ImageDraw, ImageFont
 
     trial = ImageFont.truetype(str(font_file()), 1000)
     _, top, _, bottom = trial.getbbox("H")
-    font = ImageFont.truetype(str(font_file()), max(1, round(1000 * capital / (bottom - top))))
+    font = ImageFont.truetype(str(font_file()), max(1, round(1000 * capital_height / (bottom - top))))
     left, top, right, bottom = (round(side) for side in font.getbbox(text))
     canvas = Image.new("L", (max(right - left, 1), max(bottom - top, 1)))
     ImageDraw.Draw(canvas).text((-left, -top), text, fill=255, font=font)

@@ -12,8 +12,8 @@ from colony.sim.compiled import Floats
 from colony.sim.hazards.scenery import CeilingLight
 
 _CELL_MM = 500.0
-_AMBIENT, _POOL, _REACH_MM, _MAX_LEVEL = 0.90, 0.45, 2500.0, 1.50
-_AROUND_MM = 3.0 * _REACH_MM
+_AMBIENT, _LIGHT_GAIN, _REACH_MM, _MAX_LEVEL = 0.90, 0.45, 2500.0, 1.50
+_WINDOW_MM = 3.0 * _REACH_MM
 
 
 def lighting_of(bounds: tuple[float, float, float, float], lights: Iterable[CeilingLight]) -> Lighting:
@@ -28,10 +28,11 @@ def lighting_of(bounds: tuple[float, float, float, float], lights: Iterable[Ceil
         along = _window(y, light.y_mm)
         dx, dy = x[across] - light.x_mm, y[along] - light.y_mm
         squared = dx[:, None] ** 2 + dy[None, :] ** 2
-        levels[across, along] += light.brightness * _POOL * np.exp(-squared / _REACH_MM**2)
+        levels[across, along] += light.brightness * _LIGHT_GAIN * np.exp(-squared / _REACH_MM**2)
     return Lighting(levels=np.minimum(levels, _MAX_LEVEL), x=x0, y=y0, cell=_CELL_MM)
 
 
 def _window(coordinates: Floats, center: float) -> slice:
-    first, last = np.searchsorted(coordinates, (center - _AROUND_MM, center + _AROUND_MM)).tolist()
+    """Return the range of the coordinates that a light at `center` brightens."""
+    first, last = np.searchsorted(coordinates, (center - _WINDOW_MM, center + _WINDOW_MM)).tolist()
     return slice(first, last)

@@ -17,7 +17,7 @@ from colony.sim.compiled import Floats2
 SIGN_MM = (150.0, 200.0)
 """Width and height of the sign above a fire extinguisher."""
 
-_BLACK = (
+_BLACK_POSTERS = (
     ((420.0, 150.0), ("ROBOTICS", "LAB"), 0.75),
     ((340.0, 130.0), ("SPARTY",), 0.60),
     ((300.0, 180.0), ("IEEE", "MEETING", "7 PM"), 0.70),
@@ -26,7 +26,7 @@ _BLACK = (
 )
 """Size in mm, lines of text, and shade of the writing."""
 
-_COLORED = (
+_COLORED_POSTERS = (
     ((420.0, 594.0), 0.32, 0.90),
     ((594.0, 841.0), 0.55, 0.15),
     ((594.0, 420.0), 0.70, 0.20),
@@ -36,19 +36,25 @@ _COLORED = (
 
 _NOTICES = 2
 _NOTICE_MM = (216.0, 279.0)
-POSTERS_MM = (*(size for size, _, _ in _BLACK), *(size for size, _, _ in _COLORED), *(_NOTICE_MM,) * _NOTICES)
+POSTERS_MM = (
+    *(size for size, _, _ in _BLACK_POSTERS),
+    *(size for size, _, _ in _COLORED_POSTERS),
+    *(_NOTICE_MM,) * _NOTICES,
+)
 """Width and height of each kind of poster."""
 
-BLACK_KINDS = tuple(range(len(_BLACK)))
-OTHER_KINDS = tuple(range(len(_BLACK), len(_BLACK) + len(_COLORED) + _NOTICES))
+BLACK_KINDS = tuple(range(len(_BLACK_POSTERS)))
+OTHER_KINDS = tuple(range(len(_BLACK_POSTERS), len(_BLACK_POSTERS) + len(_COLORED_POSTERS) + _NOTICES))
 """The numbers of the black posters, and of all others."""
 
 
 @lru_cache(maxsize=1)
 def posters() -> tuple[Picture, ...]:
     """Return all kinds of posters, by number."""
-    black = [_black(size, lines, shade) for size, lines, shade in _BLACK]
-    colored = [_colored(size, paper, ink, seed) for seed, (size, paper, ink) in enumerate(_COLORED)]
+    black = [_black_poster(size, lines, shade) for size, lines, shade in _BLACK_POSTERS]
+    colored = [
+        _colored_poster(size, paper, ink, seed) for seed, (size, paper, ink) in enumerate(_COLORED_POSTERS)
+    ]
     return (*black, *colored, *(_notice(seed) for seed in range(_NOTICES)))
 
 
@@ -60,14 +66,14 @@ def _picture(shades: Floats2, size: tuple[float, float]) -> Picture:
     return Picture(shades=np.clip(shades, 0.0, 1.0), width_mm=size[0], height_mm=size[1])
 
 
-def _black(size: tuple[float, float], lines: tuple[str, ...], shade: float) -> Picture:
+def _black_poster(size: tuple[float, float], lines: tuple[str, ...], shade: float) -> Picture:
     sheet = _sheet(size, 0.06)
     ink = np.zeros_like(sheet)
     write_lines(ink, lines, height_mm=min(70.0, 0.55 * size[1] / len(lines)))
     return _picture(sheet + (shade - sheet) * ink, size)
 
 
-def _colored(size: tuple[float, float], paper: float, print_: float, seed: int) -> Picture:
+def _colored_poster(size: tuple[float, float], paper: float, print_: float, seed: int) -> Picture:
     """Draw a heading, a picture and a few lines of text too small to be read."""
     rng = np.random.default_rng(100 + seed)
     sheet = _sheet(size, paper)

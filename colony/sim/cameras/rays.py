@@ -79,7 +79,7 @@ def light_at(x: float, y: float, lighting: Lighting) -> float:
 
 @inlined
 def row_below(height: float, depth: float, axis: float, lens: Lens, rows: int) -> int:
-    """Return the first row, clamped to 0 to `rows`, that sees below a height at a depth."""
+    """Return the first row that sees points below `height` at `depth`, clamped to 0 to `rows`."""
     row = axis - lens.focal * (height - lens.above_floor) / depth
     return int(min(max(math.ceil(row), 0.0), rows + 0.0))
 

@@ -20,9 +20,9 @@ from colony.nav.maps.walls import free_distance
 DEPTH_MM = 3000.0
 
 _ASIDE_MM = 500.0  # largest extent of a room beside its door
-_BRICK_MM = 150.0  # thickness of the walls of rooms
+_WALL_THICKNESS_MM = 150.0
 _TWO_LEAVES_MM = 1400.0  # wider doors have two leaves
-_BEHIND_MM = 20.0
+_PROBE_START_MM = 20.0  # depth behind the door at which free distances are first measured
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,17 +49,17 @@ def room_behind(walls: NDArray[np.float64], door: int) -> Room | None:
     nx, ny = -ey, ex
     others = np.delete(walls, door, axis=0)
 
-    def free(along: float, deep: float, ux: float, uy: float) -> float:
+    def free_mm(along: float, deep: float, ux: float, uy: float) -> float:
         start = Point(x0 + along * ex + deep * nx, y0 + along * ey + deep * ny)
-        return free_distance(others, start, Point(ux, uy), 0.0) - _BRICK_MM
+        return free_distance(others, start, Point(ux, uy), 0.0) - _WALL_THICKNESS_MM
 
     columns = np.linspace(-_ASIDE_MM, width + _ASIDE_MM, 9).tolist()
-    depth = min(DEPTH_MM, *(free(along, _BEHIND_MM, nx, ny) for along in columns))
-    if depth < _leaf_mm(width) + _BRICK_MM:
+    depth = min(DEPTH_MM, *(free_mm(along, _PROBE_START_MM, nx, ny) for along in columns))
+    if depth < _leaf_mm(width) + _WALL_THICKNESS_MM:
         return None
-    rows = (_BEHIND_MM, depth / 2, depth)
-    before = min(_ASIDE_MM, *(free(0.0, deep, -ex, -ey) for deep in rows))
-    after = min(_ASIDE_MM, *(free(width, deep, ex, ey) for deep in rows))
+    rows = (_PROBE_START_MM, depth / 2, depth)
+    before = min(_ASIDE_MM, *(free_mm(0.0, deep, -ex, -ey) for deep in rows))
+    after = min(_ASIDE_MM, *(free_mm(width, deep, ex, ey) for deep in rows))
     return Room(
         x0_mm=x0, y0_mm=y0, x1_mm=x1, y1_mm=y1,
         depth_mm=depth, before_mm=max(before, 0.0), after_mm=max(after, 0.0),

@@ -168,16 +168,16 @@ def _panels(wall: int, kind: EdgeKind, is_glass: bool, length: float) -> Iterabl
 def _signs(floor: Map, picture_set: _PictureSet) -> Iterator[WallPicture]:
     """Yield the plates and markers; a marker extends over both leaves of an elevator's doors."""
     for sign in plates_of(floor):
-        yield _at_height(
+        yield _sign_picture(
             sign.edge, sign.start_mm, sign.end_mm, PLATE_HEIGHT_MM, picture_set.plates[sign.text]
         )
     for mark in markers_of(floor):
-        yield _at_height(
+        yield _sign_picture(
             mark.edge, mark.start_mm, mark.end_mm, STRIPE_HEIGHT_MM, picture_set.markers[mark.code]
         )
 
 
-def _at_height(wall: int, start: float, end: float, height_mm: float, picture: int) -> WallPicture:
+def _sign_picture(wall: int, start: float, end: float, height_mm: float, picture: int) -> WallPicture:
     bottom, top = SIGN_HEIGHT_MM - height_mm / 2, SIGN_HEIGHT_MM + height_mm / 2
     return WallPicture(wall, start, end, bottom, top, picture, start)
 

@@ -89,10 +89,10 @@ def extinguisher() -> Picture:
     x, y = np.meshgrid(
         (np.arange(columns) + 0.5) * _TEXEL_MM - wide / 2, (rows - 0.5 - np.arange(rows)) * _TEXEL_MM
     )
-    round_part = np.sqrt(np.clip(1.0 - (x / 75.0) ** 2, 0.0, 1.0))
-    body = (np.abs(x) < 75.0) & (y < 400.0 + 55.0 * round_part)
-    shades = np.where(np.abs(x + 25.0) < 12.0, _SHADES[1] + 0.15, _SHADES[0] * (0.45 + 0.55 * round_part))
-    shades = np.where((np.abs(x) < 55.0) & (y > 150.0) & (y < 270.0), 0.75 * round_part, shades)
+    roundness = np.sqrt(np.clip(1.0 - (x / 75.0) ** 2, 0.0, 1.0))
+    body = (np.abs(x) < 75.0) & (y < 400.0 + 55.0 * roundness)
+    shades = np.where(np.abs(x + 25.0) < 12.0, _SHADES[1] + 0.15, _SHADES[0] * (0.45 + 0.55 * roundness))
+    shades = np.where((np.abs(x) < 55.0) & (y > 150.0) & (y < 270.0), 0.75 * roundness, shades)
     valve = (np.abs(x) < 28.0) & (y >= 440.0) & (y < 530.0) | (np.abs(x) < 70.0) & (np.abs(y - 525.0) < 14.0)
     hose = (np.abs(x - 84.0) < 9.0) & (y > 120.0) & (y < 500.0) | (x > 20.0) & (np.abs(y - 495.0) < 9.0)
     dark = valve | hose

@@ -65,7 +65,7 @@ class Lighting(NamedTuple):
     cell: float
 
 
-EVEN = Lighting(levels=np.ones((1, 1)), x=0.0, y=0.0, cell=1.0)
+EVEN_LIGHTING = Lighting(levels=np.ones((1, 1)), x=0.0, y=0.0, cell=1.0)
 """Uniform light."""
 
 
@@ -114,7 +114,7 @@ def scene(
     materials: Sequence[int] | None = None,
     wall_pictures: Iterable[WallPicture] = (),
     atlas: Atlas | None = None,
-    lighting: Lighting = EVEN,
+    lighting: Lighting = EVEN_LIGHTING,
     doors: Sequence[int] = (),
     elevators: Sequence[int] = (),
     room_material: int = BARE,
@@ -136,10 +136,10 @@ def scene(
     segments = np.array(walls, dtype=np.float64).reshape(-1, 4)
     visible = np.flatnonzero(np.hypot(*(segments[:, 2:] - segments[:, :2]).T) > 0.0)
     indices = {int(wall): index for index, wall in enumerate(visible)}
-    panel_rows, first_panel = _by_wall(
+    panel_rows, first_panel = _sorted_by_wall(
         ((indices[panel.wall], panel[1:]) for panel in panels if panel.wall in indices), len(visible)
     )
-    picture_rows, first_wall_picture = _by_wall(
+    picture_rows, first_wall_picture = _sorted_by_wall(
         ((indices[picture.wall], picture[1:]) for picture in wall_pictures if picture.wall in indices),
         len(visible),
     )
@@ -178,7 +178,7 @@ def _index_array(indices: Iterable[int]) -> Ints:
     return np.array(list(indices), dtype=np.int64)
 
 
-def _by_wall(rows: Iterable[tuple[int, tuple[float, ...]]], walls: int) -> tuple[Floats2, Ints]:
+def _sorted_by_wall(rows: Iterable[tuple[int, tuple[float, ...]]], walls: int) -> tuple[Floats2, Ints]:
     """Return rows sorted by the index of their wall, and the start of each wall's rows."""
     ordered = sorted(rows, key=lambda row: row[0])
     counts = np.bincount(np.array([wall for wall, _ in ordered], dtype=np.int64), minlength=walls)

@@ -16,7 +16,9 @@ from colony.sim.compiled import Floats2
 TEXEL_MM = 5.0
 
 _PLASTER = 0.78
-_HEIGHTS = 2  # number of wall heights for which pictures are cached, 3 MB each; a building has one height
+_CACHED_HEIGHTS = (
+    2  # number of wall heights for which pictures are cached, 3 MB each; a building has one height
+)
 
 
 def _grid(width_mm: float, height_mm: float) -> tuple[Floats2, Floats2]:
@@ -33,7 +35,7 @@ def _pattern(shades: Floats2, height_mm: float, darkest: float = 0.0) -> Picture
     return Picture(shades=shades, width_mm=shades.shape[1] * TEXEL_MM, height_mm=height_mm, wraps=True)
 
 
-def _cloud(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> Floats2:
+def _smooth_noise(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> Floats2:
     """Return smooth periodic noise of standard deviation 1, with this number of cells down and across."""
     spectrum = np.fft.rfft2(rng.standard_normal(shape))
     down, across = np.fft.fftfreq(shape[0]) * shape[0], np.fft.rfftfreq(shape[1]) * shape[1]
@@ -67,15 +69,15 @@ def _masonry(
     width_mm = columns * block[0]
     across, up = _grid(width_mm, height_mm)
     course, number, aside, above = _blocks(across, up, block, staggered=True)
-    own = rng.standard_normal((int(course.max()) + 1, columns))
-    shades = shade + spread * own[course.astype(int), number.astype(int) % columns]
-    shades += 0.012 * _cloud(shades.shape, (12, 16), rng)
+    block_deviations = rng.standard_normal((int(course.max()) + 1, columns))
+    shades = shade + spread * block_deviations[course.astype(int), number.astype(int) % columns]
+    shades += 0.012 * _smooth_noise(shades.shape, (12, 16), rng)
     in_joint = np.clip((joint_mm / 2 + 1.5 - np.minimum(aside, above)) / 3.0, 0.0, 1.0)
     shades += in_joint * (joint - shades)
     return _pattern(shades, height_mm)
 
 
-@lru_cache(maxsize=_HEIGHTS)
+@lru_cache(maxsize=_CACHED_HEIGHTS)
 def painted_brick(height_mm: float) -> Picture:
     """Draw concrete blocks of 406 by 203 mm, painted over: joints show as shallow lines."""
     return _masonry(
@@ -84,7 +86,7 @@ def painted_brick(height_mm: float) -> Picture:
     )  # fmt: skip
 
 
-@lru_cache(maxsize=_HEIGHTS)
+@lru_cache(maxsize=_CACHED_HEIGHTS)
 def bare_brick(height_mm: float) -> Picture:
     """Draw bricks of 203 by 67 mm, unpainted, with pale joints."""
     return _masonry(
@@ -93,7 +95,7 @@ def bare_brick(height_mm: float) -> Picture:
     )  # fmt: skip
 
 
-@lru_cache(maxsize=_HEIGHTS)
+@lru_cache(maxsize=_CACHED_HEIGHTS)
 def glass_brick(height_mm: float) -> Picture:
     """Draw glass blocks of 200 by 200 mm in dark joints.
 
@@ -106,30 +108,32 @@ def glass_brick(height_mm: float) -> Picture:
     course, number, aside, above = _blocks(across, up, (size, size), staggered=False)
     rows, cols = course.astype(int), number.astype(int) % columns
     block_rows = int(course.max()) + 1
-    behind = 0.50 + 0.20 * _cloud((block_rows, columns), (3, 4), rng)
-    behind += 0.10 * rng.standard_normal((block_rows, columns))
-    behind = np.where(
-        rng.random(behind.shape) < 0.14, 0.10, behind
+    light_behind = 0.50 + 0.20 * _smooth_noise((block_rows, columns), (3, 4), rng)
+    light_behind += 0.10 * rng.standard_normal((block_rows, columns))
+    light_behind = np.where(
+        rng.random(light_behind.shape) < 0.14, 0.10, light_behind
     )  # something dark stands behind these blocks
     rim = 0.10 * rng.standard_normal((block_rows, columns))
     inside = np.clip(np.minimum(aside, above) / (size / 2), 0.0, 1.0)
-    shades = behind[rows, cols] + rim[rows, cols] * (0.5 - inside)
-    shades += 0.03 * _cloud(shades.shape, (40, 60), rng)
+    shades = light_behind[rows, cols] + rim[rows, cols] * (0.5 - inside)
+    shades += 0.03 * _smooth_noise(shades.shape, (40, 60), rng)
     in_joint = np.clip((7.0 - np.minimum(aside, above)) / 3.0, 0.0, 1.0)
     shades += in_joint * (0.16 - shades)
     return _pattern(shades, height_mm, 0.03)
 
 
-@lru_cache(maxsize=_HEIGHTS)
+@lru_cache(maxsize=_CACHED_HEIGHTS)
 def plaster(height_mm: float) -> Picture:
     """Draw a plain wall, a little uneven."""
     rng = np.random.default_rng(14)
     shape = (round(height_mm / TEXEL_MM), 640)
-    shades = _PLASTER + 0.010 * _cloud(shape, (10, 12), rng) + 0.008 * _cloud(shape, (120, 140), rng)
+    shades = (
+        _PLASTER + 0.010 * _smooth_noise(shape, (10, 12), rng) + 0.008 * _smooth_noise(shape, (120, 140), rng)
+    )
     return _pattern(shades, height_mm)
 
 
-@lru_cache(maxsize=_HEIGHTS)
+@lru_cache(maxsize=_CACHED_HEIGHTS)
 def tile(height_mm: float) -> Picture:
     """Draw slabs of 300 by 300 mm with fine dark joints: tile, marble, sandstone."""
     return _masonry(
@@ -138,24 +142,24 @@ def tile(height_mm: float) -> Picture:
     )  # fmt: skip
 
 
-@lru_cache(maxsize=_HEIGHTS)
+@lru_cache(maxsize=_CACHED_HEIGHTS)
 def steel(height_mm: float) -> Picture:
     """Draw brushed steel: soft upright streaks, paler above than below."""
     rng = np.random.default_rng(16)
     shape = (round(height_mm / TEXEL_MM), 400)
-    streaks = _cloud((1, shape[1]), (1, 90), rng) * 0.012
+    streaks = _smooth_noise((1, shape[1]), (1, 90), rng) * 0.012
     slope = np.linspace(0.04, -0.04, shape[0])[:, None]
-    shades = 0.62 + slope + streaks + 0.02 * _cloud(shape, (3, 4), rng)
+    shades = 0.62 + slope + streaks + 0.02 * _smooth_noise(shape, (3, 4), rng)
     return _pattern(shades, height_mm)
 
 
-@lru_cache(maxsize=_HEIGHTS)
+@lru_cache(maxsize=_CACHED_HEIGHTS)
 def window(height_mm: float) -> Picture:
     """Draw panes of 900 mm from 900 mm above the floor on, in dark frames, with daylight behind them."""
     across, up = _grid(3600.0, height_mm)
     rng = np.random.default_rng(17)
     pane = (up > 900.0) & (up < 2400.0)
-    outside = 0.86 + 0.07 * _cloud(across.shape, (4, 6), rng)
+    outside = 0.86 + 0.07 * _smooth_noise(across.shape, (4, 6), rng)
     aside = across % 900.0
     frame = np.minimum(aside, 900.0 - aside) < 30.0
     frame |= (np.abs(up - 900.0) < 30.0) | (np.abs(up - 2400.0) < 30.0)
@@ -163,7 +167,7 @@ def window(height_mm: float) -> Picture:
     return _pattern(np.where(frame & (up > 870.0) & (up < 2430.0), 0.25, shades), height_mm)
 
 
-@lru_cache(maxsize=_HEIGHTS)
+@lru_cache(maxsize=_CACHED_HEIGHTS)
 def glass(height_mm: float) -> Picture:
     """Draw panes of clear glass in steel frames: the room behind them is dim, with soft reflections."""
     across, up = _grid(3600.0, height_mm)
@@ -171,16 +175,16 @@ def glass(height_mm: float) -> Picture:
     aside = across % 900.0
     frame = (np.minimum(aside, 900.0 - aside) < 35.0) | (np.abs(up - 1000.0) < 40.0)
     frame |= (up < 120.0) | (up > 2040.0)
-    behind = 0.36 + 0.10 * _cloud(across.shape, (5, 7), rng)
-    return _pattern(np.where(frame, 0.55, behind), height_mm, 0.05)
+    light_behind = 0.36 + 0.10 * _smooth_noise(across.shape, (5, 7), rng)
+    return _pattern(np.where(frame, 0.55, light_behind), height_mm, 0.05)
 
 
-@lru_cache(maxsize=_HEIGHTS)
+@lru_cache(maxsize=_CACHED_HEIGHTS)
 def shelves(height_mm: float) -> Picture:
     """Draw the wall of a room: shelves full of books up to 1.9 m, 1.6 m wide, then 1.6 m of plain wall."""
     rng = np.random.default_rng(19)
     across, up = _grid(3200.0, height_mm)
-    shades = 0.66 + 0.012 * _cloud(across.shape, (10, 12), rng)
+    shades = 0.66 + 0.012 * _smooth_noise(across.shape, (10, 12), rng)
     books = rng.uniform(0.08, 0.75, size=(6, 40))
     tops = rng.uniform(190.0, 290.0, size=(6, 40))
     shelf, spine = np.floor(up / 320.0).astype(int), np.floor(across / 40.0).astype(int)

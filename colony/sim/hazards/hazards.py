@@ -77,7 +77,7 @@ class Hazards:
 
     Attributes:
         on: the hazards that are switched on.
-        slip: the probability that wheels slip when a robot's center crosses a metal joint.
+        slip: the probability that wheels slip when a robot's center crosses a metal expansion joint.
         slip_turn_deg: the standard deviation of the robot's turn in a slip.
         slip_loss_mm: the range of the length by which wheels spin.
         joint_spacing_mm: length of corridor per joint, in addition to the joints between wings.
@@ -128,15 +128,15 @@ class Hazards:
             value = getattr(self, field.name)
             if field.name == "on":
                 continue
-            pair = isinstance(field.default, tuple)
-            numbers = tuple(value) if pair else (value,)
+            is_range = isinstance(field.default, tuple)
+            numbers = tuple(value) if is_range else (value,)
             upper = _UPPER_LIMITS.get(field.name, math.inf)
-            is_valid = len(numbers) == 1 + pair and all(
+            is_valid = len(numbers) == 1 + is_range and all(
                 0.0 <= n <= upper and math.isfinite(n) for n in numbers
             )
             if not is_valid or list(numbers) != sorted(numbers):
                 expected = "of at least 0" if upper == math.inf else f"from 0 to {upper:g}"
-                number = "two finite numbers, the lower one first," if pair else "a finite number"
+                number = "two finite numbers, the lower one first," if is_range else "a finite number"
                 raise ValueError(f"Hazards.{field.name} is {value!r}; expected {number} {expected}")
         if self.light_out + self.light_dim > 1.0:
             found = f"light_out and light_dim are {self.light_out} and {self.light_dim}"
@@ -200,21 +200,21 @@ def _stream(seed: int, hazard: Hazard, item: int = 0) -> np.random.Generator:
 
 
 def _glass(hazards: Hazards, premises: Premises, seed: int) -> tuple[int, ...]:
-    drawn = _stream(seed, Hazard.GLASS).random(len(premises.walls))
+    draws = _stream(seed, Hazard.GLASS).random(len(premises.walls))
     is_undetected = (
-        drawn < hazards.glass if Hazard.GLASS in hazards.on else np.zeros(len(drawn), dtype=np.bool_)
+        draws < hazards.glass if Hazard.GLASS in hazards.on else np.zeros(len(draws), dtype=np.bool_)
     )
     return tuple(edge for edge in premises.glass if is_undetected[edge])
 
 
 def _doors(hazards: Hazards, premises: Premises, seed: int) -> list[tuple[OpenDoor, bool]]:
     """Draw the open doors; the flag is True if a door's hinge is at its start."""
-    drawn = _stream(seed, Hazard.DOORS).random((len(premises.walls), 3)).tolist()
+    draws = _stream(seed, Hazard.DOORS).random((len(premises.walls), 3)).tolist()
     low, high = hazards.door_deg
     return [
-        (OpenDoor(edge=edge, angle_deg=low + drawn[edge][1] * (high - low)), drawn[edge][2] < 0.5)
+        (OpenDoor(edge=edge, angle_deg=low + draws[edge][1] * (high - low)), draws[edge][2] < 0.5)
         for edge in premises.rooms
-        if Hazard.DOORS in hazards.on and drawn[edge][0] < hazards.open_door
+        if Hazard.DOORS in hazards.on and draws[edge][0] < hazards.open_door
     ]
 
 
@@ -239,11 +239,11 @@ def _walls(
 
 
 def _lights(hazards: Hazards, premises: Premises, seed: int) -> tuple[CeilingLight, ...]:
-    drawn = _stream(seed, Hazard.LIGHTS).random(len(premises.lights)).tolist()
+    draws = _stream(seed, Hazard.LIGHTS).random(len(premises.lights)).tolist()
     if Hazard.LIGHTS not in hazards.on:
         return premises.lights
     out, dim = hazards.light_out, hazards.light_out + hazards.light_dim
-    brightness = [0.0 if u < out else hazards.dim_brightness if u < dim else 1.0 for u in drawn]
+    brightness = [0.0 if u < out else hazards.dim_brightness if u < dim else 1.0 for u in draws]
     return tuple(replace(light, brightness=b) for light, b in zip(premises.lights, brightness, strict=True))
 
 
@@ -308,8 +308,8 @@ def _slip(hazards: Hazards) -> Slip:
 
 
 def _encoder_scale(hazards: Hazards, seed: int) -> float:
-    drawn = float(_stream(seed, Hazard.ENCODERS).standard_normal())
-    return 1.0 + hazards.encoder_scale * drawn if Hazard.ENCODERS in hazards.on else 1.0
+    deviate = float(_stream(seed, Hazard.ENCODERS).standard_normal())
+    return 1.0 + hazards.encoder_scale * deviate if Hazard.ENCODERS in hazards.on else 1.0
 
 
 def _furnishings(
@@ -321,15 +321,15 @@ def _furnishings(
         black_poster_mm=hazards.black_poster_spacing_mm,
         poster_mm=hazards.poster_spacing_mm,
         extinguisher_mm=hazards.extinguisher_spacing_mm,
-        on_door=hazards.poster_on_door,
+        door_poster_probability=hazards.poster_on_door,
     )
     return draw_furnishings(floor, spacings, lambda item: _stream(seed, Hazard.POSTERS, item))
 
 
 def _compass_disturbance(hazards: Hazards, seed: int) -> CompassDisturbance:
-    drawn = int(_stream(seed, Hazard.COMPASS).integers(2**62))
+    field_seed = int(_stream(seed, Hazard.COMPASS).integers(2**62))
     return (
-        CompassDisturbance(seed=drawn, max_deg=hazards.compass_deg)
+        CompassDisturbance(seed=field_seed, max_deg=hazards.compass_deg)
         if Hazard.COMPASS in hazards.on
         else CompassDisturbance()
     )

@@ -1,7 +1,7 @@
 """The parts of a building that hazards may affect: doors and the rooms behind them, corridors, lights.
 
 Nothing here is random. The wings differ in the width of their corridors: where corridors of different widths
-meet, two wings meet, and the floor has a joint.
+meet, two wings meet, and the floor has an expansion joint.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Premises:
         lights: all lights, switched on.
         tracks: the corridors.
         walks: the part of each corridor where people can walk; None if there is none.
-        wing_joints: the joints where corridors of different wings meet.
+        wing_joints: the expansion joints where corridors of different wings meet.
     """
 
     walls: NDArray[np.float64]

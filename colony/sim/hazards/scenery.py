@@ -42,7 +42,7 @@ class Track:
         return dx * unit.x + dy * unit.y, dy * unit.x - dx * unit.y
 
     def joint(self, along_mm: float) -> Joint:
-        """Return a joint across the corridor."""
+        """Return an expansion joint across the corridor."""
         left, right = (
             self.point_at(along_mm, self.half_width_mm),
             self.point_at(along_mm, -self.half_width_mm),
@@ -79,7 +79,7 @@ class Person:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint:
-    """A metal joint in the floor across a corridor, by its ends in mm."""
+    """A metal expansion joint in the floor across a corridor, given by its ends in mm."""
 
     x0_mm: float
     y0_mm: float
@@ -89,7 +89,7 @@ class Joint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slip:
-    """The slip of wheels on joints.
+    """The slip of wheels on expansion joints.
 
     It has the probability of a slip on a crossing, the standard deviation of the robot's turn, and the range
     of the length in mm by which the wheels spin without moving the robot.
@@ -179,7 +179,7 @@ class Scenery:
         glass: the edges of the map that are silent.
         lights, sun: the lights and the sunlit parts of the ceiling.
         people: the people in the corridors.
-        joints, slip: the joints of the floor, and the slip of wheels on them.
+        joints, slip: the expansion joints of the floor, and the slip of wheels on them.
         cross_talk: the probability that a sonar reading is false.
         encoder_scale: scale factor of both wheels, in addition to their own errors.
         compass_disturbance: the disturbance of the compass.

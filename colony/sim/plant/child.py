@@ -12,7 +12,7 @@ import msgspec
 from colony.files import read_file
 from colony.runtime.assembly.processes.shutdown import (
     Shutdown,
-    exit_on_exhaustion,
+    exit_if_out_of_resources,
     exit_with,
     make_printing_safe,
     on_parent_exit,
@@ -61,7 +61,7 @@ def plant_socket(folder: Path) -> Path:
     return folder / "plant"
 
 
-class NoRoomError(Exception):
+class NoClearanceError(Exception):
     """The robot does not fit at its start on the map; the message is one line that begins with the file."""
 
 
@@ -79,7 +79,7 @@ def serve(
     Raises:
         LiveError: a plant of the robot is already running, or the folder cannot be used.
         DiagnosticError: the map is invalid.
-        NoRoomError: the robot does not fit at its start.
+        NoClearanceError: the robot does not fit at its start.
     """
     with RobotDirectory(Path(spec.folder), spec.robot).claim(SIMULATOR):
         from colony.nav.maps.stickrep.reader import load_map
@@ -104,7 +104,7 @@ def serve(
         try:
             serve_plant(options, stop=lambda: bool(shutdown), ready=ready)
         except ValueError as problem:
-            raise NoRoomError(f"{spec.map}: error: the robot cannot start there: {problem}") from None
+            raise NoClearanceError(f"{spec.map}: error: the robot cannot start there: {problem}") from None
 
 
 def _camera(direction: ViewDirection) -> CameraConfig | CeilingCameraConfig:
@@ -128,10 +128,10 @@ def main() -> None:
                 shutdown,
                 report=print,
             )
-        except (LiveError, NoRoomError, DiagnosticError) as problem:
+        except (LiveError, NoClearanceError, DiagnosticError) as problem:
             exit_with(str(problem))
         except Exception as problem:
-            exit_on_exhaustion(problem)
+            exit_if_out_of_resources(problem)
 
 
 if __name__ == "__main__":

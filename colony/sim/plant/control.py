@@ -7,7 +7,7 @@ import socket
 from pathlib import Path
 
 from colony.sim.plant.protocol import (
-    LARGEST_FROM_PLANT,
+    MAX_BYTES_FROM_PLANT,
     Advance,
     AskTruth,
     AttachControl,
@@ -38,7 +38,7 @@ class PlantControl:
 
     def __init__(self, path: Path, *, timeout_s: float = 5.0) -> None:
         self._sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._unpacker = Unpacker(LARGEST_FROM_PLANT)
+        self._unpacker = Unpacker(MAX_BYTES_FROM_PLANT)
         try:
             self._sock.settimeout(timeout_s)
             self._sock.connect(os.fspath(path))

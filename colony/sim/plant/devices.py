@@ -152,7 +152,7 @@ class Devices:
         self._world.command(robot, 0.0, 0.0)
         self._commands[robot].at_ns = None
 
-    def driven(self, robot: int) -> bool:
+    def is_driven(self, robot: int) -> bool:
         """Return True if a base has a recent command."""
         at_ns = self._commands[robot].at_ns
         return at_ns is not None and self._in_time(at_ns)
@@ -200,6 +200,6 @@ class Devices:
             turn=speed.turn_deg_s,
             distance=self._world.distance(robot),
             bumps=self._world.bumps(robot),
-            driven=self.driven(robot),
+            driven=self.is_driven(robot),
             skipped_ns=self._skipped_ns,
         )

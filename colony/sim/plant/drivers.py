@@ -26,7 +26,7 @@ from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
 from colony.sim.config import RobotConfig, limits_of
 from colony.sim.plant.protocol import (
-    LARGEST_FROM_PLANT,
+    MAX_BYTES_FROM_PLANT,
     Attach,
     AttachBase,
     AttachCamera,
@@ -90,7 +90,7 @@ class _DeviceConnection(Generic[R]):
 
     def newest(self) -> R | None:
         """Return the latest reading, however old; in logical time request a new one."""
-        return self.ask(lambda number: Sense(number=number)) if self._logical else self._newest
+        return self.request(lambda number: Sense(number=number)) if self._logical else self._newest
 
     def send(self, message: ToPlant) -> bool:
         """Send a message without blocking; return False if there is no connection."""
@@ -107,12 +107,12 @@ class _DeviceConnection(Generic[R]):
             _shut_down(sock)  # the device is stuck, or the message was sent only in part
             return False
 
-    def ask(self, question: Callable[[int], ToPlant]) -> R | None:
+    def request(self, make_request: Callable[[int], ToPlant]) -> R | None:
         """Send a numbered message and wait for the reading that answers it; return None without an answer."""
         with self._condition:
             self._number += 1
             number = self._number
-        if not self.send(question(number)):
+        if not self.send(make_request(number)):
             return None
         with self._condition:
             self._condition.wait_for(
@@ -164,7 +164,7 @@ class _DeviceConnection(Generic[R]):
 
     def _receive(self, sock: socket.socket) -> None:
         """Receive messages until the connection ends."""
-        unpacker = Unpacker(LARGEST_FROM_PLANT)
+        unpacker = Unpacker(MAX_BYTES_FROM_PLANT)
         while data := sock.recv(_CHUNK):
             for payload in unpacker.feed(data):
                 self._handle(read_from_plant(payload))
@@ -188,14 +188,14 @@ def _shut_down(sock: socket.socket) -> None:
         sock.shutdown(socket.SHUT_RDWR)
 
 
-class _Remote(Generic[R]):
+class _RemoteDriver(Generic[R]):
     """The base class of all remote drivers."""
 
     def __init__(
-        self, path: Path, attach: Attach, reading_type: type[R], base_ns: int, clock: Callable[[], int]
+        self, path: Path, attach: Attach, reading_type: type[R], origin_ns: int, clock: Callable[[], int]
     ) -> None:
         self._connection = _DeviceConnection(path, attach, reading_type)
-        self._base_ns = base_ns
+        self._origin_ns = origin_ns
         self._clock = clock
         self._offset_ns: int | None = None
 
@@ -215,27 +215,28 @@ class _Remote(Generic[R]):
             return None
         now_ns, t_ns = self._clock(), reading.value.t_ns
         if self._connection.logical:
-            return reading, self._logical_ns(t_ns, now_ns) - self._base_ns
-        return None if now_ns - t_ns > MAX_READING_AGE_NS else (reading, t_ns - self._base_ns)
+            return reading, self._logical_ns(t_ns, now_ns) - self._origin_ns
+        return None if now_ns - t_ns > MAX_READING_AGE_NS else (reading, t_ns - self._origin_ns)
 
     def _logical_ns(self, t_ns: int, now_ns: int) -> int:
-        """Return the time of a reading in logical time.
+        """Return the time of a reading when the plant runs in logical time.
 
-        It advances with the plant's time, frame by frame, and is never behind the clock. It is therefore
-        never behind the Clock's ticks, which start with the clock and also advance by frames.
+        It advances with the plant's time, frame by frame, and is never earlier than `now_ns`, the time of
+        `clock`. It is therefore never earlier than the ticks of the robot's Clock, which start at the time of
+        `clock` and also advance by frames.
         """
         offset_ns = now_ns - t_ns if self._offset_ns is None else max(self._offset_ns, now_ns - t_ns)
         self._offset_ns = offset_ns
         return t_ns + offset_ns
 
 
-class RemoteBase(_Remote[BaseReading]):
+class RemoteBase(_RemoteDriver[BaseReading]):
     """The base of a robot in the plant.
 
     Args:
         path: path of the plant's socket.
         robot: name of the robot.
-        base_ns: start of the robot's time, on the plant's clock.
+        origin_ns: start of the robot's time, on the plant's clock.
         clock: the plant's clock, by default the machine's monotonic clock.
         config: the parameters of the robot, which the plant does not report.
     """
@@ -247,17 +248,17 @@ class RemoteBase(_Remote[BaseReading]):
         path: Path,
         robot: str,
         *,
-        base_ns: int,
+        origin_ns: int,
         clock: Callable[[], int] = time.monotonic_ns,
         config: RobotConfig | None = None,
     ) -> None:
-        super().__init__(path, AttachBase(robot=robot), BaseReading, base_ns, clock)
+        super().__init__(path, AttachBase(robot=robot), BaseReading, origin_ns, clock)
         self.limits = limits_of(config or RobotConfig())
 
     def drive(self, velocity: float, turn: float) -> None:
         """Command the speeds of the base; in logical time, wait for the end of the frame."""
         if self._connection.logical:
-            self._connection.ask(lambda number: DriveBase(velocity=velocity, turn=turn, number=number))
+            self._connection.request(lambda number: DriveBase(velocity=velocity, turn=turn, number=number))
         else:
             self._connection.send(DriveBase(velocity=velocity, turn=turn))
 
@@ -271,13 +272,13 @@ class RemoteBase(_Remote[BaseReading]):
         return None if newest is None else replace(newest[0].value, t_ns=newest[1])
 
 
-class RemoteProximity(_Remote[ProximityReading]):
+class RemoteProximity(_RemoteDriver[ProximityReading]):
     """The sonars and infrared detectors of a robot in the plant; the arguments are those of `RemoteBase`."""
 
     def __init__(
-        self, path: Path, robot: str, *, base_ns: int, clock: Callable[[], int] = time.monotonic_ns
+        self, path: Path, robot: str, *, origin_ns: int, clock: Callable[[], int] = time.monotonic_ns
     ) -> None:
-        super().__init__(path, AttachProximity(robot=robot), ProximityReading, base_ns, clock)
+        super().__init__(path, AttachProximity(robot=robot), ProximityReading, origin_ns, clock)
 
     def sonar(self) -> Sample | None:
         """Return the latest sonar readings, or None if there are none."""
@@ -290,7 +291,7 @@ class RemoteProximity(_Remote[ProximityReading]):
         return None if newest is None else Sample(newest[0].value.infrared, newest[1])
 
 
-class RemoteCamera(_Remote[CameraReading]):
+class RemoteCamera(_RemoteDriver[CameraReading]):
     """Camera `camera` of a robot in the plant; the other arguments are those of `RemoteBase`."""
 
     def __init__(
@@ -299,10 +300,10 @@ class RemoteCamera(_Remote[CameraReading]):
         robot: str,
         camera: str,
         *,
-        base_ns: int,
+        origin_ns: int,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        super().__init__(path, AttachCamera(robot=robot, camera=camera), CameraReading, base_ns, clock)
+        super().__init__(path, AttachCamera(robot=robot, camera=camera), CameraReading, origin_ns, clock)
 
     def grab(self) -> Image | None:
         """Return the latest image, or None if there is none."""

@@ -74,7 +74,7 @@ def answer(port: Attach, message: ToPlant, devices: Devices, logical_ns: int | N
     """
     if isinstance(port, AttachControl):
         try:
-            return _control(message, devices, logical_ns)
+            return _handle_control(message, devices, logical_ns)
         except ValueError as problem:
             return Refusal(message=str(problem))
     if isinstance(message, Sense):
@@ -95,7 +95,7 @@ def answer(port: Attach, message: ToPlant, devices: Devices, logical_ns: int | N
     return None
 
 
-def _control(message: ToPlant, devices: Devices, logical_ns: int | None) -> FromPlant:
+def _handle_control(message: ToPlant, devices: Devices, logical_ns: int | None) -> FromPlant:
     match message:
         case AskTruth():
             return devices.truth(devices.number(message.robot))

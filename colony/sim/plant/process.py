@@ -33,7 +33,7 @@ from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.plant.devices import STEP_NS, WATCHDOG_NS, Devices, RobotCamera
 from colony.sim.plant.ports import answer, checked_attachment, reading
 from colony.sim.plant.protocol import (
-    LARGEST_TO_PLANT,
+    MAX_BYTES_TO_PLANT,
     Attach,
     AttachBase,
     AttachCamera,
@@ -80,7 +80,7 @@ class PlantOptions:
         seed: seed of the simulated errors.
         step_ns: step of the simulation.
         watchdog_ns: time without a command after which a base stops.
-        logical_ns: logical time by which each command advances; None for real time.
+        logical_ns: logical time that passes with each command; None for real time.
     """
 
     path: Path
@@ -182,7 +182,7 @@ def _listening(path: Path) -> Iterator[socket.socket]:
 class _Connection:
     sock: socket.socket
     port: Attach | None = None
-    unpacker: Unpacker = field(default_factory=lambda: Unpacker(LARGEST_TO_PLANT))
+    unpacker: Unpacker = field(default_factory=lambda: Unpacker(MAX_BYTES_TO_PLANT))
     outbox: bytearray = field(default_factory=bytearray)
     due_ns: int = 0
 
@@ -289,7 +289,7 @@ class _Server:
         """Disconnect the idle driver of a base for a new one; refuse if the driver is in command."""
         for other in tuple(self._connections):
             if other.port == port:
-                if self._devices.driven(self._devices.number(port.robot)):
+                if self._devices.is_driven(self._devices.number(port.robot)):
                     raise ValueError("another driver is in command of the base")
                 self._drop(other)
 

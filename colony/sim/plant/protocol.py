@@ -27,11 +27,11 @@ from colony.runtime.servers.drivers import BaseState
 
 VERSION = 2
 
-LARGEST_TO_PLANT = 4096
-LARGEST_FROM_PLANT = 8 * 1024 * 1024
+MAX_BYTES_TO_PLANT = 4096
+MAX_BYTES_FROM_PLANT = 8 * 1024 * 1024
 """Bytes of the largest message in each direction."""
 
-_LENGTH = 4
+_LENGTH_BYTES = 4
 
 M = TypeVar("M")
 Value = TypeVar("Value")
@@ -197,7 +197,7 @@ _to_plant: msgspec.msgpack.Decoder[ToPlant] = msgspec.msgpack.Decoder(ToPlant)
 def pack(message: ToPlant | FromPlant) -> bytes:
     """Pack a message for a socket."""
     body = _encoder.encode(message)
-    return (len(body) + 1).to_bytes(_LENGTH, "big") + bytes([VERSION]) + body
+    return (len(body) + 1).to_bytes(_LENGTH_BYTES, "big") + bytes([VERSION]) + body
 
 
 def read_to_plant(payload: bytes) -> ToPlant:
@@ -230,8 +230,8 @@ def _read(payload: bytes, decoder: msgspec.msgpack.Decoder[M]) -> M:
 class Unpacker:
     """A splitter of a byte stream into payloads. Stateful: keeps the incomplete payload."""
 
-    def __init__(self, largest: int) -> None:
-        self._largest = largest
+    def __init__(self, max_bytes: int) -> None:
+        self._max_bytes = max_bytes
         self._rest = bytearray()
 
     def feed(self, data: bytes) -> Iterator[bytes]:
@@ -241,12 +241,12 @@ class Unpacker:
             PlantProtocolError: the length of a payload is 0 or larger than allowed.
         """
         self._rest += data
-        while len(self._rest) >= _LENGTH:
-            length = int.from_bytes(self._rest[:_LENGTH], "big")
-            if not 0 < length <= self._largest:
-                raise PlantProtocolError(f"a message of {length} bytes; expected 1 to {self._largest}")
-            if len(self._rest) < _LENGTH + length:
+        while len(self._rest) >= _LENGTH_BYTES:
+            length = int.from_bytes(self._rest[:_LENGTH_BYTES], "big")
+            if not 0 < length <= self._max_bytes:
+                raise PlantProtocolError(f"a message of {length} bytes; expected 1 to {self._max_bytes}")
+            if len(self._rest) < _LENGTH_BYTES + length:
                 return
-            payload = bytes(self._rest[_LENGTH : _LENGTH + length])
-            del self._rest[: _LENGTH + length]
+            payload = bytes(self._rest[_LENGTH_BYTES : _LENGTH_BYTES + length])
+            del self._rest[: _LENGTH_BYTES + length]
             yield payload

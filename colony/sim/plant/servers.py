@@ -16,20 +16,22 @@ from colony.sim.plant.drivers import RemoteBase, RemoteCamera, RemoteProximity
 class PlantDevices:
     """Drivers of the devices in the plant."""
 
-    def base(self, device: Device, robot: str, base_ns: int, resources: ExitStack) -> RemoteBase:
+    def base(self, device: Device, robot: str, origin_ns: int, resources: ExitStack) -> RemoteBase:
         """Open the base of a robot."""
-        return resources.enter_context(closing(RemoteBase(Path(device.plant), robot, base_ns=base_ns)))
+        return resources.enter_context(closing(RemoteBase(Path(device.plant), robot, origin_ns=origin_ns)))
 
-    def proximity(self, device: Device, robot: str, base_ns: int, resources: ExitStack) -> RemoteProximity:
+    def proximity(self, device: Device, robot: str, origin_ns: int, resources: ExitStack) -> RemoteProximity:
         """Open the proximity sensors of a robot."""
-        return resources.enter_context(closing(RemoteProximity(Path(device.plant), robot, base_ns=base_ns)))
+        return resources.enter_context(
+            closing(RemoteProximity(Path(device.plant), robot, origin_ns=origin_ns))
+        )
 
     def camera(
-        self, device: Device, robot: str, camera: str, base_ns: int, resources: ExitStack
+        self, device: Device, robot: str, camera: str, origin_ns: int, resources: ExitStack
     ) -> RemoteCamera:
         """Open a camera of a robot."""
         return resources.enter_context(
-            closing(RemoteCamera(Path(device.plant), robot, camera, base_ns=base_ns))
+            closing(RemoteCamera(Path(device.plant), robot, camera, origin_ns=origin_ns))
         )
 
 

@@ -44,9 +44,9 @@ def _corner(seed: int, column: int, row: int) -> float:
     return ((bits ^ (bits >> 31)) >> 11) * 2.0**-52 - 1.0
 
 
-def _smooth(part: float) -> float:
-    return part * part * (3.0 - 2.0 * part)
+def _smooth(fraction: float) -> float:
+    return fraction * fraction * (3.0 - 2.0 * fraction)
 
 
-def _blend(start: float, end: float, part: float) -> float:
-    return start + part * (end - start)
+def _blend(start: float, end: float, fraction: float) -> float:
+    return start + fraction * (end - start)

@@ -9,8 +9,8 @@ first obstacle that it hits. The obstacle may return an echo or not:
 - Another robot or a person returns an echo in all directions.
 
 The reading is the nearest echo of the cone's rays, or the full range without an echo. Rays start at the
-transducer, so that a wall straight ahead is read exactly. A wall whose nearest point lies between two rays is
-read too far by less than 0.04 %, and thin, distant objects between two rays may be missed.
+transducer, so that a wall straight ahead is read exactly. The range of a wall whose nearest point lies
+between two rays is too long by less than 0.04 %, and thin, distant objects between two rays may be missed.
 
 Computations use the robot's frame: u ahead, v to the left, so that the rays are a constant table.
 """
@@ -237,8 +237,8 @@ def _cast_at_all_walls(
     farthest = (model.full_range + fan.origin_u[AHEAD]) ** 2
     for wall in range(walls.shape[0]):
         x0, y0, x1, y1 = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 2] - x, walls[wall, 3] - y
-        part = min(max(-(x0 * walls[wall, 4] + y0 * walls[wall, 5]), 0.0), walls[wall, 6])
-        if (x0 + part * walls[wall, 4]) ** 2 + (y0 + part * walls[wall, 5]) ** 2 < farthest:
+        along = min(max(-(x0 * walls[wall, 4] + y0 * walls[wall, 5]), 0.0), walls[wall, 6])
+        if (x0 + along * walls[wall, 4]) ** 2 + (y0 + along * walls[wall, 5]) ** 2 < farthest:
             u0, v0 = y0 * cosine - x0 * sine, -x0 * cosine - y0 * sine
             u1, v1 = y1 * cosine - x1 * sine, -x1 * cosine - y1 * sine
             # Walls usually start at the end of the previous one.
@@ -282,10 +282,10 @@ def _wall_echo(
         tolerance = distance * model.tan_half_step
         sx, sy = x - walls[wall, 0], y - walls[wall, 1]
         from_start = sx * wx + sy * wy + distance * (dx * wx + dy * wy)
-        seen_from = 0 if wx * sy - wy * sx > 0.0 else 2
-        if from_start * cosine <= tolerance and reflectors[wall, seen_from]:
+        side_column = 0 if wx * sy - wy * sx > 0.0 else 2
+        if from_start * cosine <= tolerance and reflectors[wall, side_column]:
             echo = math.hypot(sx, sy)
-        elif (walls[wall, 6] - from_start) * cosine <= tolerance and reflectors[wall, seen_from + 1]:
+        elif (walls[wall, 6] - from_start) * cosine <= tolerance and reflectors[wall, side_column + 1]:
             echo = math.hypot(walls[wall, 2] - x, walls[wall, 3] - y)
     return echo
 

@@ -98,8 +98,8 @@ class Drivetrain(NamedTuple):
 def _wall_vector(walls: Floats2, wall: int, x: float, y: float) -> tuple[float, float]:
     """Return the vector from a point to the nearest point of a wall."""
     ax, ay, ex, ey = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 4], walls[wall, 5]
-    part = min(max(-(ax * ex + ay * ey), 0.0), walls[wall, 6])
-    return ax + part * ex, ay + part * ey
+    along = min(max(-(ax * ex + ay * ey), 0.0), walls[wall, 6])
+    return ax + along * ex, ay + along * ey
 
 
 @inlined
@@ -110,9 +110,9 @@ def _wall_distance(walls: Floats2, wall: int, x: float, y: float) -> float:
 
 
 @inlined
-def _approach(speed: float, wanted: float, limit: float) -> float:
+def _approach(speed: float, target: float, limit: float) -> float:
     """Return `speed`, changed toward `wanted` by at most `limit`."""
-    return speed + min(max(wanted - speed, -limit), limit)
+    return speed + min(max(target - speed, -limit), limit)
 
 
 @inlined

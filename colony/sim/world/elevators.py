@@ -6,9 +6,9 @@
     elevators.advance(0.05)               # after each step of the world
 
 An elevator's edge is a pair of sliding doors, with a cabin 2 m wide and 1.8 m deep behind them. Until the
-doors are first opened they are the edge on the map. Doors do not close on a robot: if one stands between them
-they open again, like doors with a light barrier. The operator presses the buttons (thesis section 5.4.6):
-`colony/sim/world/operator.py`.
+doors are first opened, the edge on the map takes their place. Doors do not close on a robot: if a robot
+stands between them, they open again, like doors with a light barrier. The operator
+(`colony/sim/world/operator.py`) presses the buttons (thesis section 5.4.6).
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ class Cabin:
     def contains(self, x_mm: float, y_mm: float, radius_mm: float) -> bool:
         """Return True if a round object at this point is completely inside the cabin."""
         along, deep = self.coordinates(x_mm, y_mm)
-        aside = abs(along) <= CABIN_WIDTH_MM / 2 - radius_mm
-        return aside and radius_mm <= deep <= CABIN_DEPTH_MM - radius_mm
+        is_between_walls = abs(along) <= CABIN_WIDTH_MM / 2 - radius_mm
+        return is_between_walls and radius_mm <= deep <= CABIN_DEPTH_MM - radius_mm
 
     def walls(self, opening: float) -> list[tuple[float, float, float, float]]:
         """Return the walls of the cabin and the leaves of its doors; `opening` is from 0 (shut) to 1."""
@@ -95,8 +95,12 @@ def cabin_of(floor: Map, node: str) -> Cabin:
     names = [n.name for ring in floor.rings for n in ring.nodes]
     walls = walls_of(floor)
     if node not in names or walls.kinds[names.index(node)] is not EdgeKind.ELEVATOR:
-        known = [name for name, kind in zip(names, walls.kinds, strict=True) if kind is EdgeKind.ELEVATOR]
-        raise ValueError(f"`{floor.name}` has no elevator at `{node}`; it has {', '.join(known) or 'none'}")
+        elevator_nodes = [
+            name for name, kind in zip(names, walls.kinds, strict=True) if kind is EdgeKind.ELEVATOR
+        ]
+        raise ValueError(
+            f"`{floor.name}` has no elevator at `{node}`; it has {', '.join(elevator_nodes) or 'none'}"
+        )
     x0, y0, x1, y1 = walls.segments[names.index(node)].tolist()
     return Cabin(x0_mm=x0, y0_mm=y0, x1_mm=x1, y1_mm=y1)
 
@@ -168,7 +172,7 @@ class Elevators:
         """Move the doors for `dt_s` seconds; call this after each step of the world."""
         moved = False
         for doors in self._doors.values():
-            if not doors.should_open and doors.opening > 0.0 and self._stands_between(doors.cabin):
+            if not doors.should_open and doors.opening > 0.0 and self._is_robot_between(doors.cabin):
                 doors.should_open = True
             step = dt_s / SLIDE_S
             opening = doors.opening + min(max(doors.target - doors.opening, -step), step)
@@ -180,7 +184,7 @@ class Elevators:
     def ride(self, node: str, floor: str) -> str:
         """Take the robots in a cabin to the floor of the map `floor`; return the node of the doors there.
 
-        These doors are shut, too.
+        The doors there are shut, too.
 
         Raises:
             ValueError: the elevator does not lead there, its doors are not shut, or a robot is not inside.
@@ -191,14 +195,14 @@ class Elevators:
             raise ValueError(f"the doors at `{node}` are open; close them before the ride")
         new_cabin = cabin_of(self._building.map_named(floor), landing)
         poses = [self._pose_after_ride(doors.cabin, new_cabin, robot) for robot in range(len(self._world))]
-        before = self.floor, self._doors
+        previous = self.floor, self._doors
         self.floor, self._doors = floor, {landing: _Doors(cabin=new_cabin)}
         try:
             walls, silent = self._walls()
             scenery = replace(self._sceneries[floor], walls=walls, silent=silent)
             self._world.enter(scenery, poses)
         except ValueError:
-            self.floor, self._doors = before
+            self.floor, self._doors = previous
             raise
         return landing
 
@@ -215,7 +219,7 @@ class Elevators:
                     return end.node
         raise ValueError(f"the elevator at `{node}` of `{self.floor}` does not lead to `{floor}`")
 
-    def _stands_between(self, cabin: Cabin) -> bool:
+    def _is_robot_between(self, cabin: Cabin) -> bool:
         clearance = self._world.config.radius_mm + _BARRIER_MM
         for x, y, _ in self._world.true_poses.tolist():
             along, deep = cabin.coordinates(x, y)

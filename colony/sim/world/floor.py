@@ -1,4 +1,4 @@
-"""Metal joints in the floor, on which wheels slip.
+"""Metal expansion joints in the floor, on which wheels slip.
 
 When the center of a robot crosses a joint, its wheels may slip. They spin for a few centimeters, which the
 odometry counts although the robot does not move, and the robot turns, unnoticed by the odometry. Each
@@ -19,7 +19,7 @@ from colony.sim.hazards.scenery import Joint, Slip
 
 
 class Floor(NamedTuple):
-    """Joints in the form of the compiled functions.
+    """The joints as arrays, as the compiled functions take them.
 
     Attributes:
         joints: (n, 4), x0, y0, x1, y1 in mm.
@@ -60,8 +60,8 @@ def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
         ex, ey = floor.joints[joint, 2] - jx, floor.joints[joint, 3] - jy
         before, after = ex * (y0 - jy) - ey * (x0 - jx), ex * (y1 - jy) - ey * (x1 - jx)
         if (before < 0.0) != (after < 0.0):
-            part = before / (before - after)
-            along = (x0 + part * (x1 - x0) - jx) * ex + (y0 + part * (y1 - y0) - jy) * ey
+            fraction = before / (before - after)
+            along = (x0 + fraction * (x1 - x0) - jx) * ex + (y0 + fraction * (y1 - y0) - jy) * ey
             crossed |= (along >= 0.0) & (along <= ex * ex + ey * ey)
     return crossed
 
@@ -74,10 +74,10 @@ def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, direction
     if uniform(floor.seed, SLIPS, event, 0) < floor.probability:
         turn = floor.turn_deg * deviate(floor.seed, SLIPS, event, 1)
         poses[robot, 2] = (poses[robot, 2] + turn) % 360.0
-        spun = floor.min_mm + (floor.max_mm - floor.min_mm) * uniform(floor.seed, SLIPS, event, 3)
+        spin_mm = floor.min_mm + (floor.max_mm - floor.min_mm) * uniform(floor.seed, SLIPS, event, 3)
         heading = math.radians(odometry[robot, 2])
-        odometry[robot, 0] -= direction * spun * math.sin(heading)
-        odometry[robot, 1] += direction * spun * math.cos(heading)
+        odometry[robot, 0] -= direction * spin_mm * math.sin(heading)
+        odometry[robot, 1] += direction * spin_mm * math.cos(heading)
 
 
 @compiled

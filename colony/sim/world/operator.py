@@ -45,14 +45,14 @@ _STILL_MM_S, _STILL_DEG_S = 1.0, 0.5
 def waits_before(cabin: Cabin, pose: tuple[float, float, float]) -> bool:
     """Return True if a robot at a pose is in front of the doors and faces them."""
     along, deep = cabin.coordinates(pose[0], pose[1])
-    near = -_BEFORE_MM < deep < 0.0 and abs(along) < _ASIDE_MM
-    return near and _difference_deg(pose[2], cabin.heading_deg) < _TURNED_DEG
+    is_near = -_BEFORE_MM < deep < 0.0 and abs(along) < _ASIDE_MM
+    return is_near and _difference_deg(pose[2], cabin.heading_deg) < _TURNED_DEG
 
 
 def has_turned(cabin: Cabin, pose: tuple[float, float, float], radius_mm: float) -> bool:
     """Return True if a robot at a pose is inside the cabin and faces the doors."""
-    back = _difference_deg(pose[2], cabin.heading_deg + 180.0) < _TURNED_DEG
-    return back and cabin.contains(pose[0], pose[1], radius_mm)
+    faces_doors = _difference_deg(pose[2], cabin.heading_deg + 180.0) < _TURNED_DEG
+    return faces_doors and cabin.contains(pose[0], pose[1], radius_mm)
 
 
 def operator(elevators: Elevators, world: World, *, seed: int, robot: int = 0) -> Script:
@@ -70,7 +70,7 @@ def operator(elevators: Elevators, world: World, *, seed: int, robot: int = 0) -
         while (call := (yield from current_call())) is None:
             yield from sleep(POLL_INTERVAL_S)
         delay_s, ride_s = rng.uniform(*DELAY_S), rng.uniform(*RIDE_S)
-        # Nobody serves a robot that is wrong about its floor.
+        # A call from another floor than the robot's is not served.
         ride = _Ride(elevators, world, robot, call) if call.floor == elevators.floor else None
         if ride is not None:
             yield from ride.serve(delay_s, ride_s)
@@ -125,8 +125,8 @@ class _Ride:
             if (yield from current_call()) != self._call:
                 return False
             velocity, turn = self._world.speed(self._robot)
-            still = abs(velocity) < _STILL_MM_S and abs(turn) < _STILL_DEG_S
-            stood_s = stood_s + POLL_INTERVAL_S if still and is_waiting() else 0.0
+            is_still = abs(velocity) < _STILL_MM_S and abs(turn) < _STILL_DEG_S
+            stood_s = stood_s + POLL_INTERVAL_S if is_still and is_waiting() else 0.0
         return True
 
     def _close_doors(self) -> Generator[Step, Any, bool]:

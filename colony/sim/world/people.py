@@ -109,7 +109,7 @@ def _update_position(row: Floats) -> None:
 
 @inlined
 def _passing_v(row: Floats, robot_v: float) -> float:
-    """Return v for passing a robot at offset `robot_v`; nan if there is no room."""
+    """Return v for passing a robot at offset `robot_v`; nan if the corridor is too narrow."""
     left = min(robot_v + _PASSING_MM, row[LIMIT])
     right = max(robot_v - _PASSING_MM, -row[LIMIT])
     left_fits, right_fits = left - robot_v >= _TIGHT_MM, robot_v - right >= _TIGHT_MM
@@ -124,44 +124,44 @@ def _turn_around(row: Floats) -> None:
 
 
 @inlined
-def _decide(row: Floats, person: int, seed: int, aside: float) -> None:
+def _decide(row: Floats, person: int, seed: int, passing_v: float) -> None:
     """Decide a person's action on encountering a robot."""
     event = int(row[ENCOUNTERS]) + 1_000_000 * person
     row[ENCOUNTERS] += 1.0
-    no_room = math.isnan(aside)
-    if row[COOLDOWN] <= 0.0 and (no_room or uniform(seed, PEOPLE, event, 0) < _STOPPING):
+    is_blocked = math.isnan(passing_v)
+    if row[COOLDOWN] <= 0.0 and (is_blocked or uniform(seed, PEOPLE, event, 0) < _STOPPING):
         row[ACTION], row[WAIT] = _STANDS, 1.0 + (LONGEST_STOP_S - 1.0) * uniform(seed, PEOPLE, event, 1)
         row[COOLDOWN] = _COOLDOWN_S
-    elif no_room:
+    elif is_blocked:
         _turn_around(row)
     else:
         row[ACTION], row[WAIT] = _PASSES, _BLOCKED_S
 
 
 @inlined
-def _ahead(row: Floats, poses: Floats2) -> tuple[float, float]:
+def _robot_ahead(row: Floats, poses: Floats2) -> tuple[float, float]:
     """Return the distance to the nearest robot on a person's path (infinity for none), and the robot's v."""
     nearest, robot_v = math.inf, 0.0
-    wide = _PASSING_MM if row[ACTION] == _WALKS else _WIDE_MM
+    path_half_width = _PASSING_MM if row[ACTION] == _WALKS else _WIDE_MM
     for robot in range(poses.shape[0]):
         dx, dy = poses[robot, 0] - row[X0], poses[robot, 1] - row[Y0]
         ahead = (dx * row[U] + dy * row[W] - row[S]) * row[FORWARD]
         v = dy * row[U] - dx * row[W]
-        if ahead > -200.0 and ahead < min(_NOTICE_MM, nearest) and abs(v - row[V]) < wide:
+        if ahead > -200.0 and ahead < min(_NOTICE_MM, nearest) and abs(v - row[V]) < path_half_width:
             nearest, robot_v = max(ahead, 0.0), v
     return nearest, robot_v
 
 
 @inlined
-def _allowed(row: Floats, poses: Floats2, berth: float, ds: float, dv: float) -> bool:
+def _is_allowed(row: Floats, poses: Floats2, berth: float, ds: float, dv: float) -> bool:
     """Return True if a step keeps clear of all robots, or leads away from them."""
-    allowed = True
+    is_allowed = True
     for robot in range(poses.shape[0]):
         dx, dy = row[X] - poses[robot, 0], row[Y] - poses[robot, 1]
         nx, ny = dx + ds * row[U] - dv * row[W], dy + ds * row[W] + dv * row[U]
         after = nx * nx + ny * ny
-        allowed &= (after >= berth * berth) | (after >= dx * dx + dy * dy)
-    return allowed
+        is_allowed &= (after >= berth * berth) | (after >= dx * dx + dy * dy)
+    return is_allowed
 
 
 @inlined
@@ -172,9 +172,9 @@ def _step(row: Floats, poses: Floats2, berth: float, wanted_v: float, speed: flo
     if row[S] + ds < 0.0 or row[S] + ds > row[LENGTH]:
         row[FORWARD] = -row[FORWARD]
         ds = 0.0
-    if not _allowed(row, poses, berth, ds, dv):
+    if not _is_allowed(row, poses, berth, ds, dv):
         ds = 0.0
-    if not _allowed(row, poses, berth, ds, dv):
+    if not _is_allowed(row, poses, berth, ds, dv):
         dv = 0.0
     row[S] += ds
     row[V] += dv
@@ -188,23 +188,23 @@ def walk(crowd: Crowd, poses: Floats2, hull: float, dt: float) -> None:
     berth = hull + crowd.radius + _BERTH_MM
     for person in range(crowd.people.shape[0]):
         row = crowd.people[person]
-        ahead, robot_v = _ahead(row, poses)
-        aside = _passing_v(row, robot_v)
+        ahead, robot_v = _robot_ahead(row, poses)
+        passing_v = _passing_v(row, robot_v)
         wanted_v, speed = row[PREFERRED_V], row[SPEED]
         row[COOLDOWN] -= dt
         if ahead == math.inf:
             row[ACTION] = _WALKS
         else:
             if row[ACTION] == _WALKS:
-                _decide(row, person, crowd.seed, aside)
+                _decide(row, person, crowd.seed, passing_v)
             row[WAIT] -= dt
-            if row[WAIT] < 0.0 and (row[ACTION] == _PASSES or math.isnan(aside)):
+            if row[WAIT] < 0.0 and (row[ACTION] == _PASSES or math.isnan(passing_v)):
                 _turn_around(row)
             elif row[WAIT] < 0.0:
                 row[ACTION], row[WAIT] = _PASSES, _BLOCKED_S
             if row[ACTION] == _STANDS:
                 wanted_v, speed = row[V], 0.0
             elif row[ACTION] == _PASSES:
-                wanted_v = row[V] if math.isnan(aside) else aside
+                wanted_v = row[V] if math.isnan(passing_v) else passing_v
                 speed = 0.0 if ahead < _HALT_MM and abs(robot_v - row[V]) < _TIGHT_MM - 1.0 else speed
         _step(row, poses, berth, wanted_v, speed, dt)

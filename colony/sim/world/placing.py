@@ -1,4 +1,4 @@
-"""Checks of walls and poses: shapes, finite numbers, and room for every robot."""
+"""Checks of walls and poses: shapes of arrays, finite numbers, and the clearance around every robot."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 MAX_ROBOTS = 10_000
 
 
-def check_room(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: float) -> None:
-    """Raise ValueError if a robot overlaps a wall or another robot."""
+def check_clearance(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: float) -> None:
+    """Raise ValueError if a robot overlaps a wall or another robot. `walls` is (n, 7), from `wall_table`."""
     for i, (x, y, _) in enumerate(poses):
         start, along = walls[:, :2] - (x, y), walls[:, 4:6]
-        part = np.clip(-(start * along).sum(axis=1), 0.0, walls[:, 6])
-        distances = np.hypot(*(start + part[:, None] * along).T)
+        projections = np.clip(-(start * along).sum(axis=1), 0.0, walls[:, 6])
+        distances = np.hypot(*(start + projections[:, None] * along).T)
         if (distances < radius).any():
             found = f"robot {i} at ({x:.0f}, {y:.0f}) is {distances.min():.0f} mm from a wall"
             raise ValueError(f"{found}; expected at least {radius:.0f} mm")

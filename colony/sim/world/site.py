@@ -52,19 +52,19 @@ class Site:
         config: RobotConfig | None = None,
     ) -> None:
         numbers = {floor.name: number for number, floor in enumerate(building.maps)}
-        self.building = building.part(plan.floors)
+        self.building = building.with_floors(plan.floors)
         self.maps: Mapping[str, Map] = {floor.name: floor for floor in self.building.maps}
         self.sceneries: Mapping[str, Scenery] = {
             name: draw(hazards, floor, seed=seed + numbers[name]) for name, floor in self.maps.items()
         }
-        first = plan.segments[0]
+        first_segment = plan.segments[0]
         self.world = World(
-            walls=self.sceneries[first.start.floor],
-            poses=[(first.start.x_mm, first.start.y_mm, first.heading_deg)],
+            walls=self.sceneries[first_segment.start.floor],
+            poses=[(first_segment.start.x_mm, first_segment.start.y_mm, first_segment.heading_deg)],
             config=config,
             seed=seed if noise_seed is None else noise_seed,
         )
-        self.elevators = Elevators(self.world, self.building, self.sceneries, first.start.floor)
+        self.elevators = Elevators(self.world, self.building, self.sceneries, first_segment.start.floor)
 
     @property
     def floor(self) -> str:

@@ -25,7 +25,7 @@ from colony.sim.sensors.sonar import CrossTalk, corner_reflectors, fan_of, proxi
 from colony.sim.world.base import SLICE_S, Drivetrain, bases_at, move
 from colony.sim.world.floor import floor_of, slip
 from colony.sim.world.people import X, Y, crowd_of, make_way, walk
-from colony.sim.world.placing import check_room, checked_poses, checked_walls
+from colony.sim.world.placing import check_clearance, checked_poses, checked_walls
 
 MAX_STEP_S = 10.0
 SUBSTEP_S = 0.05
@@ -93,10 +93,10 @@ class World:
         )
         self._crossings = np.zeros(len(initial_poses), dtype=np.int64)
         self._build(scenery.walls, scenery.silent)
-        check_room(initial_poses, self._walls, self.config.radius_mm)
+        check_clearance(initial_poses, self._walls, self.config.radius_mm)
         self._set_scenery(scenery)
         self._steps = 0
-        self._drive = Drivetrain(
+        self._drivetrain = Drivetrain(
             radius=self.config.radius_mm,
             wheel_base=self.config.wheel_base_mm,
             acceleration=self.config.acceleration_mm_s2,
@@ -141,10 +141,10 @@ class World:
         """
         if not (math.isfinite(velocity_mm_s) and math.isfinite(turn_deg_s)):
             raise ValueError(f"the speeds are {velocity_mm_s} and {turn_deg_s}; expected finite ones")
-        fastest, turn = self.config.max_velocity_mm_s, self.config.max_turn_deg_s
+        max_velocity, max_turn = self.config.max_velocity_mm_s, self.config.max_turn_deg_s
         robot = self._index(robot)
-        self._bases.commands[robot, 0] = min(max(velocity_mm_s, -fastest), fastest)
-        self._bases.commands[robot, 1] = min(max(turn_deg_s, -turn), turn)
+        self._bases.commands[robot, 0] = min(max(velocity_mm_s, -max_velocity), max_velocity)
+        self._bases.commands[robot, 1] = min(max(turn_deg_s, -max_turn), max_turn)
 
     def advance(self, dt_s: float) -> None:
         """Advance time by `dt_s` seconds.
@@ -169,8 +169,8 @@ class World:
         bases, before = self._bases, None
         if self._has_events:
             before = bases.poses.copy()
-            walk(self._crowd, bases.poses, self._drive.radius, dt_s)
-        move(bases, self._drive, self._walls, self._crowd, self._noise.table, noise_column, slices, dt_s)
+            walk(self._crowd, bases.poses, self._drivetrain.radius, dt_s)
+        move(bases, self._drivetrain, self._walls, self._crowd, self._noise.table, noise_column, slices, dt_s)
         if before is not None:
             slip(self._floor, before, bases.poses, bases.speeds, bases.odometry)
 
@@ -269,7 +269,7 @@ class World:
         robot = self._index(robot)
         poses = self._bases.poses.copy()
         poses[robot] = checked_poses([pose])[0]
-        check_room(poses, self._walls, self.config.radius_mm)
+        check_clearance(poses, self._walls, self.config.radius_mm)
         make_way(self._crowd, poses, robot=robot)
         self._bases.poses[robot] = poses[robot]
         self._bases.speeds[robot] = 0.0
@@ -290,13 +290,14 @@ class World:
         The move is unnoticed by their odometry, and their encoders keep their errors.
 
         Raises:
-            ValueError: there is not one pose per robot, or a robot has no room; then nothing has changed.
+            ValueError: there is not one pose per robot, or a robot does not fit at its pose; then nothing has
+                changed.
         """
         new_poses = checked_poses(poses)
         if len(new_poses) != len(self):
             raise ValueError(f"found {len(new_poses)} poses; expected one for each robot, {len(self)}")
         solid = scenery.walls[np.hypot(*(scenery.walls[:, 2:] - scenery.walls[:, :2]).T) > 0.0]
-        check_room(new_poses, wall_table(solid), self.config.radius_mm)
+        check_clearance(new_poses, wall_table(solid), self.config.radius_mm)
         self._bases.poses[:] = new_poses
         self._bases.speeds[:] = 0.0
         self._build(scenery.walls, scenery.silent)

@@ -1,11 +1,11 @@
 """Comparison of a recorded run with its program: the reference interpreter evaluates every frame again.
 
-In each frame, the command sent to an actuator must be what the interpreter decides, bit for bit. If a client
-was late, lost or refused, it may also be the idle command and, with `on_loss degrade`, the command that the
-network decides without the lost clients. If a client outside the network commanded, or the emergency stop or
-a lock kept the network from deciding, the frame is counted but not compared. At a restart the interpreter
-restarts from the initial memory, as the program did. From a frame that could not be observed to the next
-restart, the memory is unknown, and nothing is compared.
+In each frame, the command sent to an actuator must be the one that the interpreter decides, bit for bit. If a
+client was late, lost or refused, it may also be the idle command and, with `on_loss degrade`, the command
+that the network decides without the lost clients. If a client outside the network commanded, or the emergency
+stop or a lock kept the network from deciding, the frame is counted but not compared. At a restart the
+interpreter restarts from the initial memory, as the program did. From a frame that could not be observed to
+the next restart, the memory is unknown, and nothing is compared.
 
 Modules in Python are not run: the interpreter uses their recorded answers. If an answer is missing, the
 memory is unknown from there to the next restart.
@@ -25,11 +25,11 @@ from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program, PythonModule
 from colony.verify.audit.report import (
     AuditReport,
-    ClientAccount,
+    ClientExplanation,
     ContractCount,
     DamagedSpan,
     Difference,
-    Part,
+    Role,
 )
 from colony.verify.audit.resuming import Resuming
 from colony.verify.audit.verdict import RecordedVerdict, is_excused, objection, same_decision
@@ -46,7 +46,7 @@ class RecordedTick(Protocol):
 
     @property
     def start(self) -> int:
-        """The number of the first frame of the epoch, in which all memory was initial."""
+        """The number of the first frame of the epoch, before which all memory was reset."""
         ...
 
     @property
@@ -89,7 +89,7 @@ class Recorded(Protocol):
 
     @property
     def restart(self) -> bool:
-        """True if all memory is initial in this frame."""
+        """True if all memory was reset before this frame."""
         ...
 
     @property
@@ -168,7 +168,7 @@ _COUNTERS = (
     *("frames", "compared", "idled", "unheard", "late", "lost", "refused", "violations", "outside", "holds"),
     *("restarts", "unknown", "differing", "forgotten", "resumed", "undecided"),
 )
-"""The properties of a frame that `AuditReport` counts."""
+"""The counts of an `AuditReport`, which defines each of them."""
 
 
 class Auditor:
@@ -181,7 +181,7 @@ class Auditor:
             a: tuple(m.name for m in program.modules if m.actuator == a) for a in self._actuators
         }
         self._python = frozenset(m.name for m in program.modules if isinstance(m, PythonModule))
-        self._begin()
+        self._reset_memory()
         self._previous: Recorded | None = None
         self._first_ns = 0
         self._counts: Counter[str] = Counter()
@@ -190,8 +190,8 @@ class Auditor:
         self._damaged: list[DamagedSpan] = []
         self._resuming = Resuming(program, answers_given=True)
 
-    def _begin(self) -> None:
-        """Set all memory to its initial values."""
+    def _reset_memory(self) -> None:
+        """Start an epoch, with all memory reset."""
         self._interpreter = Interpreter(self._program, answers_given=True)
         degrades = any(a.on_loss == "degrade" for a in self._program.robot.actuators)
         self._degraded = Interpreter(self._program, answers_given=True) if degrades else None
@@ -205,11 +205,11 @@ class Auditor:
             interpreter = self._resuming.interpreter(keyframe.memory)
         except ValueError:
             return
-        self._begin()
+        self._reset_memory()
         self._interpreter = interpreter
         if self._degraded is not None:
-            known = not keyframe.degraded
-            self._degraded = self._resuming.interpreter(keyframe.memory) if known else None
+            is_known = not keyframe.degraded  # a keyframe has no memory without the lost clients
+            self._degraded = self._resuming.interpreter(keyframe.memory) if is_known else None
         self._counts["resumed"] += 1
 
     def take(self, recorded: Recorded) -> None:
@@ -223,21 +223,21 @@ class Auditor:
         if previous is None:
             self._first_ns = recorded.frame.t_ns
         if is_epoch_start and (previous is not None or recorded.damaged):
-            self._begin()
+            self._reset_memory()
         elif self._memory_unknown and recorded.keyframe is not None:
             self._resume(recorded.keyframe)
         differences = [*self._sequence_faults(recorded, is_epoch_start)]
-        answered = self._python <= recorded.answers.keys()
-        self._memory_unknown = self._memory_unknown or not answered
-        if recorded.memory_unknown or not answered:
+        has_all_answers = self._python <= recorded.answers.keys()
+        self._memory_unknown = self._memory_unknown or not has_all_answers
+        if recorded.memory_unknown or not has_all_answers:
             self._counts["unknown"] += 1
         elif self._memory_unknown:
             self._counts["forgotten"] += 1
         else:
             differences += self._decisions(recorded)
         self._first = self._first or next(iter(differences), None)
-        seen = {fate for v in recorded.verdicts.values() for _, fate in v.fates}
-        self._counts.update(seen & {"late", "lost", "refused"})
+        fates = {fate for v in recorded.verdicts.values() for _, fate in v.fates}
+        self._counts.update(fates & {"late", "lost", "refused"})
         self._counts["violations"] += any(v.violation for v in recorded.verdicts.values())
         self._counts["outside"] += any(v.outside is not None for v in recorded.verdicts.values())
         self._counts["holds"] += any(v.hold is not None for v in recorded.verdicts.values())
@@ -335,7 +335,7 @@ class Auditor:
             actuator=name,
             recorded=Decision(name, verdict.by, verdict.values, verdict.fault),
             expected=expected,
-            clients=_accounts(verdict, expected, interpreter, self._clients[name]),
+            clients=_client_explanations(verdict, expected, interpreter, self._clients[name]),
         )
 
     def _undisturbed(self, recorded: Recorded) -> bool:
@@ -364,7 +364,7 @@ class Auditor:
         actuator: str | None = None,
         recorded: Decision | None = None,
         expected: Decision | None = None,
-        clients: tuple[ClientAccount, ...] = (),
+        clients: tuple[ClientExplanation, ...] = (),
     ) -> Difference:
         sensors = (s.name for s in self._program.robot.sensors)
         return Difference(
@@ -380,20 +380,20 @@ class Auditor:
         )
 
 
-def _accounts(
+def _client_explanations(
     verdict: RecordedVerdict, expected: Decision, interpreter: Interpreter, clients: tuple[str, ...]
-) -> tuple[ClientAccount, ...]:
+) -> tuple[ClientExplanation, ...]:
     """Return all clients in the recorded order, or in the order of declaration if some have no fate."""
     fates = dict(verdict.fates)
     order = dict.fromkeys((*fates, *clients)) if len(fates) < len(clients) else fates
     known = frozenset(clients)
     return tuple(
-        ClientAccount(
+        ClientExplanation(
             client=client,
             fate=fates.get(client),
             part="wins"
             if client == expected.by
-            else _part(client, interpreter)
+            else _role(client, interpreter)
             if client in known
             else "inactive",
         )
@@ -401,7 +401,7 @@ def _accounts(
     )
 
 
-def _part(client: str, interpreter: Interpreter) -> Part:
+def _role(client: str, interpreter: Interpreter) -> Role:
     if interpreter.is_active(client):
         return "active"
     return "silent" if interpreter.is_silent(client) else "inactive"

@@ -7,17 +7,17 @@ from typing import Any, Literal
 
 from colony.ir.frame import Decision
 
-Part = Literal["wins", "active", "inactive", "silent"]
+Role = Literal["wins", "active", "inactive", "silent"]
 """The role of a client according to the interpreter. "active": its predicate holds, but it does not win."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClientAccount:
-    """A client in a differing frame: its recorded fate, if any, and its role according to the interpreter."""
+class ClientExplanation:
+    """A client in a frame that differs: its recorded fate, if any, and its role (`part`)."""
 
     client: str
     fate: str | None
-    part: Part
+    part: Role
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class Difference:
     message: str
     recorded: Decision | None = None
     expected: Decision | None = None
-    clients: tuple[ClientAccount, ...] = ()
+    clients: tuple[ClientExplanation, ...] = ()
     missing: tuple[str, ...] = ()
 
 
@@ -61,13 +61,34 @@ class DamagedSpan:
 class AuditReport:
     """The result of an audit.
 
-    `compared` counts decisions (one per actuator and frame), `idled` those of them that were idle because a
-    client was late, lost or refused; `unheard` counts decisions that were not recorded. `late`, `lost`,
-    `refused`, `violations`, `outside`, `holds` and `differing` count frames in which that occurred. `unknown`
-    counts frames that were not compared because a frame before them, and so the memory, is not known. After
-    each span of `damaged` the interpreter continued from the next memory in the recording; `forgotten` counts
-    the frames up to it, which were not compared. `undecided` counts later decisions of actuators with
-    `on_loss degrade`, which depend on memory without lost clients that is not in the recording.
+    A decision is the command for one actuator in one frame.
+
+    Attributes:
+        frames: the number of recorded frames.
+        first_ns: the time of the first frame.
+        last_ns: the time of the last frame.
+        compared: the number of decisions that were compared with the interpreter's.
+        idled: the number of them that were the idle command instead, because a client was late, lost or
+            refused.
+        unheard: the number of decisions that were not recorded.
+        late: the number of frames in which a client was late.
+        lost: the number of frames in which a client was lost.
+        refused: the number of frames in which a client was refused.
+        violations: the number of frames in which two clients commanded one actuator.
+        outside: the number of frames in which a client outside the network commanded.
+        holds: the number of frames in which the emergency stop or a lock kept the network from deciding.
+        restarts: the number of epochs after the first.
+        unknown: the number of frames that were not compared because the frame's own memory or answers were
+            not recorded.
+        differing: the number of frames that differ from the interpreter.
+        first: the first difference, if any.
+        contracts: the contracts that the interpreter found broken.
+        damaged: the damaged sections.
+        forgotten: the number of frames that were not compared because memory was lost in an earlier frame,
+            and the recording has had no keyframe since.
+        resumed: the number of keyframes from which the interpreter continued.
+        undecided: the number of decisions of actuators with `on_loss degrade` that were not compared after
+            the interpreter continued from a keyframe without the memory for lost clients.
     """
 
     frames: int

@@ -1,4 +1,4 @@
-"""The proof of one contract in one context: in a single frame, with invariants, by induction, by search."""
+"""An attempt to prove one contract, or to refute it by a search for traces of growing length."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from colony.verify.contracts.houdini import unbroken
-from colony.verify.contracts.induction import Induction, Known, follows
+from colony.verify.contracts.induction import Induction, KnownCondition, conditions_implying
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Trace
@@ -15,16 +15,17 @@ from colony.verify.contracts.solver import Budget
 
 
 class Proof(NamedTuple):
-    """A proof by k-induction, and the known conditions that it used."""
+    """A proof by k-induction, and the known conditions that it uses."""
 
     k: int
-    used: tuple[str, ...]
+    conditions_used: tuple[str, ...]
 
 
 class Attempt:
     """An attempt to prove or refute one contract. Stateful: remembers what it has searched and found.
 
     Without a `refuter` it only tries to prove: any model that breaks the contract ends the attempt.
+    `python_trace`, if not None, breaks the contract if the Python modules answer as in the trace.
     """
 
     def __init__(
@@ -36,7 +37,7 @@ class Attempt:
         self._budget = budget
         self._refuter = refuter
         self.lemmas = context.lemmas(self._cone)
-        self._known = [Known(f"contract {c.name}", unbroken(c)) for c in self.lemmas]
+        self._known_conditions = [KnownCondition(f"contract {c.name}", unbroken(c)) for c in self.lemmas]
         self._has_given_up = False
         self.python_trace: Trace | None = None
 
@@ -46,7 +47,7 @@ class Attempt:
         return Search(self._cone, self._claim, self._budget, lemmas)
 
     @property
-    def searched(self) -> int:
+    def frames_searched(self) -> int:
         """Number of frames searched for a counterexample."""
         return self._search.length
 
@@ -58,7 +59,9 @@ class Attempt:
         trace = self._search_longer()
         if trace is not None or self._has_given_up:
             return trace
-        self._known += [Known(c.text, c.holds) for c in self._context.invariants(self._cone, self._budget)]
+        self._known_conditions += [
+            KnownCondition(c.text, c.formula) for c in self._context.invariants(self._cone, self._budget)
+        ]
         proof = self.prove_in_one_frame()
         if proof is not None:
             return proof
@@ -68,15 +71,15 @@ class Attempt:
         return found
 
     def prove_in_one_frame(self) -> Proof | None:
-        """Return a proof from what is known so far, about a single frame; None if there is none."""
-        used = follows(self._cone, self._claim, self._known, self._budget)
+        """Return a proof in a single frame from the conditions known so far, None if there is none."""
+        used = conditions_implying(self._cone, self._claim, self._known_conditions, self._budget)
         return None if used is None else Proof(0, used)
 
     def _induce(self) -> Proof | Trace | None:
         """Run k-induction up to the maximum k, alternating with the search, which is its base case."""
-        steps = Induction(self._cone, self._claim, self._known, self._budget)
+        induction = Induction(self._cone, self._claim, self._known_conditions, self._budget)
         for k in range(1, self._budget.options.depth + 1):
-            used = steps.next()
+            used = induction.prove_next_k()
             if used is not None and self._search.safe_length >= k:
                 return Proof(k, used)
             trace = self._search_longer()
@@ -88,7 +91,7 @@ class Attempt:
 
     @property
     def _is_over(self) -> bool:
-        return self._has_given_up or self._budget.spent()
+        return self._has_given_up or self._budget.is_spent()
 
     @property
     def _max_frames(self) -> int:

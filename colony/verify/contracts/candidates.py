@@ -15,7 +15,7 @@ import z3
 
 from colony.ir.program import Machine, Module, Program, State
 from colony.ir.types import Enum
-from colony.verify.contracts.cone import parts, within
+from colony.verify.contracts.cone import formulas_of, within
 from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.substitution import Substitution
 from colony.verify.symbolic.system import Cell, Claim, System
@@ -29,7 +29,7 @@ class Candidate:
     """A condition that may hold before every frame; `text` describes it."""
 
     text: str
-    holds: z3.BoolRef
+    formula: z3.BoolRef
 
 
 def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
@@ -40,19 +40,19 @@ def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
     system = cone.system
     flags = [c for c in cone.cells if z3.is_bool(c.old)]
     numbers = [c for c in cone.cells if z3.is_arith(c.old) and str(c.old) != str(system.last)]
-    mentioned = _numerals([f for c in claims for f in (c.applies, c.holds)])
+    contract_constants = _numerals([f for c in claims for f in (c.applies, c.holds)])
     in_initial_memory = Substitution([c.old for c in cone.cells], [c.initial for c in cone.cells])
     found: dict[int, Candidate] = {}
     for candidate in (
         *_unchanged(system, cone.cells),
         *_phases(system, cone),
         *_timestamps(system, flags, numbers),
-        *_bounds(numbers, mentioned),
+        *_bounds(numbers, contract_constants),
         *_pairs_of_flags(system, cone, flags),
         *_pairs_of_numbers(numbers),
     ):
-        if z3.is_true(z3.simplify(in_initial_memory(candidate.holds))):
-            found.setdefault(candidate.holds.get_id(), candidate)
+        if z3.is_true(z3.simplify(in_initial_memory(candidate.formula))):
+            found.setdefault(candidate.formula.get_id(), candidate)
     return tuple(found.values())
 
 
@@ -73,7 +73,7 @@ def _phases(system: System, cone: Cone) -> Iterator[Candidate]:
     for name, members in _enumerated(system.program):
         if name not in system.states:
             continue
-        value = parts(system.states[name])[0]
+        value = formulas_of(system.states[name])[0]
         if within(cone, value):
             text = f"{name} is one of {', '.join(member for member, _ in members)}"
             yield Candidate(text, z3.Or(*(value == number(n) for _, n in members)))
@@ -102,7 +102,7 @@ def number(x: float) -> z3.RatNumRef:
 
 
 def _timestamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Iterator[Candidate]:
-    """Yield the guesses that no stored time is after the last frame, and that a flag implies a frame."""
+    """Yield the guesses that a flag implies an earlier frame, and that a stored time is in the past."""
     for flag in flags:
         if str(flag.old) != str(system.begun):
             yield Candidate(f"{flag.name} implies an earlier frame", z3.Implies(flag.old, system.begun))
@@ -120,10 +120,10 @@ def _stem(cell: Cell) -> str:
     return cell.name.rpartition(" ")[0] or cell.name
 
 
-def _bounds(numbers: list[Cell], mentioned: list[Fraction]) -> Iterator[Candidate]:
+def _bounds(numbers: list[Cell], contract_constants: list[Fraction]) -> Iterator[Candidate]:
     """Yield the guesses that a number is bounded by a constant in its formula or in a contract."""
     for cell in numbers:
-        values = dict.fromkeys((*_numerals([cell.next, cell.initial]), *mentioned))
+        values = dict.fromkeys((*_numerals([cell.next, cell.initial]), *contract_constants))
         for value in list(values)[:_MAX_BOUNDS]:
             bound = _constant(value, cell.old.sort())
             if bound is not None:
@@ -160,24 +160,24 @@ def _literals(system: System, cone: Cone, flags: list[Cell]) -> list[Candidate]:
     """Return the flags, including bool states, and the phases of machines."""
     literals = [Candidate(f.name, f.old) for f in flags if str(f.old) != str(system.begun)]
     for name, members in _enumerated(system.program):
-        value = parts(system.states[name])[0] if name in system.states else None
+        value = formulas_of(system.states[name])[0] if name in system.states else None
         if value is not None and within(cone, value):
             literals += [Candidate(f"{name} == {member}", value == number(n)) for member, n in members]
     return literals
 
 
 def _pairs_of_flags(system: System, cone: Cone, flags: list[Cell]) -> Iterator[Candidate]:
-    """Yield the guesses that one of two flags or phases implies or excludes the other, or that one holds."""
+    """Yield the guesses that a flag or phase implies or excludes another, or that one of the two is true."""
     literals = _literals(system, cone, flags)
     count = 0
     for a, b in combinations(literals, 2):
         if count >= _MAX_PAIRS:
             return
         count += 4
-        yield Candidate(f"not ({a.text} and {b.text})", z3.Not(z3.And(a.holds, b.holds)))
-        yield Candidate(f"{a.text} or {b.text}", z3.Or(a.holds, b.holds))
-        yield Candidate(f"{a.text} implies {b.text}", z3.Implies(a.holds, b.holds))
-        yield Candidate(f"{b.text} implies {a.text}", z3.Implies(b.holds, a.holds))
+        yield Candidate(f"not ({a.text} and {b.text})", z3.Not(z3.And(a.formula, b.formula)))
+        yield Candidate(f"{a.text} or {b.text}", z3.Or(a.formula, b.formula))
+        yield Candidate(f"{a.text} implies {b.text}", z3.Implies(a.formula, b.formula))
+        yield Candidate(f"{b.text} implies {a.text}", z3.Implies(b.formula, a.formula))
 
 
 def _pairs_of_numbers(numbers: list[Cell]) -> Iterator[Candidate]:

@@ -18,9 +18,9 @@ def cone_of(system: System, claim: Claim) -> Cone:
     return cones.cone(system, [claim.applies, claim.holds, system.now, system.begun, system.last])
 
 
-def covers(cone: Cone, part: Cone) -> bool:
-    """Return True if `part` depends on nothing outside `cone`."""
-    return _constants(part) <= _constants(cone)
+def covers(cone: Cone, other: Cone) -> bool:
+    """Return True if `other` depends on nothing outside `cone`."""
+    return _constants(other) <= _constants(cone)
 
 
 def key_of(cone: Cone) -> frozenset[int]:
@@ -42,7 +42,7 @@ def facts(cone: Cone) -> z3.BoolRef:
     return z3.And(*cone.assumptions, *cone.definitions, *cone.invariants)
 
 
-def parts(scalar: Scalar) -> tuple[z3.ExprRef, ...]:
+def formulas_of(scalar: Scalar) -> tuple[z3.ExprRef, ...]:
     """Return the formulas that make up a value."""
     if isinstance(scalar, Number):
         return (scalar.value, scalar.nan, scalar.infinite)

@@ -47,12 +47,12 @@ def number_text(value: float, sensor: Sensor) -> NumberText | None:
     for unit in dict.fromkeys((sensor.unit or None, _base_unit(sensor))):
         for digits in range(1, _MAX_DIGITS + 1):
             candidate = _rounded(value, unit, digits)
-            if candidate is not None and _means(candidate, value):
+            if candidate is not None and _has_value(candidate, value):
                 return candidate
     return None
 
 
-def _means(written: NumberText, value: float) -> bool:
+def _has_value(written: NumberText, value: float) -> bool:
     try:
         return value_of(written) == value
     except OverflowError:
@@ -71,10 +71,10 @@ def rounded(value: float, sensor: Sensor, digits: int) -> float:
 def _rounded(value: float, unit: str | None, digits: int) -> NumberText | None:
     factor = parse_unit(unit).factor if unit else Fraction(1)
     try:
-        declared = float(Fraction(value) / factor)
+        in_unit = float(Fraction(value) / factor)
     except OverflowError:
         return None
-    return NumberText(plain(Decimal(f"{abs(declared):.{digits - 1}e}")), unit, math.copysign(1, declared) < 0)
+    return NumberText(plain(Decimal(f"{abs(in_unit):.{digits - 1}e}")), unit, math.copysign(1, in_unit) < 0)
 
 
 def plain(number: Decimal) -> str:
@@ -89,10 +89,10 @@ def plain(number: Decimal) -> str:
 
 
 def _base_unit(sensor: Sensor) -> str | None:
-    of = element_type(sensor.type)
-    if not isinstance(of, Quantity) or not any(of.dimension):
+    type_ = element_type(sensor.type)
+    if not isinstance(type_, Quantity) or not any(type_.dimension):
         return None
-    text = str(of.dimension)
+    text = str(type_.dimension)
     return text if text in BASE_UNITS or "/" in text or "*" in text or "^" in text else None
 
 

@@ -59,30 +59,34 @@ def _given(
         yield _assignment(sensor, None, ast.Missing())
         return
     if not isinstance(value, tuple):
-        yield _scalar(sensor, None, value)
+        yield _scalar_assignment(sensor, None, value)
         return
     if isinstance(before, tuple):
         changed = [(i, x) for i, (x, y) in enumerate(zip(value, before, strict=True)) if x != y]
         if len(changed) <= _MAX_DIFFERING:
-            yield from (_scalar(sensor, i, x) for i, x in changed)
+            yield from (_scalar_assignment(sensor, i, x) for i, x in changed)
             return
-    yield from _array(sensor, value)
+    yield from _array_assignments(sensor, value)
 
 
-def _array(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterator[ast.GivenDecl | None]:
+def _array_assignments(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterator[ast.GivenDecl | None]:
     """Yield the commonest value for all elements and the few that differ, or every element."""
     [(common, _), *_] = Counter(value).most_common(1)
     differing = [(i, x) for i, x in enumerate(value) if x != common]
     if len(differing) <= _MAX_DIFFERING:
-        yield _scalar(sensor, None, common)
-        yield from (_scalar(sensor, i, x) for i, x in differing)
+        yield _scalar_assignment(sensor, None, common)
+        yield from (_scalar_assignment(sensor, i, x) for i, x in differing)
         return
     elements = [_expression(sensor, x) for x in value]
-    known = tuple(e for e in elements if e is not None)
-    yield _assignment(sensor, None, ast.Elements(values=known)) if len(known) == len(value) else None
+    expressible = tuple(e for e in elements if e is not None)
+    yield (
+        _assignment(sensor, None, ast.Elements(values=expressible))
+        if len(expressible) == len(value)
+        else None
+    )
 
 
-def _scalar(sensor: Sensor, index: int | None, value: ScalarValue) -> ast.GivenDecl | None:
+def _scalar_assignment(sensor: Sensor, index: int | None, value: ScalarValue) -> ast.GivenDecl | None:
     expression = _expression(sensor, value)
     return None if expression is None else _assignment(sensor, index, expression)
 

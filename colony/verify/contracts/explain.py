@@ -15,48 +15,48 @@ _MAX_REASONS = 3
 
 def explain_unknown(
     contract: Contract,
-    inexact: Sequence[Reason],
+    reasons: Sequence[Reason],
     budget: Budget,
     *,
-    searched: int,
-    spurious: int,
+    frames_searched: int,
+    spurious_models: int,
     trace: Trace | None,
 ) -> Unknown:
     """Return the result for a contract without a proof or refutation.
 
     Args:
         contract: The contract.
-        inexact: Reasons why formulas about it are inexact.
+        reasons: Reasons why formulas about it are inexact.
         budget: Its budget.
-        searched: Number of frames searched for a counterexample.
-        spurious: Number of models that break it, but not in the reference interpreter.
+        frames_searched: Number of frames searched for a counterexample.
+        spurious_models: Number of models that break it, but not in the reference interpreter.
         trace: Run that breaks it if the Python modules answer as in this run; None if there is none.
     """
-    abstracted = [r for r in inexact if r.kind is Inexact.ABSTRACTED]
-    python = [r for r in inexact if r.kind is Inexact.PYTHON]
+    abstracted = [r for r in reasons if r.kind is Inexact.ABSTRACTED]
+    python = [r for r in reasons if r.kind is Inexact.PYTHON]
     because: list[str] = []
     if trace is not None:
         because.append(
             "it is broken if modules in Python answer as below, and the prover must assume that they can"
         )
         because += _reason_lines(python)
-    elif spurious and abstracted:
+    elif spurious_models and abstracted:
         because.append("only bounds and signs of the following are known, which is not enough:")
         because += _reason_lines(abstracted)
-    elif spurious:
+    elif spurious_models:
         because.append("real numbers can break it, but none of the floats that were tried do")
     elif budget.gave_up:
         because.append("z3 reached its limits without an answer")
     if trace is None:
-        before = counted(budget.options.depth, "frame")
+        depth = counted(budget.options.depth, "frame")
         because.append(
-            f"it does not follow from what held in the {before} before, and no run of up to "
-            f"{counted(searched, 'frame')} breaks it"
+            f"it does not follow from what held in the {depth} before, and no run of up to "
+            f"{counted(frames_searched, 'frame')} breaks it"
         )
     return Unknown(
         contract=contract,
         because=tuple(because),
-        hint=_hint(budget, abstracted, spurious, trace),
+        hint=_hint(budget, abstracted, spurious_models, trace),
         trace=trace,
     )
 
@@ -76,10 +76,10 @@ def _location(reason: Reason) -> str:
     return f"{source.name}:{line}:{column}: "
 
 
-def _hint(budget: Budget, abstracted: Sequence[Reason], spurious: int, trace: Trace | None) -> str:
+def _hint(budget: Budget, abstracted: Sequence[Reason], spurious_models: int, trace: Trace | None) -> str:
     if trace is not None:
         return "bound the module's command with a `limit` or a `range`, or test its class"
-    if spurious and abstracted:
+    if spurious_models and abstracted:
         return (
             "state what the contract needs to know about them as a condition in it, or test it with "
             "`--examples 10000`"

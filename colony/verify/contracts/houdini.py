@@ -30,7 +30,7 @@ _MAX_ROUNDS = 200
 class Invariants:
     """Conditions that hold before every frame, and the contracts that follow from them."""
 
-    of_memory: tuple[Candidate, ...]
+    conditions: tuple[Candidate, ...]
     claims: tuple[Claim, ...]
 
 
@@ -53,63 +53,63 @@ def invariants(
     subset = _GreatestSubset(cone, lemmas, budget)
     after = Substitution([c.old for c in cone.cells], [c.next for c in cone.cells])
     for guess in guesses:
-        subset.guess(guess.holds, after(guess.holds))
+        subset.add_guess(guess.formula, after(guess.formula))
     for claim in claims:
-        subset.claim(unbroken(claim))
-    subset.settle()
+        subset.add_claim(unbroken(claim))
+    subset.shrink()
     return Invariants(
-        tuple(guesses[i] for i in sorted(subset.before)), tuple(claims[i] for i in sorted(subset.during))
+        tuple(guesses[i] for i in sorted(subset.guesses_left)),
+        tuple(claims[i] for i in sorted(subset.claims_left)),
     )
 
 
 class _GreatestSubset:
     """The greatest inductive subset: drops guesses and claims until none can be broken. Mutable.
 
-    `before` are the remaining guesses, about memory before a frame; `during` are the remaining claims, about
-    the frame. Both are indices.
+    `guesses_left`, about memory before a frame, and `claims_left`, about the frame, are indices.
     """
 
     def __init__(self, cone: Cone, lemmas: Sequence[z3.BoolRef], budget: Budget) -> None:
         self._solver = Solver(budget, _SHARE)
         self._solver.add(facts(cone), *lemmas)
-        self._after: list[z3.BoolRef] = []
-        self._before: list[z3.BoolRef] = []
+        self._guesses_after: list[z3.BoolRef] = []
+        self._guess_switches: list[z3.BoolRef] = []
         self._claims: list[z3.BoolRef] = []
-        self.before: set[int] = set()
-        self.during: set[int] = set()
+        self.guesses_left: set[int] = set()
+        self.claims_left: set[int] = set()
 
-    def guess(self, holds: z3.BoolRef, after: z3.BoolRef) -> None:
-        i = len(self._before)
+    def add_guess(self, formula: z3.BoolRef, after: z3.BoolRef) -> None:
+        i = len(self._guess_switches)
         switch = z3.Bool(f"guess {i}")
-        self._solver.add(z3.Implies(switch, holds))
-        self._before.append(switch)
-        self._after.append(_named(self._solver, f"after {i}", after))
-        self.before.add(i)
+        self._solver.add(z3.Implies(switch, formula))
+        self._guess_switches.append(switch)
+        self._guesses_after.append(_named(self._solver, f"after {i}", after))
+        self.guesses_left.add(i)
 
-    def claim(self, holds: z3.BoolRef) -> None:
+    def add_claim(self, formula: z3.BoolRef) -> None:
         i = len(self._claims)
-        self._claims.append(_named(self._solver, f"claim {i}", holds))
-        self.during.add(i)
+        self._claims.append(_named(self._solver, f"claim {i}", formula))
+        self.claims_left.add(i)
 
-    def settle(self) -> None:
-        """Find the greatest fixpoint, or a smaller inductive set if z3 gives up."""
+    def shrink(self) -> None:
+        """Shrink to the greatest fixpoint, or to a smaller inductive set if z3 gives up."""
         for _ in range(_MAX_ROUNDS):
-            known = [self._before[i] for i in sorted(self.before)]
-            if self._drop(self.during, self._claims, known):
+            assumed = [self._guess_switches[i] for i in sorted(self.guesses_left)]
+            if self._drop(self.claims_left, self._claims, assumed):
                 continue
-            known += [self._claims[i] for i in sorted(self.during)]
-            if not self._drop(self.before, self._after, known):
+            assumed += [self._claims[i] for i in sorted(self.claims_left)]
+            if not self._drop(self.guesses_left, self._guesses_after, assumed):
                 return
-        self.before.clear()
-        self.during.clear()
+        self.guesses_left.clear()
+        self.claims_left.clear()
 
-    def _drop(self, kept: set[int], goals: list[z3.BoolRef], known: list[z3.BoolRef]) -> bool:
-        """Drop from `kept` the goals that a model of `known` breaks; return False if none can be broken."""
+    def _drop(self, kept: set[int], goals: list[z3.BoolRef], assumed: list[z3.BoolRef]) -> bool:
+        """Drop from `kept` the goals that a model of `assumed` breaks; return False if none can be broken."""
         if not kept:
             return False
         self._solver.push()
         self._solver.add(z3.Or(*(z3.Not(goals[i]) for i in sorted(kept))))
-        answer = self._solver.ask(known)
+        answer = self._solver.check(assumed)
         if answer is Answer.SAT:
             model = self._solver.model()
             broken = {i for i in kept if not z3.is_true(model.eval(goals[i], model_completion=True))}
@@ -121,17 +121,17 @@ class _GreatestSubset:
                 kept -= broken
                 return True
             case Answer.GAVE_UP:
-                return self._drop_one_by_one(kept, goals, known)
+                return self._drop_one_by_one(kept, goals, assumed)
             case _:
                 assert_never(answer)
 
-    def _drop_one_by_one(self, kept: set[int], goals: list[z3.BoolRef], known: list[z3.BoolRef]) -> bool:
+    def _drop_one_by_one(self, kept: set[int], goals: list[z3.BoolRef], assumed: list[z3.BoolRef]) -> bool:
         """Keep the goals that can be proved one by one; return True if any was dropped.
 
         Used if z3 gives up on all of them together.
         """
         self._solver.limit(_SHARE / 8)
-        proved = {i for i in sorted(kept) if self._solver.ask([*known, z3.Not(goals[i])]) is Answer.UNSAT}
+        proved = {i for i in sorted(kept) if self._solver.check([*assumed, z3.Not(goals[i])]) is Answer.UNSAT}
         self._solver.limit(_SHARE)
         dropped = kept != proved
         kept &= proved

@@ -18,20 +18,22 @@ from colony.verify.symbolic.system import Claim
 from colony.verify.symbolic.unrolling import Unrolling
 
 
-class Known(NamedTuple):
+class KnownCondition(NamedTuple):
     """A condition that is true in every frame, and its description."""
 
     text: str
-    holds: z3.BoolRef
+    formula: z3.BoolRef
 
 
-def follows(cone: Cone, claim: Claim, known: Sequence[Known], budget: Budget) -> tuple[str, ...] | None:
-    """Return the conditions of `known` that imply a contract in any single frame, None if they do not."""
+def conditions_implying(
+    cone: Cone, claim: Claim, known: Sequence[KnownCondition], budget: Budget
+) -> tuple[str, ...] | None:
+    """Return the conditions of `known` that a single-frame proof needs, None if there is no such proof."""
     switches = _switches(known)
     solver = Solver(budget)
     solver.add(facts(cone), z3.Not(unbroken(claim)))
-    solver.add(*(z3.Implies(s, k.holds) for s, k in zip(switches, known, strict=True)))
-    return _used(solver, known, switches) if solver.ask(switches) is Answer.UNSAT else None
+    solver.add(*(z3.Implies(s, k.formula) for s, k in zip(switches, known, strict=True)))
+    return _used(solver, known, switches) if solver.check(switches) is Answer.UNSAT else None
 
 
 class Induction:
@@ -40,7 +42,7 @@ class Induction:
     `known` are conditions that hold in every frame: invariants, and contracts proved earlier.
     """
 
-    def __init__(self, cone: Cone, claim: Claim, known: Sequence[Known], budget: Budget) -> None:
+    def __init__(self, cone: Cone, claim: Claim, known: Sequence[KnownCondition], budget: Budget) -> None:
         self._frames = Unrolling(cone.system, cone)
         self._facts = facts(cone)
         self._claim = claim
@@ -50,7 +52,7 @@ class Induction:
         self._last = 0
         self._extend()
 
-    def next(self) -> tuple[str, ...] | None:
+    def prove_next_k(self) -> tuple[str, ...] | None:
         """Return the conditions of `known` that prove the step for the next k, None if it is not proved."""
         self._solver.add(self._frames.at(self._last, unbroken(self._claim)))
         self._solver.add(*self._frames.transition(self._last))
@@ -59,22 +61,22 @@ class Induction:
         goal = z3.Bool(f"broken {self._last}")
         broken = z3.Not(self._frames.at(self._last, unbroken(self._claim)))
         self._solver.add(z3.Implies(goal, broken))
-        if self._solver.ask([goal, *self._switches]) is not Answer.UNSAT:
+        if self._solver.check([goal, *self._switches]) is not Answer.UNSAT:
             return None
         return _used(self._solver, self._known, self._switches)
 
     def _extend(self) -> None:
         """Assume the facts and known conditions of the last frame."""
         self._solver.add(self._frames.at(self._last, self._facts))
-        for switch, known in zip(self._switches, self._known, strict=True):
-            self._solver.add(z3.Implies(switch, self._frames.at(self._last, known.holds)))
+        for switch, condition in zip(self._switches, self._known, strict=True):
+            self._solver.add(z3.Implies(switch, self._frames.at(self._last, condition.formula)))
 
 
-def _switches(known: Sequence[Known]) -> list[z3.BoolRef]:
-    """Return a constant for each known condition; assuming the constant uses the condition."""
+def _switches(known: Sequence[KnownCondition]) -> list[z3.BoolRef]:
+    """Return a constant for each known condition; assuming the constant assumes the condition."""
     return [z3.Bool(f"known {i}") for i in range(len(known))]
 
 
-def _used(solver: Solver, known: Sequence[Known], switches: Sequence[z3.BoolRef]) -> tuple[str, ...]:
+def _used(solver: Solver, known: Sequence[KnownCondition], switches: Sequence[z3.BoolRef]) -> tuple[str, ...]:
     core = solver.core()
     return tuple(k.text for k, s in zip(known, switches, strict=True) if str(s) in core)

@@ -26,7 +26,7 @@ _MAX_DIGITS = 6
 def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PATIENCE) -> Trace:
     """Return a minimal trace whose last frame breaks the contract, from `snapshots`, which break it."""
     robot, broken = replay.program.robot, tuple(snapshots)[: len(replay.run(snapshots))]
-    shrinker = Shrinker(robot, broken, replay.breach, _SimplerReadings(), replay.affordable(patience))
+    shrinker = Shrinker(robot, broken, replay.breach, _SimplerReadings(), replay.affordable_runs(patience))
     shrinker.run()
     for module in dict.fromkeys(m for s in shrinker.trace for m in s.answers):
         for i, snapshot in enumerate(shrinker.trace):
@@ -48,32 +48,32 @@ def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator
     for sensor in replay.program.robot.sensors:
         if is_stand_in(sensor) or any(sensor.name in s.readings for s in snapshots):
             continue
-        trials = _simple(sensor)
-        given = (tuple(with_reading(s, sensor.name, value) for s in snapshots) for value in trials)
-        if trials and not any(replay.breaks(g) for g in given):
+        trials = _simple_values(sensor)
+        traces = (tuple(with_reading(s, sensor.name, value) for s in snapshots) for value in trials)
+        if trials and not any(replay.breaks(trace) for trace in traces):
             yield sensor.name
 
 
 class _SimplerReadings:
-    """Simpler readings in base units: none, that of the previous frame, simple values, short numbers."""
+    """Simpler readings in base units: None, that of the previous frame, simple values, short numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
-        """Yield no value, each given value, and simple values; nothing for a sensor that is never given."""
+        """Yield None, each value in `readings`, and simple values; nothing if `readings` has no value."""
         if all(reading is None for reading in readings):
             return
-        yield from dict.fromkeys((None, *_values(reversed(readings)), *_simple(sensor)))
+        yield from dict.fromkeys((None, *_values(reversed(readings)), *_simple_values(sensor)))
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
-        """Yield the previous value, no value, simple values, and values with fewer numbers or digits."""
+        """Yield the previous value, None, simple values, and values with fewer distinct numbers or digits."""
         if reading == before:
             return
         yield before
         for value in _values([reading]):
             yield None
-            simple = _simple(sensor)
+            simple = _simple_values(sensor)
             yield from simple[: simple.index(value)] if value in simple else simple
             if isinstance(value, tuple):
-                yield from _fewer_numbers(value)
+                yield from _fewer_distinct_numbers(value)
                 for x in dict.fromkeys(value):
                     yield from (tuple(y if e == x else e for e in value) for y in _shorter(sensor, x))
             else:
@@ -87,7 +87,7 @@ def _values(readings: Iterator[Reading] | Sequence[Reading]) -> Iterator[Value]:
             yield reading
 
 
-def _fewer_numbers(value: tuple[ScalarValue, ...]) -> Iterator[Value]:
+def _fewer_distinct_numbers(value: tuple[ScalarValue, ...]) -> Iterator[Value]:
     """Yield arrays with more equal elements."""
     [(common, _), *others] = Counter(value).most_common()
     yield from ((x,) * len(value) for x in sorted(set(value)) if others)
@@ -105,16 +105,16 @@ def _shorter(sensor: Sensor, x: ScalarValue) -> Iterator[ScalarValue]:
     max_digits = 17 if text is None else len(text.digits.replace(".", "").lstrip("0")) - 1
     for digits in range(1, min(max_digits, _MAX_DIGITS) + 1):
         shorter = rounded(x, sensor, digits)
-        if shorter != x and _inside(sensor, shorter):
+        if shorter != x and _in_range(sensor, shorter):
             yield shorter
 
 
-def _inside(sensor: Sensor, x: float) -> bool:
+def _in_range(sensor: Sensor, x: float) -> bool:
     return (sensor.low is None or sensor.low <= x) and (sensor.high is None or x <= sensor.high)
 
 
-def _simple(sensor: Sensor) -> list[Value]:
-    """Return simple values: the default, zero, the ends of the range; an array has one in all elements."""
+def _simple_values(sensor: Sensor) -> list[Value]:
+    """Return simple values: the default, zero, the ends of the range; for an array, in all elements."""
     scalars = list(dict.fromkeys(_simple_scalars(sensor)))
     if isinstance(sensor.type, Array):
         return [(x,) * sensor.type.size for x in scalars]
@@ -130,7 +130,7 @@ def _simple_scalars(sensor: Sensor) -> Iterator[ScalarValue]:
         case Enum(members=members):
             yield from (n for _, n in members)
         case _:
-            if _inside(sensor, 0.0):
+            if _in_range(sensor, 0.0):
                 yield 0.0
             yield from (x for x in (sensor.low, sensor.high) if x is not None)
             if sensor.low is None and sensor.high is None:

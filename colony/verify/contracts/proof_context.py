@@ -42,8 +42,10 @@ class ProofContext:
             claims = [c for c in self.system.claims if covers(cone, self.cones[c.name])]
             proved = self.lemmas(cone)
             unproved = [c for c in claims if c not in proved]
-            part = budget.part(_SHARE)
-            guesses = not_refuted(cone, candidates(cone, tuple(claims)), part)
-            found = invariants(cone, guesses[:_MAX_GUESSES], unproved, [unbroken(c) for c in proved], part)
-            self._invariants[key] = found.of_memory
+            search_budget = budget.scaled(_SHARE)
+            guesses = not_refuted(cone, candidates(cone, tuple(claims)), search_budget)
+            found = invariants(
+                cone, guesses[:_MAX_GUESSES], unproved, [unbroken(c) for c in proved], search_budget
+            )
+            self._invariants[key] = found.conditions
         return self._invariants[key]

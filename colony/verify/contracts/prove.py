@@ -101,13 +101,13 @@ class Prover:
         refuter = Refuter(self._program, contract.name)
         attempt = Attempt(self._usual, contract.name, budget, refuter)
         context, found = self._usual, attempt.run()
-        searched = attempt.searched
+        frames_searched = attempt.frames_searched
         if found is None and attempt.python_trace is None and self._is_nonlinear(contract.name):
-            attempt = Attempt(self._precise, contract.name, budget.part(), refuter)
+            attempt = Attempt(self._precise, contract.name, budget.scaled(), refuter)
             context, found = self._precise, attempt.run()
-            searched = max(searched, attempt.searched)
+            frames_searched = max(frames_searched, attempt.frames_searched)
         if found is None and attempt.python_trace is None:
-            found = refuter.draw()
+            found = refuter.search_random_runs()
         match found:
             case Proof():
                 return self._confirm_for_floats(contract, context, found, attempt.lemmas, refuter)
@@ -118,17 +118,17 @@ class Prover:
                     contract,
                     context.claims[contract.name].inexact,
                     budget,
-                    searched=searched,
-                    spurious=refuter.spurious,
+                    frames_searched=frames_searched,
+                    spurious_models=refuter.spurious_models,
                     trace=attempt.python_trace,
                 )
 
     def _uses_reals(self, contract: Contract) -> bool:
         """Return True if reals stand in for floats in a contract."""
-        return bool(_rounding([self._usual.claims[contract.name]]))
+        return bool(_rounding_reasons([self._usual.claims[contract.name]]))
 
     def _is_nonlinear(self, contract: str) -> bool:
-        """Return True if a contract depends on products or quotients with only known bounds and signs."""
+        """Return True if a contract depends on products or quotients known only by bounds and signs."""
         visited = self._usual.cones[contract].visited
         return any(
             a.operation in _NONLINEAR and a.constant.get_id() in visited
@@ -139,12 +139,12 @@ class Prover:
         self, contract: Contract, context: ProofContext, proof: Proof, lemmas: list[Claim], refuter: Refuter
     ) -> Proved | Refuted:
         """Check whether a proof holds for floats, bit for bit: floats may break what holds for reals."""
-        rounding = self._with_lemmas(_rounding([context.claims[contract.name], *lemmas]), lemmas)
+        rounding = self._with_lemmas(_rounding_reasons([context.claims[contract.name], *lemmas]), lemmas)
         float_proof = self._prove_for_floats(contract) if rounding else None
         if float_proof is not None:
             proof, rounding = float_proof
         elif rounding:
-            trace = refuter.draw()
+            trace = refuter.search_random_runs()
             if trace is not None:
                 return Refuted(contract=contract, trace=trace)
         return self._record_proved(contract, context, proof, rounding)
@@ -157,7 +157,7 @@ class Prover:
         self._over_reals[contract.name] = rounding
         for proof_context in dict.fromkeys((self._usual, context)):
             proof_context.record_proof(contract.name)
-        return Proved(contract=contract, k=proof.k, invariants=proof.used, over_reals=rounding)
+        return Proved(contract=contract, k=proof.k, invariants=proof.conditions_used, over_reals=rounding)
 
     def _with_lemmas(self, rounding: tuple[Reason, ...], lemmas: list[Claim]) -> tuple[Reason, ...]:
         """Return `rounding`, and the places where the proofs of the lemmas used reals for floats.
@@ -174,16 +174,16 @@ class Prover:
 
         With `one_frame_only`, try only a proof in a single frame.
         """
-        budget = Budget(self._options, self._clock).part(_GENERAL_SHARE)
+        budget = Budget(self._options, self._clock).scaled(_GENERAL_SHARE)
         attempt = Attempt(self._general, contract.name, budget)
         proof = attempt.prove_in_one_frame() if one_frame_only else attempt.run()
         if not isinstance(proof, Proof):
             return None
         self._general.record_proof(contract.name)
-        return proof, _rounding([self._general.claims[contract.name], *attempt.lemmas])
+        return proof, _rounding_reasons([self._general.claims[contract.name], *attempt.lemmas])
 
 
-def _rounding(claims: list[Claim]) -> tuple[Reason, ...]:
+def _rounding_reasons(claims: list[Claim]) -> tuple[Reason, ...]:
     """Return the places where reals stand in for floats in a contract or in the lemmas of its proof."""
     reasons = dict.fromkeys(r for claim in claims for r in claim.inexact)
     return tuple(r for r in reasons if r.kind is Inexact.ROUNDING)

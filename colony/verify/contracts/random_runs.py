@@ -17,8 +17,8 @@ _FRAMES = 8
 def random_counterexample(program: Program, replay: Replay) -> tuple[Snapshot, ...] | None:
     """Return the first of a few random runs that breaks the contract, None if none does. Deterministic."""
     guide = Guide(program, _FRAMES)
-    for number in range(replay.affordable(_TRACES)):
-        trace = guide.draw(Choices(Random(number)))
+    for seed in range(replay.affordable_runs(_TRACES)):
+        trace = guide.draw(Choices(Random(seed)))
         snapshots = tuple(snapshot_of(program, frame) for frame in trace)
         if replay.breaks(snapshots):
             return snapshots

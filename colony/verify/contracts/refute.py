@@ -24,7 +24,7 @@ _MAX_MODELS = 16
 
 
 class Refuter:
-    """Replays models of one contract. Stateful: counts the models tried.
+    """Replays models of one contract. Stateful: counts the models tried, by length.
 
     `spurious` is the number of models that do not break the contract in the interpreter.
     """
@@ -35,22 +35,22 @@ class Refuter:
             without_python: Replay(program, contract, without_python) for without_python in (False, True)
         }
         self._sensors = {s.name: s for s in program.robot.sensors}
-        self._tried: dict[int, int] = {}
-        self.spurious = 0
+        self._models_tried: dict[int, int] = {}
+        self.spurious_models = 0
 
     def confirm(self, candidate: CandidateTrace, search: Search) -> Trace | None:
         """Return a minimal trace from a model, None if the model is spurious."""
         without_python = candidate.without_python and bool(search.frames.cone.system.python)
         replay = self._replays[without_python]
         exact = snapshots(candidate.model, search.frames, candidate.frames)
-        for attempt in self._attempts(exact):
-            if replay.breaks(attempt):
-                return minimize(replay, attempt)
-        self.spurious += 1
-        self._tried[candidate.frames] = self._tried.get(candidate.frames, 0) + 1
+        for variant in self._variants(exact):
+            if replay.breaks(variant):
+                return minimize(replay, variant)
+        self.spurious_models += 1
+        self._models_tried[candidate.frames] = self._models_tried.get(candidate.frames, 0) + 1
         return None
 
-    def draw(self) -> Trace | None:
+    def search_random_runs(self) -> Trace | None:
         """Return a minimal trace from random runs that call no Python module, None if none breaks it."""
         replay = self._replays[True]
         found = random_counterexample(self._program, replay)
@@ -58,9 +58,12 @@ class Refuter:
 
     def may_try_more(self, candidate: CandidateTrace) -> bool:
         """Return True if another model of the same length is worth a try."""
-        return self._tried.get(candidate.frames, 0) < _MODELS_PER_LENGTH and self.spurious < _MAX_MODELS
+        return (
+            self._models_tried.get(candidate.frames, 0) < _MODELS_PER_LENGTH
+            and self.spurious_models < _MAX_MODELS
+        )
 
-    def _attempts(self, exact: tuple[Snapshot, ...]) -> Iterator[tuple[Snapshot, ...]]:
+    def _variants(self, exact: tuple[Snapshot, ...]) -> Iterator[tuple[Snapshot, ...]]:
         """Yield a model's snapshots, then the same with rounded numbers."""
         yield exact
         for digits in (12, 6, 3, 1):

@@ -26,7 +26,7 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
 from colony.verify.testing.examples import facts_of_breach
 
-_SMALL = 60
+_SMALL_PROGRAM = 60
 """Maximum number of declarations of a small program."""
 
 
@@ -42,14 +42,14 @@ class Replay:
             _with_stand_ins(program), contracts=tuple(c for c in program.contracts if c.name == contract)
         )
         self._fields = {
-            m.name: _commanded(program, m) for m in program.modules if isinstance(m, PythonModule)
+            m.name: _command_fields(program, m) for m in program.modules if isinstance(m, PythonModule)
         }
 
-    def affordable(self, max_runs: int) -> int:
+    def affordable_runs(self, max_runs: int) -> int:
         """Return the number of runs to afford: `max_runs` for a small program, fewer for a large one."""
         program = self.program
         size = len(program.modules) + len(program.derived) + len(program.wires) + len(program.robot.sensors)
-        return max_runs if size <= _SMALL else max_runs * _SMALL // size
+        return max_runs if size <= _SMALL_PROGRAM else max_runs * _SMALL_PROGRAM // size
 
     def run(self, snapshots: Sequence[Snapshot]) -> tuple[Outcome, ...]:
         """Return the interpreter's outcomes from its initial memory, up to the contract's first breach."""
@@ -67,11 +67,14 @@ class Replay:
 
     def found(self, snapshots: Sequence[Snapshot]) -> tuple[str, ...]:
         """Return the values of the contract's names in the frame that breaks it, one fact each."""
-        given = [s._replace(readings=self._readings(s)) for s in snapshots]
-        return facts_of_breach(self.program, self._contract, given)
+        with_answers = [s._replace(readings=self._readings(s)) for s in snapshots]
+        return facts_of_breach(self.program, self._contract, with_answers)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
-        """Return the outcomes, and True if a stand-in was active; without Python, each that is called is."""
+        """Return the outcomes, and True if a stand-in was active.
+
+        With `without_python`, every stand-in that is called is active.
+        """
         interpreter = Interpreter(self.program)
         outcomes, was_called = [], False
         for snapshot in snapshots:
@@ -85,9 +88,11 @@ class Replay:
         readings = dict(snapshot.readings)
         for module, fields in self._fields.items():
             answer = snapshot.answers.get(module)
-            readings[_answers(module)] = self._without_python or answer is not None
+            readings[_activation_sensor_name(module)] = self._without_python or answer is not None
             for i, field in enumerate(fields):
-                readings[_answer(module, i)] = any_value(field.type) if answer is None else answer[i]
+                readings[_field_sensor_name(module, i)] = (
+                    any_value(field.type) if answer is None else answer[i]
+                )
         return readings
 
 
@@ -96,44 +101,44 @@ def is_stand_in(sensor: Sensor) -> bool:
     return " " in sensor.name
 
 
-def _answers(module: str) -> str:
+def _activation_sensor_name(module: str) -> str:
     """Return the name of the sensor that activates a stand-in; names of the language have no blanks."""
     return f"{module} answers"
 
 
-def _answer(module: str, i: int) -> str:
+def _field_sensor_name(module: str, i: int) -> str:
     return f"{module} answers {i}"
 
 
 def _with_stand_ins(program: Program) -> Program:
     python = [m for m in program.modules if isinstance(m, PythonModule)]
-    sensors = [s for m in python for s in _sensors(program, m)]
+    sensors = [s for m in python for s in _stand_in_sensors(program, m)]
     modules = tuple(_stand_in(program, m) if isinstance(m, PythonModule) else m for m in program.modules)
     robot = replace(program.robot, sensors=(*program.robot.sensors, *sensors))
     return replace(program, robot=robot, modules=modules)
 
 
-def _commanded(program: Program, module: PythonModule) -> tuple[ActuatorField, ...]:
+def _command_fields(program: Program, module: PythonModule) -> tuple[ActuatorField, ...]:
     return next((a.fields for a in program.robot.actuators if a.name == module.actuator), ())
 
 
-def _sensors(program: Program, module: PythonModule) -> list[Sensor]:
-    given = [Sensor(name=_answers(module.name), type=BOOL, server="", field="")]
-    for i, field in enumerate(_commanded(program, module)):
-        given.append(Sensor(name=_answer(module.name, i), type=field.type, server="", field=""))
-    return given
+def _stand_in_sensors(program: Program, module: PythonModule) -> list[Sensor]:
+    sensors = [Sensor(name=_activation_sensor_name(module.name), type=BOOL, server="", field="")]
+    for i, field in enumerate(_command_fields(program, module)):
+        sensors.append(Sensor(name=_field_sensor_name(module.name, i), type=field.type, server="", field=""))
+    return sensors
 
 
 def _stand_in(program: Program, module: PythonModule) -> AnyModule:
     lets = tuple(Let(name=f"{module.name}.{r.name}", expression=r.expression) for r in module.reads)
     fields = tuple(
-        SensorValue(type=f.type, name=_answer(module.name, i))
-        for i, f in enumerate(_commanded(program, module))
+        SensorValue(type=f.type, name=_field_sensor_name(module.name, i))
+        for i, f in enumerate(_command_fields(program, module))
     )
     return Module(
         name=module.name,
         span=module.span,
         lets=lets,
-        when=SensorValue(type=BOOL, name=_answers(module.name)),
+        when=SensorValue(type=BOOL, name=_activation_sensor_name(module.name)),
         command=Command(actuator=module.actuator, fields=fields) if module.actuator else None,
     )

@@ -77,17 +77,17 @@ def reason_text(reason: Reason) -> str:
 def finding(result: Result, file: str | None) -> Diagnostic | None:
     """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
-    `file` is the verified file, for the hint to add the run to it as a test; None if it is added anyway.
+    The hint suggests adding the run to `file` as a test; `file` is None if the run is added anyway.
     """
     contract = result.contract
     match result:
         case Proved():
             return None
         case Refuted(trace=trace):
-            when = seconds_of(trace)
+            time = time_of_breach(trace)
             found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
             length = counted(len(trace.snapshots), "frame")
-            message = f"contract `{contract.name}` is broken at {when} of a run of {length}{found}"
+            message = f"contract `{contract.name}` is broken at {time} of a run of {length}{found}"
             return error("V010", contract.span, message, _hint(trace, file))
         case Unknown(because=because, hint=hint):
             reasons = "; ".join(line.strip() for line in because)
@@ -113,8 +113,8 @@ def _hint(trace: Trace, file: str | None) -> str | None:
     return f"`colony verify --write-test {quote(file)}` adds the run to it as a test"
 
 
-def seconds_of(trace: Trace) -> str:
-    """Return the time of the last frame."""
+def time_of_breach(trace: Trace) -> str:
+    """Return the time of the last frame, which breaks the contract."""
     return str(seconds(trace.snapshots[-1].t_ns))
 
 
@@ -165,5 +165,5 @@ def readable_frames(
             f"{a.name} {decision_text(a, d)}"
             for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
         )
-        happens = "; ".join((f"t = {snapshot.t_ns / 1e9:.9g} s", *decided))
-        yield happens, {n: reading_text(sensors[n], value) for n, value in snapshot.readings.items()}
+        events = "; ".join((f"t = {snapshot.t_ns / 1e9:.9g} s", *decided))
+        yield events, {n: reading_text(sensors[n], value) for n, value in snapshot.readings.items()}

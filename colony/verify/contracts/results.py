@@ -13,7 +13,7 @@ from colony.verify.symbolic.system import Reason
 RESOURCES_PER_SECOND = 7_200_000
 """Number of z3's resource units that take about a second on an ordinary machine."""
 
-_SAFETY = 4
+_SAFETY_FACTOR = 4
 """Factor by which a proof may exceed the requested time before it is abandoned."""
 
 _FRAMES_PER_DEPTH = 6
@@ -43,7 +43,7 @@ class Options:
             depth=depth,
             max_frames=max(_FRAMES_PER_DEPTH * depth, 2),
             resources=max(1, round(seconds * RESOURCES_PER_SECOND)),
-            seconds=_SAFETY * seconds,
+            seconds=_SAFETY_FACTOR * seconds,
         )
 
 

@@ -1,7 +1,8 @@
 """Bounded model checking (Biere et al., 1999): the shortest traces that break a contract.
 
 At each length it tries frames one period apart before frames at arbitrary times, as they are more realistic,
-and traces that call no Python module before those with arbitrary answers, as only the former refute.
+and traces without Python calls before those with arbitrary answers of Python modules, as only the
+former refute the contract.
 """
 
 from __future__ import annotations
@@ -49,8 +50,10 @@ class Search:
         self._lemmas = lemmas
         self._solver = Solver(budget)
         self._solver.add(*self.frames.initial())
-        python = cone.system.python.items()
-        self._python = [cone.system.modules[m].silent for m, given in python if within(cone, given.answers)]
+        python_inputs = cone.system.python.items()
+        self._python = [
+            cone.system.modules[m].silent for m, inputs in python_inputs if within(cone, inputs.answers)
+        ]
 
     @property
     def length(self) -> int:
@@ -79,7 +82,7 @@ class Search:
 
     def _models(self, assumed: list[z3.BoolRef], last: int) -> Iterator[CandidateTrace]:
         while True:
-            answer = self._solver.ask(assumed)
+            answer = self._solver.check(assumed)
             if answer is Answer.UNSAT:
                 return
             self._all_safe = False
@@ -87,7 +90,7 @@ class Search:
                 return
             model = self._solver.model()
             yield CandidateTrace(model, last + 1, not self._python or _WITHOUT_PYTHON in assumed)
-            self._solver.add(self._different(model, last))
+            self._solver.add(self._inputs_differ(model, last))
 
     def _modes(self, last: int, allow_python: bool) -> Iterator[list[z3.BoolRef]]:
         """Yield the assumptions to try in turn; the last mode allows the most."""
@@ -109,24 +112,26 @@ class Search:
             self._solver.add(z3.Implies(_WITHOUT_PYTHON, self.frames.at(frame, silent)))
         self._solver.add(*(self.frames.at(frame, lemma) for lemma in self._lemmas))
 
-    def _different(self, model: z3.ModelRef, frame: int) -> z3.BoolRef:
+    def _inputs_differ(self, model: z3.ModelRef, frame: int) -> z3.BoolRef:
         """Return the condition that an input of the last frame is far from its value in `model`.
 
         A spurious model is often at the very edge of a comparison, where its neighbors are spurious, too.
         """
         system = self.frames.cone.system
         differences = []
-        for given in system.sensors.values():
-            for scalar in given.elements:
-                differences += _far(scalar, model, self.frames, frame)
-            if within(self.frames.cone, given.present):
-                present = self.frames.at(frame, given.present)
+        for sensor_input in system.sensors.values():
+            for scalar in sensor_input.elements:
+                differences += _differs(scalar, model, self.frames, frame)
+            if within(self.frames.cone, sensor_input.present):
+                present = self.frames.at(frame, sensor_input.present)
                 differences.append(present != model.eval(present, model_completion=True))
         return z3.Or(*differences) if differences else z3.BoolVal(False)
 
 
-def _far(scalar: Number | z3.BoolRef, model: z3.ModelRef, frames: Unrolling, frame: int) -> list[z3.BoolRef]:
-    """Return the conditions that a value differs from a model's by more than a hundredth."""
+def _differs(
+    scalar: Number | z3.BoolRef, model: z3.ModelRef, frames: Unrolling, frame: int
+) -> list[z3.BoolRef]:
+    """Return the condition that a value is more than a hundredth off a model's; none outside the cone."""
     term = scalar.value if isinstance(scalar, Number) else scalar
     if not within(frames.cone, term):
         return []

@@ -35,29 +35,29 @@ class Budget:
     def __init__(self, options: Options, clock: Clock | None = None) -> None:
         self.options = options
         self._clock = clock
-        self._until = None if clock is None else clock() + options.seconds
+        self._deadline = None if clock is None else clock() + options.seconds
         self._resources = options.resources
         self.gave_up = False
 
-    def part(self, share: float = 0.5) -> Budget:
+    def scaled(self, share: float = 0.5) -> Budget:
         """Return a budget with the same deadline and a share of the initial resources."""
-        part = Budget(self.options, self._clock)
-        part._until = self._until
-        part._resources = int(part._resources * share)
-        return part
+        budget = Budget(self.options, self._clock)
+        budget._deadline = self._deadline
+        budget._resources = int(budget._resources * share)
+        return budget
 
     @property
     def milliseconds_left(self) -> int | None:
         """Milliseconds until the deadline, at least 0; None without a clock."""
-        if self._clock is None or self._until is None:
+        if self._clock is None or self._deadline is None:
             return None
-        return max(0, int((self._until - self._clock()) * 1000))
+        return max(0, int((self._deadline - self._clock()) * 1000))
 
     def charge(self, resources: int) -> None:
         """Subtract the cost of a query, in z3's units."""
         self._resources -= resources
 
-    def spent(self) -> bool:
+    def is_spent(self) -> bool:
         """Return True if the budget is used up."""
         over = self.milliseconds_left == 0 or self._resources <= 0
         self.gave_up = self.gave_up or over
@@ -95,13 +95,13 @@ class Solver:
         """Drop the formulas of the current level."""
         self._z3.pop()
 
-    def ask(self, assumed: Sequence[z3.BoolRef] = ()) -> Answer:
+    def check(self, assumed: Sequence[z3.BoolRef] = ()) -> Answer:
         """Ask z3 for a model of all formulas that were added or are `assumed`.
 
         Raises:
             KeyboardInterrupt: Ctrl-C was pressed while z3 was at work.
         """
-        if self._budget.spent():
+        if self._budget.is_spent():
             return Answer.GAVE_UP
         left = self._budget.milliseconds_left
         if left is not None:

@@ -27,17 +27,17 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
             [
                 str(seconds(snapshot.t_ns)),
                 *(reading_text(s, snapshot.readings.get(s.name)) for s in sensors),
-                *(_answer(program, m, snapshot.answers.get(m)) for m in modules),
+                *(_answer_text(program, m, snapshot.answers.get(m)) for m in modules),
                 *(decision_text(a, decisions[name]) for name, a in actuators.items()),
             ]
         )
     return (*aligned(rows), *_notes(program, trace, len(sensors)))
 
 
-def _notes(program: Program, trace: Trace, given: int) -> Iterator[str]:
+def _notes(program: Program, trace: Trace, sensors_shown: int) -> Iterator[str]:
     if trace.needed_missing:
         yield f"necessarily missing: {', '.join(trace.needed_missing)}"
-    if given + len(trace.needed_missing) < len(program.robot.sensors):
+    if sensors_shown + len(trace.needed_missing) < len(program.robot.sensors):
         yield "all other sensors: missing (their readings make no difference)"
     if trace.found:
         yield f"in the last frame: {'; '.join(trace.found)}"
@@ -56,17 +56,17 @@ def reading_text(sensor: Sensor, value: Value | None) -> str:
     if value is None:
         return "missing"
     if not isinstance(value, tuple):
-        return _scalar(sensor, value)
+        return _scalar_text(sensor, value)
     [(common, _), *_] = Counter(value).most_common(1)
     differing = [(i, x) for i, x in enumerate(value) if x != common]
     if len(differing) > _MAX_DIFFERING:
-        return f"[{', '.join(_scalar(sensor, x) for x in value)}]"
+        return f"[{', '.join(_scalar_text(sensor, x) for x in value)}]"
     return ", ".join(
-        (f"all {_scalar(sensor, common)}", *(f"[{i}] {_scalar(sensor, x)}" for i, x in differing))
+        (f"all {_scalar_text(sensor, common)}", *(f"[{i}] {_scalar_text(sensor, x)}" for i, x in differing))
     )
 
 
-def _scalar(sensor: Sensor, value: ScalarValue) -> str:
+def _scalar_text(sensor: Sensor, value: ScalarValue) -> str:
     written = number_text(value, sensor)
     return _value_text(value, element_type(sensor.type), f"{value:g}" if written is None else str(written))
 
@@ -85,10 +85,10 @@ def decision_text(actuator: Actuator, decision: Decision) -> str:
     fault = f" ({decision.fault})" if decision.fault else ""
     if decision.values is None:
         return f"{winner}{fault}: nothing is sent"
-    return f"{winner}{fault}: {_fields(actuator, decision.values)}"
+    return f"{winner}{fault}: {_fields_text(actuator, decision.values)}"
 
 
-def _fields(actuator: Actuator, values: Sequence[ScalarValue]) -> str:
+def _fields_text(actuator: Actuator, values: Sequence[ScalarValue]) -> str:
     """Return values in declared units."""
     units = (f" {f.unit}" if f.unit else "" for f in actuator.fields)
     return ", ".join(
@@ -97,14 +97,14 @@ def _fields(actuator: Actuator, values: Sequence[ScalarValue]) -> str:
     )
 
 
-def _answer(program: Program, module: str, answer: tuple[ScalarValue, ...] | None) -> str:
+def _answer_text(program: Program, module: str, answer: tuple[ScalarValue, ...] | None) -> str:
     if answer is None:
         return "nothing"
     name = next(m.actuator for m in program.modules if m.name == module)
     actuator = next((a for a in program.robot.actuators if a.name == name), None)
     if actuator is None:
         return "yes"
-    return _fields(actuator, in_declared_units(answer, actuator.fields) or ())
+    return _fields_text(actuator, in_declared_units(answer, actuator.fields) or ())
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:

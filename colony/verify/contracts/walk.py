@@ -26,7 +26,9 @@ def not_refuted(cone: Cone, guesses: Sequence[Candidate], budget: Budget) -> lis
     remaining = list(guesses)
     for walk in range(_WALKS):
         for model in _walk(cone, Random(walk), budget):
-            remaining = [g for g in remaining if not z3.is_false(model.eval(g.holds, model_completion=True))]
+            remaining = [
+                g for g in remaining if not z3.is_false(model.eval(g.formula, model_completion=True))
+            ]
     return remaining
 
 
@@ -40,7 +42,7 @@ def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
         solver.push()
         solver.add(*(c.old == value for c, value in zip(cone.cells, memory, strict=True)))
         solver.add(cone.system.now == t_ns, *_readings(cone, random))
-        answer = solver.ask()
+        answer = solver.check()
         if answer is Answer.SAT:
             model = solver.model()
             memory = [model.eval(cell.next, model_completion=True) for cell in cone.cells]
@@ -53,16 +55,16 @@ def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
 
 def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:
     """Yield the readings of a cone's sensors: mostly present, anywhere in their ranges."""
-    for given in cone.system.sensors.values():
-        if within(cone, given.present):
-            yield given.present == z3.BoolVal(random.random() < _PRESENT_PROBABILITY)
-        yield from _elements(cone, given, random)
+    for sensor_input in cone.system.sensors.values():
+        if within(cone, sensor_input.present):
+            yield sensor_input.present == z3.BoolVal(random.random() < _PRESENT_PROBABILITY)
+        yield from _elements(cone, sensor_input, random)
 
 
-def _elements(cone: Cone, given: SensorInput, random: Random) -> Iterator[z3.BoolRef]:
+def _elements(cone: Cone, sensor_input: SensorInput, random: Random) -> Iterator[z3.BoolRef]:
     """Yield values of a sensor; elements of an array are close together or spread out."""
     base, spread = random.random(), random.choice((0.0, 0.1, 1.0))
-    for element in given.elements:
+    for element in sensor_input.elements:
         if not isinstance(element, Number):
             if within(cone, element):
                 yield element == z3.BoolVal(random.random() < 0.5)

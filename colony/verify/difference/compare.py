@@ -19,11 +19,11 @@ from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Options, Proved, Refuted, Trace, Unknown
-from colony.verify.difference.compatible import Ignored, Pair, check_sensors, ignored, pairs
+from colony.verify.difference.compatible import IgnoredParts, Pair, check_sensors, find_ignored_parts, pairs
 from colony.verify.difference.matching import matching
 from colony.verify.difference.product import B_SUFFIX, Product, product
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
-from colony.verify.difference.shortest import shortest
+from colony.verify.difference.shortest import shortest_trace
 from colony.verify.snapshot import Snapshot
 
 _SAME = "same commands"
@@ -46,7 +46,7 @@ def difference(
         DiagnosticError: V040 to V042: the two cannot be compared.
     """
     check_sensors(a, b)
-    ignored_parts = ignored(a, b, ignore)
+    ignored_parts = find_ignored_parts(a, b, ignore)
     compared = pairs(a, b, ignored_parts, actuators)
     combined = product(a, b)
     modules_matched = matching(a, b, compared)
@@ -55,14 +55,14 @@ def difference(
         return Same(matching=modules_matched, by_content=True)
     contract = Contract(name=_SAME, expression=_claim(unequal, ignored_parts, combined))
     program = replace(combined.program, contracts=(contract,))
-    trace = Refuter(program, _SAME).draw()
+    trace = Refuter(program, _SAME).search_random_runs()
     if trace is not None:
         return _different(
             a,
             b,
             combined,
             compared,
-            shortest(program, _SAME, trace, options or Options(), clock),
+            shortest_trace(program, _SAME, trace, options or Options(), clock),
             modules_matched,
         )
     match Prover(program, options or Options(), clock).prove(contract):
@@ -96,14 +96,14 @@ def _same_bounds(pair: Pair, combined: Product) -> bool:
 def _differ_only_in_wiring(compared: Sequence[Pair], combined: Product) -> bool:
     """Return True if all modules and bounds are the same, so that both programs round all numbers alike."""
     program = combined.program
-    own = any(x.name.endswith(B_SUFFIX) for x in (*program.modules, *program.derived))
-    return not own and all(_same_bounds(pair, combined) for pair in compared)
+    has_own_parts = any(x.name.endswith(B_SUFFIX) for x in (*program.modules, *program.derived))
+    return not has_own_parts and all(_same_bounds(pair, combined) for pair in compared)
 
 
 # --- the claim -------------------------------------------------------------------------------------
 
 
-def _claim(compared: Sequence[Pair], ignored_parts: Ignored, combined: Product) -> ir.Expression:
+def _claim(compared: Sequence[Pair], ignored_parts: IgnoredParts, combined: Product) -> ir.Expression:
     same = all_of(part for pair in compared for part in _equal(pair))
     return any_of((*_excused(compared, ignored_parts, combined), same))
 
@@ -112,7 +112,7 @@ def _equal(pair: Pair) -> Iterator[ir.Expression]:
     a, b = pair.a.name, pair.b.name + B_SUFFIX
     if pair.a.idle is None or pair.b.idle is None:
         yield binary(Binary.EQUAL, _sends(pair.a, a), _sends(pair.b, b))
-    for i in pair.compared:
+    for i in pair.field_indices:
         yield binary(Binary.EQUAL, _sent(pair.a, i, a), _sent(pair.b, i, b))
 
 
@@ -132,7 +132,9 @@ def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
     return ir.ValueOr(type=kind, expression=sent, other=constant(any_value(kind), kind))
 
 
-def _excused(compared: Sequence[Pair], ignored_parts: Ignored, combined: Product) -> Iterator[ir.Expression]:
+def _excused(
+    compared: Sequence[Pair], ignored_parts: IgnoredParts, combined: Product
+) -> Iterator[ir.Expression]:
     """Yield the conditions that an ignored module wins, in A or in B."""
     names_in_a = {m.name for m in combined.program.modules if not m.name.endswith(B_SUFFIX)}
     for module in sorted(ignored_parts.modules):
@@ -189,7 +191,7 @@ def _sends_differently(pair: Pair, a: Outcome, b: Outcome) -> bool:
     values_b = next(d.values for d in b.decisions if d.actuator == pair.b.name)
     if values_a is None or values_b is None:
         return values_a != values_b
-    return any(values_a[i] != values_b[i] for i in pair.compared)
+    return any(values_a[i] != values_b[i] for i in pair.field_indices)
 
 
 def _undecided(unknown: Unknown, modules_matched: Matching) -> Undecided:

@@ -14,15 +14,15 @@ from colony.text.wording import duration_text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """An actuator of A and one of B to compare, in the fields with the indices `compared`."""
+    """An actuator of A and one of B to compare, in the fields at `field_indices`."""
 
     a: Actuator
     b: Actuator
-    compared: tuple[int, ...]
+    field_indices: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ignored:
+class IgnoredParts:
     """The parts to ignore: whole actuators, fields, and frames in which one of `modules` wins."""
 
     actuators: frozenset[str] = frozenset()
@@ -30,7 +30,7 @@ class Ignored:
     modules: frozenset[str] = field(default=frozenset())
 
 
-def ignored(a: Program, b: Program, names: Iterable[str]) -> Ignored:
+def find_ignored_parts(a: Program, b: Program, names: Iterable[str]) -> IgnoredParts:
     """Return the parts that `names` refer to in either program: an actuator, `actuator.field`, or a module.
 
     Raises:
@@ -39,23 +39,23 @@ def ignored(a: Program, b: Program, names: Iterable[str]) -> Ignored:
     actuators = {x.name for p in (a, b) for x in p.robot.actuators}
     fields = {(x.name, f.name) for p in (a, b) for x in p.robot.actuators for f in x.fields}
     modules = {m.name for p in (a, b) for m in p.modules if m.actuator is not None}
-    found: dict[str, set[str]] = {"actuators": set(), "modules": set()}
-    field_names: set[tuple[str, str]] = set()
+    ignored_actuators, ignored_modules = set[str](), set[str]()
+    ignored_fields: set[tuple[str, str]] = set()
     for name in names:
-        actuator, _, part = name.rpartition(".")
+        actuator, _, field_name = name.rpartition(".")
         if name in actuators:
-            found["actuators"].add(name)
-        elif (actuator, part) in fields:
-            field_names.add((actuator, part))
+            ignored_actuators.add(name)
+        elif (actuator, field_name) in fields:
+            ignored_fields.add((actuator, field_name))
         elif name in modules:
-            found["modules"].add(name)
+            ignored_modules.add(name)
         else:
             known = [*sorted(actuators), *(f"{x}.{y}" for x, y in sorted(fields)), *sorted(modules)]
             raise DiagnosticError([_unknown(name, known, "actuator, field or module", a)])
-    return Ignored(
-        actuators=frozenset(found["actuators"]),
-        fields=frozenset(field_names),
-        modules=frozenset(found["modules"]),
+    return IgnoredParts(
+        actuators=frozenset(ignored_actuators),
+        fields=frozenset(ignored_fields),
+        modules=frozenset(ignored_modules),
     )
 
 
@@ -66,9 +66,9 @@ def _unknown(name: str, known: Sequence[str], kind: str, program: Program) -> Di
 
 
 def pairs(
-    a: Program, b: Program, ignored_parts: Ignored, chosen: Sequence[tuple[str, str]] = ()
+    a: Program, b: Program, ignored_parts: IgnoredParts, chosen_names: Sequence[tuple[str, str]] = ()
 ) -> tuple[Pair, ...]:
-    """Return the actuators to compare: those of equal names, or those `chosen` (A's name, B's name).
+    """Return the actuators to compare: those of equal names, or `chosen_names` (A's name, B's name).
 
     Raises:
         DiagnosticError: V040: a name is unknown; V041: the actuators have different commands; V042: nothing
@@ -76,36 +76,38 @@ def pairs(
     """
     actuators_a = {x.name: x for x in a.robot.actuators}
     actuators_b = {x.name: x for x in b.robot.actuators}
-    for name_a, name_b in chosen:
+    for name_a, name_b in chosen_names:
         for name, known, program in ((name_a, actuators_a, a), (name_b, actuators_b, b)):
             if name not in known:
                 raise DiagnosticError([_unknown(name, list(known), "actuator", program)])
-    names = chosen or [(name, name) for name in actuators_a if name in actuators_b]
+    names = chosen_names or [(name, name) for name in actuators_a if name in actuators_b]
     found, diagnostics = [], list[Diagnostic]()
     for name_a, name_b in names:
         if ignored_parts.actuators & {name_a, name_b}:
             continue
-        mismatch = [] if chosen else list(_command_differences(actuators_a[name_a], actuators_b[name_b]))
+        mismatch = (
+            [] if chosen_names else list(_command_differences(actuators_a[name_a], actuators_b[name_b]))
+        )
         mismatch += _field_differences(actuators_a[name_a], actuators_b[name_b])
         diagnostics += mismatch
         if not mismatch:
             found.append(_pair(actuators_a[name_a], actuators_b[name_b], ignored_parts))
     if diagnostics:
         raise DiagnosticError(diagnostics)
-    if not any(pair.compared for pair in found):
+    if not any(pair.field_indices for pair in found):
         hint = "name pairs with `--actuator A=B`" if not names else "ignore less"
         message = "there is nothing to compare: the behaviors share no actuator that is not ignored"
         raise DiagnosticError([error("V042", b.robot.span, message, hint)])
     return tuple(found)
 
 
-def _pair(a: Actuator, b: Actuator, ignored_parts: Ignored) -> Pair:
-    compared = tuple(
+def _pair(a: Actuator, b: Actuator, ignored_parts: IgnoredParts) -> Pair:
+    field_indices = tuple(
         i
         for i, f in enumerate(a.fields)
         if (a.name, f.name) not in ignored_parts.fields and (b.name, f.name) not in ignored_parts.fields
     )
-    return Pair(a=a, b=b, compared=compared)
+    return Pair(a=a, b=b, field_indices=field_indices)
 
 
 def _command_differences(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
@@ -137,16 +139,16 @@ def check_sensors(a: Program, b: Program) -> None:
     Raises:
         DiagnosticError: V041 for each sensor that differs, at its declaration in B.
     """
-    of_a = {s.name: s for s in a.robot.sensors}
+    sensors_a = {s.name: s for s in a.robot.sensors}
     sources = {(s.server, s.field): s for s in a.robot.sensors}
-    of_b = {s.name for s in b.robot.sensors}
+    names_b = {s.name for s in b.robot.sensors}
     diagnostics: list[Diagnostic] = []
     for sensor in b.robot.sensors:
-        other = of_a.get(sensor.name)
+        other = sensors_a.get(sensor.name)
         same_source = sources.get((sensor.server, sensor.field))
         if other is not None:
             diagnostics += _sensor_differences(other, sensor)
-        elif same_source is not None and same_source.name not in of_b:
+        elif same_source is not None and same_source.name not in names_b:
             what = f"sensor `{sensor.name}` reads `{sensor.server}.{sensor.field}`"
             diagnostics.append(
                 _differs(what, f"the name `{same_source.name}` for that", sensor.span, same_source.span)

@@ -55,7 +55,7 @@ class Contents:
                 self._lets |= {let.name: let for let in module.lets}
                 self._states |= {state.name: state for state in module.states}
         self._file_level = {d.name for d in program.derived}
-        self._known: dict[str, int] = {}
+        self._let_contents: dict[str, int] = {}
         self._needed: dict[str, frozenset[str]] = {}
         self._colors = {name: self._initial_color(state) for name, state in self._states.items()}
 
@@ -81,12 +81,12 @@ class Contents:
 
     def refine(self) -> None:
         """Separate states by the current colors of the states that they read."""
-        self._known.clear()
+        self._let_contents.clear()
         self._colors = {
             name: self._table.number(self._colors[name], self._next_content(state))
             for name, state in self._states.items()
         }
-        self._known.clear()
+        self._let_contents.clear()
 
     def colors(self) -> frozenset[int]:
         """Return the colors of all states."""
@@ -141,7 +141,7 @@ class Contents:
     # --- expressions -----------------------------------------------------------------------------
 
     def expression(self, e: ir.Expression, loop: Loop = ()) -> int:
-        """Return the content of an expression within reductions over the variables of `loop`."""
+        """Return the content of an expression; `loop` has the variables of the enclosing reductions."""
         match e:
             case ir.Constant(value=value):
                 return self._table.number("constant", _value_key(value))
@@ -152,8 +152,8 @@ class Contents:
             case ir.LocalValue(name=name):
                 return self._local(name)
             case ir.StateValue(name=name):
-                of_file = name in self._file_level
-                return self._table.number("memory" if of_file else "own memory", self._colors[name])
+                is_file_level = name in self._file_level
+                return self._table.number("memory" if is_file_level else "own memory", self._colors[name])
             case ir.LoopIndex(name=name):
                 return self._table.number("index", loop[::-1].index(name))
             case ir.Fresh(name=name, derived=derived):
@@ -168,37 +168,37 @@ class Contents:
                 return self._table.number(type(e).__name__, *_attributes(e), *parts)
 
     def _let(self, name: str) -> int:
-        if name not in self._known:
+        if name not in self._let_contents:
             expression = self._lets[name].expression
             content = self.expression(expression)
             remembers = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(expression))
-            self._known[name] = self._table.number("let", content) if remembers else content
-        return self._known[name]
+            self._let_contents[name] = self._table.number("let", content) if remembers else content
+        return self._let_contents[name]
 
     def _local(self, name: str) -> int:
-        if name not in self._known:
-            self._known[name] = self.expression(self._lets[name].expression)
-        return self._known[name]
+        if name not in self._let_contents:
+            self._let_contents[name] = self.expression(self._lets[name].expression)
+        return self._let_contents[name]
 
     # --- needed sensors --------------------------------------------------------------------------
 
     def needs(self, module: Module) -> frozenset[str]:
         """Return the sensors without which a module is silent."""
-        return frozenset[str]().union(*(self.needed(e) for e in expressions_of(module)))
+        return frozenset[str]().union(*(self.needed_sensors(e) for e in expressions_of(module)))
 
-    def needed(self, e: ir.Expression) -> frozenset[str]:
+    def needed_sensors(self, e: ir.Expression) -> frozenset[str]:
         """Return the sensors without which an expression is missing."""
         match e:
             case ir.SensorValue(name=name):
                 return frozenset() if self._sensors[name].default is not None else frozenset({name})
             case ir.DerivedValue(name=name) | ir.LocalValue(name=name):
                 if name not in self._needed:
-                    self._needed[name] = self.needed(self._lets[name].expression)
+                    self._needed[name] = self.needed_sensors(self._lets[name].expression)
                 return self._needed[name]
             case ir.ValueOr(other=other):
-                return self.needed(other)
+                return self.needed_sensors(other)
             case _:
-                return frozenset[str]().union(*(self.needed(child) for child in ir.children(e)))
+                return frozenset[str]().union(*(self.needed_sensors(child) for child in ir.children(e)))
 
 
 def contents(a: Program, b: Program) -> tuple[Contents, Contents]:

@@ -47,11 +47,11 @@ def _contents(a: Program, b: Program) -> tuple[dict[str, tuple[str, int]], dict[
 
 def _notes(a: Program, b: Program, compared: Sequence[Pair]) -> Iterator[str]:
     """Yield notes on what was not compared."""
-    done_a, done_b = {p.a.name for p in compared}, {p.b.name for p in compared}
-    for title, program, other, done in (("A", a, b, done_a), ("B", b, a, done_b)):
-        there = {x.name for x in other.robot.actuators}
+    compared_a, compared_b = {p.a.name for p in compared}, {p.b.name for p in compared}
+    for title, program, other, compared_names in (("A", a, b, compared_a), ("B", b, a, compared_b)):
+        other_names = {x.name for x in other.robot.actuators}
         for actuator in program.robot.actuators:
-            if actuator.name not in done and actuator.name not in there:
+            if actuator.name not in compared_names and actuator.name not in other_names:
                 yield f"only {title} has the actuator `{actuator.name}`: it is not compared"
     if a.robot.frame_ns != b.robot.frame_ns:
         periods = f"{duration_text(a.robot.frame_ns)} in A and {duration_text(b.robot.frame_ns)} in B"

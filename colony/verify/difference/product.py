@@ -96,31 +96,33 @@ class _Merger:
             actuators=(*self._a.robot.actuators, *actuators),
         )
 
-    def _declare(self, program: Program, of: Contents, suffix: str, shift: int) -> dict[str, str]:
+    def _declare(
+        self, program: Program, program_contents: Contents, suffix: str, shift: int
+    ) -> dict[str, str]:
         """Add the new parts of one program; return the names of all its parts in the product."""
-        known = {content: tuple(names) for content, names in self._names.items()}
+        existing = {content: tuple(names) for content, names in self._names.items()}
         renamed: dict[str, str] = {}
 
         def rename(name: str) -> str:
             return renamed.get(name, name + suffix)
 
         for derived in program.derived:
-            content = of.derived(derived)
-            renamed[derived.name] = _product_name(derived.name, known.get(content, ()), suffix)
+            content = program_contents.derived(derived)
+            renamed[derived.name] = _product_name(derived.name, existing.get(content, ()), suffix)
             self._names.setdefault(content, []).append(derived.name)
         for derived in program.derived:
-            if of.derived(derived) not in known:
+            if program_contents.derived(derived) not in existing:
                 self._derived.append(_derived(derived, rename, shift))
         for module in program.modules:
-            content = of.module(module)
-            renamed[module.name] = _product_name(module.name, known.get(content, ()), suffix)
+            content = program_contents.module(module)
+            renamed[module.name] = _product_name(module.name, existing.get(content, ()), suffix)
             self._names.setdefault(content, []).append(module.name)
-            if content not in known:
+            if content not in existing:
                 self._modules.append(_module(module, rename, suffix, shift))
         for limit in program.limits:
             actuator = limit.actuator + suffix
             key = (actuator, limit.field_index)
-            self._bounds[key] = (*self._bounds.get(key, ()), of.limit(limit))
+            self._bounds[key] = (*self._bounds.get(key, ()), program_contents.limit(limit))
             self._limits.append(_limit(limit, actuator, rename, shift))
         self._network(program, renamed, suffix)
         return renamed
@@ -146,11 +148,11 @@ class _Merger:
         return self._nodes[key]
 
 
-def _product_name(name: str, alike: Sequence[str], suffix: str) -> str:
+def _product_name(name: str, equal_names: Sequence[str], suffix: str) -> str:
     """Return an existing name with the same content, preferably `name`; else `name` with the suffix."""
-    if not alike:
+    if not equal_names:
         return name + suffix
-    return name if name in alike else alike[0]
+    return name if name in equal_names else equal_names[0]
 
 
 # --- renamed declarations --------------------------------------------------------------------------

@@ -72,15 +72,15 @@ def _names(names: tuple[str, ...]) -> str:
 def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
     """Yield a line per frame: the time, the inputs, and the winner and its command in A and in B."""
     sensors = {s.name: s for p in (b, a) for s in p.robot.sensors}
-    given = [n for n in sensors if any(n in x.readings for x in result.snapshots)]
+    shown_sensors = [n for n in sensors if any(n in x.readings for x in result.snapshots)]
     answers = list(dict.fromkeys(m for x in result.snapshots for m in x.answers))
     heads = [f"{name} of {side}" for pair in result.actuators for name, side in zip(pair, "AB", strict=True)]
-    rows = [["time", *given, *(f"{m} answers" for m in answers), *heads]]
+    rows = [["time", *shown_sensors, *(f"{m} answers" for m in answers), *heads]]
     for snapshot, outcome_a, outcome_b in zip(result.snapshots, result.a, result.b, strict=True):
         rows.append(
             [
                 str(seconds(snapshot.t_ns)),
-                *(reading_text(sensors[n], snapshot.readings.get(n)) for n in given),
+                *(reading_text(sensors[n], snapshot.readings.get(n)) for n in shown_sensors),
                 *(str(snapshot.answers.get(m, "nothing")) for m in answers),
                 *_sent(a, b, result, outcome_a, outcome_b),
             ]
@@ -88,7 +88,7 @@ def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
     yield from aligned(rows)
     if result.needed_missing:
         yield f"necessarily missing: {', '.join(result.needed_missing)}"
-    if len(given) + len(result.needed_missing) < len(sensors):
+    if len(shown_sensors) + len(result.needed_missing) < len(sensors):
         yield "all other sensors: missing (their readings make no difference)"
 
 

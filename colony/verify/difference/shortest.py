@@ -1,4 +1,4 @@
-"""Search for a shorter run that breaks a claim than a known run."""
+"""Search for a run that breaks a claim and is shorter than a known one."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.encode import encode
 
 
-def shortest(
-    program: Program, contract: str, known: Trace, options: Options, clock: Callable[[], float]
+def shortest_trace(
+    program: Program, contract: str, known_trace: Trace, options: Options, clock: Callable[[], float]
 ) -> Trace:
-    """Return a run that breaks the contract: a shorter one than `known` if one is found in budget."""
-    if len(known.snapshots) == 1:
-        return known
+    """Return a run that breaks the contract: a shorter one than `known_trace` if one is found in budget."""
+    if len(known_trace.snapshots) == 1:
+        return known_trace
     context, budget = ProofContext(encode(program)), Budget(options, clock)
     search = Search(context.cones[contract], context.claims[contract], budget)
     refuter = Refuter(program, contract)
-    for _ in range(len(known.snapshots) - 1):
+    for _ in range(len(known_trace.snapshots) - 1):
         for candidate in search.search_next_length(allow_python=False):
             trace = refuter.confirm(candidate, search)
             if trace is not None:
                 return trace
             if not refuter.may_try_more(candidate):
                 break
-        if budget.spent():
+        if budget.is_spent():
             break
-    return known
+    return known_trace

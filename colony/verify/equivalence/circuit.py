@@ -8,7 +8,7 @@ applied to a new conjunction, which is then looked up by its two operands:
     a, (a, b) = (a, b)                     not a, (a, b) = false
     a, not (not a, b) = a                  a, not (a, b) = a, not b
 
-So formulas of the same, or nearly the same, structure are one literal. Most of a compilation is proved
+So formulas of the same, or nearly the same, structure become one literal. Most of a compilation is proved
 this way ("by structure"); the rest is left to a solver.
 """
 
@@ -56,7 +56,7 @@ class Circuit:
         self.right: list[int] = [_INPUT]
         self.inputs: dict[Input, int] = {}
         self._conjunctions: dict[tuple[int, int], int] = {}
-        self._wide: dict[tuple[int, ...], int] = {}
+        self._wide: dict[tuple[int, ...], int] = {}  # conjunctions of any number of literals
         self._partners: dict[int, list[int]] = {}  # by literal: literals that it is conjoined with
 
     def __len__(self) -> int:
@@ -80,10 +80,10 @@ class Circuit:
             return a
         if a ^ b == 1:
             return FALSE
-        known = self._conjunctions.get((a, b))
-        if known is None:
-            known = self._conjunctions[a, b] = self._simplify(a, b)
-        return known
+        literal = self._conjunctions.get((a, b))
+        if literal is None:
+            literal = self._conjunctions[a, b] = self._simplify(a, b)
+        return literal
 
     def either(self, a: int, b: int) -> int:
         """Return the disjunction of two literals."""
@@ -97,9 +97,9 @@ class Circuit:
         remaining = set(literals)
         pending = sorted(remaining)
         key = tuple(pending)
-        known = self._wide.get(key)
-        if known is not None:
-            return known
+        existing = self._wide.get(key)
+        if existing is not None:
+            return existing
         while pending:
             literal = pending.pop()
             if literal not in remaining:
@@ -138,12 +138,12 @@ class Circuit:
         partners = self._partners.get(literal, ())
         if len(partners) <= len(candidates):
             return max((other for other in partners if other in candidates), default=None)
-        known = self._conjunctions
+        conjunctions = self._conjunctions
         return max(
             (
                 o
                 for o in candidates
-                if ((literal, o) if literal < o else (o, literal)) in known and o != literal
+                if ((literal, o) if literal < o else (o, literal)) in conjunctions and o != literal
             ),
             default=None,
         )

@@ -27,15 +27,15 @@ def evaluate(circuit: Circuit, inputs: frozenset[int]) -> Values:
 
 
 def minimal_inputs(
-    circuit: Circuit, inputs: frozenset[int], wanted: Callable[[Values], bool]
+    circuit: Circuit, inputs: frozenset[int], condition: Callable[[Values], bool]
 ) -> frozenset[int]:
-    """Return a minimal subset of the inputs for which `wanted` holds: none can be left out."""
+    """Return a minimal subset of the inputs for which `condition` holds: none can be left out."""
     kept = sorted(inputs)
     size = len(kept)
     while size:
         for start in reversed(range(0, len(kept), size)):
             fewer = kept[:start] + kept[start + size :]
-            if wanted(evaluate(circuit, frozenset(fewer))):
+            if condition(evaluate(circuit, frozenset(fewer))):
                 kept = fewer
         size //= 2
     return frozenset(kept)
@@ -47,7 +47,7 @@ def decide_clauses(
     undecided: Undecided,
     describe: Callable[[frozenset[int]], Counterexample],
 ) -> Counterexample | Undecided | None:
-    """Return the counterexample that `describe` makes of a minimal solution; None if there is no solution."""
+    """Return `describe` of a minimal solution of the clauses; None if they have no solution."""
     answer = solver.decide(clauses)
     match answer:
         case Refuted():
@@ -61,9 +61,9 @@ def decide_clauses(
 def nested_histories(circuit: Circuit) -> Iterator[Clause]:
     """Yield clauses true in every frame: active within a window implies active within a longer one."""
     by_operand: dict[int, list[tuple[int, int]]] = {}
-    for of, literal in circuit.inputs.items():
-        if isinstance(of, History):
-            by_operand.setdefault(of.operand, []).append((of.window_ns, literal))
+    for input_, literal in circuit.inputs.items():
+        if isinstance(input_, History):
+            by_operand.setdefault(input_.operand, []).append((input_.window_ns, literal))
     for histories in by_operand.values():
         histories.sort()
         for (_, shorter), (_, longer) in pairwise(histories):
@@ -78,19 +78,19 @@ def holds(clauses: Sequence[Clause], values: Values) -> bool:
 def frame_of(circuit: Circuit, inputs: frozenset[int], source: NetworkFormulas) -> Activation:
     """Return the true inputs as a frame, with the names of the program."""
     active = [
-        of.module
-        for of, literal in circuit.inputs.items()
-        if isinstance(of, Activity) and literal >> 1 in inputs
+        input_.module
+        for input_, literal in circuit.inputs.items()
+        if isinstance(input_, Activity) and literal >> 1 in inputs
     ]
     ended: dict[int, list[int]] = {}
     running: dict[int, list[int]] = {}
-    for of, literal in circuit.inputs.items():
-        if isinstance(of, History):
+    for input_, literal in circuit.inputs.items():
+        if isinstance(input_, History):
             windows_by_operand = running if literal >> 1 in inputs else ended
-            windows_by_operand.setdefault(of.operand, []).append(of.window_ns)
+            windows_by_operand.setdefault(input_.operand, []).append(input_.window_ns)
     names = _Names(source)
     recent = [
-        Recent(name=names.of(operand), least_ns=max(ended.get(operand, [0])), less_ns=min(windows))
+        Recent(name=names.name_of(operand), min_age_ns=max(ended.get(operand, [0])), max_age_ns=min(windows))
         for operand, windows in running.items()
     ]
     return Activation(active=tuple(active), recent=tuple(recent))
@@ -102,16 +102,16 @@ class _Names:
     def __init__(self, source: NetworkFormulas) -> None:
         self._source = source
         self._by_node = {node: name for name, node in reversed(list(source.names.items()))}
-        self._node = {literal: at for at, literal in reversed(list(enumerate(source.active)))}
-        self._node |= {source.active[at]: at for at in self._by_node}
+        self._node = {literal: index for index, literal in reversed(list(enumerate(source.active)))}
+        self._node |= {source.active[index]: index for index in self._by_node}
 
-    def of(self, literal: int) -> str:
-        at = self._node.get(literal)
-        return "a condition of the compiled clients" if at is None else self._text(at, 3)
+    def name_of(self, literal: int) -> str:
+        index = self._node.get(literal)
+        return "a condition of the compiled clients" if index is None else self._text(index, 3)
 
-    def _text(self, at: int, depth: int) -> str:
-        name = self._by_node.get(at)
-        node = self._source.nodes[at]
+    def _text(self, index: int, depth: int) -> str:
+        name = self._by_node.get(index)
+        node = self._source.nodes[index]
         if name is not None or isinstance(node, str):
             return str(name or node)
         if depth == 0:

@@ -1,9 +1,9 @@
 """Proof that an emitted form (lowered code, generated Python) does what the proved client list does.
 
 Such a form computes predicates and has no condition "module m is active". So its formulas range over the
-conditions that it does compute (comparisons, sensors, memory), each of them opaque. The activity of a module
-is taken from the same form of the same program with an additional contract for each module, `MODULE is
-active`. With these activities, the client list must have the same winners as the form.
+conditions that it does compute (comparisons, sensors, memory), each of them opaque. The formulas for the
+activity of modules come from the same form of the same program with an additional contract for each module,
+`MODULE is active`. With these activities, the client list must have the same winners as the form.
 
 In such forms a time constant is a memory cell: the time until which something dominates, which is set in
 every frame in which it is active. Comparing the frame's time with that end gives the history of the condition
@@ -41,7 +41,7 @@ MAX_ACTIVITY_NODES = 50
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timer:
-    """Memory that is a history: `history` is true less than `window_ns` after a frame with `operand`."""
+    """A memory cell with a history, which is true less than `window_ns` after a frame with `operand`."""
 
     cell: str
     operand: int
@@ -74,7 +74,7 @@ TimerClasses = Mapping[str, str | None]
 
 
 def with_activities(program: Program) -> Program:
-    """Return the program with an added contract for each module, which holds where the module is active."""
+    """Return the program with a contract added for each module, which holds while the module is active."""
     activity_contracts = tuple(
         Contract(name=f"{_ACTIVE}{module.name}", expression=active(module.name)) for module in program.modules
     )
@@ -87,61 +87,63 @@ def module_of(contract: str) -> str | None:
 
 
 def prove_form(
-    read: Callable[[TimerClasses], Form], clients: ClientList, timeout_ms: int
+    read_form: Callable[[TimerClasses], Form], clients: ClientList, timeout_ms: int
 ) -> Proved | Counterexample | Undecided:
     """Prove that the form has the winners of the client list.
 
     Usually the form has the same formulas as the list; equal ones are searched for only where they differ.
     """
-    modules = [client.module for one in clients.actuators for client in one.clients]
-    settled = _settled(read, modules, timeout_ms)
-    claims = _claims(settled, clients, near=())
+    modules = [client.module for actuator in clients.actuators for client in actuator.clients]
+    merged_form = _with_merged_timers(read_form, modules, timeout_ms)
+    claims = _claims(merged_form, clients, near_limits=())
     if any(claim.found != claim.expected for claim in claims):
-        claims = _claims(settled, clients, near=NEAR_LIMITS[:2])
-    solver = settled.solver
+        claims = _claims(merged_form, clients, near_limits=NEAR_LIMITS[:2])
+    solver = merged_form.solver
     wrong = [c for c in claims if c.found != c.expected and not solver.refutes(differ(c.found, c.expected))]
     undecided = []
     for actuator in dict.fromkeys(claim.actuator for claim in wrong):
         answer = _find_counterexample(
-            settled, clients, actuator, [c for c in wrong if c.actuator == actuator]
+            merged_form, clients, actuator, [c for c in wrong if c.actuator == actuator]
         )
-        if isinstance(answer, Undecided) and not solver.asks:
+        if isinstance(answer, Undecided) and not solver.uses_z3:
             undecided.append(answer)
         elif answer is not None:
             return answer
     structure = sum(claim.found == claim.expected and not claim.solved for claim in claims)
     proved = Proved(
-        forms=(settled.form.name,),
+        forms=(merged_form.form.name,),
         by_structure=structure,
         by_solver=len(claims) - structure,
-        questions=solver.asked,
+        questions=solver.question_count,
     )
     return merge_results([proved, *undecided])
 
 
 @dataclass(frozen=True, slots=True)
-class _Settled:
+class _MergedForm:
     """A form with one history for all timers of provably the same condition and window."""
 
     form: Form
     solver: Solver
     order: Sequence[int]
 
-    def index(self, near: Sequence[int]) -> FormulaIndex:
+    def index(self, near_limits: Sequence[int]) -> FormulaIndex:
         rare = [timer.history for timer in self.form.timers]
-        index = FormulaIndex(self.form.circuit, self.solver, self.order, rare, near)
+        index = FormulaIndex(self.form.circuit, self.solver, self.order, rare, near_limits)
         for timer in self.form.timers:
             index.remember(timer.operand, timer.window_ns, timer.history)
         return index
 
 
-def _settled(read: Callable[[TimerClasses], Form], modules: Sequence[str], timeout_ms: int) -> _Settled:
+def _with_merged_timers(
+    read_form: Callable[[TimerClasses], Form], modules: Sequence[str], timeout_ms: int
+) -> _MergedForm:
     """Read the form again and again, until no more timers are found to be equal."""
     timer_classes: dict[str, str | None] = {}
     while True:
-        form = read(timer_classes)
-        settled = _Settled(form, Solver(form.circuit, timeout_ms), _decisive(form, modules))
-        index = settled.index(near=())
+        form = read_form(timer_classes)
+        merged_form = _MergedForm(form, Solver(form.circuit, timeout_ms), _activity_conditions(form, modules))
+        index = merged_form.index(near_limits=())
         found: dict[str, str | None] = {}
         for window_ns in dict.fromkeys(timer.window_ns for timer in form.timers):
             timers = [timer for timer in form.timers if timer.window_ns == window_ns]
@@ -150,11 +152,11 @@ def _settled(read: Callable[[TimerClasses], Form], modules: Sequence[str], timeo
                 t.cell: None if i is None else timers[i].cell for t, i in zip(timers, first, strict=True)
             }
         if found == timer_classes or all(cell == same for cell, same in found.items()):
-            return settled
+            return merged_form
         timer_classes = found
 
 
-def _decisive(form: Form, modules: Sequence[str]) -> list[int]:
+def _activity_conditions(form: Form, modules: Sequence[str]) -> list[int]:
     """Return the conditions under which modules are active, in the order of the modules."""
     circuit = form.circuit
     histories = {timer.history >> 1 for timer in form.timers}
@@ -176,7 +178,7 @@ def _decisive(form: Form, modules: Sequence[str]) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class _Claim:
-    """Two formulas that must be equal; `solved`: z3 had to match parts of what is expected."""
+    """Two formulas that must be equal; `solved` is true if z3 had to match parts of the expected one."""
 
     actuator: str
     expected: int
@@ -184,14 +186,16 @@ class _Claim:
     solved: bool
 
 
-def _claims(settled: _Settled, clients: ClientList, near: Sequence[int]) -> list[_Claim]:
+def _claims(merged_form: _MergedForm, clients: ClientList, near_limits: Sequence[int]) -> list[_Claim]:
     """Return the formulas by which each module wins in the list, and in the form."""
-    index, form = settled.index(near), settled.form
-    listed = dict(encode_list(clients, form.circuit, index, form.activity).actuators)
+    index, form = merged_form.index(near_limits), merged_form.form
+    listed_clients = dict(encode_list(clients, form.circuit, index, form.activity).actuators)
     return [
         claim
-        for actuator in dict.fromkeys((*form.winners, *listed))
-        for claim in _of_actuator(index, actuator, listed.get(actuator, ()), form.winners.get(actuator, ()))
+        for actuator in dict.fromkeys((*form.winners, *listed_clients))
+        for claim in _of_actuator(
+            index, actuator, listed_clients.get(actuator, ()), form.winners.get(actuator, ())
+        )
     ]
 
 
@@ -218,19 +222,19 @@ def _of_actuator(
 
 
 def _find_counterexample(
-    settled: _Settled, clients: ClientList, actuator: str, wrong: Sequence[_Claim]
+    merged_form: _MergedForm, clients: ClientList, actuator: str, wrong: Sequence[_Claim]
 ) -> Counterexample | Undecided | None:
     """Return a frame in which one of the claims on an actuator is false, if there is one."""
-    form, solver = settled.form, settled.solver
+    form, solver = merged_form.form, merged_form.solver
     circuit = form.circuit
     clauses: list[Clause] = [tuple(circuit.same(c.expected, c.found) ^ 1 for c in wrong)]
 
-    def shown(inputs: frozenset[int]) -> WrongWinner:
-        listed = dict(encode_list(clients, circuit, settled.index(()), form.activity).actuators)
-        return _wrong_winner(form, actuator, listed.get(actuator, ()), inputs)
+    def describe(inputs: frozenset[int]) -> WrongWinner:
+        listed_clients = dict(encode_list(clients, circuit, merged_form.index(()), form.activity).actuators)
+        return _wrong_winner(form, actuator, listed_clients.get(actuator, ()), inputs)
 
     undecided = Undecided(subjects=((form.name, actuator),), timeout_ms=solver.timeout_ms)
-    return decide_clauses(solver, clauses, undecided, shown)
+    return decide_clauses(solver, clauses, undecided, describe)
 
 
 def _wrong_winner(
@@ -258,8 +262,8 @@ def _frame(form: Form, values: Values) -> Activation:
         recent=tuple(
             Recent(
                 name=by_activity.get(timer.operand, f"what sets `{timer.cell}`"),
-                least_ns=0,
-                less_ns=timer.window_ns,
+                min_age_ns=0,
+                max_age_ns=timer.window_ns,
             )
             for timer in running.values()
         ),

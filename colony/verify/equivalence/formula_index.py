@@ -3,8 +3,8 @@
 Candidates are found in two ways. Every node has a *fingerprint*: its value if inputs are random numbers
 modulo a prime, a conjunction is a product, and `not a` is 1 - a; so conjunctions of the same parts have the
 same fingerprint, whatever their order. It also has a *signature*: its values under about a thousand random
-valuations of the inputs. z3 then proves that two candidates are equal. A formula that is not proved equal
-quickly is kept, which only costs speed. Replacing each formula by an equal older one keeps the next proofs
+valuations of the inputs. z3 then proves that two candidates are equal. If a proof would take too long, the
+new formula stays, which only costs speed. Replacing each formula by an equal older one keeps the next proofs
 small, since their parts are already the same.
 """
 
@@ -28,8 +28,8 @@ class FormulaIndex:
 
     `order` lists inputs (or their negations), first those that are likely to dominate later ones: valuations
     in which only inputs from some position on are true distinguish formulas that are nearly always false.
-    `rare` holds other inputs, besides histories, that should mostly be false. `near` limits the search for a
-    proof where only the signatures are equal.
+    `rare_inputs` are further inputs, besides histories, that should mostly be false. `near_limits` are those
+    of `Solver.refutes` for candidates of which only the signatures are equal.
     """
 
     def __init__(
@@ -37,13 +37,13 @@ class FormulaIndex:
         circuit: Circuit,
         solver: Solver,
         order: Sequence[int] = (),
-        rare: Iterable[int] = (),
-        near: Sequence[int] = NEAR_LIMITS[:2],
+        rare_inputs: Iterable[int] = (),
+        near_limits: Sequence[int] = NEAR_LIMITS[:2],
     ) -> None:
         self.circuit = circuit
         self.solver = solver
         self.merged = 0
-        self._near = near
+        self._near = near_limits
         self._random = Random(_SEED)
         self._width = 1024 if len(circuit) < 2_000 else 8192
         self._mask = (1 << self._width) - 1
@@ -51,8 +51,10 @@ class FormulaIndex:
         self._order: dict[int, tuple[int, int]] = {}  # by node: position, and 1 if it is negated
         for literal in order:
             self._order.setdefault(literal >> 1, (len(self._order), literal & 1))
-        self._rare = {literal >> 1 for literal in rare}
-        self._rare |= {at >> 1 for of, at in circuit.inputs.items() if not isinstance(of, Opaque)}
+        self._rare = {literal >> 1 for literal in rare_inputs}
+        self._rare |= {
+            literal >> 1 for input_, literal in circuit.inputs.items() if not isinstance(input_, Opaque)
+        }
         self._rare -= self._order.keys()
         self._signatures: list[int] = []
         self._fingerprints: list[int] = []
@@ -65,9 +67,9 @@ class FormulaIndex:
         for node, signature in enumerate(self._signatures):
             self._by_signature.setdefault(min(signature, signature ^ self._mask), []).append(node)
         self._histories: dict[int, list[tuple[int, int]]] = {}
-        for of, literal in circuit.inputs.items():
-            if isinstance(of, History):
-                self._histories.setdefault(of.window_ns, []).append((of.operand, literal))
+        for input_, literal in circuit.inputs.items():
+            if isinstance(input_, History):
+                self._histories.setdefault(input_.window_ns, []).append((input_.operand, literal))
 
     def find(self, literal: int) -> int:
         """Return an earlier literal that is proved equal, otherwise the literal itself."""
@@ -82,7 +84,7 @@ class FormulaIndex:
                 self.merged += 1
                 return old
         for old in self._candidates(literal):
-            if self.solver.refutes(differ(literal, old), near=self._near):
+            if self.solver.refutes(differ(literal, old), near_limits=self._near):
                 self.merged += 1
                 return old
         return literal
@@ -101,23 +103,23 @@ class FormulaIndex:
         """Return "holds or held within a window", reusing the history of a provably equal condition."""
         if operand in (FALSE, TRUE) or window_ns <= 0:
             return operand
-        history = self._histories_of(operand, window_ns)
+        history = self._history_of(operand, window_ns)
         return self.circuit.either(operand, history)
 
-    def _histories_of(self, operand: int, window_ns: int) -> int:
-        known = self._histories.setdefault(window_ns, [])
-        for old, history in known:
+    def _history_of(self, operand: int, window_ns: int) -> int:
+        histories = self._histories.setdefault(window_ns, [])
+        for old, history in histories:
             if old == operand:
                 return history
         self._extend()
-        alike = [(old, h) for old, h in known if self._value(old) == self._value(operand)]
-        for old, history in [(FALSE, FALSE), *alike] if self._value(operand) == 0 else alike:
+        candidates = [(old, h) for old, h in histories if self._value(old) == self._value(operand)]
+        for old, history in [(FALSE, FALSE), *candidates] if self._value(operand) == 0 else candidates:
             if self.solver.refutes(differ(operand, old)):
                 self.merged += 1
-                known.append((operand, history))
+                histories.append((operand, history))
                 return history
         history = self.circuit.input(History(operand, window_ns))
-        known.append((operand, history))
+        histories.append((operand, history))
         return history
 
     # --- signatures ------------------------------------------------------------------------------
@@ -153,9 +155,9 @@ class FormulaIndex:
         dense, sparser, sparse, quiet = self._quarters
         if node in self._order:
             position, negated = self._order[node]
-            until = width * (position + 1) // len(self._order) + 1
+            end = width * (position + 1) // len(self._order) + 1
             free = self._sparse(1) & dense | self._sparse(3) & (sparser | quiet) | self._sparse(5) & sparse
-            drawn = free & ((1 << min(width, until)) - 1) | self._few(len(self._order))
+            drawn = free & ((1 << min(width, end)) - 1) | self._few(len(self._order))
             return drawn ^ self._mask if negated else drawn
         if node in self._rare:
             return self._sparse(4) & dense | self._few(len(self._rare))
@@ -181,7 +183,7 @@ class FormulaIndex:
         """Return, for each literal, the index of the first provably equal one; None for a false literal."""
         groups: dict[int, list[int]] = {}
         found: list[int | None] = []
-        for at, literal in enumerate(literals):
+        for position, literal in enumerate(literals):
             value = self._value(literal)
             if value == 0 and self.solver.refutes([(literal,)]):
                 found.append(None)
@@ -189,9 +191,9 @@ class FormulaIndex:
             group = groups.setdefault(value, [])
             same = (o for o in group[:CANDIDATES] if self.solver.refutes(differ(literal, literals[o])))
             first = next((o for o in group if literals[o] == literal), None)
-            first = next(same, at) if first is None else first
-            if first == at:
-                group.append(at)
+            first = next(same, position) if first is None else first
+            if first == position:
+                group.append(position)
             found.append(first)
         return found
 

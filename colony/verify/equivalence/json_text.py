@@ -12,7 +12,7 @@ from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, 
 
 
 class EmittedFormError(Exception):
-    """A malformed emitted form: what was `found`, and what was `expected`."""
+    """The error that an emitted form is malformed: it has `found` instead of `expected`."""
 
     def __init__(self, found: str, expected: str) -> None:
         super().__init__(f"found {found}, expected {expected}")
@@ -27,12 +27,14 @@ def read_json(text: str) -> ClientList:
         EmittedFormError: the text is malformed.
     """
     try:
-        whole = json.loads(text)
-        if whole["format"] != FORMAT:
+        document = json.loads(text)
+        if document["format"] != FORMAT:
             raise ValueError(f"the format is not {FORMAT}")
-        nodes = tuple(_guard(node, index) for index, node in enumerate(whole["nodes"]))
-        actuators = tuple(_clients(name, entry, len(nodes)) for name, entry in whole["actuators"].items())
-        observed = tuple((name, _reference(index, len(nodes))) for name, index in whole["observed"].items())
+        nodes = tuple(_guard(node, index) for index, node in enumerate(document["nodes"]))
+        actuators = tuple(_clients(name, entry, len(nodes)) for name, entry in document["actuators"].items())
+        observed = tuple(
+            (name, _reference(index, len(nodes))) for name, index in document["observed"].items()
+        )
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as problem:
         raise EmittedFormError(
             f"{type(problem).__name__}: {problem}", "clients in the format colony-clients/1"
@@ -73,17 +75,17 @@ def _guard(node: Mapping[str, Any], index: int) -> Guard:
             raise ValueError(f"unknown node `{other}`")
 
 
-def _references(value: object, below: int) -> tuple[int, ...]:
-    references = tuple(_reference(index, below) for index in _list(value))
+def _references(value: object, limit: int) -> tuple[int, ...]:
+    references = tuple(_reference(index, limit) for index in _list(value))
     if len(references) < 2:
         raise ValueError(f"{value!r} is not a list of two or more nodes")
     return references
 
 
-def _reference(index: object, below: int) -> int:
+def _reference(index: object, limit: int) -> int:
     number = _number(index)
-    if number >= below:
-        raise ValueError(f"{number} is not a node before {below}")
+    if number >= limit:
+        raise ValueError(f"{number} is not a node before {limit}")
     return number
 
 

@@ -20,7 +20,7 @@ LOWERED = "lowered code"
 def views(sent: Compiled) -> Iterator[Code]:
     """Yield the code of all clients, and its views with loss-aware or unsimplified guards, if different."""
     yield whole_view(sent.code)
-    clients = [client for one in sent.code.actuators for client in one.clients]
+    clients = [client for actuator in sent.code.actuators for client in actuator.clients]
     if any((c.loss_aware_guard, c.loss_aware_exclusive) != (c.guard, c.exclusive) for c in clients):
         yield loss_aware_view(sent.code)
     if any(c.unsimplified != c.guard for c in clients):
@@ -53,9 +53,9 @@ def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) 
     winners, above = [], FALSE
     for client in actuator.clients:
         guard = literals[client.guard]
-        first = circuit.both(guard, above ^ 1)
+        wins = circuit.both(guard, above ^ 1)
         winners.append(
-            Winner(module=client.module, by_priority=first, by_exclusive=literals[client.exclusive])
+            Winner(module=client.module, by_priority=wins, by_exclusive=literals[client.exclusive])
         )
         above = circuit.either(above, guard)
     return tuple(winners)
@@ -115,9 +115,9 @@ class _Values:
         return literals
 
     def _literal(
-        self, code: Code, at: int, identity: int, literals: Sequence[int], timer_classes: TimerClasses
+        self, code: Code, index: int, identity: int, literals: Sequence[int], timer_classes: TimerClasses
     ) -> int:
-        circuit, op = self._circuit, code.ops[at]
+        circuit, op = self._circuit, code.ops[index]
         match op:
             case Literal(value=bool() as value):
                 return TRUE if value else FALSE

@@ -13,9 +13,9 @@ and, from the wiring that drives an actuator down to the modules, one for "what 
     through(A) = through(A suppresses B)                         (of an inhibitor's dominant side, nothing)
     through(B) = through(A suppresses B) and not dominates       (the same of an inhibitor)
 
-or, for what is used several times, through one of the uses. A module wins where it is active and through. In
-every frame the nodes that are both active and through form one path from the actuator to one module, since
-exactly one of the two inputs of a node on the path is the next; so no two modules win.
+or, for a wiring that is used several times, through one of the uses. A module wins if it is active and
+through. In every frame the nodes that are both active and through form one path from the actuator to one
+module, since exactly one of the two inputs of a node on the path is the next; so no two modules win.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit, Hi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Joint:
+class InnerNode:
     """A suppressor or inhibitor, with references to its inputs, which come before it."""
 
     suppresses: bool
@@ -63,15 +63,15 @@ class NetworkFormulas:
         roots: the actuators that are driven.
     """
 
-    nodes: tuple[str | Joint, ...]
+    nodes: tuple[str | InnerNode, ...]
     active: tuple[int, ...]
     dominates: tuple[int, ...]
     names: Mapping[str, int]
     roots: Mapping[str, Root]
 
-    def dominant(self, at: int) -> int:
-        """Return the formula of the dominant input of a joint."""
-        return self.active[_joint(self.nodes[at]).dominant]
+    def dominant(self, index: int) -> int:
+        """Return the formula of the dominant input of a suppressor or inhibitor."""
+        return self.active[_inner_node(self.nodes[index]).dominant]
 
     def activity(self, name: str) -> int:
         """Return the formula of a module's or wire's activity."""
@@ -83,25 +83,25 @@ NEVER = -1
 
 
 def encode_network(
-    program: Program, circuit: Circuit, alike: Mapping[int, int] = MappingProxyType({})
+    program: Program, circuit: Circuit, history_owners: Mapping[int, int] = MappingProxyType({})
 ) -> NetworkFormulas:
     """Encode all wires of a program as formulas.
 
-    Time constants share a history if their dominant inputs are the same formula. `alike` maps a joint to
-    another joint whose dominant input was proved equal, so that they share a history as well, or to `NEVER`
-    if its dominant input is never active.
+    Time constants share a history if their dominant inputs are the same formula. `history_owners` maps a node
+    to another one whose dominant input was proved equal, and whose history it therefore shares, or to `NEVER`
+    if the dominant input is never active.
     """
     wired = _Wired(program)
     active: list[int] = []
     dominates: list[int] = []
-    for at, node in enumerate(wired.nodes):
+    for index, node in enumerate(wired.nodes):
         if isinstance(node, str):
             active.append(circuit.input(Activity(node)))
             dominates.append(FALSE)
             continue
         dominant, inferior = active[node.dominant], active[node.inferior]
-        same = alike.get(at, at)
-        remembered = FALSE if same == NEVER else active[_joint(wired.nodes[same]).dominant]
+        owner = history_owners.get(index, index)
+        remembered = FALSE if owner == NEVER else active[_inner_node(wired.nodes[owner]).dominant]
         dominating = _recently(circuit, dominant, remembered, node.window_ns)
         passing = circuit.both(inferior, dominating ^ 1)
         active.append(circuit.either(dominant, passing) if node.suppresses else passing)
@@ -119,8 +119,8 @@ def encode_network(
     )
 
 
-def _joint(node: str | Joint) -> Joint:
-    assert isinstance(node, Joint), "only joints have time constants"
+def _inner_node(node: str | InnerNode) -> InnerNode:
+    assert isinstance(node, InnerNode), "only suppressors and inhibitors have time constants"
     return node
 
 
@@ -135,41 +135,44 @@ def _recently(circuit: Circuit, now: int, remembered: int, window_ns: int) -> in
 
 
 def _root(
-    nodes: list[str | Joint], root: int, active: list[int], dominates: list[int], circuit: Circuit
+    nodes: list[str | InnerNode], root: int, active: list[int], dominates: list[int], circuit: Circuit
 ) -> Root:
     through = {root: TRUE}
     wins: dict[str, int] = {}
-    for at in range(root, -1, -1):  # a node comes after its inputs, so all its uses are known
-        node = nodes[at]
-        if at not in through:
+    for index in range(root, -1, -1):  # a node comes after its inputs, so all its uses are known
+        node = nodes[index]
+        if index not in through:
             continue
         if isinstance(node, str):
-            wins[node] = circuit.both(through[at], active[at])
+            wins[node] = circuit.both(through[index], active[index])
             continue
         if node.suppresses:
-            through[node.dominant] = circuit.either(through.get(node.dominant, FALSE), through[at])
-        passing = circuit.both(through[at], dominates[at] ^ 1)
+            through[node.dominant] = circuit.either(through.get(node.dominant, FALSE), through[index])
+        passing = circuit.both(through[index], dominates[index] ^ 1)
         through[node.inferior] = circuit.either(through.get(node.inferior, FALSE), passing)
     return Root(node=root, through=through, wins=wins)
 
 
 class _Wired:
-    """The wires as one table of nodes: all modules, then each joint after its inputs."""
+    """The wires as one table of nodes: all modules, then each suppressor and inhibitor after its inputs."""
 
     def __init__(self, program: Program) -> None:
         wired = wiring_graph(program)
-        names = [*(module.name for module in program.modules), *(joint.name for joint in wired.nodes)]
-        at = {name: i for i, name in enumerate(names)}
-        self.nodes: list[str | Joint] = [module.name for module in program.modules]
-        self.nodes += [
-            Joint(
-                suppresses=joint.relation == "suppresses",
-                dominant=at[joint.dominant],
-                inferior=at[joint.inferior],
-                window_ns=joint.window_ns,
-            )
-            for joint in wired.nodes
+        names = [
+            *(module.name for module in program.modules),
+            *(inner_node.name for inner_node in wired.nodes),
         ]
-        self.names = {module.name: at[module.name] for module in program.modules}
-        self.names |= {wire: at[stands_for] for wire, stands_for in wired.wires.items()}
-        self.driving = {actuator: at[root] for actuator, root in wired.roots.items()}
+        index = {name: i for i, name in enumerate(names)}
+        self.nodes: list[str | InnerNode] = [module.name for module in program.modules]
+        self.nodes += [
+            InnerNode(
+                suppresses=inner_node.relation == "suppresses",
+                dominant=index[inner_node.dominant],
+                inferior=index[inner_node.inferior],
+                window_ns=inner_node.window_ns,
+            )
+            for inner_node in wired.nodes
+        ]
+        self.names = {module.name: index[module.name] for module in program.modules}
+        self.names |= {wire: index[stands_for] for wire, stands_for in wired.wires.items()}
+        self.driving = {actuator: index[root] for actuator, root in wired.roots.items()}

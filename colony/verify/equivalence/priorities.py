@@ -5,10 +5,10 @@ induction over the network, from facts that each concern one node and its inputs
 the first k clients wins (in the network), and `gates(n)` that no inhibitor or time constant is closed on the
 only path from the actuator down to node n. Then z3 shows, for one node after the other:
 
-    descent    what is active and through wins in the end: if a node is, so is one of its inputs
-    reach      gates(n) implies through(n) or E(k), k being the clients above all modules that hang on n
-    alone:
-               where n is passed over for a dominant side, by `descent` a module of that side wins
+    descent    if a node is active and through, so is one of its inputs; so in the end a module wins
+    reach      gates(n) implies through(n) or E(k), where k is the number of clients above all modules that
+               depend on n alone: where n is passed over for a dominant side, by `descent` a module of that
+               side wins
     passage    through(n) implies gates(n)
 
 and, for each module with only one path, that its guard is its activity and its gates. By `reach`, if the
@@ -24,40 +24,40 @@ from dataclasses import dataclass
 from itertools import chain
 
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit
-from colony.verify.equivalence.network import Joint, NetworkFormulas, Root
+from colony.verify.equivalence.network import InnerNode, NetworkFormulas, Root
 from colony.verify.equivalence.solver import Clause, Solver
 from colony.verify.equivalence.table import ClientFormulas
 
 
 def gates_of(source: NetworkFormulas, root: Root, circuit: Circuit) -> Mapping[int, int]:
-    """Return, for each node with one path from the actuator, that no inhibitor or time constant blocks it."""
+    """Return, for each node with one path, the formula that no inhibitor or time constant blocks the path."""
     uses = _uses(source, root)
     gates: dict[int, int] = {root.node: TRUE}
-    for at in range(root.node, -1, -1):
-        node = source.nodes[at]
-        if at not in gates or isinstance(node, str):
+    for index in range(root.node, -1, -1):
+        node = source.nodes[index]
+        if index not in gates or isinstance(node, str):
             continue
         if node.suppresses and uses[node.dominant] == 1:
-            gates[node.dominant] = gates[at]
+            gates[node.dominant] = gates[index]
         if uses[node.inferior] == 1:
             closes = not node.suppresses or node.window_ns > 0
-            closed = source.dominates[at] if closes else FALSE
-            gates[node.inferior] = circuit.both(gates[at], closed ^ 1)
-    for at, gate in gates.items():
-        if isinstance(source.nodes[at], str):
-            circuit.both(gate, source.active[at])  # the module's guard: this puts it into the index
+            closed = source.dominates[index] if closes else FALSE
+            gates[node.inferior] = circuit.both(gates[index], closed ^ 1)
+    for index, gate in gates.items():
+        if isinstance(source.nodes[index], str):
+            circuit.both(gate, source.active[index])  # the module's guard: this puts it into the index
     return gates
 
 
 def _uses(source: NetworkFormulas, root: Root) -> Mapping[int, int]:
     """Count the uses of each node from which its command can reach the actuator."""
     uses = {root.node: 1}
-    for at in range(root.node, -1, -1):
-        node = source.nodes[at]
-        if at not in uses or isinstance(node, str):
+    for index in range(root.node, -1, -1):
+        node = source.nodes[index]
+        if index not in uses or isinstance(node, str):
             continue
-        for below in (node.dominant, node.inferior) if node.suppresses else (node.inferior,):
-            uses[below] = uses.get(below, 0) + 1
+        for child in (node.dominant, node.inferior) if node.suppresses else (node.inferior,):
+            uses[child] = uses.get(child, 0) + 1
     return uses
 
 
@@ -86,12 +86,12 @@ class Induction:
         positions = {client.module: i for i, client in enumerate(self.clients)}
         if positions.keys() != self.root.wins.keys():
             return False
-        last, first = self._last(positions), self._first(positions)
-        if not self._above(last, first) or not self._guards():
+        lowest, highest = self._lowest_positions(positions), self._highest_positions(positions)
+        if not self._dominants_are_above(lowest, highest) or not self._has_expected_guards():
             return False
-        return self.solver.refutes_each(chain(self._descent(), self._passage(), self._reach(first)))
+        return self.solver.refutes_each(chain(self._descent(), self._passage(), self._reach(highest)))
 
-    def _guards(self) -> bool:
+    def _has_expected_guards(self) -> bool:
         circuit = self.solver.circuit
         for client in self.clients:
             module = self.source.names[client.module]
@@ -101,73 +101,73 @@ class Induction:
                 return False
         return True
 
-    def _joints(self) -> list[tuple[int, Joint]]:
+    def _inner_nodes(self) -> list[tuple[int, InnerNode]]:
         """Return the suppressors and inhibitors that pass a command, from the actuator down."""
         return [
-            (at, node)
-            for at in range(self.root.node, -1, -1)
-            if at in self.root.through and isinstance(node := self.source.nodes[at], Joint)
+            (index, node)
+            for index in range(self.root.node, -1, -1)
+            if index in self.root.through and isinstance(node := self.source.nodes[index], InnerNode)
         ]
 
     def _descent(self) -> Iterator[list[Clause]]:
         active, through = self.source.active, self.root.through
-        for at, node in self._joints():
+        for index, node in self._inner_nodes():
             inputs = (node.dominant, node.inferior) if node.suppresses else (node.inferior,)
-            not_passed_on = [(active[below] ^ 1, through[below] ^ 1) for below in inputs]
-            yield [(active[at],), (through[at],), *not_passed_on]
+            not_passed_on = [(active[child] ^ 1, through[child] ^ 1) for child in inputs]
+            yield [(active[index],), (through[index],), *not_passed_on]
 
     def _passage(self) -> Iterator[list[Clause]]:
         through, gates = self.root.through, self.gates
-        for at, node in self._joints():
-            below = node.inferior
-            if below in gates and at in gates:
-                yield [(through[at] ^ 1, gates[at]), (through[below],), (gates[below] ^ 1,)]
+        for index, node in self._inner_nodes():
+            child = node.inferior
+            if child in gates and index in gates:
+                yield [(through[index] ^ 1, gates[index]), (through[child],), (gates[child] ^ 1,)]
 
-    def _reach(self, first: Mapping[int, int]) -> Iterator[list[Clause]]:
+    def _reach(self, highest: Mapping[int, int]) -> Iterator[list[Clause]]:
         active, through, gates = self.source.active, self.root.through, self.gates
-        for at, node in self._joints():
-            below = node.inferior
-            if below not in gates or below not in first:
+        for index, node in self._inner_nodes():
+            child = node.inferior
+            if child not in gates or child not in highest:
                 continue
-            known = [(gates[at] ^ 1, through[at])]
+            clauses = [(gates[index] ^ 1, through[index])]
             if node.suppresses:
-                known.append((through[at] ^ 1, active[node.dominant] ^ 1))
-            yield [*known, (gates[below],), (through[below] ^ 1,)]
+                clauses.append((through[index] ^ 1, active[node.dominant] ^ 1))
+            yield [*clauses, (gates[child],), (through[child] ^ 1,)]
 
-    def _above(self, last: Mapping[int, int], first: Mapping[int, int]) -> bool:
-        """Return True if modules of a dominant side are above those that depend on its inferior side only."""
+    def _dominants_are_above(self, lowest: Mapping[int, int], highest: Mapping[int, int]) -> bool:
+        """Return True if modules of a dominant side are above those that depend only on the inferior side."""
         return all(
-            last[node.dominant] < first[node.inferior]
-            for _, node in self._joints()
-            if node.suppresses and node.inferior in first
+            lowest[node.dominant] < highest[node.inferior]
+            for _, node in self._inner_nodes()
+            if node.suppresses and node.inferior in highest
         )
 
-    def _last(self, positions: Mapping[str, int]) -> Mapping[int, int]:
+    def _lowest_positions(self, positions: Mapping[str, int]) -> Mapping[int, int]:
         """Return, by node, the lowest position of a module that can win through it."""
-        last: dict[int, int] = {}
-        for at in range(self.root.node + 1):
-            node = self.source.nodes[at]
-            if at not in self.root.through:
+        lowest: dict[int, int] = {}
+        for index in range(self.root.node + 1):
+            node = self.source.nodes[index]
+            if index not in self.root.through:
                 continue
             if isinstance(node, str):
-                last[at] = positions[node]
+                lowest[index] = positions[node]
             else:
-                below = (node.dominant, node.inferior) if node.suppresses else (node.inferior,)
-                last[at] = max(last[i] for i in below)
-        return last
+                inputs = (node.dominant, node.inferior) if node.suppresses else (node.inferior,)
+                lowest[index] = max(lowest[i] for i in inputs)
+        return lowest
 
-    def _first(self, positions: Mapping[str, int]) -> Mapping[int, int]:
+    def _highest_positions(self, positions: Mapping[str, int]) -> Mapping[int, int]:
         """Return, by node, the highest position of a module that depends on it alone."""
-        first: dict[int, int] = {}
-        for at in range(self.root.node + 1):
-            node = self.source.nodes[at]
-            if at not in self.gates:
+        highest: dict[int, int] = {}
+        for index in range(self.root.node + 1):
+            node = self.source.nodes[index]
+            if index not in self.gates:
                 continue
             if isinstance(node, str):
-                first[at] = positions[node]
+                highest[index] = positions[node]
                 continue
-            below = (node.dominant, node.inferior) if node.suppresses else (node.inferior,)
-            found = [first[i] for i in below if i in first and i in self.gates]
+            inputs = (node.dominant, node.inferior) if node.suppresses else (node.inferior,)
+            found = [highest[i] for i in inputs if i in highest and i in self.gates]
             if found:
-                first[at] = min(found)
-        return first
+                highest[index] = min(found)
+        return highest

@@ -33,7 +33,7 @@ from colony.verify.equivalence.forms import prove_form
 from colony.verify.equivalence.formula_index import FormulaIndex
 from colony.verify.equivalence.json_text import EmittedFormError, read_json
 from colony.verify.equivalence.lowered import read_lowered, views
-from colony.verify.equivalence.network import NEVER, Joint, NetworkFormulas, Root, encode_network
+from colony.verify.equivalence.network import NEVER, InnerNode, NetworkFormulas, Root, encode_network
 from colony.verify.equivalence.priorities import Induction, first_by_structure, gates_of
 from colony.verify.equivalence.python_text import PYTHON, read_python
 from colony.verify.equivalence.results import (
@@ -72,25 +72,25 @@ def prove(
     is not used.
     """
     clients = compilation.clients
-    results: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
+    proofs: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
     if json is not None:
-        results.append(lambda: _prove_json(clients, json))
+        proofs.append(lambda: _prove_json(clients, json))
     if sent is not None:
-        results.append(lambda: _prove_sent(program, clients, sent(), timeout_ms))
+        proofs.append(lambda: _prove_sent(program, clients, sent(), timeout_ms))
     if python is not None:
-        results.append(lambda: prove_python(program, clients, python, timeout_ms=timeout_ms))
-    return _all_of(results)
+        proofs.append(lambda: prove_python(program, clients, python, timeout_ms=timeout_ms))
+    return _all_of(proofs)
 
 
-def _all_of(results: Iterable[Callable[[], Result]]) -> Result:
-    """Return the combined result, or the first that is a counterexample or on which z3 gave up."""
-    settled: list[Proved | Undecided] = []
-    for result in results:
-        settled_result = result()
-        if not isinstance(settled_result, Proved) and not _is_unattempted(settled_result):
-            return settled_result
-        settled.append(settled_result)
-    return merge_results(settled)
+def _all_of(proofs: Iterable[Callable[[], Result]]) -> Result:
+    """Run proofs; return the combined result, or the first counterexample or question that z3 gave up on."""
+    results: list[Proved | Undecided] = []
+    for proof in proofs:
+        result = proof()
+        if not isinstance(result, Proved) and not _is_unattempted(result):
+            return result
+        results.append(result)
+    return merge_results(results)
 
 
 def _is_unattempted(result: Result | None) -> TypeGuard[Undecided]:
@@ -109,21 +109,21 @@ def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int
 
 def _prove_sent(program: Program, clients: ClientList, sent: Compiled, timeout_ms: int) -> Result:
     """Prove that the sent form has the winners of the clients, in any executor."""
-    readings = [partial(read_lowered, program, clients, code) for code in views(sent)]
-    return _all_of(partial(prove_form, reading, clients, timeout_ms) for reading in readings)
+    readers = [partial(read_lowered, program, clients, code) for code in views(sent)]
+    return _all_of(partial(prove_form, reader, clients, timeout_ms) for reader in readers)
 
 
 def _prove_json(clients: ClientList, json: str) -> Result:
-    """Prove that a text is the client list: one obligation for each client and each observed name."""
+    """Prove that a text is the client list: one obligation for each client and each named activity."""
     try:
-        read = read_json(json)
+        parsed = read_json(json)
     except EmittedFormError as problem:
         return Malformed(form=JSON, subject="text", found=problem.found, expected=problem.expected)
-    if read.guards != clients.guards or read.observed != clients.observed:
+    if parsed.guards != clients.guards or parsed.observed != clients.observed:
         return Malformed(form=JSON, subject="nodes", found="other guards", expected="those of the clients")
-    if read.actuators != clients.actuators:
+    if parsed.actuators != clients.actuators:
         return Malformed(form=JSON, subject="actuators", found="other clients", expected="those compiled")
-    obligations = len(read.observed) + sum(len(one.clients) for one in read.actuators)
+    obligations = len(parsed.observed) + sum(len(entry.clients) for entry in parsed.actuators)
     return Proved(forms=(JSON,), by_structure=obligations, by_solver=0, questions=0)
 
 
@@ -155,24 +155,24 @@ def prove_clients(
 
 def _malformed(clients: ClientList, form: str) -> Malformed | None:
     """Return a defect of the list: priorities other than n, ..., 1, or a repeated entry."""
-    for one in clients.actuators:
-        expected = tuple(range(len(one.clients), 0, -1))
-        found = tuple(client.priority for client in one.clients)
+    for entry in clients.actuators:
+        expected = tuple(range(len(entry.clients), 0, -1))
+        found = tuple(client.priority for client in entry.clients)
         if found != expected:
             return Malformed(
                 form=form,
-                subject=one.actuator,
+                subject=entry.actuator,
                 found=f"the priorities {_listed(found)}",
                 expected=_listed(expected),
             )
-    twice = _duplicate([one.actuator for one in clients.actuators])
-    if twice is not None:
-        return Malformed(form=form, subject=twice, found="the actuator twice", expected="it once")
-    for one in clients.actuators:
-        twice = _duplicate([client.module for client in one.clients])
-        if twice is not None:
-            found_twice = f"the client {twice} twice"
-            return Malformed(form=form, subject=one.actuator, found=found_twice, expected="it once")
+    duplicate = _duplicate([entry.actuator for entry in clients.actuators])
+    if duplicate is not None:
+        return Malformed(form=form, subject=duplicate, found="the actuator twice", expected="it once")
+    for entry in clients.actuators:
+        duplicate = _duplicate([client.module for client in entry.clients])
+        if duplicate is not None:
+            found_duplicate = f"the client {duplicate} twice"
+            return Malformed(form=form, subject=entry.actuator, found=found_duplicate, expected="it once")
     return None
 
 
@@ -203,21 +203,26 @@ def _network(program: Program, order: Sequence[str], timeout_ms: int) -> tuple[C
 
     Sharing a history makes other formulas equal, so this is repeated until nothing changes.
     """
-    alike: dict[int, int] = {}
+    history_owners: dict[int, int] = {}
     while True:
         circuit = Circuit()
-        source = encode_network(program, circuit, alike)
-        joints = [
-            at for at, node in enumerate(source.nodes) if isinstance(node, Joint) and node.window_ns > 0
+        source = encode_network(program, circuit, history_owners)
+        inner_nodes = [
+            node_index
+            for node_index, node in enumerate(source.nodes)
+            if isinstance(node, InnerNode) and node.window_ns > 0
         ]
-        if not joints:
+        if not inner_nodes:
             return circuit, source
         index = FormulaIndex(circuit, Solver(circuit, timeout_ms), _active(circuit, order))
-        first = index.first_equal([source.dominant(at) for at in joints])
-        found = {at: NEVER if i is None else joints[i] for at, i in zip(joints, first, strict=True)}
-        if found == alike or all(at == same for at, same in found.items()):
+        first = index.first_equal([source.dominant(node_index) for node_index in inner_nodes])
+        found = {
+            node_index: NEVER if i is None else inner_nodes[i]
+            for node_index, i in zip(inner_nodes, first, strict=True)
+        }
+        if found == history_owners or all(node_index == same for node_index, same in found.items()):
             return circuit, source
-        alike = found
+        history_owners = found
 
 
 def _active(circuit: Circuit, modules: Sequence[str]) -> list[int]:
@@ -230,7 +235,7 @@ class _Proof:
 
     def __init__(self, program: Program, clients: ClientList, form: str, timeout_ms: int) -> None:
         self.form = form
-        order = [client.module for one in clients.actuators for client in one.clients]
+        order = [client.module for entry in clients.actuators for client in entry.clients]
         self.circuit, self.source = _network(program, order, timeout_ms)
         self.gates = {
             actuator: gates_of(self.source, root, self.circuit)
@@ -247,7 +252,7 @@ class _Proof:
         undecided = []
         for found in chain(
             (self._actuator(actuator, listed.get(actuator, ())) for actuator in actuators),
-            (self._observed(name, literal) for name, literal in self.formulas.observed),
+            (self._check_activity(name, literal) for name, literal in self.formulas.observed),
         ):
             if _is_unattempted(found):
                 undecided.append(found)
@@ -257,7 +262,7 @@ class _Proof:
             forms=(self.form,),
             by_structure=self.count.structure,
             by_solver=self.count.solver,
-            questions=self.solver.asked,
+            questions=self.solver.question_count,
         )
         return merge_results([proved, *undecided])
 
@@ -276,7 +281,7 @@ class _Proof:
             self.count.add(client.exclusive == win and not client.solved)
             if client.exclusive != win and not self.solver.refutes(differ(client.exclusive, win)):
                 wrong.append(self.circuit.same(client.exclusive, win) ^ 1)
-        found = check.found(wrong)
+        found = check.find_counterexample(wrong)
         if found is not None:
             return found
         same = tuple(_settled(client, wins.get(client.module, FALSE)) for client in clients)
@@ -295,11 +300,11 @@ class _Proof:
             steps = Induction(self.source, root, self.gates[actuator], clients, self.solver)
             if steps.is_proved():
                 return None
-        return check.found(list(check.disorder(clients)))
+        return check.find_counterexample(list(check.disorder(clients)))
 
-    # --- observed names --------------------------------------------------------------------------
+    # --- activities that contracts and tests read -------------------------------------------------
 
-    def _observed(self, name: str, literal: int) -> Counterexample | Undecided | None:
+    def _check_activity(self, name: str, literal: int) -> Counterexample | Undecided | None:
         if name not in self.source.names:
             expected = "a wire or module of the program"
             return Malformed(form=self.form, subject="observed", found=f"`{name}`", expected=expected)
@@ -309,12 +314,12 @@ class _Proof:
         if active == literal or self.solver.refutes(clauses[:2]):
             return None
 
-        def shown(inputs: frozenset[int]) -> WrongActivity:
+        def describe(inputs: frozenset[int]) -> WrongActivity:
             network = evaluate(self.circuit, inputs)(active)
             frame = frame_of(self.circuit, inputs, self.source)
             return WrongActivity(form=self.form, name=name, frame=frame, network=network, found=not network)
 
-        return decide_clauses(self.solver, clauses, self.undecided(name), shown)
+        return decide_clauses(self.solver, clauses, self.undecided(name), describe)
 
     def undecided(self, subject: str) -> Undecided:
         """Return the result for when z3 gives up."""
@@ -337,7 +342,7 @@ class _ActuatorCheck:
     clients: tuple[ClientFormulas, ...]
     wins: Mapping[str, int]
 
-    def found(self, wrong: list[int]) -> Counterexample | Undecided | None:
+    def find_counterexample(self, wrong: list[int]) -> Counterexample | Undecided | None:
         """Return a frame in which one of these literals is true, if there is one."""
         proof = self.proof
         wrong = [literal for literal in wrong if literal != FALSE]

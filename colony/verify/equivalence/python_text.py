@@ -1,7 +1,7 @@
 """Formulas of the guards in generated Python, read from the emitted text.
 
 The text is parsed and run symbolically, statement by statement, with a formula for "this point is reached".
-Equal expressions have equal numbers, where a name counts as the expression last assigned to it. `and`, `or`,
+Equal expressions have equal numbers; a name counts as the expression last assigned to it. `and`, `or`,
 `not`, conditional expressions and constants become formulas; any other expression is an opaque condition. A
 module wins when `ACTUATOR_by = 'MODULE'` is reached.
 """
@@ -116,7 +116,7 @@ class _Run:
     broken: dict[str, int] = field(default_factory=dict)
     _keys: dict[int, Key] = field(default_factory=dict)
     _truths: dict[int, int] = field(default_factory=dict)
-    _before: dict[str, int | None] = field(default_factory=dict)  # values of names outside the block
+    _outer_values: dict[str, int | None] = field(default_factory=dict)  # values of names outside the block
     _loops: int = 0
 
     @property
@@ -128,10 +128,10 @@ class _Run:
 
     def block(self, statements: Sequence[ast.stmt], reached: int) -> int:
         """Run statements reached under a condition; return the condition under which their end is reached."""
-        for at, statement in enumerate(statements):
+        for position, statement in enumerate(statements):
             match statement:
                 case ast.Assign(targets=[target], value=value):
-                    self._assign(target, value, reached, statements[at:])
+                    self._assign(target, value, reached, statements[position:])
                 case ast.AugAssign(value=ast.Tuple(elts=[ast.Constant(value=str() as name)])):
                     self.broken[name] = self.circuit.either(self.broken.get(name, FALSE), reached)
                 case ast.If(test=test, body=body, orelse=orelse):
@@ -149,21 +149,22 @@ class _Run:
 
     def _branch(self, test: int, body: Sequence[ast.stmt], orelse: Sequence[ast.stmt], reached: int) -> int:
         condition = self._truth(test)
-        straight, otherwise = self.circuit.both(reached, condition), self.circuit.both(reached, condition ^ 1)
-        end, then = self._scoped(body, straight)
-        other_end, other = self._scoped(orelse, otherwise)
-        if end == FALSE or other_end == FALSE:
-            for name, number in (other if end == FALSE else then).items():
-                self._name(name, number)
-            return self.circuit.either(end, other_end)
-        for name in dict.fromkeys((*then, *other)):
+        then_reached = self.circuit.both(reached, condition)
+        else_reached = self.circuit.both(reached, condition ^ 1)
+        then_end, then_names = self._scoped(body, then_reached)
+        else_end, else_names = self._scoped(orelse, else_reached)
+        if then_end == FALSE or else_end == FALSE:
+            for name, number in (else_names if then_end == FALSE else then_names).items():
+                self._bind(name, number)
+            return self.circuit.either(then_end, else_end)
+        for name in dict.fromkeys((*then_names, *else_names)):
             outside = self.names.get(name)
             before = self._numbered(("undefined", name)) if outside is None else outside
-            parts = (then.get(name, before), other.get(name, before))
-            self._name(name, self._numbered(("IfExp", test, *parts)))
-        if end == straight and other_end == otherwise:
+            parts = (then_names.get(name, before), else_names.get(name, before))
+            self._bind(name, self._numbered(("IfExp", test, *parts)))
+        if then_end == then_reached and else_end == else_reached:
             return reached
-        return self.circuit.either(end, other_end)
+        return self.circuit.either(then_end, else_end)
 
     def _loop(self, body: Sequence[ast.stmt], reached: int) -> None:
         """Run a loop once: every branch that is reached ends with a `break`."""
@@ -172,36 +173,36 @@ class _Run:
             raise EmittedFormError("a loop over clients that may not end", "a `break` after every client")
         self._loops += 1
         for name in (*changed, *self.decided_by.values()):
-            self._name(name, self._numbered(("after loop", self._loops, name)))
+            self._bind(name, self._numbered(("after loop", self._loops, name)))
 
     def _scoped(self, statements: Sequence[ast.stmt], reached: int) -> tuple[int, Mapping[str, int]]:
         """Run statements in their own scope; return the condition for reaching the end, and changed names."""
-        outer, self._before = self._before, {}
+        outer, self._outer_values = self._outer_values, {}
         end = self.block(statements, reached)
-        changed = {name: self.names[name] for name in self._before}
-        for name, number in self._before.items():
+        changed = {name: self.names[name] for name in self._outer_values}
+        for name, number in self._outer_values.items():
             if number is None:
                 del self.names[name]
             else:
                 self.names[name] = number
-        self._before = outer
+        self._outer_values = outer
         return end, changed
 
-    def _name(self, name: str, number: int) -> None:
-        self._before.setdefault(name, self.names.get(name))
+    def _bind(self, name: str, number: int) -> None:
+        self._outer_values.setdefault(name, self.names.get(name))
         self.names[name] = number
 
     def _assign(self, target: ast.expr, value: ast.expr, reached: int, rest: Sequence[ast.stmt]) -> None:
         number = self._number(value)
         match target:
             case ast.Name(id=name):
-                self._name(name, number)
+                self._bind(name, number)
                 if name in self.deciders:
                     self._record_winner(name, value, reached, rest)
             case ast.Tuple(elts=elements):
                 for i, element in enumerate(elements):
                     if isinstance(element, ast.Name):
-                        self._name(element.id, self._numbered(("item", number, i)))
+                        self._bind(element.id, self._numbered(("item", number, i)))
             case ast.Attribute(value=ast.Name(id="self"), attr=attribute):
                 self.updates.setdefault(attribute, []).append((reached, number))
             case _:
@@ -221,7 +222,7 @@ class _Run:
                     f"line {value.lineno}: {by} = {ast.unparse(value)}", "the name of a module"
                 )
         straight = all(isinstance(s, ast.Assign) for s in rest[:-1]) and isinstance(rest[-1], ast.Break)
-        others = [s for s in rest[1:-1] if isinstance(s, ast.Assign) and _names(s.targets[0], by)]
+        others = [s for s in rest[1:-1] if isinstance(s, ast.Assign) and _mentions(s.targets[0], by)]
         if not straight or others:
             raise EmittedFormError(f"line {value.lineno}: {by} = {module!r}", "a `break` right after it")
         winners = self.winners.setdefault(by, {})
@@ -333,5 +334,5 @@ def _int(part: object) -> int:
     return part
 
 
-def _names(target: ast.expr, name: str) -> bool:
+def _mentions(target: ast.expr, name: str) -> bool:
     return any(isinstance(node, ast.Name) and node.id == name for node in ast.walk(target))

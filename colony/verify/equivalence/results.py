@@ -41,11 +41,11 @@ class Activation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recent:
-    """`name` was last active less than `less_ns` and at least `least_ns` ago; both are time constants."""
+    """The module or wire `name` was last active at least `min_age_ns` and less than `max_age_ns` ago."""
 
     name: str
-    least_ns: int
-    less_ns: int
+    min_age_ns: int
+    max_age_ns: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +104,7 @@ Result = Proved | Counterexample | Undecided
 
 
 def merge_results(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
-    """Return results combined into one, which is proved if all are."""
+    """Return results combined into one, which is `Proved` if all are."""
     proved = [r for r in results if isinstance(r, Proved)]
     undecided = [r for r in results if isinstance(r, Undecided)]
     by_structure = sum(r.by_structure for r in results)
@@ -125,14 +125,14 @@ def merge_results(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
 def frame_text(frame: Activation) -> str:
     """Return a phrase for a frame that can follow "with"."""
     active = f"{listed(frame.active)} active" if frame.active else "no module active"
-    recent = [f"{_ago(one)}" for one in frame.recent]
+    recent = [_ago(activity) for activity in frame.recent]
     return f"{active}, and {listed(recent)}" if recent else active
 
 
 def _ago(recent: Recent) -> str:
-    before = f"less than {duration_text(recent.less_ns)} ago"
-    if recent.least_ns:
-        return f"{recent.name} {duration_text(recent.least_ns)} ago or more, but {before}"
+    before = f"less than {duration_text(recent.max_age_ns)} ago"
+    if recent.min_age_ns:
+        return f"{recent.name} {duration_text(recent.min_age_ns)} ago or more, but {before}"
     return f"{recent.name} {before}"
 
 

@@ -1,8 +1,8 @@
 """Questions to z3: can these clauses over a circuit all be true?
 
 A clause may depend on many nodes, most of which do not matter. So z3 is first asked only about the nearest
-nodes, with all others as free inputs. If this has no solution, the clauses have none; if it has one, the
-question is repeated with more nodes, and finally with all.
+nodes, with all others as free inputs. If this question has no solution, neither have the clauses. Otherwise
+it is repeated with more nodes, and finally with all.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BATCH_SIZE = 100
 class Unsettled(Enum):
     """No answer: too few nodes were considered, or the solver gave up."""
 
-    TOO_NEAR = "too near"
+    TOO_FEW_NODES = "too few nodes"
     GAVE_UP = "gave up"
 
 
@@ -54,17 +54,17 @@ class Solver:
     def __init__(self, circuit: Circuit, timeout_ms: int) -> None:
         self.circuit = circuit
         self.timeout_ms = timeout_ms
-        self.asked = 0
+        self.question_count = 0
 
     @property
-    def asks(self) -> bool:
+    def uses_z3(self) -> bool:
         """True if z3 is used at all; if not, only obvious contradictions are refuted."""
         return self.timeout_ms > 0
 
-    def refutes(self, clauses: Sequence[Clause], near: Sequence[int] = NEAR_LIMITS) -> bool:
+    def refutes(self, clauses: Sequence[Clause], near_limits: Sequence[int] = NEAR_LIMITS) -> bool:
         """Return True if nearby conjunctions suffice to show that the clauses cannot all be true."""
         return obviously_unsatisfiable(clauses) or any(
-            isinstance(self._ask(clauses, limit), Refuted) for limit in near
+            isinstance(self._ask(clauses, limit), Refuted) for limit in near_limits
         )
 
     def refutes_each(self, questions: Iterable[Sequence[Clause]]) -> bool:
@@ -72,7 +72,7 @@ class Solver:
         open_questions = [clauses for clauses in questions if not obviously_unsatisfiable(clauses)]
         for start in range(0, len(open_questions), BATCH_SIZE):
             batch = open_questions[start : start + BATCH_SIZE]
-            if not self._none_of(batch) and not all(self.refutes(clauses) for clauses in batch):
+            if not self._refutes_all_at_once(batch) and not all(self.refutes(clauses) for clauses in batch):
                 return False
         return True
 
@@ -82,39 +82,39 @@ class Solver:
             return Refuted()
         for limit in NEAR_LIMITS:
             answer = self._ask(clauses, limit)
-            if answer is not Unsettled.TOO_NEAR:
+            if answer is not Unsettled.TOO_FEW_NODES:
                 return answer
         return self._ask(clauses, len(self.circuit))
 
     def _ask(self, clauses: Sequence[Clause], limit: int) -> Answer:
-        if not self.asks:
+        if not self.uses_z3:
             return Unsettled.GAVE_UP
-        self.asked += 1
+        self.question_count += 1
         cone = _cone(self.circuit, clauses, limit)
         cnf = _Cnf(self.circuit, cone.inner, cone.leaves)
         for clause in clauses:
             cnf.add(clause)
         complete = all(self.circuit.is_input(node) for node in cone.leaves)
-        possible, model = cnf.solve(self.timeout_ms, wanted=complete)
+        possible, model = cnf.solve(self.timeout_ms, with_model=complete)
         if possible is None:
             return Unsettled.GAVE_UP
         if not possible:
             return Refuted()
         if not complete:
-            return Unsettled.TOO_NEAR
+            return Unsettled.TOO_FEW_NODES
         return Satisfied(frozenset(node for node in cone.leaves if cnf.number[node] in model))
 
-    def _none_of(self, questions: Sequence[Sequence[Clause]]) -> bool:
+    def _refutes_all_at_once(self, questions: Sequence[Sequence[Clause]]) -> bool:
         """Return True if one call shows that none of the questions has a solution."""
-        if not self.asks:
+        if not self.uses_z3:
             return False
-        self.asked += 1
+        self.question_count += 1
         cones = [_cone(self.circuit, clauses, NEAR_LIMITS[0]) for clauses in questions]
         inner = dict.fromkeys(chain.from_iterable(cone.inner for cone in cones))
         leaves = dict.fromkeys(chain.from_iterable(cone.leaves for cone in cones))
         cnf = _Cnf(self.circuit, list(inner), [node for node in leaves if node not in inner])
         cnf.add_one_of(questions)
-        return cnf.solve(self.timeout_ms, wanted=False)[0] is False
+        return cnf.solve(self.timeout_ms, with_model=False)[0] is False
 
 
 def differ(a: int, b: int) -> tuple[Clause, Clause]:
@@ -160,15 +160,15 @@ class _Cnf:
         self._lines.append(f"{' '.join(map(str, choices))} 0")
         self._clauses += 1
 
-    def solve(self, timeout_ms: int, wanted: bool) -> tuple[bool | None, frozenset[int]]:
-        """Return (True if all can be true, None if z3 gives up; the true variables, if `wanted`)."""
+    def solve(self, timeout_ms: int, with_model: bool) -> tuple[bool | None, frozenset[int]]:
+        """Return True if all clauses can be true (None if z3 gives up), and the variables that are true."""
         import z3
 
         solver = z3.SolverFor("QF_FD")
         solver.set("timeout", timeout_ms)
         solver.from_string(f"p cnf {self._variables} {self._clauses}\n" + "\n".join(self._lines) + "\n")
         result = solver.check()
-        if result != z3.sat or not wanted:
+        if result != z3.sat or not with_model:
             return (None if result == z3.unknown else result == z3.sat), frozenset()
         model = solver.model()
         true = (decl.name() for decl in model.decls() if z3.is_true(model[decl]))
@@ -198,16 +198,16 @@ def _cone(circuit: Circuit, clauses: Sequence[Clause], limit: int) -> _Cone:
     sides.pop(0, None)
     heap = [(_shared(side), 0, -node) for node, side in sides.items()]
     heapify(heap)
-    cone, done = _Cone([], []), set[int]()
+    cone, visited = _Cone([], []), set[int]()
     while heap:
-        shared, far, negative = heappop(heap)
+        shared, distance, negative = heappop(heap)
         node = -negative
-        if node in done:
+        if node in visited:
             continue
         if not shared and _shared(sides[node]):
-            heappush(heap, (True, far, negative))
+            heappush(heap, (True, distance, negative))
             continue
-        done.add(node)
+        visited.add(node)
         if circuit.is_input(node) or len(cone.inner) >= limit:
             cone.leaves.append(node)
             continue
@@ -215,10 +215,10 @@ def _cone(circuit: Circuit, clauses: Sequence[Clause], limit: int) -> _Cone:
         for literal in (circuit.left[node], circuit.right[node]):
             part = literal >> 1
             before = sides.get(part, 0)
-            if part not in done:
+            if part not in visited:
                 sides[part] = before | sides[node]
                 if not before:
-                    heappush(heap, (_shared(sides[part]), far + (1 if nearest else literal & 1), -part))
+                    heappush(heap, (_shared(sides[part]), distance + (1 if nearest else literal & 1), -part))
     return cone
 
 

@@ -23,7 +23,7 @@ class Case:
     """
 
     program: Program
-    observed: Program
+    instrumented: Program
     network: NamedNetwork
 
     @cached_property
@@ -39,17 +39,17 @@ class Case:
     @cached_property
     def modules(self) -> dict[str, Module]:
         """The modules in the language that reach an actuator."""
-        wired = {m for root in self.network.roots.values() for m in self.network.under(root)}
+        wired = {m for root in self.network.roots.values() for m in self.network.modules_under(root)}
         return {m.name: m for m in self.program.modules if isinstance(m, Module) and m.name in wired}
 
     @cached_property
-    def main(self) -> Source | None:
+    def main_file(self) -> Source | None:
         """The file that drives the actuators."""
         return next((w.span.source for w in self.program.wires if w.actuator is not None), None)
 
     def is_own(self, span: Span) -> bool:
         """Return True if a span is in the main file; findings in imported files are left out."""
-        return span.source is self.main
+        return span.source is self.main_file
 
     @cached_property
     def own_modules(self) -> dict[str, Module]:
@@ -64,9 +64,9 @@ class Case:
 def case_of(program: Program) -> Case:
     """Return the case of a program."""
     named_network = network(program)
-    modules = tuple(_observed(m) if isinstance(m, Module) else m for m in program.modules)
-    observed = replace(program, modules=modules, wires=named_network.wires, contracts=(), tests=())
-    return Case(program=program, observed=observed, network=named_network)
+    modules = tuple(_instrumented(m) if isinstance(m, Module) else m for m in program.modules)
+    instrumented = replace(program, modules=modules, wires=named_network.wires, contracts=(), tests=())
+    return Case(program=program, instrumented=instrumented, network=named_network)
 
 
 def command_of(module: Module, i: int) -> ir.Expression:
@@ -75,10 +75,10 @@ def command_of(module: Module, i: int) -> ir.Expression:
     return ir.LocalValue(type=module.command.fields[i].type, name=f"{module.name}. {i}")
 
 
-def _observed(module: Module) -> Module:
+def _instrumented(module: Module) -> Module:
     if module.command is None:
         return module
     fields = module.command.fields
-    shown = tuple(Let(name=f"{module.name}. {i}", expression=e) for i, e in enumerate(fields))
+    field_lets = tuple(Let(name=f"{module.name}. {i}", expression=e) for i, e in enumerate(fields))
     values = tuple(command_of(module, i) for i in range(len(fields)))
-    return replace(module, lets=(*module.lets, *shown), command=replace(module.command, fields=values))
+    return replace(module, lets=(*module.lets, *field_lets), command=replace(module.command, fields=values))

@@ -27,14 +27,14 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
         if not case.is_own(contract.span):
             continue
         e = contract.expression
-        remembers = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(e))
-        if not remembers:  # a second claim would need to share its memory
+        has_memory = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(e))
+        if not has_memory:  # a second claim would need to share its memory
             yield _missing(contract), all_of((e, FALSE))
-            if (left := _left(e)) is not None:
+            if (left := _premise(e)) is not None:
                 yield _vacuous(contract), all_of((e, negation(left)))
 
 
-def _left(e: Expression) -> Expression | None:
+def _premise(e: Expression) -> Expression | None:
     match e:
         case ir.BinaryOperation(operator=ir.Binary.IMPLIES, left=left):
             return left
@@ -52,7 +52,7 @@ def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
                 f"contract `{contract.name}` never has a value: something that it reads is always missing",
                 "read what is missing with `value_or`, or remove the contract",
             )
-        elif _vacuous(contract) in proved and (left := _left(contract.expression)) is not None:
+        elif _vacuous(contract) in proved and (left := _premise(contract.expression)) is not None:
             yield warning(
                 "V027",
                 left.span,

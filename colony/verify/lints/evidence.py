@@ -29,21 +29,21 @@ def with_claims(program: Program, claims: Claims) -> Program:
     return replace(program, contracts=contracts)
 
 
-def broken_claims(program: Program, observed: Program, claims: Claims) -> frozenset[str]:
-    """Return the claims about `observed` that a run breaks.
+def broken_claims(program: Program, instrumented: Program, claims: Claims) -> frozenset[str]:
+    """Return the claims about `instrumented` that a run breaks.
 
     The runs are the examples of `program`, then drawn traces, until every claim is broken. A program with
     modules in Python is not run, as their answers are unknown.
     """
-    open_claims = dict(claims)
+    unbroken_claims = dict(claims)
     if _has_python_modules(program):
         return frozenset()
     for trace in chain((snapshots_of(program, t) for t in program.tests), _random_traces(program)):
-        if not open_claims:
+        if not unbroken_claims:
             break
-        for name in _breaches(with_claims(observed, open_claims), trace):
-            open_claims.pop(name, None)
-    return frozenset(set(claims) - set(open_claims))
+        for name in _breaches(with_claims(instrumented, unbroken_claims), trace):
+            unbroken_claims.pop(name, None)
+    return frozenset(set(claims) - set(unbroken_claims))
 
 
 def _random_traces(program: Program) -> Iterator[tuple[Snapshot, ...]]:

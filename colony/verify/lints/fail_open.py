@@ -1,9 +1,10 @@
 """Lint of safeguards that fail open: without a sensor that only the safeguard reads, the robot drives on.
 
 A *safeguard* of a module m is a module that dominates m somewhere and either inhibits m or, whenever both are
-active, commands some field at idle, on the other side of idle than m or, for a speed, nearer to idle. The
-evidence is a pair of runs that differ in one sensor of the last frame only. With all sensors present, the
-safeguard is active and m does not win; with that sensor missing, m wins with a command that is not idle.
+active, restrains a field of m's command. It restrains a field if its own value for the field is the idle
+value, lies on the other side of the idle value or, for a speed, lies nearer to it. The evidence is a pair of
+runs that differ in one sensor of the last frame only. With all sensors present, the safeguard is active and m
+does not win; with that sensor missing, m wins with a command that is not idle.
 """
 
 from __future__ import annotations
@@ -35,15 +36,15 @@ from colony.verify.snapshot import Snapshot
 _BASE_SERVER = "RServer"
 
 
-def _open(module: Module, sensor: str) -> str:
+def _open_claim(module: Module, sensor: str) -> str:
     return f"open {module.name} {sensor}"
 
 
-def _guarded(module: Module, guard: Module, sensor: str) -> str:
+def _guarded_claim(module: Module, guard: Module, sensor: str) -> str:
     return f"guarded {module.name} {guard.name} {sensor}"
 
 
-def _restrains(module: Module, guard: Module, i: int) -> str:
+def _restraint_claim(module: Module, guard: Module, i: int) -> str:
     return f"restrains {module.name} {guard.name} {i}"
 
 
@@ -56,7 +57,7 @@ def _pairs(case: Case) -> Iterator[tuple[Module, Module, Actuator]]:
         dominating = dict.fromkeys(
             name
             for node in case.network.nodes_above(module.name)
-            for name in case.network.under(node.dominant)
+            for name in case.network.modules_under(node.dominant)
         )
         for name in dominating:
             guard = case.modules.get(name)
@@ -72,7 +73,9 @@ def _own_needs(case: Case, module: Module, guard: Module) -> tuple[str, ...]:
 def _independent_dominants(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
     """Return the modules that dominate a module somewhere and do not need `sensor`."""
     dominating = dict.fromkeys(
-        name for node in case.network.nodes_above(module.name) for name in case.network.under(node.dominant)
+        name
+        for node in case.network.nodes_above(module.name)
+        for name in case.network.modules_under(node.dominant)
     )
     needing = {n for n in dominating if n in case.modules and sensor in case.contents.needs(case.modules[n])}
     return tuple(name for name in dominating if name not in needing and name != module.name)
@@ -91,18 +94,24 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
         wins = won(actuator.name, module.name)
         for sensor in _own_needs(case, module, guard):
             only_missing = (negation(fresh(s)) if s == sensor else fresh(s) for s in sensors)
-            yield _open(module, sensor), negation(all_of((*only_missing, wins)))
+            yield _open_claim(module, sensor), negation(all_of((*only_missing, wins)))
         moves = any_of(
             binary(Binary.NOT_EQUAL, command_of(module, i), constant(idle, actuator.fields[i].type))
             for i, idle in enumerate(actuator.idle)
         )
-        held = (*(fresh(s) for s in sensors), active(module.name), active(guard.name), negation(wins), moves)
+        held_back = (
+            *(fresh(s) for s in sensors),
+            active(module.name),
+            active(guard.name),
+            negation(wins),
+            moves,
+        )
         for sensor in _own_needs(case, module, guard):
             others = (negation(active(name)) for name in _independent_dominants(case, module, sensor))
-            yield _guarded(module, guard, sensor), negation(all_of((*held, *others)))
+            yield _guarded_claim(module, guard, sensor), negation(all_of((*held_back, *others)))
         for i in range(len(actuator.fields)):
             if guard.actuator == actuator.name:
-                yield _restrains(module, guard, i), _restrained(module, guard, actuator, i)
+                yield _restraint_claim(module, guard, i), _restrained(module, guard, actuator, i)
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
@@ -112,13 +121,13 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
     for module, guard, actuator in _pairs(case):
         sensors = []
         for sensor in _own_needs(case, module, guard):
-            name = _open(module, sensor)
+            name = _open_claim(module, sensor)
             if name not in stays_closed:
-                stays_closed[name] = prover.holds(name)
+                stays_closed[name] = prover.proved_over_reals(name)
             sensors += [] if stays_closed[name] else [sensor]
         fields = _guarded_fields(case, module, guard, actuator, prover) if sensors else frozenset[int]()
         for sensor in sensors if fields else ():
-            trace = prover.refuted(_guarded(module, guard, sensor))
+            trace = prover.refuted(_guarded_claim(module, guard, sensor))
             moving = (
                 set[int]()
                 if trace is None
@@ -134,8 +143,8 @@ def _moving_fields(
 ) -> set[int]:
     """Return the fields that are not idle when the module wins in the last frame, without `sensor`."""
     last = snapshots[-1]
-    without = last._replace(readings={n: v for n, v in last.readings.items() if n != sensor})
-    outcome = replay(case.program, (*snapshots[:-1], without))[-1]
+    last_without_sensor = last._replace(readings={n: v for n, v in last.readings.items() if n != sensor})
+    outcome = replay(case.program, (*snapshots[:-1], last_without_sensor))[-1]
     decision = next(d for d in outcome.decisions if d.actuator == actuator.name)
     idle = in_declared_units(actuator.idle, actuator.fields)
     if decision.by != module.name or decision.fault or decision.values is None or idle is None:
@@ -149,11 +158,11 @@ def _guarded_fields(
     """Return the fields against which `guard` is a safeguard of `module`."""
     fields = range(len(actuator.fields))
     for node in case.network.nodes_above(module.name):
-        if node.relation == "inhibits" and guard.name in case.network.under(node.dominant):
+        if node.relation == "inhibits" and guard.name in case.network.modules_under(node.dominant):
             return frozenset(fields)
     if guard.actuator != actuator.name:
         return frozenset()
-    return frozenset(i for i in fields if prover.proved([_restrains(module, guard, i)]))
+    return frozenset(i for i in fields if prover.proved([_restraint_claim(module, guard, i)]))
 
 
 def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Expression:
@@ -164,20 +173,21 @@ def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Ex
     """
     assert actuator.idle is not None
     kind = actuator.fields[i].type
-    idle, guards, own = constant(actuator.idle[i], kind), command_of(guard, i), command_of(module, i)
+    idle = constant(actuator.idle[i], kind)
+    guard_value, module_value = command_of(guard, i), command_of(module, i)
     both_active = all_of((active(module.name), active(guard.name)))
     if not isinstance(kind, Quantity):
-        moves = binary(Binary.NOT_EQUAL, own, idle)
-        return implies(both_active, implies(moves, binary(Binary.EQUAL, guards, idle)))
-    speed = kind.dimension == LENGTH.over(TIME)
-    less, more = (Binary.LESS, Binary.GREATER) if speed else (Binary.LESS_EQUAL, Binary.GREATER_EQUAL)
-    bound = own if speed else idle
+        moves = binary(Binary.NOT_EQUAL, module_value, idle)
+        return implies(both_active, implies(moves, binary(Binary.EQUAL, guard_value, idle)))
+    is_speed = kind.dimension == LENGTH.over(TIME)
+    less, more = (Binary.LESS, Binary.GREATER) if is_speed else (Binary.LESS_EQUAL, Binary.GREATER_EQUAL)
+    bound = module_value if is_speed else idle
     return implies(
         both_active,
         all_of(
             (
-                implies(binary(Binary.GREATER, own, idle), binary(less, guards, bound)),
-                implies(binary(Binary.LESS, own, idle), binary(more, guards, bound)),
+                implies(binary(Binary.GREATER, module_value, idle), binary(less, guard_value, bound)),
+                implies(binary(Binary.LESS, module_value, idle), binary(more, guard_value, bound)),
             )
         ),
     )

@@ -1,8 +1,8 @@
 """All lints of a program.
 
 Each lint states claims as contracts. A lint that says "never" warns if its claim holds in every run: concrete
-runs quickly break most claims about a sound program, and the prover decides the rest. A lint that says "can"
-warns if its claim is broken, with the run that breaks it as evidence.
+runs quickly break most claims about a program without faults, and the prover decides the rest. A lint that
+says "can" warns if its claim is broken, with the run that breaks it as evidence.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Diagn
         to_prove |= lint_module.claims(case)
     for refuting_lint in (ranges, fail_open, pauses):
         to_refute |= refuting_lint.claims(case)
-    refuted = broken_claims(program, case.observed, to_prove)
+    refuted = broken_claims(program, case.instrumented, to_prove)
     unbroken = {name: claim for name, claim in to_prove.items() if name not in refuted}
-    prover = Prover(case.observed, unbroken | to_refute, time_budget)
+    prover = Prover(case.instrumented, unbroken | to_refute, time_budget)
     proved = prover.proved(unbroken)
     dominators = {
         m: _minimal_dominators(case, m, time_budget) for m in case.modules if shadows.shadowed(m) in proved
@@ -80,4 +80,4 @@ def _dominate(case: Case, module: str, dominators: tuple[str, ...], time_budget:
     claim = shadows.dominated(case, module, dominators)
     if claim is None:
         return False
-    return bool(Prover(case.observed, {"dominated": claim}, time_budget).proved(["dominated"]))
+    return bool(Prover(case.instrumented, {"dominated": claim}, time_budget).proved(["dominated"]))

@@ -27,7 +27,7 @@ class NamedNetwork:
     nodes: dict[str, WiringNode]
     roots: Mapping[str, str]
 
-    def under(self, ref: str) -> tuple[str, ...]:
+    def modules_under(self, ref: str) -> tuple[str, ...]:
         """Return the modules below a node, dominant ones first, or the module itself."""
         modules: dict[str, None] = {}
         pending, seen = [ref], set[str]()
@@ -42,28 +42,32 @@ class NamedNetwork:
                 modules[name] = None
         return tuple(modules)
 
-    def emerges(self, module: str, ref: str, depth: int = 0) -> ir.Expression | None:
+    def output_condition(self, module: str, ref: str, depth: int = 0) -> ir.Expression | None:
         """Return the condition that `module`'s output is on `ref`, None if the network is too deep."""
         if ref not in self.nodes:
             return active(module) if ref == module else FALSE
         if depth >= _MAX_DEPTH:
             return None
         node = self.nodes[ref]
-        below = self.emerges(module, node.inferior, depth + 1)
-        if below is None:
+        inferior_condition = self.output_condition(module, node.inferior, depth + 1)
+        if inferior_condition is None:
             return None
         if node.relation == "inhibits":
-            return FALSE if below is FALSE else all_of((active(ref), below))
-        above = self.emerges(module, node.dominant, depth + 1)
-        if above is None:
+            return FALSE if inferior_condition is FALSE else all_of((active(ref), inferior_condition))
+        dominant_condition = self.output_condition(module, node.dominant, depth + 1)
+        if dominant_condition is None:
             return None
-        passed = [] if below is FALSE else [all_of((active(ref), negation(active(node.dominant)), below))]
-        return any_of((*([] if above is FALSE else [above]), *passed))
+        passed = (
+            []
+            if inferior_condition is FALSE
+            else [all_of((active(ref), negation(active(node.dominant)), inferior_condition))]
+        )
+        return any_of((*([] if dominant_condition is FALSE else [dominant_condition]), *passed))
 
     def nodes_above(self, module: str) -> Iterator[WiringNode]:
         """Yield the nodes on whose inferior side a module is."""
         for node in self.nodes.values():
-            if module in self.under(node.inferior):
+            if module in self.modules_under(node.inferior):
                 yield node
 
 
@@ -80,10 +84,10 @@ def network(program: Program) -> NamedNetwork:
     targets = {
         w.name: graph.wires[w.name] if w.actuator is None else graph.roots[w.actuator] for w in program.wires
     }
-    own = (node.wire(node.name, node.dominant, node.inferior) for node in graph.nodes)
-    named = (replace(wire, wiring=Use(name=targets[wire.name])) for wire in program.wires)
+    node_wires = (node.wire(node.name, node.dominant, node.inferior) for node in graph.nodes)
+    program_wires = (replace(wire, wiring=Use(name=targets[wire.name])) for wire in program.wires)
     nodes = {node.name: node for node in graph.nodes if node.name in reached}
-    return NamedNetwork(wires=(*own, *named), nodes=nodes, roots=graph.roots)
+    return NamedNetwork(wires=(*node_wires, *program_wires), nodes=nodes, roots=graph.roots)
 
 
 def span_of(node: WiringNode) -> Span:

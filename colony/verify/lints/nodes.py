@@ -11,7 +11,7 @@ from colony.text.wording import duration_text, quoted
 from colony.verify.claims import active, all_of, implies, negation
 from colony.verify.lints.case import Case
 from colony.verify.lints.network import span_of, text_of
-from colony.verify.lints.predicates import never
+from colony.verify.lints.predicates import never_active
 from colony.verify.lints.shadows import shadowed
 
 
@@ -48,17 +48,17 @@ def _own_nodes(case: Case) -> Iterator[WiringNode]:
 def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
     """Yield the warnings about nodes without effect."""
     for node in _own_nodes(case):
-        sides = [case.network.under(node.dominant), case.network.under(node.inferior)]
-        if any(all(never(m) in proved or shadowed(m) in proved for m in side) for side in sides):
+        sides = [case.network.modules_under(node.dominant), case.network.modules_under(node.inferior)]
+        if any(all(never_active(m) in proved or shadowed(m) in proved for m in side) for side in sides):
             continue  # other lints report these modules
         dominant, inferior = (quoted(side) for side in sides)
-        are = "is" if len(sides[1]) == 1 else "are"
+        verb = "is" if len(sides[1]) == 1 else "are"
         if _useless_inhibitor(node) in proved:
             yield warning(
                 "V023",
                 span_of(node),
                 f"`{text_of(node)}` changes nothing: where {dominant} would inhibit, "
-                f"{inferior} {are} not active",
+                f"{inferior} {verb} not active",
                 "remove the inhibitor, or correct a predicate",
             )
         elif _useless_window(node) in proved:
@@ -66,6 +66,6 @@ def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
                 "V024",
                 span_of(node),
                 f"the time constant of `{text_of(node)}` changes nothing: within "
-                f"{duration_text(node.window_ns)} after {dominant}, {inferior} {are} not active",
+                f"{duration_text(node.window_ns)} after {dominant}, {inferior} {verb} not active",
                 "remove the time constant, or correct a predicate",
             )

@@ -34,11 +34,12 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
         below = [
             won(actuator, module)
             for actuator, root in case.network.roots.items()
-            for module in case.network.under(outer.inferior)
-            if module in case.network.under(root) and module not in case.network.under(inner.name)
+            for module in case.network.modules_under(outer.inferior)
+            if module in case.network.modules_under(root)
+            and module not in case.network.modules_under(inner.name)
         ]
-        held = (active(inner.inferior), negation(active(inner.dominant)), negation(active(inner.name)))
-        yield _name(inner, outer), negation(all_of((*held, any_of(below))))
+        held_back = (active(inner.inferior), negation(active(inner.dominant)), negation(active(inner.name)))
+        yield _name(inner, outer), negation(all_of((*held_back, any_of(below))))
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
@@ -46,16 +47,17 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
     for inner, outer in _pairs(case):
         if prover.refuted(_name(inner, outer)) is None:
             continue
-        first, held, lesser = (
-            quoted(case.network.under(ref)) for ref in (inner.dominant, inner.inferior, outer.inferior)
+        first, held_back, passing = (
+            quoted(case.network.modules_under(ref))
+            for ref in (inner.dominant, inner.inferior, outer.inferior)
         )
-        many = len(case.network.under(inner.inferior)) > 1
-        is_, dominates = ("are", "they dominate") if many else ("is", "it dominates")
+        is_plural = len(case.network.modules_under(inner.inferior)) > 1
+        is_, dominates = ("are", "they dominate") if is_plural else ("is", "it dominates")
         time = duration_text(inner.window_ns)
         yield warning(
             "V031",
             span_of(outer),
-            f"within {time} after {first}, {held} {is_} held back, and {lesser}, which {dominates}, "
+            f"within {time} after {first}, {held_back} {is_} held back, and {passing}, which {dominates}, "
             "gets through",
             f"put the time constant where it holds all of them back: `A suppresses[{time}] (B suppresses C)`",
         )

@@ -11,12 +11,12 @@ from colony.verify.lints.case import Case
 from colony.verify.source_text import source_text
 
 
-def never(module: str) -> str:
+def never_active(module: str) -> str:
     """Return the name of the claim that a module is never active."""
     return f"never {module}"
 
 
-def always(module: str) -> str:
+def always_active(module: str) -> str:
     """Return the name of the claim that a module is always active."""
     return f"always {module}"
 
@@ -24,10 +24,10 @@ def always(module: str) -> str:
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims that a module is never active and, if its predicate reads anything, always active."""
     for name, module in case.modules.items():
-        yield never(name), negation(active(name))
+        yield never_active(name), negation(active(name))
         if case.is_own(module.span) and case.has_inputs(module):
             all_present = all_of(fresh(s) for s in sorted(case.contents.needs(module)))
-            yield always(name), implies(all_present, active(name))
+            yield always_active(name), implies(all_present, active(name))
 
 
 def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
@@ -36,14 +36,14 @@ def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
         if not case.has_inputs(module):
             continue
         predicate = source_text(module.when)
-        if never(name) in proved:
+        if never_active(name) in proved:
             yield warning(
                 "V021",
                 module.when.span,
                 f"`{name}` is never active: its predicate `{predicate}` is false whatever the sensors read",
                 "correct the predicate: compare it with the ranges of the sensors that it reads",
             )
-        elif always(name) in proved:
+        elif always_active(name) in proved:
             needed = sorted(case.contents.needs(module))
             while_ = f" while {', '.join(f'`{s}`' for s in needed)} is present" if len(needed) == 1 else ""
             while_ = while_ or (" while everything that it reads is present" if needed else "")

@@ -26,12 +26,12 @@ class TimeBudget:
 
     def __init__(self, clock: Clock | None = None, seconds: float = 0.0) -> None:
         self._clock = clock
-        self._until = 0.0 if clock is None else clock() + seconds
+        self._deadline = 0.0 if clock is None else clock() + seconds
         self.questions_skipped = 0
 
     def is_spent(self) -> bool:
         """Return True if no time is left for another question, and count the question as skipped."""
-        spent = self._clock is not None and self._clock() >= self._until
+        spent = self._clock is not None and self._clock() >= self._deadline
         self.questions_skipped += spent
         return spent
 
@@ -49,9 +49,11 @@ class Prover:
 
     def proved(self, names: Iterable[str]) -> frozenset[str]:
         """Return the claims that are proved for floats, rounding included."""
-        return frozenset(name for name in names if self.holds(name) and not self._depends_on_rounding(name))
+        return frozenset(
+            name for name in names if self.proved_over_reals(name) and not self._depends_on_rounding(name)
+        )
 
-    def holds(self, name: str) -> bool:
+    def proved_over_reals(self, name: str) -> bool:
         """Return True if a claim is proved over the reals, that is, without rounding."""
         if self._time_budget.is_spent():
             return False

@@ -25,11 +25,11 @@ def _fields(case: Case) -> Iterator[tuple[Module, str, int, ActuatorField]]:
     for module in case.own_modules.values():
         if module.command is not None and module.actuator is not None:
             for i, field in enumerate(case.actuators[module.actuator].fields):
-                if _is_open(module, i, field):
+                if _may_leave_range(module, i, field):
                     yield module, module.actuator, i, field
 
 
-def _is_open(module: Module, i: int, field: ActuatorField) -> bool:
+def _may_leave_range(module: Module, i: int, field: ActuatorField) -> bool:
     """Return True if a field has a range, and its command is not a constant within it."""
     if field.low is None and field.high is None:
         return False
@@ -43,12 +43,12 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims that a field of a module's command is within its range when the module wins."""
     for module, actuator, i, field in _fields(case):
         value = command_of(module, i)
-        beyond = []
+        outside = []
         if field.low is not None:
-            beyond.append(binary(Binary.LESS, value, constant(field.low, field.type)))
+            outside.append(binary(Binary.LESS, value, constant(field.low, field.type)))
         if field.high is not None:
-            beyond.append(binary(Binary.GREATER, value, constant(field.high, field.type)))
-        yield _name(module, field), implies(won(actuator, module.name), negation(any_of(beyond)))
+            outside.append(binary(Binary.GREATER, value, constant(field.high, field.type)))
+        yield _name(module, field), implies(won(actuator, module.name), negation(any_of(outside)))
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
@@ -58,7 +58,7 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
         clamped = Record("command clamped", f"{actuator}.{field.name}")
         if trace is None or clamped not in trace.outcomes[-1].records:
             continue
-        interpreter = Interpreter(case.observed)
+        interpreter = Interpreter(case.instrumented)
         for snapshot in trace.snapshots:
             interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
         value = interpreter.value_of(command_of(module, i))
@@ -68,7 +68,7 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
 
 
 def _warning(module: str, actuator: str, field: ActuatorField, value: float, e: ir.Expression) -> Diagnostic:
-    low, high = (_shown(x, field) for x in (field.low, field.high))
+    low, high = (_text(x, field) for x in (field.low, field.high))
     if field.low is not None and field.high is not None:
         bounds, remedy = f"its range is {low} .. {high}", f"`clamp(..., {low}, {high})`"
     elif field.high is not None:
@@ -78,12 +78,11 @@ def _warning(module: str, actuator: str, field: ActuatorField, value: float, e: 
     return warning(
         "V025",
         e.span,
-        f"`{module}` can command {actuator}.{field.name} = {_shown(value, field)}, "
-        f"which is clamped: {bounds}",
+        f"`{module}` can command {actuator}.{field.name} = {_text(value, field)}, which is clamped: {bounds}",
         f"write {remedy} if that is intended; otherwise correct the command or the range",
     )
 
 
-def _shown(x: ScalarValue | None, field: ActuatorField) -> str:
+def _text(x: ScalarValue | None, field: ActuatorField) -> str:
     """Return a value in the declared unit."""
     return "" if x is None else f"{x / field.factor:.6g}{f' {field.unit}' if field.unit else ''}"

@@ -9,7 +9,7 @@ from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
 from colony.verify.claims import active, all_of, any_of, implies, negation, won
 from colony.verify.lints.case import Case
-from colony.verify.lints.predicates import never
+from colony.verify.lints.predicates import never_active
 
 
 def shadowed(module: str) -> str:
@@ -23,39 +23,39 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
         exits: list[Expression] = [
             won(actuator, name)
             for actuator, root in case.network.roots.items()
-            if name in case.network.under(root)
+            if name in case.network.modules_under(root)
         ]
         too_deep = False
         for node in case.network.nodes.values():
             if node.relation == "inhibits" or node.window_ns:
-                emerges = case.network.emerges(name, node.dominant)
-                too_deep = too_deep or emerges is None
-                exits += [emerges] if emerges is not None else []
+                output_condition = case.network.output_condition(name, node.dominant)
+                too_deep = too_deep or output_condition is None
+                exits += [output_condition] if output_condition is not None else []
         if not too_deep:
             yield shadowed(name), negation(any_of(exits))
 
 
-def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
-    """Return the condition that one of `by` dominates an active module on each of its paths.
+def dominated(case: Case, module: str, dominators: Sequence[str]) -> Expression | None:
+    """Return the condition that one of `dominators` dominates an active module on each of its paths.
 
     None if this cannot be expressed, because of a time constant or a network that is too deep.
     """
-    each = []
+    dominated_on_paths = []
     for node in case.network.nodes_above(module):
         if node.window_ns:
             return None
     for path in _paths(case, module):
-        cut = []
+        dominations = []
         for name in path:
             node = case.network.nodes[name]
-            for other in by:
-                if other in case.network.under(node.dominant):
-                    out = case.network.emerges(other, node.dominant)
-                    if out is None:
+            for dominator in dominators:
+                if dominator in case.network.modules_under(node.dominant):
+                    condition = case.network.output_condition(dominator, node.dominant)
+                    if condition is None:
                         return None
-                    cut.append(out)
-        each.append(any_of(cut))
-    return implies(active(module), all_of(each))
+                    dominations.append(condition)
+        dominated_on_paths.append(any_of(dominations))
+    return implies(active(module), all_of(dominated_on_paths))
 
 
 def _paths(case: Case, module: str) -> Iterator[tuple[str, ...]]:
@@ -70,7 +70,7 @@ def _paths(case: Case, module: str) -> Iterator[tuple[str, ...]]:
             count += 1
             yield passed
         node = case.network.nodes.get(ref)
-        if node is not None and module in case.network.under(ref):
+        if node is not None and module in case.network.modules_under(ref):
             pending.append((node.inferior, (*passed, ref)))
             if node.relation == "suppresses":
                 pending.append((node.dominant, passed))
@@ -83,14 +83,14 @@ def candidates(case: Case, module: str) -> tuple[str, ...]:
     """Return the modules that can dominate a module, in the order of the nodes at which they do."""
     found: dict[str, None] = {}
     for node in case.network.nodes_above(module):
-        found |= dict.fromkeys(x for x in case.network.under(node.dominant) if x != module)
+        found |= dict.fromkeys(x for x in case.network.modules_under(node.dominant) if x != module)
     return tuple(found)
 
 
 def findings(case: Case, proved: Set[str], dominators: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
     """Yield the warnings; `dominators` gives a minimal dominating set for each module, if one was found."""
     for name, module in case.modules.items():
-        if shadowed(name) not in proved or never(name) in proved:
+        if shadowed(name) not in proved or never_active(name) in proved:
             continue
         names = dominators.get(name, ())
         if names:

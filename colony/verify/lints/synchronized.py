@@ -10,7 +10,7 @@ from colony.ir.program import Module
 from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.claims import active, binary
 from colony.verify.lints.case import Case
-from colony.verify.lints.predicates import always, never
+from colony.verify.lints.predicates import always_active, never_active
 from colony.verify.lints.shadows import shadowed
 
 
@@ -34,7 +34,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
 def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
     """Yield the warnings about modules that are always active together."""
     for a, b in _pairs(case):
-        other_findings = {claim(m.name) for m in (a, b) for claim in (never, always, shadowed)}
+        other_findings = {claim(m.name) for m in (a, b) for claim in (never_active, always_active, shadowed)}
         if _name(a, b) in proved and not other_findings & proved:
             yield warning(
                 "V029",

@@ -1,7 +1,7 @@
 """Arithmetic that rounds or needs new constants: sums, products, quotients, remainders, rounding to integers.
 
-The result of a nonlinear operation is a constant of which only signs and bounds are assumed. Such assumptions
-are satisfiable for all operands, and concern finite operands only.
+The result of a nonlinear operation is a free constant of the solver, of which only signs and bounds are
+assumed. Such assumptions are satisfiable for all operands.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ ZERO = constant(0.0)
 
 @dataclass(frozen=True, slots=True)
 class Arithmetic:
-    """Operations at one span of the program, which appears in their reasons for inexactness."""
+    """The operations of the expression at `span`, which is cited as the reason where a result is inexact."""
 
     builder: Builder
     span: Span
@@ -74,14 +74,14 @@ class Arithmetic:
     def subtract(self, x: Number, y: Number) -> Number:
         """Return `x - y`."""
         if x.cases and y.cases:
-            known = fold(lambda v, w: v - w, (x, y))
-            if known is not None:
-                return known
+            folded = fold(lambda v, w: v - w, (x, y))
+            if folded is not None:
+                return folded
         return self.add(x, negated(y))
 
-    def _mark_rounded(self, x: Number, what: str, may_overflow: bool = True) -> Number:
-        """Return a number that the program rounds; if `may_overflow`, also to infinity."""
-        return self._mark_inexact(x, Inexact.ROUNDING, f"{what}: reals in place of floats", may_overflow)
+    def _mark_rounded(self, x: Number, operation: str, may_overflow: bool = True) -> Number:
+        """Mark a number as rounded by the program; if `may_overflow`, possibly to infinity."""
+        return self._mark_inexact(x, Inexact.ROUNDING, f"{operation}: reals in place of floats", may_overflow)
 
     def _mark_abstracted(self, x: Number, text: str, may_overflow: bool = False) -> Number:
         return self._mark_inexact(x, Inexact.ABSTRACTED, text, may_overflow)
@@ -91,7 +91,7 @@ class Arithmetic:
             replace(x, bounds=bounding.float_bounds(x.bounds)), Reason(kind, self.span, text)
         )
         x = replace(x, bounds=bounding.rounded(x.bounds))
-        if not may_overflow or bounding.within_floats(x.bounds):
+        if not may_overflow or bounding.never_overflows(x.bounds):
             return x
         overflows = self.builder.overflow(replace(x, nan=FALSE, infinite=FALSE), self.span)
         return replace(x, infinite=either(x.infinite, overflows))
@@ -100,12 +100,12 @@ class Arithmetic:
 
     def multiply(self, x: Number, y: Number) -> Number:
         """Return `x * y`."""
-        known = fold(lambda v, w: v * w, (x, y))
-        if known is not None:
-            return known
+        folded = fold(lambda v, w: v * w, (x, y))
+        if folded is not None:
+            return folded
         enumerated, other = (x, y) if x.cases and (not y.cases or len(x.cases) <= len(y.cases)) else (y, x)
         if enumerated.cases:
-            return self._per_case(enumerated, lambda v: self._times(other, v))
+            return self._per_case(enumerated, lambda v: self._multiply_by_constant(other, v))
         return self._product(x, y)
 
     def _per_case(self, enumerated: Number, result_for: Callable[[float], Number]) -> Number:
@@ -115,7 +115,7 @@ class Arithmetic:
             result = select_number(condition, result_for(v), result)
         return result
 
-    def _times(self, x: Number, factor: float) -> Number:
+    def _multiply_by_constant(self, x: Number, factor: float) -> Number:
         """Return `x` times a constant."""
         if math.isnan(factor):
             return constant(math.nan)
@@ -140,28 +140,28 @@ class Arithmetic:
         bounds = bounding.product(x.bounds, y.bounds)
         if self.builder.precise:
             return self._mark_rounded(Number(x.value * y.value, nan, infinite, bounds), "a product")
-        term, new = self.builder.auxiliary(Operation.PRODUCT, (x, y), z3.RealSort())
-        if new:
+        term, is_new = self.builder.auxiliary(Operation.PRODUCT, (x, y), z3.RealSort())
+        if is_new:
             self._assume(term, bounding.product_facts(term, x, y, bounds))
         text = "a product of two values that vary: only its sign and bounds are known"
         return self._mark_abstracted(Number(term, nan, infinite, bounds), text, may_overflow=True)
 
-    def _assume(self, term: z3.ArithRef, known: Iterable[bounding.Known]) -> None:
-        for formula, of_reals in known:
-            self.builder.assume(term, formula, of_reals)
+    def _assume(self, term: z3.ArithRef, facts: Iterable[bounding.NonlinearFact]) -> None:
+        for formula, only_over_reals in facts:
+            self.builder.assume(term, formula, only_over_reals)
 
     # --- quotients -------------------------------------------------------------------------------
 
     def divide(self, x: Number, y: Number) -> Number:
         """Return `x / y`."""
-        known = fold(divide, (x, y))
-        if known is not None:
-            return known
+        folded = fold(divide, (x, y))
+        if folded is not None:
+            return folded
         if y.cases:
-            return self._per_case(y, lambda v: self._over(x, v, y.loose_zero))
+            return self._per_case(y, lambda v: self._divide_by_constant(x, v, y.loose_zero))
         return self._quotient(x, y)
 
-    def _over(self, x: Number, divisor: float, loose_zero: bool) -> Number:
+    def _divide_by_constant(self, x: Number, divisor: float, loose_zero: bool) -> Number:
         """Return `x` divided by a constant; if `loose_zero`, a zero divisor may have either sign."""
         if math.isnan(divisor):
             return constant(math.nan)
@@ -187,9 +187,9 @@ class Arithmetic:
         zero_dividend = both(negation(x.infinite), compared(x, ZERO, "=="))
         nan = any_of((x.nan, y.nan, both(by_zero, zero_dividend), both(x.infinite, y.infinite)))
         infinite = either(by_zero, x.infinite)
-        term, new = self.builder.auxiliary(Operation.QUOTIENT, (x, y), z3.RealSort())
+        term, is_new = self.builder.auxiliary(Operation.QUOTIENT, (x, y), z3.RealSort())
         bounds = bounding.quotient(x.bounds, y.bounds)
-        if new:
+        if is_new:
             precise = self.builder.precise
             self._assume(term, bounding.quotient_facts(term, x, y, by_zero, nan, bounds, precise))
         result = Number(term, nan, infinite, bounds)
@@ -205,23 +205,23 @@ class Arithmetic:
 
     def modulo(self, x: Number, y: Number) -> Number:
         """Return `mod(x, y)`."""
-        known = fold(modulo, (x, y))
-        if known is not None:
-            return known
+        folded = fold(modulo, (x, y))
+        if folded is not None:
+            return folded
         if y.cases:
-            return self._per_case(y, lambda v: self._modulo_constant(x, v))
-        term, new = self.builder.auxiliary(Operation.MODULO, (x, y), z3.RealSort())
+            return self._per_case(y, lambda v: self._modulo_by_constant(x, v))
+        term, is_new = self.builder.auxiliary(Operation.MODULO, (x, y), z3.RealSort())
         by_zero = both(negation(y.infinite), compared(y, ZERO, "=="))
         nan = any_of((x.nan, y.nan, x.infinite, by_zero))
         # mod(x, inf) is x, or inf where the signs differ
         opposite_signs = both(cast(z3.BoolRef, x.value != real(0)), negation(equal_signs(x, y)))
         infinite = both(y.infinite, opposite_signs)
-        if new:
+        if is_new:
             self._assume(term, bounding.modulo_facts(term, x, y, nan))
         bounds = bounding.modulo(y.bounds)
         return self._mark_abstracted(Number(term, nan, infinite, bounds), "`mod` by a value that varies")
 
-    def _modulo_constant(self, x: Number, divisor: float) -> Number:
+    def _modulo_by_constant(self, x: Number, divisor: float) -> Number:
         if math.isnan(divisor) or divisor == 0:
             return constant(math.nan)
         nan = either(x.nan, x.infinite)
@@ -232,7 +232,7 @@ class Arithmetic:
         exact = Fraction(divisor)
         finite_x = replace(x, nan=FALSE, infinite=FALSE, cases=())
         multiple = self.floor_of(scaled(finite_x, 1 / exact))
-        remainder = added(finite_x, scaled_or_cases(negated(multiple), exact))
+        remainder = added(finite_x, scaled_without_cases(negated(multiple), exact))
         ends = (min(exact, Fraction(0)), max(exact, Fraction(0)))
         high = ends[1] - 1 if x.bounds.whole and exact.denominator == 1 and exact > 0 else ends[1]
         bounds = Bounds(ends[0], high, x.bounds.whole and exact.denominator == 1)
@@ -250,9 +250,9 @@ class Arithmetic:
         """Return the angle from `b` to `a` in degrees: above -180, up to 180."""
         turned = self.modulo(self.subtract(a, b), constant(360.0))
         if turned.cases:
-            known = fold(lambda d: d - 360.0 if d > 180.0 else d, (turned,))
-            assert known is not None
-            return known
+            folded = fold(lambda d: d - 360.0 if d > 180.0 else d, (turned,))
+            assert folded is not None
+            return folded
         wrapped = self.add(turned, constant(-360.0))
         result = select_number(compared(constant(180.0), turned, "<"), wrapped, turned)
         return replace(result, bounds=Bounds(Fraction(-180), Fraction(180), result.bounds.whole))
@@ -271,14 +271,14 @@ class Arithmetic:
         """Return the nearest whole number, halves to even."""
         return self._whole(x, Function.ROUND, self.round_of)
 
-    def _whole(self, x: Number, function: Function, of: Callable[[Number], Number]) -> Number:
+    def _whole(self, x: Number, function: Function, round_finite: Callable[[Number], Number]) -> Number:
         """Return a number rounded to an integer; NaN and infinities are unchanged."""
-        known = fold(lambda v: unary_function(function, v), (x,))
-        if known is not None:
-            return known
+        folded = fold(lambda v: unary_function(function, v), (x,))
+        if folded is not None:
+            return folded
         if x.bounds.whole:
             return x
-        rounded = of(replace(x, nan=FALSE, infinite=FALSE))
+        rounded = round_finite(replace(x, nan=FALSE, infinite=FALSE))
         if is_false(x.infinite):
             return _or_nan(x.nan, rounded)
         value = pick(x.infinite, x.value, rounded.value)
@@ -291,8 +291,8 @@ class Arithmetic:
         low, high = bounding.floor_bounds(x.bounds)
         if low is not None and high is not None and high - low < MAX_ENUMERATED:
             return self._steps(low, high, lambda n: cast(z3.BoolRef, x.value >= integer_value(n)))
-        term, new = self.builder.auxiliary(Operation.FLOOR, (x,), z3.IntSort())
-        if new:
+        term, is_new = self.builder.auxiliary(Operation.FLOOR, (x,), z3.IntSort())
+        if is_new:
             self.builder.define(term, cast(z3.BoolRef, z3.ToReal(term) <= x.value))
             self.builder.define(term, cast(z3.BoolRef, x.value < z3.ToReal(term) + 1))
         return whole_number(term, _whole_bounds(low, high))
@@ -304,8 +304,8 @@ class Arithmetic:
         low, high = bounding.round_bounds(x.bounds)
         if low is not None and high is not None and high - low < MAX_ENUMERATED:
             return self._steps(low, high, lambda n: _reaches(x.value, n))
-        term, new = self.builder.auxiliary(Operation.ROUND, (x,), z3.IntSort())
-        if new:
+        term, is_new = self.builder.auxiliary(Operation.ROUND, (x,), z3.IntSort())
+        if is_new:
             half, rounded = real(Fraction(1, 2)), z3.ToReal(term)
             even = cast(z3.BoolRef, term % 2 == 0)
             self.builder.define(term, cast(z3.BoolRef, rounded - half <= x.value))
@@ -321,18 +321,18 @@ class Arithmetic:
         steps = [reaches(n) for n in range(low + 1, high + 1)]
         cases = []
         for i in range(high - low + 1):
-            above = negation(steps[i]) if i < len(steps) else None
-            under = steps[i - 1] if i > 0 else None
-            cases.append((float(low + i), all_of(c for c in (above, under) if c is not None)))
+            below_next = negation(steps[i]) if i < len(steps) else None
+            reached = steps[i - 1] if i > 0 else None
+            cases.append((float(low + i), all_of(c for c in (below_next, reached) if c is not None)))
         return by_cases(cases, loose_zero=True)
 
     # --- functions of one number -----------------------------------------------------------------
 
     def absolute(self, x: Number) -> Number:
         """Return `abs(x)`, exactly."""
-        known = fold(abs, (x,))
-        if known is not None:
-            return known
+        folded = fold(abs, (x,))
+        if folded is not None:
+            return folded
         result = select_number(negative_value(x), negated(x), x)
         low, high = x.bounds.low, x.bounds.high
         top = None if low is None or high is None else max(abs(low), abs(high))
@@ -341,9 +341,9 @@ class Arithmetic:
 
     def sign(self, x: Number) -> Number:
         """Return -1, 0 or 1; NaN for NaN."""
-        known = fold(lambda v: unary_function(Function.SIGN, v), (x,))
-        if known is not None:
-            return known
+        folded = fold(lambda v: unary_function(Function.SIGN, v), (x,))
+        if folded is not None:
+            return folded
         is_number = negation(x.nan)
         up, down = both(is_number, positive_value(x)), both(is_number, negative_value(x))
         zero = all_of((is_number, negation(up), negation(down)))
@@ -351,24 +351,24 @@ class Arithmetic:
 
     def square_root(self, x: Number) -> Number:
         """Return `sqrt(x)`; NaN below 0."""
-        known = fold(lambda v: unary_function(Function.SQRT, v), (x,))
-        if known is not None:
-            return known
+        folded = fold(lambda v: unary_function(Function.SQRT, v), (x,))
+        if folded is not None:
+            return folded
         nan = either(x.nan, negative_value(x))
-        term, new = self.builder.auxiliary(Operation.SQRT, (x,), z3.RealSort())
-        if new:
+        term, is_new = self.builder.auxiliary(Operation.SQRT, (x,), z3.RealSort())
+        if is_new:
             self._assume(term, bounding.square_root_facts(term, x, nan))
         bounds = bounding.square_root(x.bounds)
         return self._mark_abstracted(Number(term, nan, x.infinite, bounds), "`sqrt`: only bounds are known")
 
     def sine(self, x: Number, function: Function) -> Number:
         """Return `sin(x)` or `cos(x)`; NaN for an infinity."""
-        known = fold(lambda v: unary_function(function, v), (x,))
-        if known is not None:
-            return known
+        folded = fold(lambda v: unary_function(function, v), (x,))
+        if folded is not None:
+            return folded
         operation = Operation.SIN if function is Function.SIN else Operation.COS
-        term, new = self.builder.auxiliary(operation, (x,), z3.RealSort())
-        if new:
+        term, is_new = self.builder.auxiliary(operation, (x,), z3.RealSort())
+        if is_new:
             self.builder.assume(term, all_of((cast(z3.BoolRef, term >= -1), cast(z3.BoolRef, term <= 1))))
         bounds = Bounds(Fraction(-1), Fraction(1))
         text = f"`{function.value}`: only bounds are known"
@@ -376,12 +376,12 @@ class Arithmetic:
 
     def arc_tangent(self, y: Number, x: Number) -> Number:
         """Return `atan2(y, x)` in degrees."""
-        known = fold(lambda v, w: math.degrees(math.atan2(v, w)), (y, x))
-        if known is not None:
-            return known
-        term, new = self.builder.auxiliary(Operation.ATAN2, (y, x), z3.RealSort())
+        folded = fold(lambda v, w: math.degrees(math.atan2(v, w)), (y, x))
+        if folded is not None:
+            return folded
+        term, is_new = self.builder.auxiliary(Operation.ATAN2, (y, x), z3.RealSort())
         nan = either(y.nan, x.nan)
-        if new:
+        if is_new:
             for formula in bounding.arc_tangent_facts(term, y, x):
                 self.builder.assume(term, implied(negation(nan), formula))
         bounds = bounding.arc_tangent(y, x)
@@ -399,10 +399,10 @@ class Arithmetic:
 def _is_small(x: Number) -> bool:
     """Return True if the sum of `x` and a finite float never overflows."""
     low, high = x.bounds.low, x.bounds.high
-    return low is not None and high is not None and max(-low, high) < _SMALL
+    return low is not None and high is not None and max(-low, high) < _SMALL_MAGNITUDE
 
 
-_SMALL = 2**960
+_SMALL_MAGNITUDE = 2**960
 
 
 def _infinite_times_zero(x: Number, y: Number) -> z3.BoolRef:
@@ -423,7 +423,7 @@ def _or_nan(nan: z3.BoolRef, x: Number) -> Number:
     return select_number(nan, constant(math.nan), x) if x.cases else replace(x, nan=either(nan, x.nan))
 
 
-def scaled_or_cases(x: Number, factor: Fraction) -> Number:
+def scaled_without_cases(x: Number, factor: Fraction) -> Number:
     """Return `x` times a real, without cases, as products of cases need not be floats."""
     whole = whole_of(x)
     if whole is None:

@@ -18,33 +18,35 @@ from colony.verify.symbolic.logic import all_of, any_of, both, either, implied, 
 from colony.verify.symbolic.numbers import always_finite, finite, negative_value, positive_value
 from colony.verify.symbolic.system import UNBOUNDED, Bounds, Number
 
-Known = tuple[z3.BoolRef, bool]
+NonlinearFact = tuple[z3.BoolRef, bool]
 """A formula, and True if it holds only for reals."""
 
-_FLOATS = Fraction(2**1023)
+_OVERFLOW_BOUND = Fraction(2**1023)
 
 
-def within_floats(x: Bounds) -> bool:
+def never_overflows(x: Bounds) -> bool:
     """Return True if no number within the bounds overflows."""
-    return x.low is not None and x.high is not None and x.low >= -_FLOATS and x.high <= _FLOATS
+    return (
+        x.low is not None and x.high is not None and x.low >= -_OVERFLOW_BOUND and x.high <= _OVERFLOW_BOUND
+    )
 
 
 def float_bounds(x: Bounds) -> Bounds:
     """Return the bounds of a number within `x` after rounding; no bound where it may become infinite."""
-    low = None if x.low is None or x.low < -_FLOATS else _nearest(x.low)
-    high = None if x.high is None or x.high > _FLOATS else _nearest(x.high)
+    low = None if x.low is None or x.low < -_OVERFLOW_BOUND else _nearest(x.low)
+    high = None if x.high is None or x.high > _OVERFLOW_BOUND else _nearest(x.high)
     return Bounds(low, high, x.whole)
 
 
 def _nearest(x: Fraction) -> Fraction:
-    return Fraction(float(min(max(x, -_FLOATS), _FLOATS)))
+    return Fraction(float(min(max(x, -_OVERFLOW_BOUND), _OVERFLOW_BOUND)))
 
 
 def rounded(x: Bounds) -> Bounds:
     """Return bounds that hold for a number within `x` both before and after rounding."""
-    floats = float_bounds(x)
-    low = None if floats.low is None or x.low is None else min(x.low, floats.low)
-    high = None if floats.high is None or x.high is None else max(x.high, floats.high)
+    after = float_bounds(x)
+    low = None if after.low is None or x.low is None else min(x.low, after.low)
+    high = None if after.high is None or x.high is None else max(x.high, after.high)
     return Bounds(low, high, x.whole)
 
 
@@ -134,7 +136,7 @@ def within(x: Number, bounds: Bounds) -> z3.BoolRef:
     return inside if always_finite(x) else implied(finite(x), inside)
 
 
-def _zero(x: Number) -> z3.BoolRef:
+def _is_zero(x: Number) -> z3.BoolRef:
     return negation(either(positive_value(x), negative_value(x)))
 
 
@@ -148,11 +150,11 @@ def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
     yield implied(opposite_sign, cast(z3.BoolRef, p <= 0))
 
 
-def product_facts(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator[Known]:
+def product_facts(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator[NonlinearFact]:
     """Yield facts about a product: its sign, zero operands, and linear bounds."""
     both_finite = both(finite(x), finite(y))
-    known = [*_sign_rules(p, x, y), implied(either(_zero(x), _zero(y)), cast(z3.BoolRef, p == 0))]
-    for formula in (*known, *between(p, rounded(bounds))):
+    rules = [*_sign_rules(p, x, y), implied(either(_is_zero(x), _is_zero(y)), cast(z3.BoolRef, p == 0))]
+    for formula in (*rules, *between(p, rounded(bounds))):
         yield implied(both_finite, formula), False
     for formula in _envelope(p, x, y):
         yield implied(both_finite, formula), True
@@ -188,16 +190,16 @@ def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
 
 def quotient_facts(
     q: z3.ArithRef, x: Number, y: Number, by_zero: z3.BoolRef, nan: z3.BoolRef, bounds: Bounds, precise: bool
-) -> Iterator[Known]:
+) -> Iterator[NonlinearFact]:
     """Yield facts about a quotient: its sign and bounds; division by zero gives either infinity."""
-    usual = all_of((finite(x), finite(y), negation(by_zero)))
-    known = [*_sign_rules(q, x, y), implied(_zero(x), cast(z3.BoolRef, q == 0))]
-    for formula in (*known, *between(q, rounded(bounds))):
-        yield implied(usual, formula), False
+    is_ordinary = all_of((finite(x), finite(y), negation(by_zero)))
+    rules = [*_sign_rules(q, x, y), implied(_is_zero(x), cast(z3.BoolRef, q == 0))]
+    for formula in (*rules, *between(q, rounded(bounds))):
+        yield implied(is_ordinary, formula), False
     for formula in _linear_quotient(q, x, y):
-        yield implied(usual, formula), True
+        yield implied(is_ordinary, formula), True
     if precise:
-        yield implied(usual, cast(z3.BoolRef, q * y.value == x.value)), True
+        yield implied(is_ordinary, cast(z3.BoolRef, q * y.value == x.value)), True
     yield implied(both(by_zero, negation(nan)), cast(z3.BoolRef, q != 0)), False
     if not is_false(x.infinite):
         divided = both(x.infinite, negation(either(by_zero, y.infinite)))
@@ -222,12 +224,15 @@ def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRe
         yield implied(down, cast(z3.BoolRef, q <= farthest))
 
 
-def modulo_facts(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """Yield facts about a remainder: between 0 and the divisor; by infinity, the dividend or infinite."""
+def modulo_facts(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[NonlinearFact]:
+    """Yield facts about a remainder: it is between 0 and the divisor.
+
+    A remainder by infinity is the dividend, or the divisor if their signs are opposite.
+    """
     is_number = negation(nan)
-    usual = both(is_number, negation(y.infinite))
-    yield implied(both(usual, positive_value(y)), all_of(map(_bool, (r >= 0, r <= y.value)))), False
-    yield implied(both(usual, negative_value(y)), all_of(map(_bool, (r <= 0, r >= y.value)))), False
+    is_ordinary = both(is_number, negation(y.infinite))
+    yield implied(both(is_ordinary, positive_value(y)), all_of(map(_bool, (r >= 0, r <= y.value)))), False
+    yield implied(both(is_ordinary, negative_value(y)), all_of(map(_bool, (r <= 0, r >= y.value)))), False
     if not is_false(y.infinite):
         opposite_signs = either(
             both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y))
@@ -246,7 +251,7 @@ def _bool(formula: object) -> z3.BoolRef:
     return cast(z3.BoolRef, formula)
 
 
-def square_root_facts(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known]:
+def square_root_facts(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[NonlinearFact]:
     """Yield facts about a square root: at least 0, and between 1 and the operand."""
     is_number = negation(nan)
     yield implied(is_number, _bool(r >= 0)), False
@@ -266,10 +271,10 @@ def arc_tangent_facts(r: z3.ArithRef, y: Number, x: Number) -> Iterator[z3.BoolR
     yield implied(negative_value(y), _bool(r <= 0))
     steep = z3.Or(r == 90, r == -90)
     flat = z3.Or(r == 0, r == 180, r == -180)
-    yield implied(both(_zero(y), positive_value(x)), _bool(r == 0))
-    yield implied(both(_zero(y), negative_value(x)), _bool(z3.Or(r == 180, r == -180)))
-    yield implied(both(_zero(y), _zero(x)), flat)
-    yield implied(both(negation(_zero(y)), _zero(x)), steep)
+    yield implied(both(_is_zero(y), positive_value(x)), _bool(r == 0))
+    yield implied(both(_is_zero(y), negative_value(x)), _bool(z3.Or(r == 180, r == -180)))
+    yield implied(both(_is_zero(y), _is_zero(x)), flat)
+    yield implied(both(negation(_is_zero(y)), _is_zero(x)), steep)
     yield implied(positive_value(x), all_of(map(_bool, (r >= -90, r <= 90))))
     yield implied(negative_value(x), any_of(map(_bool, (r >= 90, r <= -90))))
     if always_finite(x) and always_finite(y):

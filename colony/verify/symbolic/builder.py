@@ -30,7 +30,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """The possible values of a number in memory, found by fixpoint iteration (`shapes.py`)."""
+    """The range of values that a number in memory can have, found by fixpoint iteration (`shapes.py`)."""
 
     nan: bool
     infinite: bool
@@ -53,7 +53,7 @@ class Builder:
     )  # initial, old, new
     _cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     _names: dict[str, int] = field(default_factory=dict)
-    _opened: dict[str, int] = field(
+    _open_cells: dict[str, int] = field(
         default_factory=dict
     )  # indices of the cells whose `next` is not set yet, by name
 
@@ -82,17 +82,17 @@ class Builder:
 
     # --- facts -----------------------------------------------------------------------------------
 
-    def assume(self, about: z3.ExprRef, formula: z3.BoolRef, of_reals: bool = False) -> None:
-        """Assume a formula about a term; with `of_reals`, it holds only for reals, not for floats."""
-        self._add(Fact(FactKind.ASSUMPTION, about, formula, of_reals))
+    def assume(self, subject: z3.ExprRef, formula: z3.BoolRef, only_over_reals: bool = False) -> None:
+        """Assume a formula about a term; with `only_over_reals`, it holds only for reals, not for floats."""
+        self._add(Fact(FactKind.ASSUMPTION, subject, formula, only_over_reals))
 
-    def define(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
+    def define(self, subject: z3.ExprRef, formula: z3.BoolRef) -> None:
         """Define a term by a formula."""
-        self._add(Fact(FactKind.DEFINITION, about, formula))
+        self._add(Fact(FactKind.DEFINITION, subject, formula))
 
-    def invariant(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
+    def invariant(self, subject: z3.ExprRef, formula: z3.BoolRef) -> None:
         """State an invariant of a term."""
-        self._add(Fact(FactKind.INVARIANT, about, formula))
+        self._add(Fact(FactKind.INVARIANT, subject, formula))
 
     def _add(self, fact: Fact) -> None:
         if not is_true(fact.formula):
@@ -103,21 +103,21 @@ class Builder:
     ) -> tuple[z3.ArithRef, bool]:
         """Return the constant for this operation on these operands, and True if it is new."""
         key = (operation, self.key(*operands))
-        new = key not in self._cache
+        is_new = key not in self._cache
 
         def make() -> z3.ArithRef:
             term = cast(z3.ArithRef, z3.Const(self.name(operation.name.lower()), sort))
             self.auxiliaries.append(Auxiliary(constant=term, operation=operation, operands=operands))
             return term
 
-        return self.once(key, make), new
+        return self.once(key, make), is_new
 
     def overflow(self, x: Number, span: Span) -> z3.BoolRef:
         """Return the condition that the program's float is infinite but `x` is not; false for reals."""
-        constant, new = self.auxiliary(Operation.OVERFLOW, (x,), z3.BoolSort())
+        constant, is_new = self.auxiliary(Operation.OVERFLOW, (x,), z3.BoolSort())
         overflows = cast(z3.BoolRef, constant)
-        if new:
-            self.assume(overflows, negation(overflows), of_reals=True)
+        if is_new:
+            self.assume(overflows, negation(overflows), only_over_reals=True)
             self.mark_inexact(
                 overflows, Reason(Inexact.ROUNDING, span, "a number too large for a float becomes infinite")
             )
@@ -154,20 +154,20 @@ class Builder:
         if term.num_args() == 0 and term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
             return
         key = term.get_id()
-        known = self.inexact.setdefault(key, InexactTerm(term, reason, bounds))
-        if known.reason.text != reason.text or known.bounds != bounds:
-            self.inexact[key] = replace(known, ambiguous=True)
+        recorded = self.inexact.setdefault(key, InexactTerm(term, reason, bounds))
+        if recorded.reason.text != reason.text or recorded.bounds != bounds:
+            self.inexact[key] = replace(recorded, ambiguous=True)
 
     # --- memory ----------------------------------------------------------------------------------
 
     def open_cell(self, name: str, sort: z3.SortRef, initial: z3.ExprRef) -> z3.ExprRef:
         """Add a cell and return its old value; `close_cell` must follow."""
         old = z3.Const(name, sort)
-        self._opened[name] = len(self.cells)
+        self._open_cells[name] = len(self.cells)
         self.cells.append(Cell(name=name, old=old, next=old, initial=initial))
         return old
 
     def close_cell(self, name: str, next_value: z3.ExprRef) -> None:
         """Set the value of a cell after the frame."""
-        index = self._opened.pop(name)
+        index = self._open_cells.pop(name)
         self.cells[index] = replace(self.cells[index], next=next_value)

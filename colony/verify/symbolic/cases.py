@@ -25,7 +25,7 @@ Result = TypeVar("Result", float, bool)
 MAX_CASES = 64
 """Maximum number of cases of a number."""
 
-GREATEST = Fraction(sys.float_info.max)
+MAX_FLOAT = Fraction(sys.float_info.max)
 
 
 def constant(x: float) -> Number:
@@ -34,7 +34,7 @@ def constant(x: float) -> Number:
     if math.isnan(x):
         return Number(real(0), TRUE, FALSE, cases=cases)
     if math.isinf(x):
-        bounds = Bounds(GREATEST, None) if x > 0 else Bounds(None, -GREATEST)
+        bounds = Bounds(MAX_FLOAT, None) if x > 0 else Bounds(None, -MAX_FLOAT)
         return Number(real(1 if x > 0 else -1), FALSE, TRUE, bounds, cases=cases)
     exact = Fraction(x)
     whole = integer(exact.numerator) if exact.denominator == 1 else None
@@ -76,11 +76,11 @@ def with_cases(value: z3.ArithRef, cases: tuple[Case, ...]) -> Number:
     """Return a number with this term as its value and these cases."""
     nan = any_of(c for x, c in cases if math.isnan(x))
     infinite = any_of(c for x, c in cases if math.isinf(x))
-    known = [constant(x).bounds for x, _ in cases if not math.isnan(x)]
-    if not known:
+    case_bounds = [constant(x).bounds for x, _ in cases if not math.isnan(x)]
+    if not case_bounds:
         return Number(value, nan, infinite, UNBOUNDED, None, cases)
     whole = all(x.is_integer() for x, _ in cases if math.isfinite(x))
-    bounds = replace(reduce(hull, known), whole=whole)
+    bounds = replace(reduce(hull, case_bounds), whole=whole)
     return Number(value, nan, infinite, bounds, None, cases)
 
 
@@ -92,11 +92,11 @@ def whole_of(x: Number) -> z3.ArithRef | None:
     """Return `x` as a term of sort Int if it is whole, else None; an infinity gives its sign."""
     if x.whole is not None or not x.cases:
         return x.whole
-    signs = [(v if math.isfinite(v) else math.copysign(1.0, v), c) for v, c in x.cases if not math.isnan(v)]
-    if not all(v.is_integer() for v, _ in signs):
+    values = [(v if math.isfinite(v) else math.copysign(1.0, v), c) for v, c in x.cases if not math.isnan(v)]
+    if not all(v.is_integer() for v, _ in values):
         return None
-    term: z3.ArithRef = integer(int(signs[-1][0]) if signs else 0)
-    for v, condition in reversed(signs[:-1]):
+    term: z3.ArithRef = integer(int(values[-1][0]) if values else 0)
+    for v, condition in reversed(values[:-1]):
         term = pick(condition, integer(int(v)), term)
     return term
 
@@ -118,10 +118,13 @@ def fold(apply: Callable[..., float], operands: Sequence[Number]) -> Number | No
     None if there are too many combinations, or if the sign of a loose zero matters.
     """
     cases: list[Case] = []
-    loose = [x.loose_zero for x in operands]
+    are_zeros_loose = [x.loose_zero for x in operands]
     loose_zero = False
     for values, condition in _combinations(operands):
-        choices = [(v, -v) if v == 0 and free else (v,) for v, free in zip(values, loose, strict=True)]
+        choices = [
+            (v, -v) if v == 0 and is_loose else (v,)
+            for v, is_loose in zip(values, are_zeros_loose, strict=True)
+        ]
         results = [apply(*row) for row in product(*choices)]
         result = results[0]
         if not all(x == result or (math.isnan(x) and math.isnan(result)) for x in results):

@@ -48,15 +48,15 @@ def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
             pending.extend(graph.add([cells[key].next]))
         else:
             constants.append(constant)
-        about = graph.add(fact.formula for fact in system.facts.get(key, ()))
-        facts.update(about)
-        pending.extend(about)
+        formulas = graph.add(fact.formula for fact in system.facts.get(key, ()))
+        facts.update(formulas)
+        pending.extend(formulas)
     return Cone(
         system=system,
         cells=tuple(c for key, c in cells.items() if key in visited),
-        definitions=_among(system.definitions, facts),
-        assumptions=_among(system.assumptions, facts),
-        invariants=_among(system.invariants, facts),
+        definitions=_with_ids(system.definitions, facts),
+        assumptions=_with_ids(system.assumptions, facts),
+        invariants=_with_ids(system.invariants, facts),
         constants=tuple(sorted(constants, key=lambda c: str(c.decl().name()))),
         visited=frozenset(visited),
     )
@@ -80,5 +80,5 @@ def _parts(scalars: Iterable[Scalar]) -> list[z3.ExprRef]:
     return parts
 
 
-def _among(formulas: tuple[z3.BoolRef, ...], wanted: set[int]) -> tuple[z3.BoolRef, ...]:
-    return tuple(x for x in formulas if x.get_id() in wanted)
+def _with_ids(formulas: tuple[z3.BoolRef, ...], ids: set[int]) -> tuple[z3.BoolRef, ...]:
+    return tuple(x for x in formulas if x.get_id() in ids)

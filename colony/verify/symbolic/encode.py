@@ -12,7 +12,7 @@ from colony.verify.symbolic.frame_values import FrameValues, missing
 from colony.verify.symbolic.graph import Graph
 from colony.verify.symbolic.inputs import begin, sense
 from colony.verify.symbolic.logic import negation
-from colony.verify.symbolic.modules import Declarations
+from colony.verify.symbolic.modules import DeclarationEncoder
 from colony.verify.symbolic.network import NetworkEncoder
 from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.sending import limits, send
@@ -37,11 +37,11 @@ def encode(program: Program, precise: bool = False) -> System:
 def _encode(program: Program, builder: Builder) -> System:
     frame_values = begin(builder)
     sensors = sense(program, builder, frame_values)
-    declarations = Declarations(program, builder, frame_values)
-    declarations.states()
-    declarations.derived()
-    modules, python = declarations.modules()
-    NetworkEncoder(program, builder, frame_values).wires()
+    encoder = DeclarationEncoder(program, builder, frame_values)
+    encoder.encode_states()
+    encoder.encode_derived()
+    modules, python = encoder.encode_modules()
+    NetworkEncoder(program, builder, frame_values).encode_wires()
     bounds = limits(program, builder, frame_values)
     actuators = {a.name: send(a, modules, bounds, builder, frame_values) for a in program.robot.actuators}
     claims = tuple(_claim(c, builder, frame_values) for c in program.contracts)
@@ -83,11 +83,11 @@ def by_constant(facts: Sequence[Fact]) -> dict[int, tuple[Fact, ...]]:
     """Group facts by the id of their subject."""
     groups: dict[int, list[Fact]] = {}
     for fact in facts:
-        groups.setdefault(fact.about.get_id(), []).append(fact)
+        groups.setdefault(fact.subject.get_id(), []).append(fact)
     return {key: tuple(group) for key, group in groups.items()}
 
 
 def with_reasons(system: System) -> System:
-    """Return `system` with the inexact terms that each claim depends on."""
+    """Return `system` with the reasons of all inexact terms that each claim depends on."""
     claims = (replace(c, inexact=reasons_of(system, c.applies, c.holds)) for c in system.claims)
     return replace(system, claims=tuple(claims))

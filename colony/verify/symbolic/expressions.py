@@ -17,8 +17,8 @@ from colony.ir.types import Array, ScalarValue, element_type
 from colony.verify.symbolic.arithmetic import Arithmetic
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import by_cases, constant, whole_of
-from colony.verify.symbolic.frame_values import FrameValues, missing, needed_for
-from colony.verify.symbolic.functions import binary, boolean, function, index_of, number, reduction, unary
+from colony.verify.symbolic.frame_values import FrameValues, evaluation_condition, missing
+from colony.verify.symbolic.functions import apply, binary, boolean, index_of, number, reduction, unary
 from colony.verify.symbolic.logic import FALSE, TRUE, any_of, both, is_false, negation, truth
 from colony.verify.symbolic.memory import recall
 from colony.verify.symbolic.numbers import compared, finite, select
@@ -31,7 +31,7 @@ Loop = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """An index as conditions: that it is finite, and for each element that the index selects it."""
+    """The conditions that an index is finite, and that it selects each element of an array."""
 
     is_finite: z3.BoolRef
     selects: tuple[z3.BoolRef, ...]
@@ -46,12 +46,12 @@ def constant_term(value: ScalarValue) -> Scalar:
     return truth(value) if isinstance(value, bool) else constant(value)
 
 
-def each(apply: Callable[..., Scalar], *operands: Term) -> Term:
-    """Apply `apply` element by element where an operand is an array; a scalar stands for all elements."""
+def each(operation: Callable[..., Scalar], *operands: Term) -> Term:
+    """Apply `operation` element by element where an operand is an array; a scalar stands for all elements."""
     sizes = [len(x) for x in operands if isinstance(x, tuple)]
     if not sizes:
-        return apply(*operands)
-    return tuple(apply(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
+        return operation(*operands)
+    return tuple(operation(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
 
 
 def scalar(value: Term) -> Scalar:
@@ -70,15 +70,15 @@ def elements(value: Term) -> tuple[Scalar, ...]:
 class Expressions:
     """Encodes expressions of one owner, whose memory advances where `advances` holds.
 
-    `own` are the owner's lets, which are present where the owner is evaluated. `hint` is the prefix for the
-    names of its memory cells.
+    `own_lets` are the owner's lets, which are never missing when the owner is evaluated. `hint` is the prefix
+    for the names of its memory cells.
     """
 
     builder: Builder
     frame_values: FrameValues
     advances: z3.BoolRef
     hint: str
-    own: frozenset[str] = frozenset()
+    own_lets: frozenset[str] = frozenset()
     loop: Loop = ()
 
     def scalar(self, e: ir.Expression) -> Scalar:
@@ -104,12 +104,12 @@ class Expressions:
                     lambda x, y: binary(operator_, x, y, arithmetic), self.value(left), self.value(right)
                 )
             case ir.Conditional(condition=condition, yes=yes, no=no):
-                chosen = self.boolean(condition)
-                return each(lambda x, y: select(chosen, x, y), self.value(yes), self.value(no))
+                condition_term = self.boolean(condition)
+                return each(lambda x, y: select(condition_term, x, y), self.value(yes), self.value(no))
             case ir.Within(operand=operand, low=low, high=high):
                 return each(_within, self.value(operand), self.value(low), self.value(high))
             case ir.Element() | ir.Slice() | ir.Window():
-                return self._part(e)
+                return self._array_access(e)
             case ir.ValueOr():
                 return self._value_or(e)
             case ir.Call():
@@ -162,14 +162,16 @@ class Expressions:
         return each(recall_scalar, *(self.value(a) for a in e.arguments))
 
     def _value_or(self, e: ir.ValueOr) -> Term:
-        absent = missing(e.expression, self.frame_values, self.own)
-        inner = replace(self, advances=needed_for(self.advances, e.expression, self.frame_values, self.own))
+        absent = missing(e.expression, self.frame_values, self.own_lets)
+        inner = replace(
+            self, advances=evaluation_condition(self.advances, e.expression, self.frame_values, self.own_lets)
+        )
         first, second = _broadcast(inner.value(e.expression), e), _broadcast(self.value(e.other), e)
         return each(lambda x, y: select(absent, y, x), first, second)
 
     # --- parts of arrays -------------------------------------------------------------------------
 
-    def _part(self, e: ir.Element | ir.Slice | ir.Window) -> Term:
+    def _array_access(self, e: ir.Element | ir.Slice | ir.Window) -> Term:
         array = elements(self.value(e.array))
         match e:
             case ir.Slice(indices=indices):
@@ -213,22 +215,22 @@ class Expressions:
         values = [self.value(a) for a in e.arguments]
         if e.function in ir.REDUCTIONS:
             flat = [x for v in values for x in (v if isinstance(v, tuple) else (v,))]
-            return function(e.function, flat, arithmetic)
-        return each(lambda *x: function(e.function, x, arithmetic), *values)
+            return apply(e.function, flat, arithmetic)
+        return each(lambda *x: apply(e.function, x, arithmetic), *values)
 
-    def _index_function(self, which: ir.Function, e: ir.Expression) -> Number:
+    def _index_function(self, function: ir.Function, e: ir.Expression) -> Number:
         """Return the index of the least or greatest element; for a slice or window, in the whole array."""
         match e:
-            case ir.Slice(indices=indices):
-                values, names = elements(self.value(e)), [constant(float(i)) for i in indices]
+            case ir.Slice(indices=sliced):
+                values, indices = elements(self.value(e)), [constant(float(i)) for i in sliced]
             case ir.Window(array=array, center=center, reach=reach):
                 values, size = elements(self.value(e)), _size(array)
                 positions = self._positions(center, size)
-                names = [_index_at(positions, j) for j in range(-reach, reach + 1)]
+                indices = [_index_at(positions, j) for j in range(-reach, reach + 1)]
             case _:
                 values = elements(self.value(e))
-                names = [constant(float(i)) for i in range(len(values))]
-        return index_of(which, [number(x) for x in values], names)
+                indices = [constant(float(i)) for i in range(len(values))]
+        return index_of(function, [number(x) for x in values], indices)
 
     def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Scalar:
         items = []

@@ -20,8 +20,8 @@ class FrameValues:
     """
 
     now: z3.ArithRef
-    begun: z3.BoolRef
-    last: z3.ArithRef
+    begun: z3.BoolRef  # there was an earlier frame
+    last: z3.ArithRef  # time of the previous frame
     sensors: dict[str, Term] = field(default_factory=dict)
     present: dict[str, z3.BoolRef] = field(default_factory=dict)  # sensors with a reading
     missing: dict[str, z3.BoolRef] = field(default_factory=dict)  # sensors with neither value nor default
@@ -34,25 +34,25 @@ class FrameValues:
     sent: dict[tuple[str, int], tuple[z3.BoolRef, Scalar]] = field(default_factory=dict)  # missing, value
 
 
-def missing(e: ir.Expression, frame_values: FrameValues, own: Set[str] = frozenset()) -> z3.BoolRef:
-    """Return the condition that something `e` needs is missing; `own` are lets that count as present."""
+def missing(e: ir.Expression, frame_values: FrameValues, own_lets: Set[str] = frozenset()) -> z3.BoolRef:
+    """Return the condition that something `e` needs is missing; `own_lets` count as present."""
     match e:
         case ir.SensorValue(name=name):
             return frame_values.missing[name]
         case ir.DerivedValue(name=name):
             return frame_values.derived[name][0]
         case ir.LocalValue(name=name):
-            return FALSE if name in own else frame_values.locals[name][0]
+            return FALSE if name in own_lets else frame_values.locals[name][0]
         case ir.SentField(actuator=actuator, field_index=i):
             return frame_values.sent[actuator, i][0]
         case ir.ValueOr(other=other):
-            return missing(other, frame_values, own)
+            return missing(other, frame_values, own_lets)
         case _:
-            return any_of(missing(child, frame_values, own) for child in ir.children(e))
+            return any_of(missing(child, frame_values, own_lets) for child in ir.children(e))
 
 
-def needed_for(
-    condition: z3.BoolRef, e: ir.Expression, frame_values: FrameValues, own: Set[str]
+def evaluation_condition(
+    condition: z3.BoolRef, e: ir.Expression, frame_values: FrameValues, own_lets: Set[str]
 ) -> z3.BoolRef:
     """Return the condition under which `e` is evaluated: `condition`, and nothing it needs is missing."""
-    return both(condition, negation(missing(e, frame_values, own)))
+    return both(condition, negation(missing(e, frame_values, own_lets)))

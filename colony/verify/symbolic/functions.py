@@ -97,9 +97,9 @@ def _equal(x: Scalar, y: Scalar) -> z3.BoolRef:
     return equal(x, y) if isinstance(x, Number) else equivalent(x, boolean(y))
 
 
-def function(which: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Scalar:
-    """Return function `which` applied to `x`: the values to reduce, or the arguments in order."""
-    match which:
+def apply(function: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Scalar:
+    """Return `function` applied to `x`: the values to reduce, or the arguments in order."""
+    match function:
         case Function.CLAMP:
             return arithmetic.clamp(number(x[0]), number(x[1]), number(x[2]))
         case Function.MOD:
@@ -109,17 +109,17 @@ def function(which: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Sc
         case Function.ANGLE_DIFFERENCE:
             return arithmetic.angle_difference(number(x[0]), number(x[1]))
         case Function.ABS | Function.SIGN | Function.SQRT | Function.FLOOR | Function.CEIL:
-            return _unary_function(which, number(x[0]), arithmetic)
+            return _unary_function(function, number(x[0]), arithmetic)
         case Function.ROUND | Function.SIN | Function.COS:
-            return _unary_function(which, number(x[0]), arithmetic)
+            return _unary_function(function, number(x[0]), arithmetic)
         case Function.INDEX_OF_MIN | Function.INDEX_OF_MAX:
-            return index_of(which, [number(v) for v in x], [constant(float(i)) for i in range(len(x))])
+            return index_of(function, [number(v) for v in x], [constant(float(i)) for i in range(len(x))])
         case _:
-            return reduction(which, [(v, TRUE) for v in x], arithmetic)
+            return reduction(function, [(v, TRUE) for v in x], arithmetic)
 
 
-def _unary_function(which: Function, x: Number, arithmetic: Arithmetic) -> Number:
-    match which:
+def _unary_function(function: Function, x: Number, arithmetic: Arithmetic) -> Number:
+    match function:
         case Function.ABS:
             return arithmetic.absolute(x)
         case Function.SIGN:
@@ -133,16 +133,16 @@ def _unary_function(which: Function, x: Number, arithmetic: Arithmetic) -> Numbe
         case Function.ROUND:
             return arithmetic.round(x)
         case _:
-            return arithmetic.sine(x, which)
+            return arithmetic.sine(x, function)
 
 
 # --- reductions ----------------------------------------------------------------------------------
 
 
-def reduction(which: Function, items: Sequence[ReductionItem], arithmetic: Arithmetic) -> Scalar:
-    """Return function `which` applied to the values that are included."""
+def reduction(function: Function, items: Sequence[ReductionItem], arithmetic: Arithmetic) -> Scalar:
+    """Return `function` applied to the values that are included."""
     included = [(x, condition) for x, condition in items if not is_false(condition)]
-    match which:
+    match function:
         case Function.ANY:
             return any_of(both(boolean(x), c) for x, c in included)
         case Function.ALL:
@@ -155,9 +155,9 @@ def reduction(which: Function, items: Sequence[ReductionItem], arithmetic: Arith
             numbers = [(number(x), c) for x, c in included]
             return arithmetic.divide(_total(numbers, arithmetic), count([c for _, c in included], arithmetic))
         case Function.MIN | Function.MAX:
-            return _best(which, [(number(x), c) for x, c in included])
+            return _best(function, [(number(x), c) for x, c in included])
         case _:
-            raise AssertionError(f"{which.value} is not a reduction")
+            raise AssertionError(f"{function.value} is not a reduction")
 
 
 def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
@@ -179,9 +179,9 @@ def _total(items: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -
     return select_number(any_of(condition for _, condition in items), total, constant(0.0))
 
 
-def _best(which: Function, items: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
+def _best(function: Function, items: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
     """Return the least or greatest value; NaN if any is NaN, or there is none."""
-    choose = least if which is Function.MIN else greatest
+    choose = least if function is Function.MIN else greatest
     best, any_included = constant(math.nan), FALSE
     for x, condition in items:
         candidate = choose((best, x)) if not is_false(any_included) else x
@@ -190,11 +190,11 @@ def _best(which: Function, items: Sequence[tuple[Number, z3.BoolRef]]) -> Number
     return best
 
 
-def index_of(which: Function, values: Sequence[Number], indices: Sequence[Number]) -> Number:
+def index_of(function: Function, values: Sequence[Number], indices: Sequence[Number]) -> Number:
     """Return the index of the least or greatest value, the first among equals; any number beats NaN."""
     best, index = values[0], indices[0]
     for x, i in zip(values[1:], indices[1:], strict=True):
-        beats = compared(x, best, "<") if which is Function.INDEX_OF_MIN else compared(best, x, "<")
+        beats = compared(x, best, "<") if function is Function.INDEX_OF_MIN else compared(best, x, "<")
         better = either(beats, both(best.nan, negation(x.nan)))
         best, index = select_number(better, x, best), select_number(better, i, index)
     return index

@@ -46,8 +46,7 @@ def generalize(system: System) -> System:
     answers are arbitrary in both systems. Use it only for proofs.
     """
     generalization = _Generalization(system)
-    changed = generalization.system()
-    return with_reasons(changed)
+    return with_reasons(generalization.system())
 
 
 class _Generalization:
@@ -55,9 +54,9 @@ class _Generalization:
 
     def __init__(self, system: System) -> None:
         self.original = system
-        self.terms = [b for b in system.inexact.values() if _can_be_free(b)]
-        self.free = [z3.Const(f"rounded#{i}", b.term.sort()) for i, b in enumerate(self.terms)]
-        self.term = Substitution([b.term for b in self.terms], self.free)
+        self.terms = [t for t in system.inexact.values() if _can_be_free(t)]
+        self.free_constants = [z3.Const(f"rounded#{i}", t.term.sort()) for i, t in enumerate(self.terms)]
+        self.term = Substitution([t.term for t in self.terms], self.free_constants)
 
     def system(self) -> System:
         original = self.original
@@ -131,11 +130,11 @@ class _Generalization:
         """Yield the facts that also hold for floats."""
         for facts in self.original.facts.values():
             for fact in facts:
-                if not fact.of_reals:
+                if not fact.only_over_reals:
                     yield replace(fact, formula=self.term(fact.formula))
 
     def _bounds(self) -> Iterable[Fact]:
-        for inexact_term, free in zip(self.terms, self.free, strict=True):
+        for inexact_term, free in zip(self.terms, self.free_constants, strict=True):
             if z3.is_arith(free):
                 for formula in between(cast(z3.ArithRef, free), inexact_term.bounds):
                     yield Fact(FactKind.ASSUMPTION, free, formula)

@@ -52,15 +52,16 @@ def sense(program: Program, builder: Builder, frame_values: FrameValues) -> dict
     inputs = {}
     for sensor in program.robot.sensors:
         present = z3.Bool(f"{sensor.name}?")
-        inputs[sensor.name] = given = SensorInput(present=present, elements=_elements(sensor, builder))
+        inputs[sensor.name] = sensor_input = SensorInput(present=present, elements=_elements(sensor, builder))
         default = default_of(sensor)
         frame_values.present[sensor.name] = present
         frame_values.missing[sensor.name] = negation(present) if default is None else FALSE
-        values = given.elements
+        values = sensor_input.elements
         if default is not None:
             defaults = default if isinstance(default, tuple) else (default,)
             values = tuple(
-                select(present, x, constant_term(d)) for x, d in zip(given.elements, defaults, strict=True)
+                select(present, x, constant_term(d))
+                for x, d in zip(sensor_input.elements, defaults, strict=True)
             )
         frame_values.sensors[sensor.name] = values if isinstance(sensor.type, Array) else values[0]
     return inputs

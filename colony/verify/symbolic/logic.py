@@ -116,10 +116,10 @@ def equivalent(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
     """Return the equivalence of two formulas, simplified."""
     if same(x, y):
         return TRUE
-    for known, formula in ((x, y), (y, x)):
-        if is_true(known):
+    for constant, formula in ((x, y), (y, x)):
+        if is_true(constant):
             return formula
-        if is_false(known):
+        if is_false(constant):
             return negation(formula)
     return cast(z3.BoolRef, x == y)
 

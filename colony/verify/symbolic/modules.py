@@ -22,7 +22,7 @@ from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scalar, Term
 
 
-class Declarations:
+class DeclarationEncoder:
     """Encodes a program's declarations in the order of a frame. Mutable: fills `frame_values`."""
 
     def __init__(self, program: ir.Program, builder: Builder, frame_values: FrameValues) -> None:
@@ -31,41 +31,47 @@ class Declarations:
         self.frame_values = frame_values
         self._set_next: dict[str, Callable[[Scalar], None]] = {}
 
-    def expressions(self, advances: z3.BoolRef, hint: str, own: frozenset[str] = frozenset()) -> Expressions:
+    def expressions(
+        self, advances: z3.BoolRef, hint: str, own_lets: frozenset[str] = frozenset()
+    ) -> Expressions:
         """Return an encoder of expressions whose memory advances where `advances` holds."""
         return Expressions(
-            builder=self.builder, frame_values=self.frame_values, advances=advances, hint=hint, own=own
+            builder=self.builder,
+            frame_values=self.frame_values,
+            advances=advances,
+            hint=hint,
+            own_lets=own_lets,
         )
 
     # --- states ----------------------------------------------------------------------------------
 
-    def states(self) -> None:
+    def encode_states(self) -> None:
         """Read the old values of all states and machines."""
         for derived in self.program.derived:
             match derived:
                 case ir.State(name=name, type=type_, initial=initial):
-                    self._state(name, type_, initial)
+                    self._open_state(name, type_, initial)
                 case ir.Machine(name=name, type=phases, start=start):
-                    self._state(name, phases, start)
+                    self._open_state(name, phases, start)
                 case ir.Let():
                     pass
                 case _:
                     assert_never(derived)
         for module in self.program.modules:
             for state in module.states if isinstance(module, ir.Module) else ():
-                self._state(state.name, state.type, state.initial)
+                self._open_state(state.name, state.type, state.initial)
 
-    def _state(self, name: str, type_: ScalarType, initial: ScalarValue) -> None:
+    def _open_state(self, name: str, type_: ScalarType, initial: ScalarValue) -> None:
         self.frame_values.states[name], self._set_next[name] = open_scalar_cell(
             self.builder, name, type_, initial
         )
 
-    def _unchanged(self, name: str) -> None:
+    def _set_unchanged(self, name: str) -> None:
         self._set_next[name](self.frame_values.states[name])
 
     # --- derived values --------------------------------------------------------------------------
 
-    def derived(self) -> None:
+    def encode_derived(self) -> None:
         """Encode all derived values."""
         for derived in self.program.derived:
             match derived:
@@ -74,7 +80,7 @@ class Declarations:
                     value = self.expressions(negation(absent), name).value(expression)
                     self.frame_values.derived[name] = (absent, self._named(value, name))
                 case ir.State(name=name, next=None):
-                    self._unchanged(name)
+                    self._set_unchanged(name)
                 case ir.State(name=name, next=update):
                     assert update is not None
                     present = negation(missing(update, self.frame_values))
@@ -105,9 +111,9 @@ class Declarations:
 
     # --- modules ---------------------------------------------------------------------------------
 
-    def modules(self) -> tuple[dict[str, ModuleTerms], dict[str, PythonInput]]:
+    def encode_modules(self) -> tuple[dict[str, ModuleTerms], dict[str, PythonInput]]:
         """Encode every module; return their terms and the answers of those in Python."""
-        found: dict[str, ModuleTerms] = {}
+        terms_by_module: dict[str, ModuleTerms] = {}
         python: dict[str, PythonInput] = {}
         actuators = {a.name: a for a in self.program.robot.actuators}
         for module in self.program.modules:
@@ -116,13 +122,13 @@ class Declarations:
                     terms = self._module(module)
                 case ir.PythonModule():
                     actuator = actuators[module.actuator] if module.actuator else None
-                    given = python[module.name] = python_answers(module, actuator, self.builder)
-                    terms = self._python_module(module, given)
+                    python_input = python[module.name] = python_answers(module, actuator, self.builder)
+                    terms = self._python_module(module, python_input)
                 case _:
                     assert_never(module)
-            found[module.name] = terms
+            terms_by_module[module.name] = terms
             self.frame_values.active[module.name] = terms.active
-        return found, python
+        return terms_by_module, python
 
     def _module(self, module: ir.Module) -> ModuleTerms:
         """Encode a module: unless it is silent, all of it is evaluated, even if its predicate is false."""
@@ -130,9 +136,9 @@ class Declarations:
         updates = [s.next for s in module.states if s.next is not None]
         evaluated: list[Expression] = [let.expression for let in module.lets]
         evaluated += [module.when, *fields, *updates]
-        own = frozenset(let.name for let in module.lets)
-        silent = any_of(missing(e, self.frame_values, own) for e in evaluated)
-        encoder = self.expressions(negation(silent), module.name, own)
+        own_lets = frozenset(let.name for let in module.lets)
+        silent = any_of(missing(e, self.frame_values, own_lets) for e in evaluated)
+        encoder = self.expressions(negation(silent), module.name, own_lets)
         for let in module.lets:
             self.frame_values.locals[let.name] = (
                 silent,
@@ -142,18 +148,18 @@ class Declarations:
         command = tuple(encoder.scalar(e) for e in fields)
         for state in module.states:
             if state.next is None:
-                self._unchanged(state.name)
+                self._set_unchanged(state.name)
             else:
                 old = self.frame_values.states[state.name]
                 self._set_next[state.name](select(silent, old, encoder.scalar(state.next)))
         active = both(applicable, negation(silent))
         return ModuleTerms(silent=silent, applicable=applicable, active=active, command=command)
 
-    def _python_module(self, module: ir.PythonModule, given: PythonInput) -> ModuleTerms:
+    def _python_module(self, module: ir.PythonModule, python_input: PythonInput) -> ModuleTerms:
         silent = any_of(missing(r.expression, self.frame_values) for r in module.reads)
         return ModuleTerms(
             silent=silent,
-            applicable=given.answers,
-            active=both(given.answers, negation(silent)),
-            command=given.fields,
+            applicable=python_input.answers,
+            active=both(python_input.answers, negation(silent)),
+            command=python_input.fields,
         )

@@ -17,9 +17,13 @@ from colony.verify.symbolic.memory import Memory
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """The output of a wire: the condition that each module's command is on it, and that any is."""
+    """The output of a wire, or of a part of its expression.
 
-    by: Mapping[str, z3.BoolRef]
+    `by_module` gives for each module the condition that its command gets through; `active` is the condition
+    that any does.
+    """
+
+    by_module: Mapping[str, z3.BoolRef]
     active: z3.BoolRef
 
 
@@ -30,9 +34,9 @@ class NetworkEncoder:
         self.program = program
         self.builder = builder
         self.frame_values = frame_values
-        self._outputs = {m.name: _of_module(m.name, frame_values.active[m.name]) for m in program.modules}
+        self._outputs = {m.name: _module_output(m.name, frame_values.active[m.name]) for m in program.modules}
 
-    def wires(self) -> None:
+    def encode_wires(self) -> None:
         """Encode all wires into `frame_values`."""
         for actuator in self.program.robot.actuators:
             self.frame_values.wins[actuator.name] = {}
@@ -42,7 +46,7 @@ class NetworkEncoder:
                 self._outputs[wire.name] = output
                 self.frame_values.active[wire.name] = output.active
             else:
-                self.frame_values.wins[wire.actuator] = dict(output.by)
+                self.frame_values.wins[wire.actuator] = dict(output.by_module)
 
     def _wiring(self, wiring: ir.Wiring, wire: str) -> Output:
         match wiring:
@@ -80,14 +84,14 @@ def _through(chain: ir.Chain, operands: list[Output], dominates: list[z3.BoolRef
     conditions: dict[str, list[z3.BoolRef]] = {}
     undominated = TRUE  # no operand before this one dominates
     for i, operand in enumerate(operands):
-        last = i == len(operands) - 1
-        if chain.relation == "suppresses" or last:
-            for module, on in operand.by.items():
-                conditions.setdefault(module, []).append(both(undominated, on))
-        if not last:
+        is_last = i == len(operands) - 1
+        if chain.relation == "suppresses" or is_last:
+            for module, gets_through in operand.by_module.items():
+                conditions.setdefault(module, []).append(both(undominated, gets_through))
+        if not is_last:
             undominated = both(undominated, negation(dominates[i]))
     return {module: any_of(alternatives) for module, alternatives in conditions.items()}
 
 
-def _of_module(name: str, active: z3.BoolRef) -> Output:
+def _module_output(name: str, active: z3.BoolRef) -> Output:
     return Output({name: active}, active)

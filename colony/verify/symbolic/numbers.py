@@ -41,7 +41,7 @@ from colony.verify.symbolic.logic import (
     same,
 )
 from colony.verify.symbolic.system import UNBOUNDED, Bounds, Number, Scalar
-from colony.verify.symbolic.thresholds import against_constants
+from colony.verify.symbolic.thresholds import compared_time
 
 EXACT_WHOLE = Fraction(2**53)
 """All integers up to this bound are floats, so their sums are exact."""
@@ -78,11 +78,11 @@ def changed_bounds(x: Number, old: Number) -> Bounds | None:
     """Return the bounds of `x` where it differs from `old`; None if it never does."""
     if same(x.value, old.value):
         return None
-    parts = [changed_bounds(branch, old) for branch in x.branches]
-    if all(part is not None for part in parts):
+    branch_bounds = [changed_bounds(branch, old) for branch in x.branches]
+    if all(bounds is not None for bounds in branch_bounds):
         return x.bounds
-    known = [part for part in parts if part is not None]
-    return reduce(hull, known) if known else None
+    changed = [bounds for bounds in branch_bounds if bounds is not None]
+    return reduce(hull, changed) if changed else None
 
 
 def is_exact_whole(bounds: Bounds) -> bool:
@@ -101,16 +101,16 @@ def compared(x: Number, y: Number, relation: str) -> z3.BoolRef:
     if rows:
         return any_of(condition for holds, condition in rows if holds)
     no_nan = negation(either(x.nan, y.nan))
-    known = against_constants(x, y, relation)
-    if known is None:
-        known = _known(x, y, relation)
-    if known is not None:
-        return both(no_nan, known)
-    core = _finite_comparison(x, y, relation)
-    for one, other, swapped in ((y, x, True), (x, y, False)):
-        if not is_false(one.infinite):
-            core = choice(one.infinite, _infinite_comparison(one, other, relation, swapped), core)
-    return both(no_nan, core)
+    result = compared_time(x, y, relation)
+    if result is None:
+        result = _decided_by_bounds(x, y, relation)
+    if result is not None:
+        return both(no_nan, result)
+    result = _finite_comparison(x, y, relation)
+    for a, b, swapped in ((y, x, True), (x, y, False)):
+        if not is_false(a.infinite):
+            result = choice(a.infinite, _infinite_comparison(a, b, relation, swapped), result)
+    return both(no_nan, result)
 
 
 _RELATIONS: dict[str, Callable[[float, float], bool]] = {
@@ -120,7 +120,7 @@ _RELATIONS: dict[str, Callable[[float, float], bool]] = {
 }
 
 
-def _known(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
+def _decided_by_bounds(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
     """Return the relation of two numbers that are not NaN if their bounds decide it, else None."""
     a, b = x.bounds, y.bounds
     below = a.high is not None and b.low is not None and a.high < b.low
@@ -152,38 +152,36 @@ def _finite_comparison(x: Number, y: Number, relation: str) -> z3.BoolRef:
             return cast(z3.BoolRef, left <= right)
 
 
-def _infinite_comparison(one: Number, other: Number, relation: str, swapped: bool) -> z3.BoolRef:
-    """Return `one relation other` (`other relation one` if swapped) where `one` is infinite."""
-    up, down = positive_value(one), negative_value(one)
-    other_up, other_down = (
-        both(other.infinite, positive_value(other)),
-        both(other.infinite, negative_value(other)),
-    )
+def _infinite_comparison(x: Number, y: Number, relation: str, swapped: bool) -> z3.BoolRef:
+    """Return `x relation y` (`y relation x` if swapped) where `x` is infinite."""
+    up, down = positive_value(x), negative_value(x)
+    y_up, y_down = both(y.infinite, positive_value(y)), both(y.infinite, negative_value(y))
     match relation:
         case "==":
-            return either(both(up, other_up), both(down, other_down))
+            return either(both(up, y_up), both(down, y_down))
         case "<":
-            return both(up, negation(other_up)) if swapped else both(down, negation(other_down))
+            return both(up, negation(y_up)) if swapped else both(down, negation(y_down))
         case _:
-            return either(up, other_down) if swapped else either(down, other_up)
+            return either(up, y_down) if swapped else either(down, y_up)
 
 
 def positive_value(x: Number) -> z3.BoolRef:
     """Return the condition that `x.value` is above 0."""
-    return _against_zero(x, ">")
+    return _compared_with_zero(x, ">")
 
 
 def negative_value(x: Number) -> z3.BoolRef:
     """Return the condition that `x.value` is below 0."""
-    return _against_zero(x, "<")
+    return _compared_with_zero(x, "<")
 
 
-def _against_zero(x: Number, relation: str) -> z3.BoolRef:
+def _compared_with_zero(x: Number, relation: str) -> z3.BoolRef:
     if x.cases:
         return any_of(c for v, c in x.cases if (v > 0 if relation == ">" else v < 0))
-    known = _known(x, constant(0.0), "<") if relation == "<" else _known(constant(0.0), x, "<")
-    if known is not None:
-        return known
+    zero = constant(0.0)
+    decided = _decided_by_bounds(x, zero, "<") if relation == "<" else _decided_by_bounds(zero, x, "<")
+    if decided is not None:
+        return decided
     return cast(z3.BoolRef, x.value > 0 if relation == ">" else x.value < 0)
 
 
@@ -236,9 +234,9 @@ def select_number(condition: z3.BoolRef, yes: Number, no: Number) -> Number:
 
 def negated(x: Number) -> Number:
     """Return `-x`, exactly."""
-    known = fold(lambda v: -v, (x,))
-    if known is not None:
-        return known
+    folded = fold(lambda v: -v, (x,))
+    if folded is not None:
+        return folded
     low, high = x.bounds.low, x.bounds.high
     bounds = Bounds(None if high is None else -high, None if low is None else -low, x.bounds.whole)
     if x.whole is not None:
@@ -248,9 +246,9 @@ def negated(x: Number) -> Number:
 
 def added(x: Number, y: Number) -> Number:
     """Return `x + y` over the reals."""
-    known = fold(lambda v, w: v + w, (x, y))
-    if known is not None:
-        return known
+    folded = fold(lambda v, w: v + w, (x, y))
+    if folded is not None:
+        return folded
     if constant_of(y) == 0:
         return x
     if constant_of(x) == 0:
@@ -295,12 +293,12 @@ def scaled(x: Number, factor: Fraction) -> Number:
 
 def least(numbers: Sequence[Number]) -> Number:
     """Return the least number, the first among equals; NaN if any is NaN, or there is none."""
-    return _best(numbers, lambda one, best: compared(one, best, "<"), lower=True)
+    return _best(numbers, lambda x, best: compared(x, best, "<"), lower=True)
 
 
 def greatest(numbers: Sequence[Number]) -> Number:
     """Return the greatest number, the first among equals; NaN if any is NaN, or there is none."""
-    return _best(numbers, lambda one, best: compared(best, one, "<"), lower=False)
+    return _best(numbers, lambda x, best: compared(best, x, "<"), lower=False)
 
 
 def _best(numbers: Sequence[Number], better: Callable[[Number, Number], z3.BoolRef], lower: bool) -> Number:

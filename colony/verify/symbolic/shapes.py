@@ -1,9 +1,10 @@
-"""Possible values of numbers in memory, by abstract interpretation: widening, then one narrowing.
+"""Shapes of numbers in memory (ranges of their values), by abstract interpretation: widening, then narrowing.
 
 Each number is first assumed to keep its initial value. A frame is encoded repeatedly; each time the values
 that it writes are added and moving bounds are dropped, until every frame preserves the result. The result
-is usually too wide, as one wide number widens others. So the search narrows once, to the values written to
-memory, and takes these if every frame preserves them, too.
+is usually too wide, as one wide number widens others. So it is narrowed once, to the values written to
+memory, and widened again until every frame preserves it. If that takes too many encodings, the wide result
+stays.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from colony.verify.symbolic.system import Bounds, System
 EncodeWithShapes = Callable[[Mapping[str, Shape]], tuple[Builder, System]]
 """A function that encodes a frame with given shapes of memory, by name; others keep their initial shape."""
 
-MAX_NARROWINGS = 3
+MAX_STABILIZING_ENCODINGS = 3
 """Maximum number of encodings in which narrower shapes may become stable."""
 
 
@@ -30,11 +31,11 @@ def with_stable_shapes(encode_with: EncodeWithShapes) -> System:
     shapes: dict[str, Shape] = {}
     while True:
         builder, system = encode_with(shapes)
-        wider = _wider(builder)
+        wider = _wider_shapes(builder)
         if not wider:
             break
         shapes |= {name: _without_moved_ends(old, new) for name, (old, new) in wider.items()}
-    narrower = shapes | _written(builder)
+    narrower = shapes | _written_shapes(builder)
     if narrower == shapes:
         return system
     tighter = _narrowed(encode_with, narrower)
@@ -42,40 +43,40 @@ def with_stable_shapes(encode_with: EncodeWithShapes) -> System:
 
 
 def _narrowed(encode_with: EncodeWithShapes, shapes: dict[str, Shape]) -> System | None:
-    for _ in range(MAX_NARROWINGS):
+    for _ in range(MAX_STABILIZING_ENCODINGS):
         builder, system = encode_with(shapes)
-        wider = _wider(builder)
+        wider = _wider_shapes(builder)
         if not wider:
             return system
         shapes |= {name: new for name, (_, new) in wider.items()}
     return None
 
 
-def _written(builder: Builder) -> dict[str, Shape]:
+def _written_shapes(builder: Builder) -> dict[str, Shape]:
     """Return the shapes of changing memory according to the values written to it, assumed to be finite."""
     found = {}
     for name, (start, _, _) in builder.numbers_in_memory.items():
         if name in builder.shapes:
             initial = shape_of(start)
-            found[name] = Shape(initial.nan, initial.infinite, _needed(builder, name).bounds)
+            found[name] = Shape(initial.nan, initial.infinite, _needed_shape(builder, name).bounds)
     return found
 
 
-def _needed(builder: Builder, name: str) -> Shape:
+def _needed_shape(builder: Builder, name: str) -> Shape:
     """Return the shape of a number's initial value and of the values that a frame changes it to."""
-    start, old, after = builder.numbers_in_memory[name]
-    bounds, changed = start.bounds, changed_bounds(after, old)
+    initial, old, new = builder.numbers_in_memory[name]
+    bounds, changed = initial.bounds, changed_bounds(new, old)
     if changed is not None:
-        bounds = changed if is_true(start.nan) else hull(bounds, changed)
-    before, new = shape_of(old), shape_of(after)
-    return Shape(before.nan or new.nan, before.infinite or new.infinite, bounds)
+        bounds = changed if is_true(initial.nan) else hull(bounds, changed)
+    before, after = shape_of(old), shape_of(new)
+    return Shape(before.nan or after.nan, before.infinite or after.infinite, bounds)
 
 
-def _wider(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
+def _wider_shapes(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
     """Return the shapes that are too narrow, each with a wider one."""
     found = {}
     for name, (start, _, _) in builder.numbers_in_memory.items():
-        assumed, needed = builder.shapes.get(name, shape_of(start)), _needed(builder, name)
+        assumed, needed = builder.shapes.get(name, shape_of(start)), _needed_shape(builder, name)
         bounds = hull(assumed.bounds, needed.bounds)
         joined = Shape(assumed.nan or needed.nan, assumed.infinite or needed.infinite, bounds)
         if joined != assumed:

@@ -39,7 +39,7 @@ class Bounds:
 UNBOUNDED = Bounds()
 
 Case: TypeAlias = tuple[float, z3.BoolRef]
-"""A float that a number may be, and the condition that it is."""
+"""A possible value of a number, and the condition that the number has it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ class Cell:
 
 @unique
 class Operation(Enum):
-    """The operation whose result an auxiliary constant is; arbitrary where the operation is undefined."""
+    """An operation whose result is an auxiliary constant, arbitrary where the operation is undefined."""
 
     PRODUCT = auto()
     QUOTIENT = auto()
@@ -152,10 +152,10 @@ class Auxiliary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorInput:
-    """The input of a sensor in the frame. `present`: it has a valid reading.
+    """The input of a sensor in the frame. `present` is the condition that it has a valid reading.
 
-    `elements` are its values in base units (one for a scalar), within the range; they are arbitrary if it is
-    not present.
+    `elements` are its values in base units (one for a scalar), within the range; they are arbitrary if the
+    sensor has no valid reading.
     """
 
     present: z3.BoolRef
@@ -187,8 +187,9 @@ class ModuleTerms:
 class ActuatorTerms:
     """The output of an actuator. `wins` gives for each module of its wiring the condition that it wins.
 
-    `commanded`: the winner's command is sent, as it is finite. `sent` are the fields after limits and
-    clamping, in base units; for `idle hold` they are arbitrary if not `commanded`.
+    `commanded` is the condition that a module wins and its command is sent, as all of it is finite. `sent`
+    are the fields after limits and clamping, in base units; for `idle hold` they are arbitrary if not
+    `commanded`.
     """
 
     wins: Mapping[str, z3.BoolRef]
@@ -198,7 +199,7 @@ class ActuatorTerms:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """A contract in the frame: if it `speaks` (nothing that it reads is missing), `holds` must be true."""
+    """A contract in the frame: if it `applies` (nothing that it reads is missing), it must hold."""
 
     name: str
     applies: z3.BoolRef
@@ -218,12 +219,12 @@ class FactKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A formula that constrains the term `about`; with `of_reals`, floats need not satisfy it."""
+    """A formula that constrains the term `subject`; with `only_over_reals`, floats need not satisfy it."""
 
     kind: FactKind
-    about: z3.ExprRef
+    subject: z3.ExprRef
     formula: z3.BoolRef
-    of_reals: bool = False
+    only_over_reals: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,7 +232,7 @@ class System:
     """A program as a transition system.
 
     `now` is the time of the frame and an input, 0 in the first; `begun` is a cell, false before the first
-    frame, and `last` the cell with the time of the last frame. `assumptions` (sensors in range, increasing
+    frame, and `last` the cell with the previous frame's time. `assumptions` (sensors in range, increasing
     time, bounds of abstracted functions) and `definitions` (`constant == term`) hold in every frame.
     `invariants` hold for the cells before every reachable frame, and are inductive: they may be assumed in an
     induction. `facts` gives, by the id of a term, the formulas of the three groups that are about it; a

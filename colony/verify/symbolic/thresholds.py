@@ -17,7 +17,7 @@ from colony.verify.symbolic.system import Number
 _MAX_SECONDS = 1e12  # longer than any program waits, and far from overflow
 
 
-def against_constants(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
+def compared_time(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
     """Return `x relation y` (`<`, `<=`, `==`) of a time and a constant in either order; None for others."""
     if x.nanoseconds is not None and _are_moderate_constants(y):
         time = x.nanoseconds

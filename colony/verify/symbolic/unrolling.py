@@ -16,9 +16,8 @@ TermT = TypeVar("TermT", bound=z3.ExprRef)
 class Unrolling:
     """Frames 0, 1, ... of the part of `system` in `cone` (of all of it if None).
 
-    Mutable: caches renamed terms. The constants of frame i are called `name@i`; a cell at i has its value
-        before
-    frame i.
+    Mutable: caches renamed terms. The constants of frame i are called `name@i`; a cell at i has its
+    value before frame i.
     """
 
     def __init__(self, system: System, cone: Cone | None = None) -> None:
@@ -31,8 +30,8 @@ class Unrolling:
         """Return `term`, which must be within the cone, in frame i."""
         while len(self._renamings) <= i:
             frame = len(self._renamings)
-            named = [z3.Const(f"{c.decl().name()}@{frame}", c.sort()) for c in self._constants]
-            self._renamings.append(Substitution(self._constants, named))
+            renamed = [z3.Const(f"{c.decl().name()}@{frame}", c.sort()) for c in self._constants]
+            self._renamings.append(Substitution(self._constants, renamed))
         return self._renamings[i](term)
 
     def step(self, i: int) -> tuple[z3.BoolRef, ...]:

@@ -31,19 +31,19 @@ def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:
     system, visited = unrolling.system, unrolling.cone.visited
     sensors = {s.name: s for s in system.program.robot.sensors}
     readings = {
-        name: _reading(model, unrolling, i, sensors[name], given)
-        for name, given in system.sensors.items()
-        if _depends(given, visited) and _truth(model, unrolling.at(i, given.present))
+        name: _reading(model, unrolling, i, sensors[name], sensor_input)
+        for name, sensor_input in system.sensors.items()
+        if _is_used(sensor_input, visited) and _truth(model, unrolling.at(i, sensor_input.present))
     }
     answers = {
-        name: tuple(value_in(model, unrolling, i, x) for x in given.fields)
-        for name, given in system.python.items()
-        if given.answers.get_id() in visited and _truth(model, unrolling.at(i, given.answers))
+        name: tuple(value_in(model, unrolling, i, x) for x in python_input.fields)
+        for name, python_input in system.python.items()
+        if python_input.answers.get_id() in visited and _truth(model, unrolling.at(i, python_input.answers))
     }
-    return Snapshot(_time(model, unrolling, i), readings, answers)
+    return Snapshot(_time_ns(model, unrolling, i), readings, answers)
 
 
-def _time(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:
+def _time_ns(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:
     """Return the time of frame i; frames are one period apart if nothing depends on time."""
     system = unrolling.system
     if system.now.get_id() not in unrolling.cone.visited:
@@ -51,18 +51,20 @@ def _time(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:
     return int(_rational(_evaluated(model, unrolling.at(i, system.now))))
 
 
-def _depends(given: SensorInput, visited: frozenset[int]) -> bool:
-    """Return True if any formula depends on the sensor."""
-    terms = [given.present]
-    for x in given.elements:
+def _is_used(sensor_input: SensorInput, visited: frozenset[int]) -> bool:
+    """Return True if any formula in the cone depends on the sensor."""
+    terms = [sensor_input.present]
+    for x in sensor_input.elements:
         terms += [x.infinite] if isinstance(x, Number) else [x]
-    values = [x.value for x in given.elements if isinstance(x, Number)]
+    values = [x.value for x in sensor_input.elements if isinstance(x, Number)]
     return any(term.get_id() in visited for term in (*terms, *values) if not z3.is_false(term))
 
 
-def _reading(model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, given: SensorInput) -> Value:
+def _reading(
+    model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, sensor_input: SensorInput
+) -> Value:
     type_ = element_type(sensor.type)
-    values = [_valid_value(value_in(model, unrolling, i, x), type_, sensor) for x in given.elements]
+    values = [_valid_value(value_in(model, unrolling, i, x), type_, sensor) for x in sensor_input.elements]
     return tuple(values) if isinstance(sensor.type, Array) else values[0]
 
 
@@ -86,7 +88,7 @@ def value_in(model: z3.ModelRef, unrolling: Unrolling, i: int, x: Scalar) -> Sca
     value = _rational(_evaluated(model, unrolling.at(i, x.value)))
     if _truth(model, unrolling.at(i, x.infinite)):
         return math.inf if value > 0 else -math.inf
-    return _nearest(value)
+    return _nearest_float(value)
 
 
 def _evaluated(model: z3.ModelRef, term: z3.ExprRef) -> z3.ExprRef:
@@ -98,7 +100,7 @@ def _truth(model: z3.ModelRef, term: z3.BoolRef) -> bool:
 
 
 def _rational(value: z3.ExprRef) -> Fraction:
-    """Return a numeral of a model; an algebraic one to more digits than a float has."""
+    """Return a numeral of a model; an algebraic number is rounded, to more digits than a float has."""
     if isinstance(value, z3.AlgebraicNumRef):
         value = value.approx(_DIGITS)
     if isinstance(value, z3.IntNumRef):
@@ -107,12 +109,12 @@ def _rational(value: z3.ExprRef) -> Fraction:
     return Fraction(value.numerator_as_long(), value.denominator_as_long())
 
 
-def _nearest(value: Fraction) -> float:
+def _nearest_float(value: Fraction) -> float:
     """Return the nearest finite float."""
     try:
         return float(value)
     except OverflowError:
-        return math.copysign(_GREATEST, value)
+        return math.copysign(_MAX_FLOAT, value)
 
 
-_GREATEST = math.nextafter(math.inf, 0.0)
+_MAX_FLOAT = math.nextafter(math.inf, 0.0)

@@ -4,9 +4,9 @@ As in the figures of the colony literature, wires run to the right, one row per 
 A node is in the row of its inferior wire, which goes straight through it; the dominant wire ends in
 a later column than anything between the two rows, and enters the node from above without crossing a wire.
 
-A diagram is a tree. A graph is split into several trees: a node that is used more than once gets a diagram
-of its own, which ends in the node's name, and each use is a stub with that name. A module that is used more
-than once is a stub, too, except at its first use.
+A diagram is a tree. A graph is split into several trees. A node that is used more than once gets a diagram of
+its own, which ends in the node's name; each use of it shows a reference, a box with that name. A module that
+is used more than once is shown as a reference, too, except at its first use.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from colony.compile.network import ModuleLeaf, Network, NetworkNode
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vertex:
-    """A module or stub (column 0), or a suppressor or inhibitor (column 1 and beyond).
+    """A module or reference (column 0), or a suppressor or inhibitor (column 1 and beyond).
 
-    `name` is the text in a module or stub, or next to the wire that leaves a node, if it has a name.
+    `name` is the text in a module or reference, or next to the wire that leaves a node, if it has a name.
     """
 
     node: int
     row: int
     column: int
     name: str
-    stub: bool = False
+    is_reference: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +102,7 @@ class _Drawing:
         for root in self.unused:
             node = self.nodes[root]
             if isinstance(node, ModuleLeaf) and root not in self.names:
-                continue  # a module that contracts observe, wired to nothing
+                continue  # a module that no wire uses; a contract reads its activity
             yield self.diagram(root, self.names[root], actuator=False, used=False)
             yield from self.shared_wires()
 
@@ -148,10 +148,10 @@ class _Drawing:
         is_repeated = index in self.drawn
         self.drawn.add(index)
         if isinstance(node, ModuleLeaf):
-            name, stub = node.module, is_repeated
+            name, is_reference = node.module, is_repeated
         else:
-            name, stub = self.names[index], True
+            name, is_reference = self.names[index], True
             if not is_repeated:
                 self.shared_queue.append(index)
         self.row += 1
-        return Vertex(node=index, row=self.row - 1, column=0, name=name, stub=stub)
+        return Vertex(node=index, row=self.row - 1, column=0, name=name, is_reference=is_reference)

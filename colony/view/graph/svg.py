@@ -27,10 +27,10 @@ _STYLE = """
   text { font-family: "Inter", "Helvetica Neue", "Segoe UI", Arial, sans-serif; fill: #1d2b3a; }
   .title { font-size: 17px; font-weight: 600; }
   .module rect { fill: #ffffff; stroke: #33475b; stroke-width: 1.4; }
-  .module text, .stub text, .actuator text { font-size: 13.5px; text-anchor: middle; }
-  .stub path { fill: #fdf6e3; stroke: #b58a2a; stroke-width: 1.2; }
-  .stub text { font-style: italic; }
-  .idle path { stroke-dasharray: 4 3; }
+  .module text, .reference text, .actuator text { font-size: 13.5px; text-anchor: middle; }
+  .reference path { fill: #fdf6e3; stroke: #b58a2a; stroke-width: 1.2; }
+  .reference text { font-style: italic; }
+  .unused path { stroke-dasharray: 4 3; }
   .actuator path { fill: #22384f; stroke: #22384f; }
   .actuator text { fill: #ffffff; font-weight: 600; }
   .wire { fill: none; stroke: #6b7c8d; stroke-width: 1.6; }
@@ -160,15 +160,15 @@ class _Picture:
         wire = f'<path class="wire" d="M {_n(start.x)} {_n(start.y)} H {_n(x)}" marker-end="url(#inferior)"/>'
         if diagram.actuator:
             return f"{wire}\n{_flag('actuator', x, start.y, self.end_width, diagram.ends_in)}"
-        kind = "stub" if diagram.used else "stub idle"
+        kind = "reference" if diagram.used else "reference unused"
         width = text_width(diagram.ends_in, 13.5) + 34
         return f"{wire}\n{_flag(kind, x, start.y, width, diagram.ends_in)}"
 
     def _vertex(self, diagram: Diagram, vertex: Vertex) -> str:
         point = self._point(diagram, vertex)
         node = self.network.nodes[vertex.node]
-        if vertex.stub:
-            return _flag("stub", point.x - self.box_width, point.y, self.box_width, vertex.name)
+        if vertex.is_reference:
+            return _flag("reference", point.x - self.box_width, point.y, self.box_width, vertex.name)
         match node:
             case ModuleLeaf(module=module):
                 return self._module(point, module)
@@ -211,7 +211,7 @@ def _text(x: float, y: float, text: str, kind: str = "") -> str:
 
 
 def _flag(kind: str, x: float, y: float, width: float, text: str) -> str:
-    """Draw a box that points to the right: for stubs, named wires and actuators."""
+    """Draw a box that points to the right: a reference, the name of a wire at its end, or an actuator."""
     half, tip = BOX_HEIGHT / 2, 11.0
     path = (
         f"M {_n(x + 4)} {_n(y - half)} H {_n(x + width - tip)} L {_n(x + width)} {_n(y)} "

@@ -21,7 +21,7 @@ Floats = npt.NDArray[np.float32]
 
 
 _MIN_PROBABILITY = 1e-3
-_BEAM = 12
+_BEAM_WIDTH = 12
 
 
 def likely_texts(log_probabilities: Floats) -> dict[str, float]:
@@ -37,9 +37,9 @@ def likely_texts(log_probabilities: Floats) -> dict[str, float]:
         classes = np.flatnonzero(column[:BLANK] > _MIN_PROBABILITY).tolist()
         characters = [(CHARACTERS[c], float(column[c])) for c in classes]
         beam = _extend(beam, blank, characters, column)
-        if len(beam) > _BEAM:
+        if len(beam) > _BEAM_WIDTH:
             best = sorted(beam.items(), key=lambda entry: -sum(entry[1]))
-            beam = dict(best[:_BEAM])
+            beam = dict(best[:_BEAM_WIDTH])
     return {text: in_blank + in_character for text, (in_blank, in_character) in beam.items()}
 
 

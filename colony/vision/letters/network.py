@@ -1,11 +1,11 @@
 """The network that reads characters: a small convolutional network.
 
-For each of 32 columns of a strip, it gives the probability of each character, and of no character. It has
-three convolutions of 3 by 3, each followed by rectification and the first two by pooling; then one over the
-whole height, one along the columns, and a linear layer to the classes. Characters need only a small receptive
-field; a separate head, a hidden layer over all columns, decides whether the whole strip is a plate. The
-weights are learned by `python -m colony.vision.training` and stored as 8-bit integers with a scale for each
-channel.
+Its input is a strip: the rectified image of a plate (`colony/vision/plates/strip.py`). For each of 32 columns
+of the strip, it gives the probability of each character, and of no character. It has three convolutions of 3
+by 3, each followed by rectification and the first two by pooling; then one over the whole height, one along
+the columns, and a linear layer to the classes. Characters need only a small receptive field; a separate head,
+a hidden layer over all columns, decides whether the whole strip is a plate. The weights are learned by
+`python -m colony.vision.training` and stored as 8-bit integers with a scale for each channel.
 """
 
 from __future__ import annotations
@@ -60,11 +60,11 @@ class NetworkOutput(NamedTuple):
     Attributes:
         log_probabilities: log probability of each class at each column, (32, 37), given that the strip is a
             plate.
-        plate: log odds that the strip is a plate.
+        plate_log_odds: log odds that the strip is a plate.
     """
 
     log_probabilities: Floats
-    plate: float
+    plate_log_odds: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +74,7 @@ class LetterNet:
     Attributes:
         layers: the layers; the last one is linear and gives the classes.
         head: the hidden layer, and the linear layer that decides whether the strip is a plate.
-        sharpness, trust: factors of the log probability of a text and of its log prior, which calibrate the
+        sharpness, trust: factors of the log probability of a text, and of its log prior; they calibrate the
             confidence of readings.
         facts: description of the training: seed, steps, fonts, accuracies.
     """
@@ -87,16 +87,16 @@ class LetterNet:
 
     def run(self, strip: Floats) -> NetworkOutput:
         """Run the network on a strip, (24, 64)."""
-        x, plate = strip[:, :, None], 0.0
+        x, plate_log_odds = strip[:, :, None], 0.0
         for i, (pad, pool) in enumerate(zip(PADS, POOLS, strict=True), 1):
             x = _pool(np.maximum(_convolve(x, self.layers[i - 1], pad), 0.0), pool)
             if i == HEAD_AFTER:
                 hidden = np.maximum(_convolve(_pool(x, HEAD_POOL), self.head[0], (0, 0)), 0.0)
-                plate = float(_convolve(hidden, self.head[1], (0, 0))[0, 0, 0])
+                plate_log_odds = float(_convolve(hidden, self.head[1], (0, 0))[0, 0, 0])
         scores = _convolve(x, self.layers[-1], (0, 0))[0]
         scores -= scores.max(axis=1, keepdims=True)
         normalized: Floats = scores - np.log(np.exp(scores).sum(axis=1, keepdims=True))
-        return NetworkOutput(normalized, plate)
+        return NetworkOutput(normalized, plate_log_odds)
 
 
 @cache
@@ -136,7 +136,7 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
         ValueError: an array is missing, or the layers do not fit together.
     """
     count = len(PADS) + 3
-    names = [f"{part}{i}" for i in range(count) for part in ("kernel", "scale", "bias")]
+    names = [f"{kind}{i}" for i in range(count) for kind in ("kernel", "scale", "bias")]
     missing = [name for name in [*names, "sharpness", "trust", "facts"] if name not in arrays]
     if missing:
         hint = "train them again: python -m colony.vision.training"
@@ -146,8 +146,8 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
         kernel = np.asarray(arrays[f"kernel{i}"], np.float32) * np.asarray(arrays[f"scale{i}"], np.float32)
         layers.append(Layer(kernel, np.asarray(arrays[f"bias{i}"], np.float32)))
     *trunk, hidden, last = layers
-    _check(trunk, [1, *(layer.kernel.shape[2] for layer in trunk[1:]), CLASSES])
-    _check([hidden, last], [trunk[HEAD_AFTER].kernel.shape[2], last.kernel.shape[2], 1])
+    _check_channels(trunk, [1, *(layer.kernel.shape[2] for layer in trunk[1:]), CLASSES])
+    _check_channels([hidden, last], [trunk[HEAD_AFTER].kernel.shape[2], last.kernel.shape[2], 1])
     return LetterNet(
         layers=tuple(trunk),
         head=(hidden, last),
@@ -157,7 +157,7 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
     )
 
 
-def _check(layers: Sequence[Layer], channels: Sequence[int]) -> None:
+def _check_channels(layers: Sequence[Layer], channels: Sequence[int]) -> None:
     """Raise ValueError unless the layers have these numbers of input and output channels."""
     found = [(layer.kernel.shape[2], layer.kernel.shape[3]) for layer in layers]
     if found != list(pairwise(channels)):

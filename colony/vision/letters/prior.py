@@ -31,10 +31,10 @@ WORDS = (
 )  # fmt: skip
 """Common words on doors, cut to five characters."""
 
-WORD_SHARE = 0.06
+WORD_FRACTION = 0.06
 """Fraction of plates that have one of the words."""
 
-ANYTHING_SHARE = 0.01
+ARBITRARY_FRACTION = 0.01
 """Fraction of plates that have arbitrary digits and letters."""
 
 MAX_CHARACTERS = 5
@@ -52,24 +52,24 @@ def log_prior(text: str, lexicon: Collection[str] = ()) -> float:
         lexicon: texts of the map; a plate has one of them with probability `LEXICON_PROBABILITY`, all equally
             likely.
     """
-    share = _share(text)
+    probability = _probability(text)
     if lexicon:
         in_lexicon = LEXICON_PROBABILITY / len(lexicon) if text in lexicon else 0.0
-        share = in_lexicon + (1.0 - LEXICON_PROBABILITY) * share
-    return math.log(share / _random_share(text))
+        probability = in_lexicon + (1.0 - LEXICON_PROBABILITY) * probability
+    return math.log(probability / _random_probability(text))
 
 
 @cache
-def _share(text: str) -> float:
-    """Return the fraction of plates that have this text."""
+def _probability(text: str) -> float:
+    """Return the probability of a text on a plate, without a lexicon."""
     shape = "".join("0" if c.isdigit() else "A" for c in text)
     letters = len(ROOM_LETTERS) if "0" in shape else 26
     choices = math.prod(10 if c == "0" else letters for c in shape)
     is_room = "0" not in shape or all(c.isdigit() or c in ROOM_LETTERS for c in text)
     room = SHAPES.get(shape, 0.0) / choices if is_room else 0.0
-    word = WORD_SHARE / len(WORDS) if text in WORDS else 0.0
-    return room + word + ANYTHING_SHARE * _random_share(text)
+    word = WORD_FRACTION / len(WORDS) if text in WORDS else 0.0
+    return room + word + ARBITRARY_FRACTION * _random_probability(text)
 
 
-def _random_share(text: str) -> float:
+def _random_probability(text: str) -> float:
     return 1.0 / (MAX_CHARACTERS * 36.0 ** len(text))

@@ -69,12 +69,12 @@ class TrackEstimate:
     def updated(self, error_mm: float, variance: float) -> TrackEstimate:
         """Return the estimate updated with a landmark's measurement of the error."""
         innovation = error_mm - self.error_mm
-        spread = self.variance + variance
-        jumped = innovation * innovation > _JUMP_SIGMAS**2 * spread
+        innovation_variance = self.variance + variance
+        jumped = innovation * innovation > _JUMP_SIGMAS**2 * innovation_variance
         if jumped:
-            spread = innovation * innovation + variance
-        gain = 1.0 - variance / spread
-        scale_gain = 0.0 if jumped else self.covariance / spread
+            innovation_variance = innovation * innovation + variance
+        gain = 1.0 - variance / innovation_variance
+        scale_gain = 0.0 if jumped else self.covariance / innovation_variance
         learned = Scale(
             error=self.scale.error + scale_gain * innovation,
             variance=self.scale.variance - scale_gain * self.covariance,

@@ -48,7 +48,7 @@ def ensure_period(names: Sequence[str], period_s: float) -> Generator[Step, Any,
 
 def ceiling_observer(names: Sequence[str], geometries: Sequence[CeilingCamera]) -> CeilingObserver:
     """Return an observer of these cameras, in their order; a camera that does not answer is skipped."""
-    newest = dict.fromkeys(names, -1)
+    newest_ns = dict.fromkeys(names, -1)
 
     def observe(tilt_deg: float) -> Generator[Step, Any, tuple[CeilingObservation, ...]]:
         observations: list[CeilingObservation] = []
@@ -57,8 +57,8 @@ def ceiling_observer(names: Sequence[str], geometries: Sequence[CeilingCamera]) 
                 bands = yield from _scan(name, geometry)
             except NO_ANSWER_ERRORS:
                 continue
-            if bands and bands[0].t_ns != newest[name]:
-                newest[name] = bands[0].t_ns
+            if bands and bands[0].t_ns != newest_ns[name]:
+                newest_ns[name] = bands[0].t_ns
                 lines = np.concatenate([_gray(band) for band in bands])
                 observations.append(
                     CeilingObservation(bands[0].t_ns, ceiling_lights(lines, geometry, tilt_deg=tilt_deg))

@@ -57,7 +57,7 @@ MAX_TILT_DEG = 25.0
 
 _LENGTH_TOLERANCE_MM = 45.0
 _AGREEMENT_MM = 30.0
-_STRONG = 4.0
+_STRONG_GRADIENT = 4.0
 _MAD_TO_SIGMA = 1.4826
 _MAX_EDGES = 12
 _GAP_PIXELS = 3
@@ -107,11 +107,11 @@ def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0
         camera: the camera.
         tilt_deg: tilt of the heading against the corridor by other sources, for lights that do not show it.
     """
-    lefts = [camera.left_of(row) for row in camera.scan_rows]
+    lefts_mm = [camera.left_of(row) for row in camera.scan_rows]
     found = line_lights(lines, camera)
     if not any(found):
         return ()
-    candidates = [candidate for candidate in _candidates(found, lefts, tilt_deg) if candidate is not None]
+    candidates = [candidate for candidate in _candidates(found, lefts_mm, tilt_deg) if candidate is not None]
     chosen: list[Light] = []
     for light in sorted(candidates, key=lambda light: -light.quality):
         if all(abs(light.ahead_mm - other.ahead_mm) > LIGHT_LENGTH_MM for other in chosen):
@@ -143,10 +143,10 @@ def _edges(lines: Lines) -> list[list[_Edge]]:
         + sums[:, : -2 * GRADIENT_PIXELS]
     ) / GRADIENT_PIXELS
     scaled = gradient / _min_gradients(lines)[:, None]
-    size = np.abs(scaled)
-    peak = size > 1.0
-    peak[:, 1:] &= size[:, 1:] >= size[:, :-1]
-    peak[:, :-1] &= size[:, :-1] > size[:, 1:]
+    magnitude = np.abs(scaled)
+    peak = magnitude > 1.0
+    peak[:, 1:] &= magnitude[:, 1:] >= magnitude[:, :-1]
+    peak[:, :-1] &= magnitude[:, :-1] > magnitude[:, 1:]
     peak[:, [0, -1]] = False  # the true peak may be outside the image
     line, border = np.nonzero(peak)
     height, step = gradient[line, border], _steps(sums, line, border + GRADIENT_PIXELS)
@@ -231,7 +231,7 @@ def _pair(near: _Edge, far: _Edge, camera: CeilingCamera) -> LineLight | None:
     if excess > _LENGTH_TOLERANCE_MM:
         return None
     strength = min(near.rise, -far.rise)
-    quality = min(1.0, strength / _STRONG) * (1.0 - excess / _LENGTH_TOLERANCE_MM)
+    quality = min(1.0, strength / _STRONG_GRADIENT) * (1.0 - excess / _LENGTH_TOLERANCE_MM)
     # The two edges of a light have equal gradients; those of different objects seldom do.
     quality *= strength / max(near.rise, -far.rise)
     return LineLight(camera.ahead_of(near.column), camera.ahead_of(far.column), strength, quality)
@@ -242,7 +242,7 @@ def _partial(edge: _Edge, camera: CeilingCamera) -> LineLight | None:
         return None
     at_mm = camera.ahead_of(edge.column)
     max_length = _max_length_mm() + _LENGTH_TOLERANCE_MM
-    quality = 0.5 * min(1.0, abs(edge.rise) / _STRONG)
+    quality = 0.5 * min(1.0, abs(edge.rise) / _STRONG_GRADIENT)
     if edge.rise > 0.0 and at_mm + max_length > camera.ahead_of(camera.columns - 1.0):
         return LineLight(at_mm, None, edge.rise, quality)
     if edge.rise < 0.0 and at_mm - max_length < camera.ahead_of(0.0):
@@ -258,13 +258,17 @@ def _max_length_mm() -> float:
 
 
 def _candidates(
-    found: tuple[tuple[LineLight, ...], ...], lefts: list[float], tilt_deg: float
+    found: tuple[tuple[LineLight, ...], ...], lefts_mm: list[float], tilt_deg: float
 ) -> list[Light | None]:
     """Return the candidates from each line, each pair of lines and all lines together."""
-    seen = [(light, left) for lights, left in zip(found, lefts, strict=True) for light in lights]
-    candidates = [_single_line_light(light, left, tilt_deg, len(lefts)) for light, left in seen]
-    groups = (group for count in range(2, len(lefts) + 1) for group in combinations(seen, count))
-    candidates += [_fuse(group, tilt_deg, len(lefts)) for group in groups if _of_different_lines(group)]
+    all_line_lights = [
+        (light, left) for lights, left in zip(found, lefts_mm, strict=True) for light in lights
+    ]
+    candidates = [_single_line_light(light, left, tilt_deg, len(lefts_mm)) for light, left in all_line_lights]
+    groups = (
+        group for count in range(2, len(lefts_mm) + 1) for group in combinations(all_line_lights, count)
+    )
+    candidates += [_fuse(group, tilt_deg, len(lefts_mm)) for group in groups if _of_different_lines(group)]
     return candidates
 
 

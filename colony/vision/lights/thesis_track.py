@@ -1,4 +1,4 @@
-"""The count of ceiling lights as printed: each dark-to-bright change, verified by the distance (section 5.6).
+"""The thesis's count of ceiling lights: each dark-to-bright change, verified by the distance (section 5.6).
 
 The distance is that from the previous light. The thesis leaves open where in an image a light counts, how
 large the error of the distance may be, and what happens after a missed light. Here a light counts when the
@@ -26,21 +26,21 @@ TOLERANCE_FRACTION = 0.1
 class ThesisTrack:
     """The progress of a goal.
 
-    `since_mm` is the reported progress at the last valid light, `light_above` is True if the last image
-    showed a light above the robot, `passed` is the number of lights that count, `found` is the passing found
-    in the last image.
+    `last_light_mm` is the reported progress at the last valid light, `light_above` is True if the last image
+    showed a light above the robot, `passed` is the number of lights that count, `new_passing` is the passing
+    detected in the last image.
     """
 
     goal: LightGoal
     passed: int = 0
-    since_mm: float = 0.0
+    last_light_mm: float = 0.0
     light_above: bool = False
-    found: LightPassing | None = None
+    new_passing: LightPassing | None = None
 
     @classmethod
     def start(cls, goal: LightGoal, passed: int = 0) -> ThesisTrack:
         """Start at the beginning of a goal, or at one of its lights."""
-        return cls(goal=goal, passed=passed, since_mm=goal.lights_mm[passed - 1] if passed else 0.0)
+        return cls(goal=goal, passed=passed, last_light_mm=goal.lights_mm[passed - 1] if passed else 0.0)
 
     @property
     def done(self) -> bool:
@@ -53,18 +53,21 @@ class ThesisTrack:
         if not above or self.light_above or self.done:
             return replace(self, light_above=bool(above))
         place = detections.progress_mm + above[0].ahead_mm
-        number = self._verified(place - self.since_mm)
+        number = self._verified(place - self.last_light_mm)
         if number is None:
             return replace(self, light_above=True)
         return replace(
-            self, light_above=True, since_mm=place, found=LightPassing(number, True, -above[0].ahead_mm)
+            self,
+            light_above=True,
+            last_light_mm=place,
+            new_passing=LightPassing(number, True, -above[0].ahead_mm),
         )
 
     def passing(self, progress_mm: float) -> tuple[ThesisTrack, LightPassing | None]:
         """Return the track, and the passing of the last light, once for each light."""
-        if self.found is None:
+        if self.new_passing is None:
             return self, None
-        return replace(self, passed=self.found.number, found=None), self.found
+        return replace(self, passed=self.new_passing.number, new_passing=None), self.new_passing
 
     def to_next(self, progress_mm: float) -> float | None:
         """Return None: the next light is recognized only in images."""

@@ -177,8 +177,8 @@ class LightTrack:
         for light in detections.lights:
             track = track._with_light(light, detections, reckoning)
         ahead = self.goal.lights_mm[self.passed] - self.reckoned(detections.progress_mm).progress_mm
-        upright = abs(detections.tilt_deg) <= MAX_TILT_DEG
-        if upright and abs(ahead) <= _IN_VIEW_MM and track.measurements == self.measurements:
+        is_aligned = abs(detections.tilt_deg) <= MAX_TILT_DEG
+        if is_aligned and abs(ahead) <= _IN_VIEW_MM and track.measurements == self.measurements:
             track = replace(track, dark_images=track.dark_images + 1)
         return track
 
@@ -203,8 +203,10 @@ class LightTrack:
             dark_images=0,
             strays=() if valid else self.strays,
         )
-        turned = median(self.heading_errors_deg) if has_heading else None
-        return track, LightPassing(number, valid, beyond, turned, self._median_measurement if valid else None)
+        heading_error_deg = median(self.heading_errors_deg) if has_heading else None
+        return track, LightPassing(
+            number, valid, beyond, heading_error_deg, self._median_measurement if valid else None
+        )
 
     @property
     def _median_measurement(self) -> ProgressMeasurement:
@@ -314,11 +316,11 @@ def _relocation_error(strays: tuple[_Stray, ...], lights_mm: Sequence[float]) ->
     if len(strays) < 2 or min(stray.times for stray in strays) < _STRAY_TIMES:
         return None
     first, second = (stray.place_mm for stray in strays)
-    apart = second - first
+    spacing = second - first
     errors = [
         b - second
         for a, b in combinations(lights_mm, 2)
-        if abs((b - a) - apart) <= _PAIR_MM + _PAIR_FRACTION * abs(apart)
+        if abs((b - a) - spacing) <= _PAIR_MM + _PAIR_FRACTION * abs(spacing)
     ]
     smallest = min(errors, key=abs, default=math.inf)
     return smallest if abs(smallest) <= _MAX_GATE_MM else None

@@ -29,15 +29,15 @@ from colony.vision.lights.track import LightGoal
 _GOAL_VARIABLES = (GOAL_DISTANCE, LIGHT_OFFSET, GOAL_DIRECTION)
 
 
-class Unfinished(NamedTuple):
+class UnfinishedGoal(NamedTuple):
     """An interrupted goal, and the number of its lights that were passed."""
 
     goal: LightGoal
     passed: int
 
 
-def new_goal() -> Generator[Step, Any, bool]:
-    """Return True if $TrackData was upped for a new goal."""
+def take_new_goal_signal() -> Generator[Step, Any, bool]:
+    """Down $TrackData; return True if it was upped for a new goal."""
     return (yield from try_wait(TRACK_DATA, 0.0))
 
 
@@ -53,14 +53,14 @@ def take_goal() -> Generator[Step, Any, LightGoal]:
     if goal is None:
         raise ValueError(
             f"{GOAL_DISTANCE} is {variables[GOAL_DISTANCE]!r} and {LIGHT_OFFSET} "
-            f"{variables[LIGHT_OFFSET]!r} where {TRACK_DATA} was upped; expected a list with an offset in mm "
+            f"{variables[LIGHT_OFFSET]!r} when {TRACK_DATA} was upped; expected a list with an offset in mm "
             "for each light: set both before"
         )
     yield from do("DServer", data.set_many({CEILING_LIGHT: 0, TRACK_START: [here.x, here.y]}))
     return goal
 
 
-def unfinished_goal() -> Generator[Step, Any, Unfinished | None]:
+def unfinished_goal() -> Generator[Step, Any, UnfinishedGoal | None]:
     """Return the goal of an interrupted tracker, or None if it was finished or abandoned."""
     variables = yield from read_variables(*_GOAL_VARIABLES, CEILING_LIGHT, TRACK_START)
     if variables is None or not variables[TRACK_START] or (yield from is_goal_abandoned()):
@@ -72,7 +72,7 @@ def unfinished_goal() -> Generator[Step, Any, Unfinished | None]:
     if passed >= len(goal.lights_mm):
         yield from end_goal()  # possibly for the second time: the Planner discards duplicates
         return None
-    return Unfinished(goal, passed)
+    return UnfinishedGoal(goal, passed)
 
 
 def end_goal() -> Generator[Step, Any, None]:

@@ -44,12 +44,12 @@ from colony.vision.lights.observing import NO_ANSWER_ERRORS, CeilingObserver, ce
 from colony.vision.lights.thesis_track import ThesisTrack
 from colony.vision.lights.track import LightDetections, LightPassing, LightTrack, ProgressMeasurement
 from colony.vision.lights.track_goals import (
-    Unfinished,
+    UnfinishedGoal,
     abandon_goal,
     end_goal,
     is_goal_abandoned,
-    new_goal,
     take_goal,
+    take_new_goal_signal,
     unfinished_goal,
 )
 from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
@@ -98,12 +98,12 @@ def _tracker(observer: CeilingObserver, cameras: Sequence[str], period_s: float,
     for name in (TRACK_DATA, LIGHT_DETECTED, END_L_MODE):
         yield from do("DServer", data.create_semaphore(name, 0))
     scale = Scale()
-    has_goal = yield from new_goal()
+    has_goal = yield from take_new_goal_signal()
     unfinished = None if has_goal else (yield from unfinished_goal())
     while True:
         if unfinished is None and not has_goal:
             yield from do("DServer", data.wait(TRACK_DATA))
-        goal, passed = unfinished or Unfinished((yield from take_goal()), 0)
+        goal, passed = unfinished or UnfinishedGoal((yield from take_goal()), 0)
         unfinished = None
         track: Track = (
             ThesisTrack.start(goal, passed)
@@ -127,9 +127,9 @@ class _Tracking:
         self._goal_checked_ns: int | None = None
         self._published_ns = -1
 
-    def scale(self, known: Scale) -> Scale:
+    def scale(self, previous: Scale) -> Scale:
         """Return the current estimate of the odometry's scale."""
-        return self._track.reckoning.scale if isinstance(self._track, LightTrack) else known
+        return self._track.reckoning.scale if isinstance(self._track, LightTrack) else previous
 
     def run(self) -> Generator[Step, Any, bool]:
         """Run until all lights are passed or the goal is abandoned; return True if a new goal replaces it."""
@@ -141,7 +141,7 @@ class _Tracking:
         while True:
             now_ns = yield from sleep(wait_s)
             if self._goal_check_is_due(now_ns):
-                if (yield from new_goal()):
+                if (yield from take_new_goal_signal()):
                     return True
                 if (yield from is_goal_abandoned()):
                     yield from abandon_goal()
@@ -161,7 +161,7 @@ class _Tracking:
                 self._track, passing = self._track.passing(progress)
                 if passing is None:
                     break
-                if self._track.done and (yield from new_goal()):
+                if self._track.done and (yield from take_new_goal_signal()):
                     return True  # the new goal's Planner must not be notified of the end of this one
                 yield from self._publish(passing)
             if self._track.done:
@@ -255,11 +255,11 @@ class _Tracking:
         if remaining_mm is None or len(self._positions) < 2 or remaining_mm <= 0.0:
             return period_s
         before = self._positions[-2]
-        passed_s = (newest.t_ns - before.t_ns) / 1e9
+        elapsed_s = (newest.t_ns - before.t_ns) / 1e9
         travel_mm = self._progress(newest) - self._progress(before)
-        if passed_s <= 0.0 or travel_mm <= 0.0:
+        if elapsed_s <= 0.0 or travel_mm <= 0.0:
             return period_s
-        return min(period_s, max(_MIN_WAIT_S, remaining_mm * passed_s / travel_mm))
+        return min(period_s, max(_MIN_WAIT_S, remaining_mm * elapsed_s / travel_mm))
 
 
 def position_at(positions: Sequence[Position], t_ns: int) -> Position:
@@ -271,11 +271,11 @@ def position_at(positions: Sequence[Position], t_ns: int) -> Position:
     if after == 0 or positions[after].t_ns <= t_ns:
         return positions[after]
     a, b = positions[after - 1], positions[after]
-    part = (t_ns - a.t_ns) / (b.t_ns - a.t_ns)
+    fraction = (t_ns - a.t_ns) / (b.t_ns - a.t_ns)
     turned = (b.heading - a.heading + 180.0) % 360.0 - 180.0
     return Position(
-        x=a.x + part * (b.x - a.x),
-        y=a.y + part * (b.y - a.y),
-        heading=a.heading + part * turned,
+        x=a.x + fraction * (b.x - a.x),
+        y=a.y + fraction * (b.y - a.y),
+        heading=a.heading + fraction * turned,
         t_ns=t_ns,
     )

@@ -78,10 +78,10 @@ def marker_finder(
     Raises:
         ValueError: in the script, if the size of the camera's images is not that of `geometry`.
     """
-    return _finder(_Finder(floors, camera, geometry), PERIOD_S)
+    return _run(_Finder(floors, camera, geometry), PERIOD_S)
 
 
-def _finder(finder: _Finder, period_s: float) -> Script:
+def _run(finder: _Finder, period_s: float) -> Script:
     ready = False
     while True:
         doors_deg = yield from _doors_deg()
@@ -162,15 +162,15 @@ class _Finder:
         seen = [(box, pose) for box in boxes if (pose := marker_pose(box, self.geometry)) is not None]
         if not seen:
             return None
-        wanted, markers = yield from self._wanted()
-        if wanted is not None:
-            seen = [(box, pose) for box, pose in seen if box.code == wanted.code]
+        called_marker, markers = yield from self._called_marker()
+        if called_marker is not None:
+            seen = [(box, pose) for box, pose in seen if box.code == called_marker.code]
         if not seen:
             return None
         box, pose = max(seen, key=lambda found: found[0].right - found[0].left)
         return box, pose, tuple(marker for marker in markers if marker.code == box.code)
 
-    def _wanted(self) -> Generator[Step, Any, tuple[Marker | None, Sequence[Marker]]]:
+    def _called_marker(self) -> Generator[Step, Any, tuple[Marker | None, Sequence[Marker]]]:
         """Return the called elevator's marker, or None, and the markers that count: it or the floor's."""
         floor = yield from read_variables(FLOOR)
         call = yield from read_variables(ELEVATOR_CALL)
@@ -178,8 +178,8 @@ class _Finder:
         markers = self._floors.get(name, ()) if isinstance(name, str) else _single_floor(self._floors)
         called = call[ELEVATOR_CALL] if call is not None else ()
         node = called[0] if isinstance(called, list | tuple) and called else None
-        wanted = next((marker for marker in markers if marker.node == node), None)
-        return wanted, markers if wanted is None else (wanted,)
+        called_marker = next((marker for marker in markers if marker.node == node), None)
+        return called_marker, markers if called_marker is None else (called_marker,)
 
     def _rows_around(self, band: Image, box: MarkerBox) -> range:
         """Return the rows around a marker, within the middle half of the image."""

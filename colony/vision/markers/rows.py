@@ -50,13 +50,13 @@ MAX_WIDENING = 0.6
 MIN_CONTRAST, MIN_RATIO = 12.0, 1.6
 """Minimum contrast of white to black stripes: the difference in gray levels, and the ratio."""
 
-MAX_UNEVEN = 0.4
+MAX_UNEVENNESS = 0.4
 """Maximum difference between white stripes, or between black ones, as a fraction of their contrast."""
 
-MIN_BESIDE = 0.25
+MIN_DOOR_CONTRAST = 0.25
 """Minimum contrast of the door beside the stripes to the black ones, as a fraction of their contrast.
 
-`MAX_UNEVEN` applies to the door, too.
+`MAX_UNEVENNESS` applies to the door, too.
 """
 
 MIN_ROWS = 4
@@ -118,8 +118,8 @@ def find_markers(
     if len(searched) < MIN_ROWS or width < _UNITS * MIN_UNIT:
         return ()
     levels = _smoothed(gray[searched.start : searched.stop])
-    seen_by = replace(camera, columns=width)
-    runs = [run for run in _runs(_patterns(levels)) if _is_marker(run, levels, seen_by)]
+    image_camera = replace(camera, columns=width)
+    runs = [run for run in _runs(_patterns(levels)) if _is_marker(run, levels, image_camera)]
     return _without_overlaps([_box(run, searched.start) for run in runs])
 
 
@@ -184,10 +184,10 @@ def _alternating(rows: NDArray[np.intp], columns: Floats, values: Levels) -> _Ed
     begins = np.concatenate([[True], (rows[1:] != rows[:-1]) | (falls[1:] != falls[:-1])])
     group = np.cumsum(begins) - 1
     strongest = np.maximum.reduceat(size, np.flatnonzero(begins))
-    keep = np.flatnonzero(size == strongest[group])
-    first = np.unique(group[keep], return_index=True)[1]
-    keep = keep[first]
-    return _Edges(rows[keep], columns[keep], falls[keep])
+    strongest_edges = np.flatnonzero(size == strongest[group])
+    first_of_group = np.unique(group[strongest_edges], return_index=True)[1]
+    strongest_edges = strongest_edges[first_of_group]
+    return _Edges(rows[strongest_edges], columns[strongest_edges], falls[strongest_edges])
 
 
 def _matches(edges: _Edges, levels: Levels) -> Iterator[_Pattern]:
@@ -218,18 +218,20 @@ def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDA
     black, white = stripes[:, ::2], stripes[:, 1::2]
     dark, bright = black.mean(axis=1), white.mean(axis=1)
     contrast = bright - dark
-    uneven = np.maximum(np.ptp(black, axis=1), np.ptp(white, axis=1))
+    unevenness = np.maximum(np.ptp(black, axis=1), np.ptp(white, axis=1))
     unit = (columns[:, -1] - columns[:, 0]) / _UNITS
     last = levels.shape[1] - 1
-    fine = (contrast >= MIN_CONTRAST) & (bright >= MIN_RATIO * dark) & (uneven <= MAX_UNEVEN * contrast)
+    is_striped = (
+        (contrast >= MIN_CONTRAST) & (bright >= MIN_RATIO * dark) & (unevenness <= MAX_UNEVENNESS * contrast)
+    )
     for side, sign in ((columns[:, 0], -1.0), (columns[:, -1], 1.0)):
-        beside = [
+        door = [
             levels[rows, np.clip(np.rint(side + sign * off * unit), 0, last).astype(np.intp)]
             for off in (_NEAR_UNITS, _FAR_UNITS)
         ]
-        fine &= beside[0] - dark >= MIN_BESIDE * contrast
-        fine &= np.abs(beside[0] - beside[1]) <= MAX_UNEVEN * contrast
-    return np.asarray(fine, dtype=np.bool_)
+        is_striped &= door[0] - dark >= MIN_DOOR_CONTRAST * contrast
+        is_striped &= np.abs(door[0] - door[1]) <= MAX_UNEVENNESS * contrast
+    return np.asarray(is_striped, dtype=np.bool_)
 
 
 # --- markers -----------------------------------------------------------------------------------------------
@@ -272,7 +274,7 @@ def _is_marker(run: list[_Pattern], levels: Levels, camera: LevelCamera) -> bool
     inside = _contrast(levels[box.first_row : box.last_row + 1, middles].mean(axis=0))
     around = 1 + round(_AROUND_FRACTION * span)
     outside = [row for row in (box.first_row - around, box.last_row + around) if 0 <= row < len(levels)]
-    return all(abs(_contrast(levels[row, middles])) <= MAX_UNEVEN * inside for row in outside)
+    return all(abs(_contrast(levels[row, middles])) <= MAX_UNEVENNESS * inside for row in outside)
 
 
 def _contrast(stripes: Levels) -> float:

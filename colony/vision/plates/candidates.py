@@ -57,8 +57,8 @@ def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
 def _is_likely(stats: NDArray[np.int32], columns: int, rows: int, horizon: float) -> NDArray[np.bool_]:
     """Return a mask of the components, (n, 5) as from OpenCV, with about a plate's shape and position."""
     left, top, width, height, area = stats.T
-    off = np.abs(top + (height - 1) / 2.0 - horizon)
+    offset = np.abs(top + (height - 1) / 2.0 - horizon)
     likely = (height >= MIN_HEIGHT) & (width >= MIN_ASPECT * height) & (width <= MAX_ASPECT * height)
     likely &= (left > 0) & (top > 0) & (left + width < columns) & (top + height < rows)
-    likely &= (off <= 1.5 + 0.08 * height) & (area >= _MIN_FILL * width * height)
+    likely &= (offset <= 1.5 + 0.08 * height) & (area >= _MIN_FILL * width * height)
     return np.asarray(likely, dtype=np.bool_)

@@ -27,7 +27,7 @@ MIN_SCORE = 0.4
 """Minimum score of a plate that is reported."""
 
 SURE_SCORE = 0.9
-"""Score from which a plate is not searched again by its line of text."""
+"""Score from which a plate is not also detected by its line of text."""
 
 MIN_EDGE_CONTRAST = 0.3
 """Minimum contrast of a visible edge of a plate, as a fraction of the contrast of its characters."""
@@ -36,12 +36,12 @@ NEAREST_MM = 450.0
 """Minimum distance of a plate: a nearer one is almost as high as the image."""
 
 WORKING_COLUMNS = 240
-"""Approximate width to which an image is reduced for the search of candidates."""
+"""Approximate width to which an image is reduced for the search for candidates."""
 
 _MAX_DISTANCE_MM = 3_700.0
 
 
-class Size(NamedTuple):
+class PlateFit(NamedTuple):
     """The fit of an outline to a plate's shape.
 
     Attributes:
@@ -49,13 +49,13 @@ class Size(NamedTuple):
         width: relative excess over the width of a plate at that distance; negative for a narrower outline.
         slope: height of its right edge minus that of its left one, as a fraction of the height, minus the
             value expected on a wall with the given tilt.
-        off: distance of its center from the horizon, in pixels.
+        offset_px: distance of its center from the horizon, in pixels.
     """
 
     depth_mm: float
     width: float
     slope: float
-    off: float
+    offset_px: float
 
 
 def find_plates(
@@ -119,19 +119,19 @@ def _small(gray: Gray) -> tuple[Gray, int]:
     size = (gray.shape[1] // factor, gray.shape[0] // factor)
     if factor == 1 or min(size) < MIN_PIXELS:
         return gray, 1
-    cut = gray[: size[1] * factor, : size[0] * factor]
-    return np.asarray(cv2.resize(cut, size, interpolation=cv2.INTER_AREA), dtype=np.uint8), factor
+    cropped = gray[: size[1] * factor, : size[0] * factor]
+    return np.asarray(cv2.resize(cropped, size, interpolation=cv2.INTER_AREA), dtype=np.uint8), factor
 
 
 def _plate(
     gray: Gray, outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: float | None
 ) -> list[PlateBox]:
     """Return the plate within an outline, or nothing if it cannot be one."""
-    size = size_of(outline, camera, horizon, tilt_deg)
-    if size is None or not _fits(size, outline):
+    fit = plate_fit(outline, camera, horizon, tilt_deg)
+    if fit is None or not _fits(fit, outline):
         return []
     face = face_of(gray, outline)
-    score = 0.0 if face is None else score_of(size, face)
+    score = 0.0 if face is None else score_of(fit, face)
     return [PlateBox(outline.corners, score)] if score >= MIN_SCORE else []
 
 
@@ -139,7 +139,9 @@ def _overlap(left: float, right: float, plate: PlateBox) -> bool:
     return left < plate.corners[1][0] and plate.corners[0][0] < right
 
 
-def size_of(outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> Size | None:
+def plate_fit(
+    outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: float | None
+) -> PlateFit | None:
     """Return the fit of an outline to a plate's shape; None if it is not a trapezoid."""
     left = outline.left_bottom - outline.left_top
     right = outline.right_bottom - outline.right_top
@@ -157,33 +159,33 @@ def size_of(outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: flo
     right_depth, left_depth = depth / (1.0 + growth / 2.0), depth / (1.0 - growth / 2.0)
     width = math.hypot(ur * right_depth - ul * left_depth, right_depth - left_depth)
     middle_row = (outline.left_top + outline.left_bottom + outline.right_top + outline.right_bottom) / 4.0
-    return Size(
+    return PlateFit(
         depth_mm=depth,
         width=width / PLATE_WIDTH_MM - 1.0,
         slope=(right - left) / height - growth,
-        off=abs(middle_row - horizon),
+        offset_px=abs(middle_row - horizon),
     )
 
 
-def _fits(size: Size, outline: Outline) -> bool:
+def _fits(fit: PlateFit, outline: Outline) -> bool:
     """Return True if the outline is a possible view of a plate."""
     height = outline.left_bottom - outline.left_top
     return (
-        size.depth_mm <= _MAX_DISTANCE_MM
-        and abs(size.width) <= 0.3
-        and abs(size.slope) <= 0.3
-        and size.off <= 1.0 + 0.05 * height
+        fit.depth_mm <= _MAX_DISTANCE_MM
+        and abs(fit.width) <= 0.3
+        and abs(fit.slope) <= 0.3
+        and fit.offset_px <= 1.0 + 0.05 * height
         and outline.spread <= 1.0 + 0.03 * height
     )
 
 
-def score_of(size: Size, face: Face) -> float:
+def score_of(fit: PlateFit, face: Face) -> float:
     """Return the score of a plate, from 0 to 1: the product of the scores of its features."""
     return (
-        _within(size.width, 0.0, 0.12, 0.25)
-        * _within(size.slope, 0.0, 0.12, 0.25)
+        _within(fit.width, 0.0, 0.12, 0.25)
+        * _within(fit.slope, 0.0, 0.12, 0.25)
         * _within(face.ground, 0.0, 0.5, 0.65)
-        * _within(face.edged, 1.0, 0.5, 0.8)
+        * _within(face.edge_fraction, 1.0, 0.5, 0.8)
         * _within(face.ink, 0.55, 0.35, 0.48)
         * _within(face.misfit, 0.0, 0.45, 0.65)
         * _within(face.gap, 1.0, 0.5, 0.7)

@@ -1,8 +1,9 @@
 """The features that distinguish the face of a door plate from other things in an outline.
 
 A plate has one line of white characters of a fixed height on black, with a black margin, on a lighter
-background. The outline is first rectified to millimeters, as if it were a plate. This exposes posters: they
-have too many or too low lines, too narrow margins, an uneven ground, or no text.
+background. The outline is first rectified to millimeters, as if it were a plate. This exposes
+posters: their lines are too many or not tall enough, their margins too narrow, or their ground uneven, or
+they have no text.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Face(NamedTuple):
     Attributes:
         contrast: difference between the characters and the ground, in gray levels.
         ground: brightness between the characters, as a fraction of that of the characters.
-        edged: fraction of the outline along which the background is lighter.
+        edge_fraction: fraction of the outline along which the background is lighter.
         ink: mean brightness of the line of characters, which is the fraction covered by them.
         misfit: rms difference of the rows from those of a plate, as a fraction of `ink`.
         gap: brightness of the darkest row of the line of characters, as a fraction of their mean.
@@ -55,7 +56,7 @@ class Face(NamedTuple):
 
     contrast: float
     ground: float
-    edged: float
+    edge_fraction: float
     ink: float
     misfit: float
     gap: float
@@ -74,7 +75,7 @@ def face_of(gray: Gray, outline: Outline) -> Face | None:
     if contrast < MIN_CONTRAST:
         return None
     patch = (patch - ground) / contrast
-    left, right = _written(patch[_BORDER + _MARGIN : -_BORDER - _MARGIN, _BORDER : _BORDER + _COLUMNS])
+    left, right = _text_columns(patch[_BORDER + _MARGIN : -_BORDER - _MARGIN, _BORDER : _BORDER + _COLUMNS])
     height = (outline.left_bottom - outline.left_top + outline.right_bottom - outline.right_top) / 2.0
     text = patch[:, _BORDER + left : _BORDER + right].mean(axis=1)
     ink, misfit = _fit(text, PLATE_HEIGHT_MM / height)
@@ -82,7 +83,7 @@ def face_of(gray: Gray, outline: Outline) -> Face | None:
     return Face(
         contrast=contrast,
         ground=ground / light,
-        edged=_edged(patch),
+        edge_fraction=_edge_fraction(patch),
         ink=ink,
         misfit=misfit / max(ink, 0.05),
         gap=float(line.min() / max(line.mean(), 0.05)),
@@ -107,15 +108,17 @@ def _rectified(gray: Gray, outline: Outline) -> Floats:
     import cv2
 
     near, right, lower = _BORDER - 0.5, _BORDER + _COLUMNS - 0.5, _BORDER + _ROWS - 0.5
-    faced = np.array([(near, near), (right, near), (right, lower), (near, lower)], dtype=np.float32)
-    transform = cv2.getPerspectiveTransform(faced, np.array(outline.corners, dtype=np.float32))
+    rectified_corners = np.array(
+        [(near, near), (right, near), (right, lower), (near, lower)], dtype=np.float32
+    )
+    transform = cv2.getPerspectiveTransform(rectified_corners, np.array(outline.corners, dtype=np.float32))
     size = (_COLUMNS + 2 * _BORDER, _ROWS + 2 * _BORDER)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     patch = cv2.warpPerspective(gray, transform, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(patch, dtype=np.float64)
 
 
-def _edged(patch: Floats) -> float:
+def _edge_fraction(patch: Floats) -> float:
     """Return the fraction of the outline along which the background is lighter than the margin."""
     rows, columns = slice(_BORDER, -_BORDER), slice(_BORDER, -_BORDER)
     inside, outside = _BORDER + _MARGIN // 2, _BORDER - _OUTSIDE
@@ -137,7 +140,7 @@ def _rim(patch: Floats) -> float:
     return float(np.percentile(np.concatenate(ring), 90.0))
 
 
-def _written(line: Floats) -> tuple[int, int]:
+def _text_columns(line: Floats) -> tuple[int, int]:
     """Return the first column of the text, and the column after its last one."""
     columns = line[:, _MARGIN:-_MARGIN].mean(axis=0)
     level = 0.4 * float(np.sort(columns)[int(0.95 * columns.size)])
@@ -153,9 +156,9 @@ def _fit(rows: Floats, mm_per_pixel: float) -> tuple[float, float]:
     """
     solver, basis = _plate_rows(min(max(round(mm_per_pixel), 1), _BLURS))
     amounts = solver @ rows
-    off = rows - basis @ amounts
-    inner = off[_BORDER // 2 : -_BORDER // 2]
-    return float(amounts[0]), float(np.sqrt((inner * inner).mean()))
+    residuals = rows - basis @ amounts
+    inner_residuals = residuals[_BORDER // 2 : -_BORDER // 2]
+    return float(amounts[0]), float(np.sqrt((inner_residuals * inner_residuals).mean()))
 
 
 @lru_cache(maxsize=_BLURS)

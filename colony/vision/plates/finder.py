@@ -68,7 +68,7 @@ PlateReader = Callable[[NDArray[np.uint8], PlateBox], Reading]
 T = TypeVar("T")
 
 
-def read(image: NDArray[np.uint8], box: PlateBox) -> Reading:
+def default_reader(image: NDArray[np.uint8], box: PlateBox) -> Reading:
     """Read a plate with Colony's own reader."""
     from colony.vision.plates.reader import read_plate
 
@@ -80,7 +80,7 @@ def plate_finder(
     *,
     camera: str = "CServerSide",
     geometry: LevelCamera = SIDE,
-    reader: PlateReader | None = read,
+    reader: PlateReader | None = default_reader,
     thesis: bool = False,
     on_plate: OnPlate | None = None,
 ) -> Script:
@@ -101,10 +101,10 @@ def plate_finder(
     search: Search = ThesisSearch(geometry, reader) if thesis else PlateSearch(geometry, reader)
     wall = _WallCamera(camera, geometry, period, lock=thesis)
     maps = None if thesis or floors is None else _Maps(floors)
-    return _finder(wall, search, maps, period, on_plate)
+    return _run(wall, search, maps, period, on_plate)
 
 
-def _finder(
+def _run(
     wall: _WallCamera, search: Search, maps: _Maps | None, period_s: float, on_plate: OnPlate | None
 ) -> Script:
     yield from wall.prepare()
@@ -115,8 +115,8 @@ def _finder(
         view = yield from wall.view()
         if view is None:
             continue
-        known = None if maps is None else (yield from maps.known())
-        found = search.update(view if maps is None else view._replace(floor=maps.floor), known)
+        floor_plates = None if maps is None else (yield from maps.floor_plates())
+        found = search.update(view if maps is None else view._replace(floor=maps.floor), floor_plates)
         for plate in found.plates:
             count += 1
             unpublished.append([plate.t_ns, count, plate.text, *plate.place])
@@ -143,7 +143,7 @@ class _Maps:
         self._floors = floors
         self.floor = next(iter(floors), "")
 
-    def known(self) -> Generator[Step, Any, FloorPlates]:
+    def floor_plates(self) -> Generator[Step, Any, FloorPlates]:
         """Return the plates of the current floor; none without a map of it."""
         floor = yield from _try_ask("DServer", data.get(FLOOR))
         if isinstance(floor, str):
@@ -159,7 +159,7 @@ class _WallCamera:
     def __init__(self, name: str, geometry: LevelCamera, period_s: float, *, lock: bool) -> None:
         self._name, self._geometry, self._period_s = name, geometry, period_s
         self._ready = False
-        self._lock = lock
+        self._locks_camera = lock
         count = min(geometry.rows, 2 * math.ceil(BAND_FRACTION * geometry.rows / 2.0))
         self._band = scan_band(geometry) if lock else ((geometry.rows - count) // 2, count)
         self._last: Position | None = None
@@ -197,13 +197,13 @@ class _WallCamera:
         They come in one answer, and so belong to the same image; the thesis's finder locks the camera all the
         same.
         """
-        if self._lock:
+        if self._locks_camera:
             try:
                 yield from do(self._name, cameras.lock(wait_s=0.1))
             except NO_ANSWER_ERRORS:
                 return None
         band = yield from _try_ask(self._name, cameras.grab_rows(*self._band))
-        if self._lock:
+        if self._locks_camera:
             yield from _try_ask(self._name, cameras.unlock())
         self._ready = band is not None and band.t_ns != self._newest_ns
         return band

@@ -18,7 +18,7 @@ MAX_TILT_DEG = 50.0
 
 
 def is_too_steep(tilt_deg: float) -> bool:
-    """Return True if plates are not searched at this tilt (beta)."""
+    """Return True if plates are not searched for at this tilt (beta)."""
     return not abs(tilt_deg) < MAX_TILT_DEG
 
 

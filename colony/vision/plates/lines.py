@@ -25,9 +25,9 @@ MAX_LINE_ASPECT = 3.6
 """Maximum width / height of a line of characters: a plate has no space for more."""
 
 _MIN_SPAN = 10.0
-_ALIKE = 0.72  # minimum ratio of the heights of two neighbors
-_GAP = 0.8  # maximum gap between neighbors / height
-_THINNEST, _THICKEST = 0.1, 3.6  # range of width / height of a patch: an I, and merged characters
+_MIN_HEIGHT_RATIO = 0.72  # minimum ratio of the heights of two neighbors
+_MAX_GAP_RATIO = 0.8  # maximum gap between neighbors / height
+_MIN_ASPECT, _MAX_ASPECT = 0.1, 3.6  # range of width / height of a patch: an I, and merged characters
 
 
 def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
@@ -70,10 +70,10 @@ def outline_about(line: Patch, tilt_deg: float | None, focal: float, middle_colu
 def _is_likely(stats: NDArray[np.int32], rows: int, horizon: float) -> NDArray[np.bool_]:
     """Return a mask of the components, (n, 5) as from OpenCV, that may be characters, single or merged."""
     _, top, width, height, _ = stats.T
-    off = np.abs(top + (height - 1) / 2.0 - horizon)
-    likely = (height >= MIN_HEIGHT) & (width >= _THINNEST * height) & (width <= _THICKEST * height)
+    offset = np.abs(top + (height - 1) / 2.0 - horizon)
+    likely = (height >= MIN_HEIGHT) & (width >= _MIN_ASPECT * height) & (width <= _MAX_ASPECT * height)
     likely &= (top > 0) & (top + height < rows)
-    likely &= off <= 1.0 + 0.12 * height
+    likely &= offset <= 1.0 + 0.12 * height
     return np.asarray(likely, dtype=np.bool_)
 
 
@@ -101,4 +101,4 @@ def _lines(stats: NDArray[np.int32], columns: int) -> list[Patch]:
 def _is_next(line: Patch, patch: Patch) -> bool:
     """Return True if a patch continues a line."""
     low, high = sorted((line.bottom - line.top, patch.bottom - patch.top))
-    return low >= _ALIKE * high and -0.3 * high <= patch.left - line.right <= _GAP * high
+    return low >= _MIN_HEIGHT_RATIO * high and -0.3 * high <= patch.left - line.right <= _MAX_GAP_RATIO * high

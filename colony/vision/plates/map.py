@@ -14,22 +14,22 @@ MIN_GATE_MM, MAX_GATE_MM = 260.0, 1_200.0
 The first is for an accurate estimate of the robot's position, the second for an uncertain one.
 """
 
-SIGMAS = 3.0
+GATE_SIGMAS = 3.0
 
-FACING_DEG = 60.0
+MAX_FACING_DEG = 60.0
 """Maximum angle between the camera's axis and the normal of an observed plate's wall."""
 
 SURE_CONFIDENCE = 0.9
 """Confidence of a text from which plates with other texts are ruled out."""
 
-_BESIDE = 0.5  # fraction of the gate within which a plate may have been misread
+_MISREAD_FRACTION = 0.5  # fraction of the gate within which a plate may have been misread
 
 
 def gate_mm(sigma_mm: float | None) -> float:
     """Return the gate for a plate's distance; `sigma_mm` is that of the robot's position, None if unknown."""
     if sigma_mm is None or not math.isfinite(sigma_mm):
         return (MIN_GATE_MM + MAX_GATE_MM) / 2.0
-    return min(max(SIGMAS * sigma_mm, MIN_GATE_MM), MAX_GATE_MM)
+    return min(max(GATE_SIGMAS * sigma_mm, MIN_GATE_MM), MAX_GATE_MM)
 
 
 def match_plate(
@@ -54,23 +54,25 @@ def match_plate(
             wall, as distances are measured less accurately.
         taken: doors of the plates that are matched already.
     """
-    others = set(taken)
-    near: list[tuple[float, Plate]] = []
+    taken_doors = set(taken)
+    candidates: list[tuple[float, Plate]] = []
     for plate in plates:
-        if plate.door in others or not _is_faced(plate, observation):
+        if plate.door in taken_doors or not _is_faced(plate, observation):
             continue
-        off = _off_mm(plate, place)
-        if off < gate and (plate.text == text or confidence < SURE_CONFIDENCE or off < _BESIDE * gate):
+        distance = _distance_mm(plate, place)
+        if distance < gate and (
+            plate.text == text or confidence < SURE_CONFIDENCE or distance < _MISREAD_FRACTION * gate
+        ):
             # A plate with the text that was read is preferred to a nearer one.
-            near.append((off - (gate if plate.text == text and text else 0.0), plate))
-    return min(near, key=lambda match: match[0])[1] if near else None
+            candidates.append((distance - (gate if plate.text == text and text else 0.0), plate))
+    return min(candidates, key=lambda match: match[0])[1] if candidates else None
 
 
 def _is_faced(plate: Plate, observation: PlateObservation) -> bool:
-    return abs(math.remainder(observation.axis_deg - plate.heading_deg, 360.0)) < FACING_DEG
+    return abs(math.remainder(observation.axis_deg - plate.heading_deg, 360.0)) < MAX_FACING_DEG
 
 
-def _off_mm(plate: Plate, place: tuple[float, float]) -> float:
+def _distance_mm(plate: Plate, place: tuple[float, float]) -> float:
     """Return the larger of a position's distance from a plate along the wall and half of that across it."""
     facing = math.radians(plate.heading_deg)
     dx, dy = place[0] - plate.center.x, place[1] - plate.center.y

@@ -99,16 +99,20 @@ def observe_plate(
     The center of a plate is where the diagonals of its image cross, at any tilt.
     """
     (left, left_top), (right, right_top), (_, right_bottom), (_, left_bottom) = box.corners
-    near, far = left_bottom - left_top, right_bottom - right_top
-    part = near / (near + far)
-    height = near + part * (far - near)
-    row = (left_top + left_bottom) * (1.0 - part) / 2.0 + (right_top + right_bottom) * part / 2.0 + first_row
+    left_height, right_height = left_bottom - left_top, right_bottom - right_top
+    fraction = left_height / (left_height + right_height)
+    height = left_height + fraction * (right_height - left_height)
+    row = (
+        (left_top + left_bottom) * (1.0 - fraction) / 2.0
+        + (right_top + right_bottom) * fraction / 2.0
+        + first_row
+    )
     depth = camera.focal * PLATE_HEIGHT_MM / height
     return PlateObservation(
         t_ns=t_ns,
         robot=robot,
         axis_deg=robot.heading_deg + camera.yaw_deg,
-        bearing_deg=camera.bearing_of(left + part * (right - left)),
+        bearing_deg=camera.bearing_of(left + fraction * (right - left)),
         depth_mm=depth,
         rise_mm=((camera.rows - 1) / 2.0 - row) * depth / camera.focal,
         score=box.score,
@@ -129,10 +133,10 @@ def _bearing_row(observation: PlateObservation, plate: Plate) -> Row:
     """Return the row of the line of sight: n (plate - robot) = 0, n across it; the heading rotates it."""
     x, y = observation.ray
     nx, ny = y, -x
-    away = x * (plate.center.x - observation.robot.x_mm) + y * (plate.center.y - observation.robot.y_mm)
-    value = nx * plate.center.x + ny * plate.center.y - away * math.radians(observation.robot.heading_deg)
-    own = away * math.radians(BEARING_SIGMA_DEG)
-    return Row(nx, ny, -away, value, math.hypot(own, math.sqrt(CORRELATED_FIXES) * MAP_SIGMA_MM))
+    distance = x * (plate.center.x - observation.robot.x_mm) + y * (plate.center.y - observation.robot.y_mm)
+    value = nx * plate.center.x + ny * plate.center.y - distance * math.radians(observation.robot.heading_deg)
+    own_sigma_mm = distance * math.radians(BEARING_SIGMA_DEG)
+    return Row(nx, ny, -distance, value, math.hypot(own_sigma_mm, math.sqrt(CORRELATED_FIXES) * MAP_SIGMA_MM))
 
 
 def _depth_row(observation: PlateObservation, plate: Plate) -> Row:
@@ -145,7 +149,7 @@ def _depth_row(observation: PlateObservation, plate: Plate) -> Row:
     axis = math.radians(observation.axis_deg)
     ax, ay = -math.sin(axis), math.cos(axis)
     dx, dy = plate.center.x - observation.robot.x_mm, plate.center.y - observation.robot.y_mm
-    turning = (ay * dx - ax * dy) * math.radians(HEADING_SIGMA_DEG)
+    heading_sigma_mm = (ay * dx - ax * dy) * math.radians(HEADING_SIGMA_DEG)
     value = ax * plate.center.x + ay * plate.center.y - observation.depth_mm
-    own = math.sqrt(CORRELATED_FIXES) * math.hypot(DEPTH_SIGMA * observation.depth_mm, MAP_SIGMA_MM)
-    return Row(ax, ay, 0.0, value, math.hypot(own, turning))
+    own_sigma_mm = math.sqrt(CORRELATED_FIXES) * math.hypot(DEPTH_SIGMA * observation.depth_mm, MAP_SIGMA_MM)
+    return Row(ax, ay, 0.0, value, math.hypot(own_sigma_mm, heading_sigma_mm))

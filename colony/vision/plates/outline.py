@@ -24,7 +24,7 @@ MIN_DROP = 4.0
 _MIN_COLUMNS = 4
 _ROUNDS = 5
 _MIN_VISIBLE = 0.35  # fraction of the columns of an edge
-_SOFT = 0.35  # pixels: larger residuals are weighted down
+_SOFT_RESIDUAL = 0.35  # pixels: larger residuals are weighted down
 
 
 class Outline(NamedTuple):
@@ -149,7 +149,7 @@ def _box_about(outline: Outline, shape: tuple[int, ...]) -> Patch:
 
 
 def _reach(box: Patch) -> int:
-    """Return the distance within which an edge is searched, in pixels."""
+    """Return the distance within which an edge is searched for, in pixels."""
     return max(2, round(0.22 * (box.bottom - box.top)))
 
 
@@ -163,12 +163,12 @@ def _edge(gray: Gray, box: Patch, *, lower: bool, min_drop: float = MIN_DROP) ->
     drops = np.maximum(steps if lower else -steps, 0.0)
     if drops.size == 0:
         return None
-    seen = drops.sum(axis=0) >= min_drop
-    if seen.sum() < max(_MIN_COLUMNS, _MIN_VISIBLE * len(seen)):
+    visible = drops.sum(axis=0) >= min_drop
+    if visible.sum() < max(_MIN_COLUMNS, _MIN_VISIBLE * len(visible)):
         return None
-    drops = drops[:, seen] ** 2  # squared, to weigh noise down
+    drops = drops[:, visible] ** 2  # squared, to weigh noise down
     rows = ((first + 0.5 + np.arange(len(drops))) @ drops) / drops.sum(axis=0)
-    return _Edge(np.arange(columns.start, columns.stop, dtype=np.float64)[seen], rows)
+    return _Edge(np.arange(columns.start, columns.stop, dtype=np.float64)[visible], rows)
 
 
 def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
@@ -181,9 +181,9 @@ def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
         spread = weight @ (x - mean_x) ** 2
         b = float(weight @ ((x - mean_x) * (y - mean_y)) / spread) if spread > 0.0 else 0.0
         a = float(mean_y - b * mean_x)
-        off = np.abs(y - a - b * x)
-        weight = 1.0 / (1.0 + (off / _SOFT) ** 2)
-    return a, b, float(np.median(off))
+        residuals = np.abs(y - a - b * x)
+        weight = 1.0 / (1.0 + (residuals / _SOFT_RESIDUAL) ** 2)
+    return a, b, float(np.median(residuals))
 
 
 def _side(gray: Gray, box: Patch, *, right: bool, min_drop: float = MIN_DROP) -> float | None:

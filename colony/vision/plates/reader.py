@@ -29,11 +29,11 @@ NOTHING = Reading("", 1.0)
 ALTERNATIVES = 8
 """Maximum number of alternative texts of a reading."""
 
-_ASTRAY = 2e-3
+_WRONG_READING_PROBABILITY = 2e-3
 """Probability assigned to every text for an entirely wrong reading, so that one reading cannot overrule the
 others."""
 
-_LEAST = 1e-4
+_MIN_PROBABILITY = 1e-4
 
 
 def read_plate(
@@ -70,7 +70,7 @@ def read_plate(
 
 def reading_of(output: NetworkOutput, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
     """Return the reading of a strip from the network's output."""
-    return weigh(texts_of(output, lexicon), output.plate, net, lexicon)
+    return weigh(texts_of(output, lexicon), output.plate_log_odds, net, lexicon)
 
 
 def texts_of(output: NetworkOutput, lexicon: Collection[str] = ()) -> dict[str, float]:
@@ -79,32 +79,34 @@ def texts_of(output: NetworkOutput, lexicon: Collection[str] = ()) -> dict[str, 
     The probabilities are those of the columns alone, without the prior.
     """
     table = output.log_probabilities
-    seen = {text: math.log(p) for text, p in likely_texts(table).items() if text and p > 0.0}
-    known = sorted(text for text in lexicon if text not in seen)
-    seen |= zip(known, log_probabilities_of(known, table).tolist(), strict=True)
-    return seen
+    log_probabilities = {text: math.log(p) for text, p in likely_texts(table).items() if text and p > 0.0}
+    missing = sorted(text for text in lexicon if text not in log_probabilities)
+    log_probabilities |= zip(missing, log_probabilities_of(missing, table).tolist(), strict=True)
+    return log_probabilities
 
 
-def weigh(seen: dict[str, float], plate: float, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
+def weigh(
+    log_probabilities: dict[str, float], plate_log_odds: float, net: LetterNet, lexicon: Collection[str] = ()
+) -> Reading:
     """Return the reading by the network's output and the prior.
 
     Args:
-        seen: the result of `texts_of`.
-        plate: log odds that the strip is a plate.
+        log_probabilities: the result of `texts_of`.
+        plate_log_odds: log odds that the strip is a plate.
         net: the network, for its calibration.
         lexicon: the texts of the map's plates.
     """
     weights = {
         text: net.sharpness * log + net.trust * log_prior(text, lexicon)
-        for text, log in seen.items()
+        for text, log in log_probabilities.items()
         if log > -math.inf
     }
     if not weights:
         return NOTHING
     top = max(weights.values())
-    whole = top + math.log(sum(math.exp(weight - top) for weight in weights.values()))
-    weights = {text: weight - whole - _softplus(-plate) for text, weight in weights.items()}
-    return _reading({"": -_softplus(plate), **weights})
+    log_total = top + math.log(sum(math.exp(weight - top) for weight in weights.values()))
+    weights = {text: weight - log_total - _softplus(-plate_log_odds) for text, weight in weights.items()}
+    return _reading({"": -_softplus(plate_log_odds), **weights})
 
 
 def combine_readings(readings: Iterable[Reading]) -> Reading:
@@ -118,19 +120,24 @@ def combine_readings(readings: Iterable[Reading]) -> Reading:
         return Reading("", 0.0)
     texts = {text for table in tables for text in table}
     return _reading(
-        {text: sum(math.log(table.get(text, 0.0) + _ASTRAY) for table in tables) for text in texts}
+        {
+            text: sum(math.log(table.get(text, 0.0) + _WRONG_READING_PROBABILITY) for table in tables)
+            for text in texts
+        }
     )
 
 
 def _reading(weights: dict[str, float]) -> Reading:
     """Return the reading of texts whose probabilities are proportional to the exponentials of the weights."""
     top = max(weights.values())
-    shares = {text: math.exp(weight - top) for text, weight in weights.items()}
-    whole = sum(shares.values())
-    ranked = sorted(shares.items(), key=lambda entry: (-entry[1], entry[0]))
-    text, share = ranked[0]
+    likelihoods = {text: math.exp(weight - top) for text, weight in weights.items()}
+    total = sum(likelihoods.values())
+    ranked = sorted(likelihoods.items(), key=lambda entry: (-entry[1], entry[0]))
+    text, likelihood = ranked[0]
     others = islice(ranked[1:], ALTERNATIVES)
-    return Reading(text, share / whole, tuple((t, s / whole) for t, s in others if s > _LEAST * whole))
+    return Reading(
+        text, likelihood / total, tuple((t, s / total) for t, s in others if s > _MIN_PROBABILITY * total)
+    )
 
 
 def _softplus(x: float) -> float:

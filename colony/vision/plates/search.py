@@ -23,7 +23,7 @@ from colony.vision.plates.observations import FoundPlate, PlateObservation, fix_
 from colony.vision.plates.thesis import thesis_plates
 from colony.vision.plates.tracks import PlateTracks, Track
 
-MIN_OBSERVATIONS, MIN_EVIDENCE, MIN_HITS = 3, 1.5, 0.4
+MIN_OBSERVATIONS, MIN_EVIDENCE, MIN_HIT_FRACTION = 3, 1.5, 0.4
 """Thresholds for reporting a plate without a map.
 
 They apply to the number of observations, to the sum of their scores, and to the fraction of hits among the
@@ -40,7 +40,7 @@ MAX_RISE_MM = 20.0
 """Maximum distance of a plate above or below the camera, by all observations."""
 
 MIN_AGREEMENT = 0.45
-"""Minimum part of the observations with the same text: other objects read differently each time."""
+"""Minimum fraction of the observations with the same text: other objects read differently each time."""
 
 KNOWN_PLATE_OBSERVATIONS, KNOWN_PLATE_EVIDENCE = 2, 0.6
 """Minimum number of observations, and minimum evidence, of a plate that the map has at this position."""
@@ -106,26 +106,26 @@ class PlateSearch:
         self._tracks = PlateTracks(camera)
         self._floor = ""
 
-    def update(self, view: View, known: FloorPlates | None = None) -> SearchResult:
+    def update(self, view: View, floor_plates: FloorPlates | None = None) -> SearchResult:
         """Update the tracks with a view; return the new plates and the fixes."""
         if view.floor != self._floor:  # a plate at the same position on another floor is another plate
             self._floor, self._tracks = view.floor, PlateTracks(self._camera)
-        now = self._observed(view)
+        visible_tracks = self._update_tracks(view)
         fixes = [
             fix_of_plate(track.observations[-1], plate)
-            for track in now
-            if known is not None and (plate := self._identified(track, known)) is not None
+            for track in visible_tracks
+            if floor_plates is not None and (plate := self._identify(track, floor_plates)) is not None
         ]
         plates = [
             self._report(track)
             for track in self._tracks.tracks
             if not track.reported
-            and self._is_settled(track, track in now)
-            and self._is_confirmed(track, known)
+            and self._is_settled(track, track in visible_tracks)
+            and self._is_confirmed(track, floor_plates)
         ]
         return SearchResult(tuple(plates), tuple(fixes))
 
-    def _observed(self, view: View) -> tuple[Track, ...]:
+    def _update_tracks(self, view: View) -> tuple[Track, ...]:
         """Update the tracks with a view, and return the tracks of the plates in it."""
         if view.band is None or (view.tilt_deg is not None and is_too_steep(view.tilt_deg)):
             self._tracks.move(view.t_ns, view.robot)
@@ -134,18 +134,18 @@ class PlateSearch:
         seen = [_observation(view.band, box, view, self._camera, self._reader) for box in boxes]
         return self._tracks.update(view.t_ns, view.robot, seen)
 
-    def _identified(self, track: Track, known: FloorPlates) -> Plate | None:
+    def _identify(self, track: Track, floor_plates: FloorPlates) -> Plate | None:
         """Return the map's plate of a track, or None if unknown."""
         if track.door is None and track.count >= KNOWN_PLATE_OBSERVATIONS:
             reading = self._read(track)
             x, y = track.place.tolist()
             plate = match_plate(
-                (x, y), track.observations[-1], reading.text, reading.confidence, known.plates,
-                gate=known.gate_mm,
+                (x, y), track.observations[-1], reading.text, reading.confidence, floor_plates.plates,
+                gate=floor_plates.gate_mm,
                 taken=(other.door for other in self._tracks.tracks if other.door is not None),
             )  # fmt: skip
             track.door = None if plate is None else plate.door
-        return next((plate for plate in known.plates if plate.door == track.door), None)
+        return next((plate for plate in floor_plates.plates if plate.door == track.door), None)
 
     def _is_settled(self, track: Track, is_in_image: bool) -> bool:
         """Return True if a track can be reported: it has enough observations, or has left the view."""
@@ -153,9 +153,9 @@ class PlateSearch:
             return True
         return not is_in_image and not self._tracks.is_in_view(track)
 
-    def _is_confirmed(self, track: Track, known: FloorPlates | None) -> bool:
+    def _is_confirmed(self, track: Track, floor_plates: FloorPlates | None) -> bool:
         """Return True if enough observations confirm that a track is a plate."""
-        if known is not None:
+        if floor_plates is not None:
             return (
                 track.door is not None
                 and track.count >= KNOWN_PLATE_OBSERVATIONS
@@ -164,7 +164,7 @@ class PlateSearch:
         return (
             track.count >= MIN_OBSERVATIONS
             and track.evidence >= MIN_EVIDENCE
-            and track.hits >= MIN_HITS
+            and track.hit_fraction >= MIN_HIT_FRACTION
             and abs(track.drift) <= MAX_DRIFT
             and abs(track.rise_mm) <= MAX_RISE_MM
             and (self._reader is None or self._is_legible(track))
@@ -206,7 +206,7 @@ class ThesisSearch:
         self._reader = reader
         self._last: tuple[WallView, Pose] | None = None
 
-    def update(self, view: View, known: FloorPlates | None = None) -> SearchResult:
+    def update(self, view: View, floor_plates: FloorPlates | None = None) -> SearchResult:
         """Return the new plates in a view; the map is ignored."""
         if view.band is None or view.tilt_deg is None or is_too_steep(view.tilt_deg):
             return SearchResult()

@@ -52,13 +52,13 @@ def plate_strip(image: Gray, corners: Corners) -> Floats | None:
     import cv2
 
     samples = _samples(corners)
-    away = np.array(
+    plate_corners = np.array(
         [
             [PLATE_LEFT, PLATE_TOP], [PLATE_RIGHT, PLATE_TOP],
             [PLATE_RIGHT, PLATE_BOTTOM], [PLATE_LEFT, PLATE_BOTTOM],
         ], np.float32
     )  # fmt: skip
-    target = (away + 0.5) * samples - 0.5
+    target = (plate_corners + 0.5) * samples - 0.5
     transform: Any = cv2.getPerspectiveTransform(target.astype(np.float32), np.array(corners, np.float32))
     size = (STRIP_COLUMNS * samples, STRIP_ROWS * samples)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP

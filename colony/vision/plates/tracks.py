@@ -38,7 +38,7 @@ _CROSS_SIGMA = 0.012  # fraction of the range, due to the heading
 _MIN_SIGMA_MM = 10.0
 _DRIFT_MM = 12.0  # drift of the odometry between observations
 _SURE_MISSES = 4
-_BASE_MM = 240.0  # from positions closer together, observations do not reveal an object's distance
+_MIN_BASELINE_MM = 240.0  # from positions closer together, observations do not reveal an object's distance
 _RIM_PIXELS = 8.0  # a plate nearer to the rim of the image may be missed
 _MAX_SPEED_MM_S, _MAX_TURN_DEG_S = 800.0, 100.0
 _SLACK_MM, _SLACK_DEG = 20.0, 1.5
@@ -72,7 +72,7 @@ class Track:
     door: str | None = None
 
     @property
-    def hits(self) -> float:
+    def hit_fraction(self) -> float:
         """Fraction of hits among the images that should show the plate."""
         return self.count / (self.count + self.misses)
 
@@ -86,7 +86,7 @@ class Track:
         origins, places = np.array(self.origins), np.array(self.places)
         travels, moves = origins[:, None] - origins[None], places[:, None] - places[None]
         squared = (travels**2).sum(axis=2)
-        far = squared >= _BASE_MM**2
+        far = squared >= _MIN_BASELINE_MM**2
         return float(np.median((travels * moves).sum(axis=2)[far] / squared[far])) if far.any() else 0.0
 
     @property
@@ -145,35 +145,35 @@ class PlateTracks:
     def update(self, t_ns: int, robot: Pose, observations: Sequence[PlateObservation]) -> tuple[Track, ...]:
         """Update the tracks with an image's observations; return the track of each, in the same order."""
         self.move(t_ns, robot)
-        free = list(self._tracks)
-        found: list[Track] = []
+        unmatched = list(self._tracks)
+        matched: list[Track] = []
         for observation in observations:
-            track = _nearest(observation, free)
+            track = _nearest(observation, unmatched)
             if track is None:
                 track = Track.start(observation)
                 self._tracks.append(track)
             else:
-                free.remove(track)
+                unmatched.remove(track)
                 track.update(observation)
-            found.append(track)
-        for track in free:
+            matched.append(track)
+        for track in unmatched:
             if self.is_in_view(track):
                 track.misses += 1
         self._tracks = [track for track in self._tracks if _is_worth_keeping(track, robot)]
-        return tuple(found)
+        return tuple(matched)
 
     def move(self, t_ns: int, robot: Pose) -> None:
         """Record the robot's pose; if its position was corrected, move all positions with it."""
         last, self._last = self._last, (t_ns, robot)
         if last is None:
             return
-        passed_s = max(t_ns - last[0], 0) / 1e9
+        elapsed_s = max(t_ns - last[0], 0) / 1e9
         before = last[1]
         turned = math.remainder(robot.heading_deg - before.heading_deg, 360.0)
         travel_mm = math.hypot(robot.x_mm - before.x_mm, robot.y_mm - before.y_mm)
         if (
-            travel_mm <= _MAX_SPEED_MM_S * passed_s + _SLACK_MM
-            and abs(turned) <= _MAX_TURN_DEG_S * passed_s + _SLACK_DEG
+            travel_mm <= _MAX_SPEED_MM_S * elapsed_s + _SLACK_MM
+            and abs(turned) <= _MAX_TURN_DEG_S * elapsed_s + _SLACK_DEG
         ):
             return
         sine, cosine = math.sin(math.radians(turned)), math.cos(math.radians(turned))

@@ -33,10 +33,10 @@ SIZES = ((3, 3), (3, 3), (3, 3), (6, 3), (1, 3))
 HIDDEN = 32
 """Channels of the hidden layer of the head."""
 
-BATCH = 64
-RATE = 3e-3
+BATCH_SIZE = 64
+LEARNING_RATE = 3e-3
 
-_WARM_STEPS = 100
+_WARMUP_STEPS = 100
 _FIRST_DECAY, _SECOND_DECAY, _EPSILON = 0.9, 0.99, 1e-8
 _MAX_GRADIENT_NORM = 5.0
 
@@ -123,13 +123,15 @@ class Learner:
             _update(parameter, first / first_correction, second / second_correction, rate)
 
 
-def learning(
+def train_steps(
     learner: Learner, steps: int, fonts: Sequence[Path], random: np.random.Generator
 ) -> Iterator[float]:
     """Train on new samples at each step, and yield its loss; the learning rate falls to zero."""
     for i in range(steps):
         decay = 0.5 * (1.0 + math.cos(math.pi * i / steps))
-        yield learner.step(batch(BATCH, fonts, random), RATE * decay * min(1.0, (i + 1) / _WARM_STEPS))
+        yield learner.step(
+            batch(BATCH_SIZE, fonts, random), LEARNING_RATE * decay * min(1.0, (i + 1) / _WARMUP_STEPS)
+        )
 
 
 def _loss(scores: Floats, plates: Floats, texts: Sequence[str]) -> tuple[float, Floats, Floats]:

@@ -18,7 +18,7 @@ WIDTH, HEIGHT = round(PLATE_WIDTH_MM / MM_PER_PIXEL), round(PLATE_HEIGHT_MM / MM
 
 _CAPITALS = CHARACTER_HEIGHT_MM / PLATE_HEIGHT_MM
 _FONT_PIXELS = 64
-_WIDEST = 0.95
+_MAX_WIDTH_FRACTION = 0.95
 
 
 def plate(text: str, font: Path, random: np.random.Generator) -> Gray:
@@ -36,7 +36,7 @@ def plate(text: str, font: Path, random: np.random.Generator) -> Gray:
     ink = _line(text, font, height, random)
     top = (HEIGHT - ink.shape[0]) // 2 + int(random.integers(-2, 3))
     left = (WIDTH - ink.shape[1]) // 2 + int(random.integers(-3, 4))
-    _lay(picture, ink, (top, left), light)
+    _draw_ink(picture, ink, (top, left), light)
     return picture.astype(np.uint8)
 
 
@@ -47,12 +47,14 @@ def paper(texts: list[str], font: Path, random: np.random.Generator) -> Gray:
     lines = max(1, min(len(texts), int(random.integers(1, 6))))
     for i in range(lines):
         ink = _line(texts[i], font, HEIGHT / lines * random.uniform(0.35, 0.75), random)
-        _lay(picture, ink, (round(HEIGHT / lines * (i + 0.2)), int(random.integers(-20, WIDTH // 2))), light)
+        _draw_ink(
+            picture, ink, (round(HEIGHT / lines * (i + 0.2)), int(random.integers(-20, WIDTH // 2))), light
+        )
     return picture.astype(np.uint8)
 
 
-def reversed_plate(text: str, font: Path, random: np.random.Generator) -> Gray:
-    """Draw dark characters on a light ground, unlike those of a plate."""
+def inverted_plate(text: str, font: Path, random: np.random.Generator) -> Gray:
+    """Draw a plate with inverted colors: dark characters on a light ground."""
     return 255 - plate(text, font, random)
 
 
@@ -90,15 +92,15 @@ def clutter(random: np.random.Generator) -> Gray:
     return np.clip(picture, 0.0, 255.0).astype(np.uint8)
 
 
-def _lay(picture: npt.NDArray[np.float32], ink: Gray, corner: tuple[int, int], light: float) -> None:
+def _draw_ink(picture: npt.NDArray[np.float32], ink: Gray, corner: tuple[int, int], light: float) -> None:
     """Draw characters into a picture, clipped to it; `corner` is their top and left."""
     top, left = corner
     up, start = max(0, top), max(0, left)
     down, end = min(HEIGHT, top + ink.shape[0]), min(WIDTH, left + ink.shape[1])
     if up < down and start < end:
-        share = ink[up - top : down - top, start - left : end - left].astype(np.float32) / 255.0
-        part = picture[up:down, start:end]
-        part += share * (np.float32(light) - part)
+        coverage = ink[up - top : down - top, start - left : end - left].astype(np.float32) / 255.0
+        region = picture[up:down, start:end]
+        region += coverage * (np.float32(light) - region)
 
 
 def _line(text: str, font: Path, height: float, random: np.random.Generator) -> Gray:
@@ -106,13 +108,13 @@ def _line(text: str, font: Path, height: float, random: np.random.Generator) -> 
     import cv2
     from PIL import Image, ImageDraw
 
-    outlines, capital = _outlines(font)
+    loaded_font, capital = _load_font(font)
     spacing = random.uniform(-0.03, 0.16) * capital
-    lengths = [outlines.getlength(c) + spacing for c in text]
+    lengths = [loaded_font.getlength(c) + spacing for c in text]
     image = Image.new("L", (int(sum(lengths)) + capital, 2 * capital))
     pen, at = ImageDraw.Draw(image), capital / 2.0
     for character, length in zip(text, lengths, strict=True):
-        pen.text((at, 1.5 * capital), character, fill=255, font=outlines, anchor="ls")
+        pen.text((at, 1.5 * capital), character, fill=255, font=loaded_font, anchor="ls")
         at += length
     ink: Gray = np.asarray(image)
     if random.random() < 0.25:
@@ -122,7 +124,7 @@ def _line(text: str, font: Path, height: float, random: np.random.Generator) -> 
     ink = _cropped(ink)
     scale = height / capital
     wide = ink.shape[1] * scale * random.uniform(0.78, 1.15)
-    wide = max(2.0, min(wide, random.uniform(_WIDEST - 0.08, _WIDEST) * WIDTH))
+    wide = max(2.0, min(wide, random.uniform(_MAX_WIDTH_FRACTION - 0.08, _MAX_WIDTH_FRACTION) * WIDTH))
     size = max(2, round(wide)), max(2, round(ink.shape[0] * scale))
     return np.asarray(cv2.resize(ink, size, interpolation=cv2.INTER_AREA), np.uint8)
 
@@ -133,10 +135,10 @@ def _cropped(ink: Gray) -> Gray:
 
 
 @cache
-def _outlines(font: Path) -> tuple[Any, int]:
+def _load_font(font: Path) -> tuple[Any, int]:
     """Return the font, and the height of its capitals in pixels."""
     from PIL import ImageFont
 
-    outlines = ImageFont.truetype(str(font), _FONT_PIXELS)
-    _, top, _, bottom = outlines.getbbox("H", anchor="ls")
-    return outlines, int(bottom - top)
+    loaded_font = ImageFont.truetype(str(font), _FONT_PIXELS)
+    _, top, _, bottom = loaded_font.getbbox("H", anchor="ls")
+    return loaded_font, int(bottom - top)

@@ -1,4 +1,4 @@
-"""Training samples: strips of plates with their texts, and strips of other objects."""
+"""Training samples: rectified images (strips) of plates with their texts, and of other objects."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from colony.vision.training.texts import any_text, door_text
 
 Floats = npt.NDArray[np.float32]
 
-JUNK_SHARE = 0.3
+JUNK_FRACTION = 0.3
 """Fraction of samples that are not plates."""
 
 
@@ -35,15 +35,15 @@ class Sample(NamedTuple):
 
 
 def batch(count: int, fonts: Sequence[Path], random: np.random.Generator) -> Batch:
-    """Draw a batch of samples in these fonts; `JUNK_SHARE` of them are junk."""
+    """Draw a batch of samples in these fonts; `JUNK_FRACTION` of them are junk."""
     strips, texts = np.zeros((count, STRIP_ROWS, STRIP_COLUMNS), np.float32), []
     for i in range(count):
         font = fonts[int(random.integers(len(fonts)))]
-        if random.random() < JUNK_SHARE:
+        if random.random() < JUNK_FRACTION:
             sample = junk_sample(font, random)
         else:
             text = door_text(random) if random.random() < 0.5 else any_text(random)
-            sample = plate_sample(text, font, views.drawn_height(random), random)
+            sample = plate_sample(text, font, views.random_height(random), random)
         strip = plate_strip(sample.image, sample.corners)
         if strip is not None:
             strips[i] = strip
@@ -61,7 +61,7 @@ def plate_sample(
 
 def junk_sample(font: Path, random: np.random.Generator) -> Sample:
     """Draw a sample of something other than a plate, or of a misplaced box."""
-    height = views.drawn_height(random)
+    height = views.random_height(random)
     kind = random.random()
     if kind < 0.4:
         seen = views.view(lettering.plate(door_text(random), font, random), height, random)
@@ -69,7 +69,7 @@ def junk_sample(font: Path, random: np.random.Generator) -> Sample:
     if kind < 0.6:
         picture = lettering.paper([door_text(random) for _ in range(5)], font, random)
     elif kind < 0.7:
-        picture = lettering.reversed_plate(door_text(random), font, random)
+        picture = lettering.inverted_plate(door_text(random), font, random)
     else:
         picture = lettering.clutter(random)
     seen = views.view(picture, height, random)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from colony.nav.maps.signs import CHARACTERS
-from colony.vision.letters.prior import MAX_CHARACTERS, ROOM_LETTERS, SHAPES, WORD_SHARE, WORDS
+from colony.vision.letters.prior import MAX_CHARACTERS, ROOM_LETTERS, SHAPES, WORD_FRACTION, WORDS
 
 _DIGITS, _LETTERS = CHARACTERS[:10], CHARACTERS[10:]
 
@@ -17,9 +17,9 @@ def any_text(random: np.random.Generator) -> str:
 
 def door_text(random: np.random.Generator) -> str:
     """Draw a text as on doors: a room number, or a word."""
-    if random.random() < WORD_SHARE:
+    if random.random() < WORD_FRACTION:
         return str(random.choice(WORDS))
-    shares = np.array(list(SHAPES.values()))
-    shape = list(SHAPES)[int(random.choice(len(shares), p=shares / shares.sum()))]
+    frequencies = np.array(list(SHAPES.values()))
+    shape = list(SHAPES)[int(random.choice(len(frequencies), p=frequencies / frequencies.sum()))]
     letters = ROOM_LETTERS if "0" in shape else _LETTERS
     return "".join(str(random.choice(list(_DIGITS if c == "0" else letters))) for c in shape)

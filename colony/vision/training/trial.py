@@ -17,21 +17,21 @@ from colony.vision.plates.reader import reading_of, texts_of, weigh
 from colony.vision.plates.strip import plate_strip
 from colony.vision.training.samples import Sample, junk_sample, plate_sample
 from colony.vision.training.texts import door_text
-from colony.vision.training.views import drawn_height
+from colony.vision.training.views import random_height
 
 SHARPNESSES = (0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.7, 2.0, 2.5)
 TRUSTS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 """Candidates for the trust in the prior, at most 1, as doors elsewhere may differ from the prior."""
 
 _CALIBRATION_JUNK = 0.15
-_LEAST = 1e-4
+_MIN_PROBABILITY = 1e-4
 
 
 class Score(NamedTuple):
     """The score of samples of plates: their number, and the number of texts read without errors."""
 
     samples: int
-    right: int
+    correct: int
 
 
 class JunkScore(NamedTuple):
@@ -59,11 +59,11 @@ def calibrate(net: LetterNet, fonts: Sequence[Path], count: int, random: np.rand
         if random.random() < _CALIBRATION_JUNK:
             sample = junk_sample(font, random)
         else:
-            sample = plate_sample(door_text(random), font, drawn_height(random), random)
+            sample = plate_sample(door_text(random), font, random_height(random), random)
         strip = plate_strip(sample.image, sample.corners)
         if strip is not None:
             output = net.run(strip)
-            seen.append((texts_of(output), output.plate, sample.text))
+            seen.append((texts_of(output), output.plate_log_odds, sample.text))
     choices = (replace(net, sharpness=s, trust=t) for s, t in itertools.product(SHARPNESSES, TRUSTS))
     return min(
         choices,
@@ -94,5 +94,5 @@ def read(net: LetterNet, sample: Sample) -> Reading:
 
 def _surprise(reading: Reading, text: str) -> float:
     """Return the negative logarithm of the probability that a reading gives to a text."""
-    share = dict(((reading.text, reading.confidence), *reading.alternatives)).get(text, 0.0)
-    return -math.log(max(share, _LEAST))
+    probability = dict(((reading.text, reading.confidence), *reading.alternatives)).get(text, 0.0)
+    return -math.log(max(probability, _MIN_PROBABILITY))

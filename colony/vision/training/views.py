@@ -30,7 +30,7 @@ class View(NamedTuple):
     corners: Corners
 
 
-def drawn_height(random: np.random.Generator) -> float:
+def random_height(random: np.random.Generator) -> float:
     """Draw a height of characters in pixels; small ones, which are hard to read, most often."""
     if random.random() < 0.7:
         return float(random.uniform(LOWEST_PX, 16.0))

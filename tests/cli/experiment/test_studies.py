@@ -87,7 +87,7 @@ def test_ctrl_c_loses_no_run_that_was_finished(
 
 
 def test_the_newest_run_of_each_study_is_told() -> None:
-    outcome = SourceOutcome(failure="stuck", off_mm=0.0, contact_mm_s=0.0, errors=PoseErrors())
+    outcome = SourceOutcome(failure="stuck", goal_error_mm=0.0, contact_mm_s=0.0, errors=PoseErrors())
     key = RunKey("sources", 22, 3, "ours")
     newest = SourceResult(key=key, origin="A", goal="B", outcomes={ALL_SOURCES: outcome})
     assert describe(newest) == "run 22, seed 3, stuck"

@@ -77,7 +77,9 @@ def test_a_broken_contract_is_shown_with_its_shortest_trace(of: Program, report:
     assert heading.split() == ["time", "near", "bumper", "drive"]
     assert "true" in bumped
     assert "by cruise" in after
-    assert "0 s" not in [line.strip()[:3] for line in lines(of, report, known=["no_forward_after_bump"])]
+    assert "0 s" not in [
+        line.strip()[:3] for line in lines(of, report, refuted_names=["no_forward_after_bump"])
+    ]
 
 
 def test_findings_are_errors_at_the_contract_with_a_trace(of: Program, report: Report) -> None:
@@ -88,7 +90,7 @@ def test_findings_are_errors_at_the_contract_with_a_trace(of: Program, report: R
     assert steps[0].message == "t = 0 s; drive by back: velocity = -100 mm/s"
     assert steps[0].values["bumper"] == "true"
     assert len(steps) == 2
-    assert findings(of, report, "b.colony", known=["no_forward_after_bump"]) == {}
+    assert findings(of, report, "b.colony", refuted_names=["no_forward_after_bump"]) == {}
     log = sarif([found], directory="/", command="verify", traces=findings(of, report, "b.colony"))
     assert validation_errors(json.loads(log)) == []
 

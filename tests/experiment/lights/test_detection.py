@@ -46,21 +46,25 @@ def _drive(
 def test_a_light_that_is_told_where_it_is() -> None:
     watch = _watch(NORTH)
     _drive(watch)
-    assert watch.counts == LightDetection(passed=1, detected=1, in_view=9, in_view_told=9, told=9, false=0)
+    assert watch.counts == LightDetection(
+        passed=1, detected=1, in_view=9, in_view_reported=9, reported=9, false=0
+    )
     assert watch.undetected == ()
 
 
 def test_one_that_is_told_elsewhere_is_missed_and_false() -> None:
     watch = _watch(NORTH)
     _drive(watch, off_mm=MATCH_RADIUS_MM + 1.0)
-    assert watch.counts == LightDetection(passed=1, detected=0, in_view=9, in_view_told=0, told=9, false=9)
+    assert watch.counts == LightDetection(
+        passed=1, detected=0, in_view=9, in_view_reported=0, reported=9, false=9
+    )
     assert watch.undetected == (NORTH,)
 
 
 def test_a_light_that_is_out_is_not_there() -> None:
     watch = _watch(replace(NORTH, brightness=0.0))
     _drive(watch)
-    assert watch.counts == LightDetection(0, 0, 0, 0, told=9, false=9)
+    assert watch.counts == LightDetection(0, 0, 0, 0, reported=9, false=9)
 
 
 @pytest.mark.parametrize(("heading_deg", "aside_mm"), [(0.0, 700.0), (40.0, 0.0), (90.0, 0.0)])
@@ -86,8 +90,8 @@ def test_the_detector_itself_sees_a_rendered_light() -> None:
         watch.add_observation(CeilingObservation(k, ceiling_lights(lines, UPWARD, tilt_deg=3.0)), pose)
     counts = watch.counts
     assert counts.passed == counts.detected == 1
-    assert counts.in_view == counts.in_view_told > 4
-    assert counts.told >= counts.in_view
+    assert counts.in_view == counts.in_view_reported > 4
+    assert counts.reported >= counts.in_view
     assert counts.false == 0
 
 
@@ -114,4 +118,4 @@ def test_targets_and_tables() -> None:
 def test_records_come_back_as_they_were() -> None:
     with Results(None, LIGHT_TABLE) as results:
         results.put(_result(LightDetection(6, 5, 4, 3, 2, 1)))
-        assert results.of("lights", "ours") == (_result(LightDetection(6, 5, 4, 3, 2, 1)),)
+        assert results.select("lights", "ours") == (_result(LightDetection(6, 5, 4, 3, 2, 1)),)

@@ -35,10 +35,10 @@ SPOILT = (
 
 
 def _result(number: int = 1, **outcomes: tuple[Outcome, ...]) -> PlateResult:
-    of: dict[Finder, tuple[Outcome, ...]] = {"thesis": SPOILT, "ours": CLEAN, "map": CLEAN}
+    select: dict[Finder, tuple[Outcome, ...]] = {"thesis": SPOILT, "ours": CLEAN, "map": CLEAN}
     return PlateResult(
         key=RunKey("plates", number, 1, "ours"), origin="352L", goal="384R", failure="", time_s=100.5,
-        outcomes={finder: outcomes.get(finder, told) for finder, told in of.items()},
+        outcomes={finder: outcomes.get(finder, told) for finder, told in select.items()},
     )  # fmt: skip
 
 
@@ -50,8 +50,8 @@ def test_records_come_back_as_they_were_beside_others(tmp_path: Path) -> None:
             results.put(one)
         others.put(REACHED)
     with Results(path, PLATE_TABLE) as results, Results(path, RUN_TABLE) as others:
-        assert results.of("plates", "ours") == tuple(kept)
-        assert others.of("thesis", "ours") == (REACHED,)
+        assert results.select("plates", "ours") == tuple(kept)
+        assert others.select("thesis", "ours") == (REACHED,)
 
 
 def test_counts() -> None:

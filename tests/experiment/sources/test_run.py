@@ -23,7 +23,7 @@ from colony.experiment.sources.results import (
     source_tables,
     source_targets,
 )
-from colony.experiment.sources.run import CHOICES, run_with_sources, source_list, with_comparison
+from colony.experiment.sources.run import SOURCE_CHOICES, run_with_sources, source_list, with_comparison
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate
 from colony.nav.pose.tracker import EVERY_SOURCE, Source
@@ -41,10 +41,10 @@ def result(*, good: int, failed: bool = False) -> SourceResult:
 
 
 def test_each_source_is_left_out_once_and_all_of_them() -> None:
-    assert CHOICES[ALL_SOURCES] == EVERY_SOURCE
-    assert CHOICES[ODOMETRY] == frozenset()
+    assert SOURCE_CHOICES[ALL_SOURCES] == EVERY_SOURCE
+    assert SOURCE_CHOICES[ODOMETRY] == frozenset()
     for source in (Source.SONAR, Source.LOCAL_MAPS, Source.LIGHTS, Source.PLATES):
-        assert EVERY_SOURCE - {source} in CHOICES.values()
+        assert EVERY_SOURCE - {source} in SOURCE_CHOICES.values()
 
 
 def test_the_runs_are_some_of_the_published_ones() -> None:
@@ -66,22 +66,24 @@ def test_a_short_run_is_driven_with_each_choice(monkeypatch: pytest.MonkeyPatch)
     )  # fmt: skip
     no_plates = EVERY_SOURCE - {Source.PLATES}
     some = {ALL_SOURCES: EVERY_SOURCE, "no plates": no_plates, ODOMETRY: frozenset[Source]()}
-    monkeypatch.setattr(sources, "CHOICES", some)
+    monkeypatch.setattr(sources, "SOURCE_CHOICES", some)
     found = run_with_sources(spec)
     assert list(found.outcomes) == list(some)
     best, none = found.outcomes[ALL_SOURCES], found.outcomes[ODOMETRY]
     assert not best.failure
-    assert best.errors.looks > 10
-    assert math.sqrt(best.errors.square_mm2 / best.errors.looks) < 30.0
-    assert best.errors.inside > 0.8 * best.errors.looks
-    assert none.errors.square_deg2 / none.errors.looks > best.errors.square_deg2 / best.errors.looks
+    assert best.errors.comparisons > 10
+    assert math.sqrt(best.errors.square_mm2 / best.errors.comparisons) < 30.0
+    assert best.errors.inside > 0.8 * best.errors.comparisons
+    assert (
+        none.errors.square_deg2 / none.errors.comparisons > best.errors.square_deg2 / best.errors.comparisons
+    )
 
 
 def test_results_come_back_as_they_were(tmp_path: Path) -> None:
     kept = result(good=95)
     with Results(tmp_path / "r.sqlite", SOURCE_TABLE) as results:
         results.put(kept)
-        assert results.of("sources", "ours") == (kept,)
+        assert results.select("sources", "ours") == (kept,)
 
 
 def test_the_tables_have_a_row_a_choice() -> None:

@@ -58,10 +58,10 @@ def test_the_probabilities_are_the_printed_fractions() -> None:
 
 
 def test_they_are_those_of_the_published_runs() -> None:
-    total = sum(run.needed[0] for run in PUBLISHED_RUNS)
+    total = sum(run.required[0] for run in PUBLISHED_RUNS)
     failed = sum(run.failed_mode == "l" for run in PUBLISHED_RUNS)
     assert Fraction(total - failed, total) == PUBLISHED.events[Event.LIGHTS]
-    corners = sum(run.done[1] for run in PUBLISHED_RUNS)
+    corners = sum(run.completed[1] for run in PUBLISHED_RUNS)
     failed = sum(run.failed_mode == "c" for run in PUBLISHED_RUNS)
     assert Fraction(corners - failed, corners) == PUBLISHED.events[Event.CORNER]
 

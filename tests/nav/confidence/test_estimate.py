@@ -138,7 +138,9 @@ def test_an_interval_is_a_matter_of_its_seed_and_narrows_with_more_runs() -> Non
     wide = string_interval(PUBLISHED_COUNTS, "lcld", seed=3)
     assert wide == string_interval(PUBLISHED_COUNTS, "lcld", seed=3)
     assert wide != string_interval(PUBLISHED_COUNTS, "lcld", seed=4)
-    more = {event: Count(count.good * 100, count.trials * 100) for event, count in PUBLISHED_COUNTS.items()}
+    more = {
+        event: Count(count.successes * 100, count.trials * 100) for event, count in PUBLISHED_COUNTS.items()
+    }
     narrow = string_interval(more, "lcld", seed=3)
     assert wide is not None
     assert narrow is not None

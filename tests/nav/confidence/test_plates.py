@@ -14,8 +14,8 @@ from colony.nav.confidence.plates import (
     TABLE_6_6_COUNTS,
     PlateEvent,
     PlateEvents,
-    all_as_printed,
     all_detected,
+    all_detected_as_printed,
     plate_counts,
     plate_events,
 )
@@ -37,8 +37,8 @@ def test_the_starts_that_are_impossible() -> None:
 
 
 def test_all_plates_as_printed() -> None:
-    assert round(float(all_as_printed(TABLE_6_6, 1)), 4) == 0.8148
-    assert all_as_printed(TABLE_6_6, 7) == Fraction(132, 162) ** 7
+    assert round(float(all_detected_as_printed(TABLE_6_6, 1)), 4) == 0.8148
+    assert all_detected_as_printed(TABLE_6_6, 7) == Fraction(132, 162) ** 7
 
 
 def test_all_plates_by_the_matrix() -> None:

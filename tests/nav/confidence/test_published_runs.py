@@ -20,11 +20,11 @@ def test_forty_runs_five_of_which_failed() -> None:
 
 
 def test_counts_of_modes_are_those_of_section_6_3() -> None:
-    assert sum(run.needed[0] for run in PUBLISHED_RUNS) == 101
-    assert sum(run.done[1] for run in PUBLISHED_RUNS) == 79
+    assert sum(run.required[0] for run in PUBLISHED_RUNS) == 101
+    assert sum(run.completed[1] for run in PUBLISHED_RUNS) == 79
     failed = [run.failed_mode for run in PUBLISHED_RUNS if run.failed_mode]
     assert (failed.count("l"), failed.count("c")) == (2, 3)
-    assert all(run.needed[2] == 1 for run in PUBLISHED_RUNS)
+    assert all(run.required[2] == 1 for run in PUBLISHED_RUNS)
 
 
 def test_speeds_are_those_of_section_6_1() -> None:

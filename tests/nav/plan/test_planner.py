@@ -325,7 +325,7 @@ def arrived(seen: list[tuple[str, float]], ahead: float = 0.0, before_s: float =
 
         yield from obedient(stage, error)
 
-    made = Stage(robot=robot(), finder=finder(), planner=planner(PLAN, verify=PLATE))
+    made = Stage(robot=robot(), finder=finder(), planner=planner(PLAN, goal_plate=PLATE))
     stage.append(made)
     made.run(30.0)
     assert "planner" in made.ended

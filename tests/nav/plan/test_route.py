@@ -52,7 +52,7 @@ def test_the_published_runs(run: PublishedRun) -> None:
     """Tables 6.1 and 6.2: the distance to 0.1 % (in fact, to the millimeter), and how often each mode."""
     found = plan(floor("msu_engineering_3"), run.origin, run.goal)
     assert found.distance_mm == pytest.approx(run.distance_mm, abs=1.0)
-    assert tuple(found.modes.count(mode) for mode in "lcd") == run.needed
+    assert tuple(found.modes.count(mode) for mode in "lcd") == run.required
 
 
 @pytest.mark.parametrize("row", TABLE_6_5, ids=lambda row: row.modes)

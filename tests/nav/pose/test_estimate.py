@@ -209,16 +209,16 @@ class Stepped:
 
     def _on(self, step: Step) -> Step:
         while isinstance(step, Do) and step.server == "DServer":
-            arguments: Any = step.ask.arguments
+            arguments: Any = step.call.arguments
             names = getattr(arguments, "names", None) or (arguments.name,)
-            if step.ask.method == "set":
+            if step.call.method == "set":
                 self.variables[names[0]] = msgspec.msgpack.decode(arguments.value)
                 step = self._script.send(None)
             elif any(name not in self.variables for name in names):
                 step = self._script.throw(CallRefusedError("unset", f"{names} were never set"))
             else:
                 found = {name: self.variables[name] for name in names}
-                step = self._script.send(found if step.ask.method == "get_many" else found[names[0]])
+                step = self._script.send(found if step.call.method == "get_many" else found[names[0]])
         return step
 
 
@@ -252,14 +252,14 @@ def test_servers_that_are_away_are_waited_for(problem: RobotConnectionError) -> 
     turned = Position(x=EAST_POSE.x, y=EAST_POSE.y, heading=EAST_POSE.heading + 4.0, t_ns=1)
     adjust = robot.answer(turned)
     assert isinstance(adjust, Do)
-    assert adjust.ask.method == "adjust_position"
+    assert adjust.call.method == "adjust_position"
     assert robot.refuse(problem) == Sleep(0.1)  # and publishes it again
     robot.answer(0)
     robot.answer(proximity.SonarReading(t_ns=2, ranges=SCAN.ranges))
     again = robot.answer(Position(x=turned.x, y=turned.y, heading=turned.heading, t_ns=2))
     assert isinstance(again, Do)
-    assert isinstance(again.ask.arguments, robot_asks.PoseArguments)
-    assert again.ask.arguments.heading < -1.0
+    assert isinstance(again.call.arguments, robot_asks.PoseArguments)
+    assert again.call.arguments.heading < -1.0
 
 
 def test_without_dserver_it_goes_on_by_the_sonars() -> None:
@@ -269,12 +269,12 @@ def test_without_dserver_it_goes_on_by_the_sonars() -> None:
     answers = {"sonar": SCAN, "position": Position(x=6_000.0, y=SOUTH, heading=274.0, t_ns=1)}
     for _ in range(30):
         assert isinstance(step, Do)
-        if step.ask.method == "adjust_position":
+        if step.call.method == "adjust_position":
             return
         step = (
             script.throw(ConnectionLostError("lost"))
             if step.server == "DServer"
-            else script.send(answers[step.ask.method])
+            else script.send(answers[step.call.method])
         )
     pytest.fail("the position was not corrected")
 

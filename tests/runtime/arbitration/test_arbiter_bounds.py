@@ -261,11 +261,11 @@ def test_a_remark_while_dispatched_is_of_this_frame_and_one_after_it_of_the_next
 def test_a_lost_client_that_commands_counts_neither_as_command_nor_as_heard() -> None:
     ballot = Ballot(ClientRanking(ranked(*PLACES)), ["back_off"])
     ballot.take(request("back_off", "command"))
-    assert (ballot.commands, ballot.complete) == (0, False)
+    assert (ballot.command_count, ballot.complete) == (0, False)
     assert ballot.choose(Interventions()) == Choice(None, None, False)
     ballot.take(request("cruise", "command"))
     ballot.take(request("cruise", "command"))
-    assert ballot.commands == 1
+    assert ballot.command_count == 1
     assert ballot.choose(Interventions()) == Choice("cruise", None, False)
     ballot.take(request("avoid"))
     assert ballot.complete

@@ -44,7 +44,7 @@ def test_a_command_ends_with_its_lease_and_one_without_does_not() -> None:
     outside_commanders = OutsideCommanders()
     leased, lasting = (outside_commanders.enter(caller(n, p), {}) for n, p in (("ann", 2), ("bob", 1)))
     leased.motion = lasting.motion = ConstantSpeeds(speeds=STILL)
-    leased.until_ns = lease_end(0.5, 1000)
+    leased.lease_end_ns = lease_end(0.5, 1000)
     outside_commanders.expire(500_000_999)
     assert outside_commanders.commanding == (leased, lasting)
     outside_commanders.expire(500_001_000)

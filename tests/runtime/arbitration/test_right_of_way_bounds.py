@@ -80,13 +80,13 @@ def test_a_lease_up_to_the_longest_and_no_longer() -> None:
 def test_the_end_of_a_lease_is_its_last_moment_and_then_there_is_none() -> None:
     outside_commanders = OutsideCommanders()
     ann = outside_commanders.enter(caller("ann", 2), {})
-    assert (ann.motion, ann.until_ns, ann.call_id) == (None, None, None)
+    assert (ann.motion, ann.lease_end_ns, ann.call_id) == (None, None, None)
     assert outside_commanders.commanding == ()
-    ann.motion, ann.until_ns = ConstantSpeeds(speeds=STILL), 10
+    ann.motion, ann.lease_end_ns = ConstantSpeeds(speeds=STILL), 10
     outside_commanders.expire(9)
     assert outside_commanders.commanding == (ann,)
     outside_commanders.expire(10)
-    assert (ann.motion, ann.until_ns) == (None, None)
+    assert (ann.motion, ann.lease_end_ns) == (None, None)
     assert outside_commanders.all == (ann,)
     assert OutsideCommanders().commanding == OutsideCommanders().all == ()
 

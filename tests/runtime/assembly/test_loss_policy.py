@@ -10,7 +10,7 @@ import pytest
 from colony.execute.executor import ClientKey, ClientMemory, ClientsExecutor
 from colony.runtime.clients import client
 from colony.runtime.frames import liveness
-from colony.runtime.frames.assembler import Assembled, FrameAssembler
+from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler
 from colony.runtime.frames.publishing import Publisher
 from colony.runtime.protocol.messages import Effect, Tick
 from tests.runtime.assembly.loss_policy import run
@@ -64,7 +64,7 @@ def frames_skipped(patch: pytest.MonkeyPatch) -> None:
 
 def epochs_ignored(patch: pytest.MonkeyPatch) -> None:
     """Memory goes on where it should begin anew."""
-    patch.setattr(Assembled, "restart", property(lambda self: False))
+    patch.setattr(AssembledFrame, "restart", property(lambda self: False))
 
 
 def frames_given_up_by_guess(patch: pytest.MonkeyPatch) -> None:

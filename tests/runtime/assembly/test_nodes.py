@@ -12,7 +12,7 @@ from colony.execute.compiled import Compiled
 from colony.ir.program import Actuator, ActuatorField, Command, Module, PythonModule, Use, Wire
 from colony.ir.types import DIMENSIONLESS
 from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
-from colony.runtime.assembly.sharing import ClientProcess, announcer_process, client_processes
+from colony.runtime.assembly.sharing import ClientProcess, announcer_process_name, client_processes
 from colony.runtime.protocol.bindings import bind
 from colony.text.diagnostics import DiagnosticError
 from tests.runtime.assembly.test_virtual import pulsing
@@ -68,7 +68,7 @@ def test_no_two_processes_of_a_program_have_one_name(actuator: str) -> None:
     names = [
         *(ClientProcess((client,), shared=False).name for client in clients),
         ClientProcess(clients, shared=True).name,
-        *(announcer_process(module) for _, module in clients),
+        *(announcer_process_name(module) for _, module in clients),
     ]
     assert len(set(names)) == len(names)
 

@@ -36,7 +36,9 @@ class Third:
 
 
 def announcer() -> Announcer:
-    return Announcer("pulse", FrameAssembler((), run="run", keep=KEEP), Third(), run="run", keep=KEEP)
+    return Announcer(
+        "pulse", FrameAssembler((), run="run", frames_kept=KEEP), Third(), run="run", frames_kept=KEEP
+    )
 
 
 def take(node: Announcer, *messages: Message) -> list[SentMessage]:

@@ -13,7 +13,7 @@ from colony.ir.program import Program
 from colony.runtime.assembly.nodes import build_clients
 from colony.runtime.clients.client import RECALL_NS, ClientNode
 from colony.runtime.clients.memory import encode_memory
-from colony.runtime.frames.assembler import frames_kept
+from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.frames.membership import READY_INTERVAL_NS
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import (
@@ -36,7 +36,7 @@ from tests.runtime.programs import roam
 
 MS = 1_000_000
 FRAME = 50 * MS
-KEPT = frames_kept(FRAME)
+KEPT = frames_to_keep(FRAME)
 ADDRESS = "drive/back_off"
 HELD = "back_off held 0 until"
 

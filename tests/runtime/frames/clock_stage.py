@@ -54,10 +54,12 @@ class Stage:
         *,
         now_ns: int = 0,
         servers: tuple[str, ...] = ("PServer", "RServer"),
-        keep: int = 40,
+        frames_kept: int = 40,
         stop_path: Path | None = None,
     ) -> None:
-        self.clock = Clock(servers=servers, keep=keep, deployment=deployment, stop_path=stop_path)
+        self.clock = Clock(
+            servers=servers, frames_kept=frames_kept, deployment=deployment, stop_path=stop_path
+        )
         self.now_ns = now_ns
         self.ticks: list[Tick] = []
         self.sent: list[Send] = []

@@ -15,14 +15,14 @@ from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
 
 MS = 1_000_000
-SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", within_ns=300 * MS, factor=1.0)
-BUMPER = SensorBinding(sensor="bumper", server="R", field="bumper", within_ns=None, factor=1.0)
-METERS = SensorBinding(sensor="m", server="P", field="sonar", within_ns=None, factor=1000.0)
+SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", max_age_ns=300 * MS, factor=1.0)
+BUMPER = SensorBinding(sensor="bumper", server="R", field="bumper", max_age_ns=None, factor=1.0)
+METERS = SensorBinding(sensor="m", server="P", field="sonar", max_age_ns=None, factor=1000.0)
 
 
 @pytest.fixture
 def assembler() -> FrameAssembler:
-    return FrameAssembler((BUMPER,), keep=4)
+    return FrameAssembler((BUMPER,), frames_kept=4)
 
 
 def tick(k: int, **more: Any) -> Tick:
@@ -43,7 +43,7 @@ def frames(assembler: FrameAssembler, *messages: Tick | ServerFrame) -> list[Fra
     out = []
     for message in messages:
         assembler.take(message)
-        out += [a.frame for a in assembler.complete()]
+        out += [a.frame for a in assembler.pop_complete()]
     return out
 
 
@@ -95,7 +95,7 @@ def test_only_the_newest_frame_is_current() -> None:
     assembler = FrameAssembler((BUMPER,))
     for message in (tick(0), tick(1), base(1), base(0)):
         assembler.take(message)
-    assert [a.current for a in assembler.complete()] == [False, True]
+    assert [a.current for a in assembler.pop_complete()] == [False, True]
 
 
 def test_the_sensors_of_a_server_that_is_down_are_missing_even_if_its_frame_comes() -> None:
@@ -142,7 +142,7 @@ def test_a_new_epoch_forgets_what_is_before_it() -> None:
     out = []
     for message in (tick(4, start=4), base(5), tick(1), base(0)):
         assembler.take(message)
-        out += list(assembler.complete())
+        out += list(assembler.pop_complete())
     assert [(a.tick.k, a.restart, a.current) for a in out] == [(4, True, False), (5, False, True)]
     assert assembler.start == 4
 
@@ -171,7 +171,7 @@ def test_who_comes_late_steps_through_the_epoch_if_it_is_still_to_be_had(assembl
         *(0, 0, 1, 1, 2, 2)
     ]
     assert not assembler.lost
-    late = FrameAssembler((BUMPER,), keep=4)
+    late = FrameAssembler((BUMPER,), frames_kept=4)
     assert late.take(tick(4)) == ()
     assert late.lost
 
@@ -198,7 +198,7 @@ def test_with_memory_from_elsewhere_it_goes_on(assembler: FrameAssembler) -> Non
 
 
 def test_memory_that_saw_what_is_void_now_is_of_no_use() -> None:
-    assembler = FrameAssembler((SONAR,), keep=4)
+    assembler = FrameAssembler((SONAR,), frames_kept=4)
     assembler.take(tick(20, void=(("P", 18),), down=("P",)))
     assembler.resume(19)
     assert assembler.lost
@@ -237,11 +237,11 @@ def test_the_activity_of_a_module_is_waited_for_whoever_is_down() -> None:
     (asked,) = assembler.take(tick(1, down=("R",)))
     assert asked == Send("DServer/fetches", Fetch(server=PULSE, k=0))
     assembler.take(tick(2, down=(PULSE,), void=((PULSE, 0), (PULSE, 1))))
-    assert list(assembler.complete()) == []
+    assert list(assembler.pop_complete()) == []
     for k in range(3):
         assembler.take(active(k, k == 1))
     wrong = Answer(None, error=True)
-    assert [a.answers for a in assembler.complete()] == [
+    assert [a.answers for a in assembler.pop_complete()] == [
         {"pulse": Answer((1.0, True)) if k == 1 else wrong} for k in range(3)
     ]
 
@@ -257,11 +257,11 @@ def test_a_module_that_does_not_live_is_left_out_where_it_is_not_awaited(
     assembler.take(tick(2, down=(PULSE,), void=((PULSE, 1),)))
     assembler.take(tick(3, down=("DServer",)))
     left_out: list[list[str]] = [[]] * (3 if awaited == "degrade" else 2)
-    assert [[*a.answers] for a in assembler.complete()] == [["pulse"], *left_out]
+    assert [[*a.answers] for a in assembler.pop_complete()] == [["pulse"], *left_out]
 
 
 def test_a_new_epoch_is_not_asked_for_while_the_module_is_down() -> None:
-    assembler = FrameAssembler((), ("pulse",), keep=4)
+    assembler = FrameAssembler((), ("pulse",), frames_kept=4)
     for k in range(10):
         assembler.take(tick(k, down=(PULSE,) if k else ()))
     assert not assembler.lost
@@ -275,14 +275,14 @@ def test_without_sensors_every_tick_is_a_frame() -> None:
 
 def test_values_enter_in_base_units_and_for_people_in_the_declared_unit() -> None:
     for declared, values in ((False, (1500.0, 250.0)), (True, (1.5, 0.25))):
-        assembler = FrameAssembler((METERS,), declared=declared)
+        assembler = FrameAssembler((METERS,), declared_units=declared)
         (frame,) = frames(assembler, tick(0), proximity(0, (1500.0, 250.0)))
         assert frame.readings == {"m": values}
 
 
 def test_variables_are_in_the_declared_unit_already() -> None:
     for declared, values in ((False, (1500.0, 250.0)), (True, (1.5, 0.25))):
-        assembler = FrameAssembler((replace(METERS, declared=True),), declared=declared)
+        assembler = FrameAssembler((replace(METERS, declared=True),), declared_units=declared)
         (frame,) = frames(assembler, tick(0), proximity(0, (1.5, 0.25)))
         assert frame.readings == {"m": values}
 

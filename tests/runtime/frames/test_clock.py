@@ -65,7 +65,7 @@ def test_a_clock_that_was_stopped_leaves_out_what_it_missed_and_blames_nobody(st
 
 
 def test_it_keeps_the_last_ticks() -> None:
-    stage = Stage(keep=3)
+    stage = Stage(frames_kept=3)
     stage.until(200 * MS)
     assert stage.fetched(4) == [stage.ticks[4]]
     assert stage.fetched(1) == []
@@ -351,7 +351,7 @@ def test_a_lease_has_at_least_three_frames() -> None:
 
 
 def test_a_frame_is_void_once() -> None:
-    answers = TickAnswers(("a", "b"), keep=10)
+    answers = TickAnswers(("a", "b"), frames_kept=10)
     for k in range(3):
         answers.tick_sent(k, ())
     answers.frame_received("a", 1, 0)
@@ -366,7 +366,7 @@ def test_a_frame_is_void_once() -> None:
 
 
 def test_no_more_is_waited_for_than_is_kept() -> None:
-    answers = TickAnswers(("a",), keep=3)
+    answers = TickAnswers(("a",), frames_kept=3)
     for k in range(10):
         answers.tick_sent(k, ())
     assert answers.take_void(("a",)) == (("a", 7), ("a", 8), ("a", 9))

@@ -242,7 +242,7 @@ def test_who_before_the_first_frame() -> None:
 
 
 def test_it_listens_to_all_that_it_understands() -> None:
-    clock = Clock(servers=("PServer",), keep=3)
+    clock = Clock(servers=("PServer",), frames_kept=3)
     assert {
         *(topics.fetches("Clock"), topics.announcements("DServer"), topics.frames("PServer")),
         topics.calls("Clock"),
@@ -273,7 +273,7 @@ def test_restarts_are_those_in_the_middle_of_a_run(stage: Stage) -> None:
 def test_to_lead_what_runs_already_changes_nothing() -> None:
     heard: list[Deployment] = []
     stage = Stage()
-    stage.clock = Clock(servers=("PServer",), keep=9, deployment=deployed(), on_deploy=heard.append)
+    stage.clock = Clock(servers=("PServer",), frames_kept=9, deployment=deployed(), on_deploy=heard.append)
     stage.ticks.clear()
     stage.take()
     stage._took(stage.clock.start(0))
@@ -288,7 +288,7 @@ def test_to_lead_what_runs_already_changes_nothing() -> None:
 def test_a_leader_may_go_on_to_another_run_of_which_is_told() -> None:
     heard: list[Deployment] = []
     stage = Stage()
-    stage.clock = Clock(servers=(), keep=9, on_deploy=heard.append)
+    stage.clock = Clock(servers=(), frames_kept=9, on_deploy=heard.append)
     stage._took(stage.clock.start(0))
     leader = Leader(stage, "me/1")
     for run in ("a", "b"):
@@ -343,7 +343,7 @@ def test_the_lease_includes_its_last_moment() -> None:
 
 
 def test_a_server_gives_up_only_frames_before_those_that_it_knows() -> None:
-    answers = TickAnswers(("a",), keep=10)
+    answers = TickAnswers(("a",), frames_kept=10)
     for k in range(4):
         answers.tick_sent(k, ())
     answers.frame_received("a", 3, 2)
@@ -355,7 +355,7 @@ def test_a_server_gives_up_only_frames_before_those_that_it_knows() -> None:
 
 
 def test_frames_are_asked_for_when_they_are_two_four_and_eight_ticks_old() -> None:
-    answers = TickAnswers(("a", "b"), keep=10)
+    answers = TickAnswers(("a", "b"), frames_kept=10)
     for k in range(10):
         answers.tick_sent(k, ("b",) if k < 6 else ())
     assert list(answers.overdue(10)) == [("a", 8), ("a", 6), ("a", 2), ("b", 8), ("b", 6)]
@@ -365,7 +365,7 @@ def test_frames_are_asked_for_when_they_are_two_four_and_eight_ticks_old() -> No
 
 
 def test_a_server_that_is_far_behind_is_not_asked_more() -> None:
-    answers = TickAnswers(("a",), keep=2000)
+    answers = TickAnswers(("a",), frames_kept=2000)
     for k in range(5000):
         answers.tick_sent(k, ())
     assert len(list(answers.overdue(5000))) == 10

@@ -70,12 +70,12 @@ def test_a_stop_that_only_a_server_heard_is_latched(stage: Stage) -> None:
 
 
 def started(path: Path) -> list[Any]:
-    return list(Clock(servers=(), keep=4, stop_path=path).start(5 * S))
+    return list(Clock(servers=(), frames_kept=4, stop_path=path).start(5 * S))
 
 
 def test_a_clock_that_is_started_again_knows_of_the_stop(tmp_path: Path) -> None:
     path = tmp_path / "stop"
-    first = Clock(servers=(), keep=4, stop_path=path)
+    first = Clock(servers=(), frames_kept=4, stop_path=path)
     list(first.start(1 * S))
     first._stop("ann/1", 3 * S)
     (tick,) = (e.message for e in started(path) if not isinstance(e, WakeAt))
@@ -88,7 +88,7 @@ def test_a_clock_that_is_started_again_knows_of_the_stop(tmp_path: Path) -> None
 def test_times_of_another_clock_are_not_believed(tmp_path: Path) -> None:
     """The robot's time began at 0 once more; a release of the future would undo every stop until then."""
     path = tmp_path / "stop"
-    first = Clock(servers=(), keep=4, stop_path=path)
+    first = Clock(servers=(), frames_kept=4, stop_path=path)
     first._latch.release(1000 * S)
     (tick,) = (e.message for e in started(path) if not isinstance(e, WakeAt))
     assert (tick.stopped, tick.released_ns) == (None, -1)

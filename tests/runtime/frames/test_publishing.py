@@ -16,13 +16,13 @@ from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample
 from colony.runtime.servers.relaying import ActivityRelay
 
 
-def publisher(keep: int = 3) -> Publisher:
+def publisher(frames_kept: int = 3) -> Publisher:
     reads = iter(range(100))
 
     def read(tick: Tick) -> Fields:
         return {"x": Sample(float(next(reads)), tick.t_ns)}
 
-    return Publisher("S", read, keep=keep)
+    return Publisher("S", read, frames_kept=frames_kept)
 
 
 def tick(k: int) -> Tick:
@@ -66,7 +66,7 @@ def test_of_what_came_before_its_first_tick_it_knows_nothing() -> None:
 
 
 def test_the_answers_of_modules_are_handed_on_once_and_kept() -> None:
-    relay = ActivityRelay("D", ("pulse",), keep=2)
+    relay = ActivityRelay("D", ("pulse",), frames_kept=2)
     name = "D/activity/pulse"
     for k, answer in ((0, Answer((50.0, True))), (2, Answer()), (1, Answer((), error=True))):
         told = Announcement(k=k, module="pulse", answer=answer)
@@ -84,7 +84,7 @@ def test_the_answers_of_modules_are_handed_on_once_and_kept() -> None:
 
 
 def test_of_the_future_and_of_what_is_forgotten_it_says_nothing() -> None:
-    server = publisher(keep=2)
+    server = publisher(frames_kept=2)
     for k in range(4):
         server.handle(tick(k))
     assert server.handle(Fetch(server="S", k=1)) == ()
@@ -107,7 +107,7 @@ def fetched(server: Publisher, ks: Iterable[int]) -> list[int]:
 
 
 def test_a_frame_is_published_again_once_between_two_ticks() -> None:
-    server = publisher(keep=10)
+    server = publisher(frames_kept=10)
     for k in range(3):
         server.handle(tick(k))
     assert fetched(server, [0, 1, 0, 0, 1]) == [0, 1]
@@ -118,7 +118,7 @@ def test_a_frame_is_published_again_once_between_two_ticks() -> None:
 
 
 def test_so_many_frames_are_published_again_between_two_ticks() -> None:
-    server = Publisher("S", lambda tick: {}, keep=1000)
+    server = Publisher("S", lambda tick: {}, frames_kept=1000)
     for k in range(0, 400, 2):
         server.handle(tick(k))
     assert fetched(server, range(398)) == list(range(MAX_REPUBLISHED_FRAMES))
@@ -128,21 +128,21 @@ def test_so_many_frames_are_published_again_between_two_ticks() -> None:
 
 def test_so_many_bytes_are_published_again_between_two_ticks() -> None:
     fields = {"x": Sample((0.5,) * 20_000, 0)}
-    server = Publisher("S", lambda tick: fields, keep=1000)
+    server = Publisher("S", lambda tick: fields, frames_kept=1000)
     for k in range(20):
         server.handle(tick(k))
     assert fetched(server, range(20)) == list(range(MAX_REPUBLISHED_BYTES // 180_000))
 
 
 def test_a_frame_larger_than_the_budget_is_published_again_all_the_same() -> None:
-    server = Publisher("S", lambda tick: {"x": Sample((0.5,) * 200_000, 0)}, keep=10)
+    server = Publisher("S", lambda tick: {"x": Sample((0.5,) * 200_000, 0)}, frames_kept=10)
     for k in range(3):
         server.handle(tick(k))
     assert fetched(server, [0, 1]) == [0]
 
 
 def test_frames_that_are_kept_have_so_many_bytes() -> None:
-    server = Publisher("S", lambda tick: {"x": Sample((0.5,) * 50_000, tick.k)}, keep=1000)
+    server = Publisher("S", lambda tick: {"x": Sample((0.5,) * 50_000, tick.k)}, frames_kept=1000)
     for k in range(100):
         server.handle(tick(k))
     most = KEPT_BYTES // 450_000
@@ -154,20 +154,20 @@ def test_frames_that_are_kept_have_so_many_bytes() -> None:
 
 def test_fields_that_frames_share_count_once() -> None:
     shared = {"x": Sample((0.5,) * 50_000, 0)}
-    server = Publisher("S", lambda tick: shared, keep=1000)
+    server = Publisher("S", lambda tick: shared, frames_kept=1000)
     for k in range(900):
         server.handle(tick(k))
     assert server.limit_messages == ()
     assert fetched(server, [0, 899]) == [0, 899]
     changing = iter(range(10_000))
-    server = Publisher("S", lambda tick: shared if next(changing) % 100 else dict(shared), keep=50)
+    server = Publisher("S", lambda tick: shared if next(changing) % 100 else dict(shared), frames_kept=50)
     for k in range(5000):
         server.handle(tick(k))
     assert server.limit_messages == (), "what was forgotten leaves its room"
 
 
 def test_what_is_kept_of_answers_is_bounded_in_bytes() -> None:
-    relay = ActivityRelay("D", ("pulse", "other"), keep=1_000_000)
+    relay = ActivityRelay("D", ("pulse", "other"), frames_kept=1_000_000)
     large = tuple(float(i) for i in range(7_000))
     for k in range(400):
         relay.announce(Announcement(k=k, module="pulse", answer=Answer(large)), 7)
@@ -180,7 +180,7 @@ def test_what_is_kept_of_answers_is_bounded_in_bytes() -> None:
 
 
 def test_activities_are_handed_on_again_at_a_bounded_rate() -> None:
-    relay = ActivityRelay("D", ("pulse",), keep=1000)
+    relay = ActivityRelay("D", ("pulse",), frames_kept=1000)
     for k in range(200):
         relay.announce(Announcement(k=k, module="pulse", answer=Answer((300.0, 5.0))), 7)
     name = "D/activity/pulse"

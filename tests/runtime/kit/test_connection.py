@@ -268,10 +268,10 @@ def test_who_was_frozen_for_longer_than_the_lease_is_lost_and_comes_back(
         session.connect(BATTERY, timeout_s=20) as connection,
         session.connect(BATTERY) as other,
     ):
-        wire = connection._wire
-        session.hub._wires.discard(wire)  # nobody tends it any more
+        channel = connection._channel
+        session.hub._channels.discard(channel)  # nobody tends it any more
         until(lambda: _connected(other) == 1, "the silent one is lost")
-        session.hub._wires.add(wire)
+        session.hub._channels.add(channel)
         until(lambda: connection.openings >= 2, "it opens anew")
         assert connection.do(level()) == 0.5
 
@@ -317,11 +317,11 @@ def test_a_thousand_connections_are_one_key_to_the_network() -> None:
     ):
         hub = session.hub
         connections = [session.connect(BATTERY) for _ in range(3)]
-        ids = {connection._wire._conversation.connection for connection in connections}
+        ids = {connection._channel._conversation.connection for connection in connections}
         assert len(ids) == 3
         assert {id.partition("/")[2][:3] for id in ids} == {f"{hub._bucket}-"}
-        assert set(hub._wires_by_connection) == ids
+        assert set(hub._channels_by_connection) == ids
         for connection in connections:
             assert connection.do(level()) == 0.5
             connection.close()
-        assert hub._wires_by_connection == {}
+        assert hub._channels_by_connection == {}

@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 from colony.runtime.kit.conversation import (
+    FIRST_RESEND_PAUSE_NS,
     KEEPALIVE_NS,
-    RESEND_NS,
     Conversation,
     Deliver,
     Effect,
@@ -37,7 +37,7 @@ class _Blob(msgspec.Struct, frozen=True, kw_only=True):
 def _conversation() -> Conversation:
     numbers = count(1)
     return Conversation(
-        server="RServer", user="ada", ids=lambda: str(next(numbers)), name="joystick", priority=5
+        server="RServer", user="ada", new_id=lambda: str(next(numbers)), name="joystick", priority=5
     )
 
 
@@ -89,10 +89,10 @@ def test_it_opens_with_a_call_and_then_calls_are_answered_by_number() -> None:
         "read",
     )
     outcomes: list[Outcome] = []
-    assert not list(talk.ask(_pending("go", outcomes), 0)), "it waits until the connection is open"
+    assert not list(talk.submit(_pending("go", outcomes), 0)), "it waits until the connection is open"
     opening = _resolve(talk.receive(Reply(connection="ada/1", number=1), 0))
     assert [(c.number, c.method, c.right) for c in _calls(opening)] == [(2, "go", "command")]
-    (second,) = _calls(talk.ask(_pending("stop", outcomes), 0))
+    (second,) = _calls(talk.submit(_pending("stop", outcomes), 0))
     assert second.number == 3
     result = msgspec.Raw(msgspec.msgpack.encode(7))
     _resolve(talk.receive(Reply(connection="ada/1", number=3, result=result), 0))
@@ -108,7 +108,7 @@ def test_it_opens_with_a_call_and_then_calls_are_answered_by_number() -> None:
 def test_a_call_without_an_answer_is_sent_again_with_the_same_number_ever_less_often() -> None:
     talk = _conversation()
     _open(talk)
-    (call,) = _calls(talk.ask(_pending("go", []), 0))
+    (call,) = _calls(talk.submit(_pending("go", []), 0))
     sent = [t for t in range(0, 5001 * MS, 50 * MS) if call in _calls(talk.poll(t))]
     gaps = [(b - a) // MS for a, b in zip([0, *sent], sent, strict=False)]
     assert gaps == [250, 500, 1000, 2000]
@@ -120,7 +120,7 @@ def test_a_silent_connection_gives_signs_of_life() -> None:
     alive = Transmit(Alive(connection="ada/1"))
     assert not list(talk.poll(KEEPALIVE_NS - 1))
     assert list(talk.poll(KEEPALIVE_NS)) == [alive]
-    _calls(talk.ask(_pending("go", []), KEEPALIVE_NS + 1))
+    _calls(talk.submit(_pending("go", []), KEEPALIVE_NS + 1))
     assert alive not in list(talk.poll(2 * KEEPALIVE_NS))
 
 
@@ -128,9 +128,9 @@ def test_when_the_server_does_not_know_us_any_more_it_opens_anew_and_numbers_on(
     talk, outcomes = _conversation(), list[Outcome]()
     _open(talk)
     kept: Ask[None] = Ask("watch", NoArguments(), None, "read")
-    talk.keep(kept)
-    list(talk.ask(_pending("read", outcomes, repeatable=True), 0))
-    list(talk.ask(_pending("go", outcomes), 0))
+    talk.repeat_on_reopen(kept)
+    list(talk.submit(_pending("read", outcomes, repeatable=True), 0))
+    list(talk.submit(_pending("go", outcomes), 0))
     effects = _resolve(talk.receive(_closed("ada/1"), 0))
     assert isinstance(outcomes[0], ConnectionLostError)
     assert len(outcomes) == 1
@@ -146,12 +146,12 @@ def test_when_the_server_does_not_know_us_any_more_it_opens_anew_and_numbers_on(
 def test_when_the_server_dies_only_calls_that_may_be_repeated_go_on_waiting() -> None:
     talk, outcomes = _conversation(), list[Outcome]()
     _open(talk)
-    list(talk.ask(_pending("go", outcomes), 0))
-    (read,) = _calls(talk.ask(_pending("read", outcomes, repeatable=True), 0))
+    list(talk.submit(_pending("go", outcomes), 0))
+    (read,) = _calls(talk.submit(_pending("read", outcomes, repeatable=True), 0))
     _resolve(talk.server_lost())
     assert [type(outcome) for outcome in outcomes] == [ConnectionLostError]
     assert list(talk.server_found(0)) == [Transmit(Alive(connection="ada/1"))]
-    assert _calls(talk.poll(RESEND_NS)) == [read]
+    assert _calls(talk.poll(FIRST_RESEND_PAUSE_NS)) == [read]
 
 
 def test_a_server_that_appears_is_asked_at_once_to_open() -> None:
@@ -167,7 +167,7 @@ def test_a_refused_opening_is_told_and_tried_again() -> None:
     _resolve(talk.receive(refusal, 0))
     assert isinstance(opened[0], CallRefusedError)
     assert (talk.state, talk.server_error) == (State.OPENING, "1000 connections")
-    assert len(_calls(talk.poll(RESEND_NS))) == 1
+    assert len(_calls(talk.poll(FIRST_RESEND_PAUSE_NS))) == 1
 
 
 def test_what_the_server_tells_and_complains_of() -> None:
@@ -183,10 +183,10 @@ def test_what_the_server_tells_and_complains_of() -> None:
 def test_closing_tells_the_server_and_whoever_waits() -> None:
     talk, outcomes = _conversation(), list[Outcome]()
     _open(talk)
-    list(talk.ask(_pending("go", outcomes), 0))
+    list(talk.submit(_pending("go", outcomes), 0))
     effects = _resolve(talk.close(0))
     assert [c.method for c in _calls(effects)] == ["close"]
-    _resolve(talk.ask(_pending("go", outcomes), 0))
+    _resolve(talk.submit(_pending("go", outcomes), 0))
     assert [type(outcome) for outcome in outcomes] == [ConnectionLostError] * 2
     assert not [
         *talk.close(0),
@@ -200,10 +200,10 @@ def test_closing_tells_the_server_and_whoever_waits() -> None:
 def test_who_gave_up_waiting_is_not_told() -> None:
     talk, outcomes = _conversation(), list[Outcome]()
     unsent = _pending("early", outcomes)
-    list(talk.ask(unsent, 0))
+    list(talk.submit(unsent, 0))
     _open(talk)
     pending = _pending("go", outcomes)
-    (call,) = _calls(talk.ask(pending, 0))
+    (call,) = _calls(talk.submit(pending, 0))
     talk.forget(pending)
     talk.forget(pending)
     assert not list(talk.receive(Reply(connection="ada/1", number=call.number), 0))
@@ -218,13 +218,13 @@ def test_arguments_that_are_too_large_are_refused_before_anything_is_sent() -> N
 
 
 def test_a_call_is_sent_again_before_its_time_as_long_as_it_has_no_answer() -> None:
-    talk = Conversation(server="S", user="ada", ids=iter(("1",)).__next__, name="n", priority=0)
+    talk = Conversation(server="S", user="ada", new_id=iter(("1",)).__next__, name="n", priority=0)
     pending = Pending(
         Ask(EMERGENCY_STOP, NoArguments(), type(None), "stop", repeatable=True), lambda outcome: None
     )
     assert list(talk.resend(pending, 0)) == [], "not sent yet"
     list(talk.open(lambda outcome: None, 0))
-    (first,) = talk.ask(pending, 1)
+    (first,) = talk.submit(pending, 1)
     assert isinstance(first, Transmit), "it does not wait until the connection is open"
     assert list(talk.resend(pending, 2)) == [first], "with the same number"
     assert isinstance(first.message, Call)
@@ -233,11 +233,11 @@ def test_a_call_is_sent_again_before_its_time_as_long_as_it_has_no_answer() -> N
 
 
 def test_a_call_that_was_refused_as_one_too_many_is_sent_again() -> None:
-    talk = Conversation(server="S", user="ada", ids=iter(("1",)).__next__, name="n", priority=0)
+    talk = Conversation(server="S", user="ada", new_id=iter(("1",)).__next__, name="n", priority=0)
     list(talk.open(lambda outcome: None, 0))
     list(talk.receive(Reply(connection="ada/1", number=1), 0))
     outcomes: list[object] = []
-    (sent,) = talk.ask(Pending(Ask("m", NoArguments(), type(None), "read"), outcomes.append), 0)
+    (sent,) = talk.submit(Pending(Ask("m", NoArguments(), type(None), "read"), outcomes.append), 0)
     assert isinstance(sent, Transmit)
     assert isinstance(sent.message, Call)
     flood = Problem(code="flood", message="too many")

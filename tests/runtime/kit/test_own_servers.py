@@ -43,7 +43,7 @@ def test_a_server_that_a_program_reads_is_watched() -> None:
     net, seen = VirtualTransport(clock, seed=0), Listener()
     net.add(seen)
     net.add(battery())
-    net.add(Clock(servers=(), keep=40, deployment=READS_BATTERY))
+    net.add(Clock(servers=(), frames_kept=40, deployment=READS_BATTERY))
     net.run_until(20 * FRAME_NS)
     assert all(tick.down == () for tick in seen.ticks)
     assert [frame.k for frame in seen.frames] == [tick.k for tick in seen.ticks]
@@ -63,7 +63,7 @@ def test_a_server_that_no_program_reads_is_not() -> None:
     net, seen = VirtualTransport(VirtualClock(), seed=0), Listener()
     net.add(seen)
     net.add(battery())
-    net.add(Clock(servers=(), keep=40))
+    net.add(Clock(servers=(), frames_kept=40))
     net.kill("Battery")
     net.run_until(20 * FRAME_NS)
     assert all(tick.down == () for tick in seen.ticks)

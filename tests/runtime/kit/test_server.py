@@ -139,7 +139,7 @@ def test_a_program_reads_it() -> None:
     sensor = Sensor(name="charged", type=BOOL, server=BATTERY, field="full")
     bindings = bind(robot(sensor), servers)
     assert bindings.sensors[-1] == SensorBinding(
-        sensor="charged", server=BATTERY, field="full", within_ns=None, factor=1.0
+        sensor="charged", server=BATTERY, field="full", max_age_ns=None, factor=1.0
     )
     wrong = Sensor(name="charged", type=BOOL, server=BATTERY, field="level")
     with pytest.raises(DiagnosticError, match=r"Battery\.level is number, not bool"):

@@ -13,7 +13,7 @@ from colony.runtime.assembly.processes.shutdown import EXIT_FAILED, EXIT_FINAL
 BEGIN = """
 import sys
 from colony.runtime.assembly.processes.shutdown import (
-    make_printing_safe, exit_with, exit_on_exhaustion, log_line,
+    make_printing_safe, exit_with, exit_if_out_of_resources, log_line,
 )
 make_printing_safe()
 print("from a module", end="", flush=True)
@@ -24,9 +24,9 @@ log_line("from a server")
 LAST = [
     ("", 0),
     ("exit_with('wrong')", EXIT_FINAL),
-    ("exit_on_exhaustion(MemoryError())", EXIT_FAILED),
-    ("exit_on_exhaustion(OSError(28, 'No space left on device', 'a file'))", EXIT_FAILED),
-    ("exit_on_exhaustion(KeyError('a bug'))", 1),
+    ("exit_if_out_of_resources(MemoryError())", EXIT_FAILED),
+    ("exit_if_out_of_resources(OSError(28, 'No space left on device', 'a file'))", EXIT_FAILED),
+    ("exit_if_out_of_resources(KeyError('a bug'))", 1),
 ]
 
 

@@ -47,7 +47,7 @@ class Counting:
         self.frames = 0
 
 
-SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", within_ns=None, factor=1.0)
+SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", max_age_ns=None, factor=1.0)
 
 
 class Stage:
@@ -56,7 +56,7 @@ class Stage:
     ) -> None:
         self.log = Log()
         self.sent: list[Effect] = []
-        assembler = FrameAssembler(sensors, run="run", keep=KEEP)
+        assembler = FrameAssembler(sensors, run="run", frames_kept=KEEP)
         self.observer = Observer(assembler, ("drive",), Monitor(Counting()), (self.log,), request_servers)
 
     def take(self, *messages: Message, now_ns: int = 0) -> None:

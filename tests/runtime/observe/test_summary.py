@@ -54,7 +54,7 @@ def test_shares_and_breaches() -> None:
     ]
     (breach,) = summary.breaches
     assert (breach.contract, breach.frames, breach.first_s, breach.last_s) == ("never_ram", 2, 1.0, 2.0)
-    assert not summary.sound
+    assert not summary.succeeded
     text = render(summary)
     assert "rome: 4.0 s, 80 frames, seed 1" in text
     assert "traveled 1.20 m at 300 mm/s on average, 1 bump\n" in text
@@ -83,7 +83,7 @@ def test_records_of_limits_and_faults() -> None:
         ("command clamped", "drive.velocity"): 70,
         ("sensor clamped", "sonar"): 1,
     }
-    assert summary.sound
+    assert summary.succeeded
     assert "drive.velocity: limited in 10 frames" in render(summary)
     assert "1 contract held in every frame" in render(summary)
 
@@ -150,4 +150,4 @@ def test_what_kept_the_network_from_deciding() -> None:
     assert "drive: a connection outside the network held the lock in 1 frame" in told
     assert "all memory restarted 1 time\n  3 frames could not be observed" in told
     assert "drive: inspector, which holds the lock, commanded in 1 frame" in told
-    assert summary.sound
+    assert summary.succeeded

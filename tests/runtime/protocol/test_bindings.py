@@ -94,7 +94,7 @@ def test_executors_compute_with_what_a_reading_in_the_declared_unit_means(
     """What is recorded, times the factor, is what executors of the runtime got, bit for bit."""
     factor = float(parse_unit(unit).factor)
     binding = SensorBinding(
-        sensor="s", server="S", field="f", within_ns=None, factor=factor, declared=declared
+        sensor="s", server="S", field="f", max_age_ns=None, factor=factor, declared=declared
     )
     recorded = binding.in_declared_units((value, True, -value))
     assert isinstance(recorded, tuple)

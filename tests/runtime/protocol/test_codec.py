@@ -16,11 +16,11 @@ from colony.runtime.protocol.codec import (
     MAX_MESSAGE_BYTES,
     VERSION,
     MessageFormatError,
-    count,
     decode,
     decode_all,
     encode,
     max_bytes,
+    message_count,
 )
 from colony.runtime.protocol.messages import (
     MAX_BATCH_LENGTH,
@@ -208,18 +208,18 @@ def test_a_batch_comes_back_as_its_messages_and_is_counted_without_reading_it(
 ) -> None:
     data = encode(Batch(messages=tuple(messages)))
     assert decode_all(data) == tuple(messages)
-    assert count(data) == len(messages)
+    assert message_count(data) == len(messages)
 
 
 @pytest.mark.parametrize("messages", [15, 16, 255, 256, MAX_BATCH_LENGTH])
 def test_where_msgpack_writes_lengths_in_another_way_batches_are_counted_right(messages: int) -> None:
     data = encode(Batch(messages=(Ready(client="c"),) * messages))
-    assert count(data) == len(decode_all(data)) == messages
+    assert message_count(data) == len(decode_all(data)) == messages
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda m: type(m).__name__)
 def test_any_other_message_is_one(message: SentMessage) -> None:
-    assert count(encode(message)) == 1
+    assert message_count(encode(message)) == 1
     assert decode_all(encode(message)) == (message,)
 
 
@@ -230,7 +230,7 @@ def test_nobody_but_a_transport_reads_batches() -> None:
 
 def counted_or_refused(data: bytes) -> None:
     """What comes in counts for as many messages as it has: otherwise a rate could be got around."""
-    counted = count(data)
+    counted = message_count(data)
     with suppress(MessageFormatError):
         assert len(decode_all(data)) == counted
 

@@ -35,7 +35,7 @@ def killed(machine: Machine, name: str, chance: random.Random) -> float:
     assert not run.ended(), run.err
     clients = children_of(run.pid)
     run.tell(signal.SIGKILL)
-    t_ns = time.monotonic_ns() - machine.directory.base_ns()
+    t_ns = time.monotonic_ns() - machine.directory.origin_ns()
     run.process.wait()
     until(lambda: not any(map(lives, clients)), "the clients end with their leader")
     program = load_file(WANDER)

@@ -160,7 +160,7 @@ def same(found: FrameLog | Any, right: FrameLog) -> None:
 def test_what_is_read_back() -> None:
     right = logs(PROGRAM, trace(), restarts=[3])
     found, reader = read_mcap(PROGRAM, as_mcap(PROGRAM, right, *SOURCES).content)
-    assert reader.cut is None
+    assert reader.truncation is None
     assert reader.run == run_info(PROGRAM, *SOURCES)
     assert len(found) == len(right)
     for one, log in zip(found, right, strict=True):

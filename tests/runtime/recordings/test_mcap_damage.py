@@ -62,7 +62,7 @@ def test_cut_off_anywhere() -> None:
             assert len(found) == whole
             assert not reader.damaged
             assert len([m for m in lenient(data) if b'"t_ns"' in m.data]) == whole
-        assert reader.cut == "it breaks off in the middle of a frame"
+        assert reader.truncation == "it breaks off in the middle of a frame"
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def test_a_full_disk() -> None:
     recording.close()
     assert file.closed
     found, reader = read_mcap(PROGRAM, file.content)
-    assert (len(found), reader.cut) == (8, "it breaks off in the middle of a frame")
+    assert (len(found), reader.truncation) == (8, "it breaks off in the middle of a frame")
 
 
 def test_a_disk_that_is_full_at_once() -> None:
@@ -108,7 +108,7 @@ def test_a_killed_process_leaves_every_frame_that_it_had_written(seed: int, tmp_
     with path.open("rb") as file:
         reader = McapReader(file, "run.mcap")
         found = list(reader.frames(PROGRAM))
-    assert reader.cut is not None
+    assert reader.truncation is not None
     assert reader.run == run_info(PROGRAM, *SOURCES)
     assert acknowledged - 8 < len(found) <= acknowledged + 1
     assert [f.tick.k for f in found] == list(range(len(found)))

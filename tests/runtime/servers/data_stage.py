@@ -51,7 +51,7 @@ class Cramped(MemoryStore):
         self.room = True
         self.commits = 0
 
-    def make_room(self) -> None:
+    def check_space(self) -> None:
         self.full = None if self.room else "no room"
 
     def commit(self, changes: Mapping[Key, bytes | None]) -> None:
@@ -73,7 +73,7 @@ class DataStage:
         self.start()
 
     def start(self) -> None:
-        options: dict[str, Any] = {"keep": 40} | self.options
+        options: dict[str, Any] = {"frames_kept": 40} | self.options
         self.server = DServer(store=self.store, **options)
         self._leave(list(self.server.start(self.now)))
 

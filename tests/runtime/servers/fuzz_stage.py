@@ -50,7 +50,7 @@ from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
-from colony.runtime.transport.live.keys import CallKey, check_call, takes_calls
+from colony.runtime.transport.live.keys import CallKey, carries_calls, check_call
 from tests.runtime.servers.base_stage import CLIENTS, FRAME, RollingBase, deployed
 from tests.runtime.servers.nonsense import Grammar, Hints, Vandal, tree_bytes
 
@@ -78,16 +78,16 @@ class Film:
 
 
 def _clock() -> Node:
-    return Clock(servers=("RServer", "PServer", "DServer", "Runtime"), keep=KEEP)
+    return Clock(servers=("RServer", "PServer", "DServer", "Runtime"), frames_kept=KEEP)
 
 
 BUILD: dict[str, Callable[[], Node]] = {
     "Clock": _clock,
-    "DServer": lambda: DServer(keep=KEEP),
-    "PServer": lambda: PServer(Rings(), keep=KEEP),
-    "RServer": lambda: RServer(RollingBase(), keep=KEEP),
-    "CServer": lambda: CServer(Film(), keep=KEEP),
-    "Runtime": lambda: RuntimeServer(keep=KEEP),
+    "DServer": lambda: DServer(frames_kept=KEEP),
+    "PServer": lambda: PServer(Rings(), frames_kept=KEEP),
+    "RServer": lambda: RServer(RollingBase(), frames_kept=KEEP),
+    "CServer": lambda: CServer(Film(), frames_kept=KEEP),
+    "Runtime": lambda: RuntimeServer(frames_kept=KEEP),
 }
 """A robot's servers, each as it is without a program."""
 
@@ -153,7 +153,7 @@ class Stage:
             topic = random.choice(self._topics)
             if random.random() < 0.5:
                 topic = topics.calls(self.node.address)
-            if takes_calls(topic):
+            if carries_calls(topic):
                 self._something_for_the_desk(topic)
             else:
                 kind = random.choice((*self._kinds, *_USUAL.get(topic.rpartition("/")[2], ()) * 20))

@@ -32,7 +32,7 @@ class Film:
 
 
 def asker(film: Film | None = None, *names: str) -> Asker:
-    one = Asker(CServer(film or Film(), keep=4))
+    one = Asker(CServer(film or Film(), frames_kept=4))
     for name in names or ("ann",):
         one.open(name)
     return one
@@ -172,7 +172,7 @@ def test_an_image_too_large_for_a_message_can_be_had_in_rows() -> None:
 
 
 def test_it_answers_ticks_with_empty_frames() -> None:
-    server = CServer(Film(), keep=4, address="CServerUp")
+    server = CServer(Film(), frames_kept=4, address="CServerUp")
     one = Asker(server)
     effects = list(server.handle(Tick(k=3, t_ns=5), 5))
     (frame,) = (e.message for e in effects if isinstance(e, Send))

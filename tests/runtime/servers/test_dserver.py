@@ -242,12 +242,12 @@ def test_checkpoints_have_an_end() -> None:
     stage.handle(checkpoint(1, memory=b"m" * (1 << 20), client="drive/0"))
     stage.handle(checkpoint(2, memory=b"m" * ((1 << 20) + 1), client="drive/0"))
     assert recalled(stage, "drive/0").k == 1
-    assert stage.server.full() == ()
+    assert stage.server.limit_messages() == ()
     for i in range(20):
         stage.handle(checkpoint(1, memory=b"m" * (1 << 20), client=f"drive/{i}"))
     kept = [i for i in range(20) if recalled(stage, f"drive/{i}").k == 1]
     assert kept == list(range(15)), "each counts for its name, too"
-    assert stage.server.full() == (
+    assert stage.server.limit_messages() == (
         "checkpoints: 15.0 MiB of 16.0 MiB are used, and there was no room for more",
     )
     stage.handle(checkpoint(3, memory=b"m" * (1 << 20), client="drive/0"))

@@ -107,8 +107,8 @@ def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
     for number, other in enumerate(others[:-1]):
         other.do(data.publish([f"W{number}.{i}" for i in range(MAX_NAMES_PER_CONNECTION)]))
     assert others[-1].refusal(data.publish(["one more"])) == "full"
-    assert "names asked for in frames: 10000 of 10000 are used, and there was no room for more" in (
-        stage.server.full()
+    assert "names requested in frames: 10000 of 10000 are used, and there was no room for more" in (
+        stage.server.limit_messages()
     )
     ada.close()
     others[-1].do(data.publish(["one more"]))
@@ -135,7 +135,7 @@ def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(
     assert set(stage.fields(4, "run")) == {"B", "C", "P"}, "nobody takes the program's room"
     assert ada.refusal(data.set("P", [0.5] * MAX_LIST_LENGTH)) == "full"
     assert set(stage.fields(5)) == {"B", "C"}, "of another run"
-    said = {sentence.partition(":")[0] for sentence in stage.server.full()}
+    said = {sentence.partition(":")[0] for sentence in stage.server.limit_messages()}
     assert said == {"numbers in frames", "numbers in frames that no program reads"}
 
 
@@ -155,6 +155,8 @@ def test_a_full_server_still_answers(stage: DataStage, ada: Connection) -> None:
     assert ada.refusal(data.set("Big", b"a" * 1_000_000)) == "full"
     kept = ada.do(data.names())
     assert len(ada.do(data.get(kept[0], type=bytes))) == 1_000_000
-    assert any(said.startswith("values of variables: 63.9 MiB of 64.0 MiB") for said in stage.server.full())
+    assert any(
+        said.startswith("values of variables: 63.9 MiB of 64.0 MiB") for said in stage.server.limit_messages()
+    )
     assert ada.do(data.delete(kept[0]))
     ada.do(data.set("Big", b"a" * 1_000_000))

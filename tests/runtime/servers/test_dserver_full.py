@@ -10,7 +10,7 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments, Status
 from colony.runtime.protocol.messages import Request, Send, Tick, Verdict
-from colony.runtime.servers.dserver import ROOM_CHECK_INTERVAL_NS
+from colony.runtime.servers.dserver import SPACE_CHECK_INTERVAL_NS
 from colony.runtime.store.store import StoreFullError
 from tests.runtime.servers.data_stage import Connection, Cramped, DataStage, S, StageError
 from tests.runtime.servers.test_dserver import DRIVE, LAMP, POSE, checkpoint, deploy, program, recalled
@@ -131,7 +131,7 @@ def test_status_tells_and_room_is_noticed(stage: DataStage, store: Cramped, ada:
     fill(stage, store)
     assert status(ada).full == ("nothing new is kept: no room",)
     store.room = True
-    stage.now += ROOM_CHECK_INTERVAL_NS
+    stage.now += SPACE_CHECK_INTERVAL_NS
     ada.open()
     assert status(ada).full == ()
     ada.do(data.set("X", 2))

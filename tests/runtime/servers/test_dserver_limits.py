@@ -87,7 +87,7 @@ def test_there_are_so_many_variables(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ada.refusal(data.set_many({"B": 3, "C": 3, "D": 4})) == "full"
     assert ada.do(data.get("B")) == 2
     ada.do(data.set_history("C", 5))
-    assert stage.server.full() == ("variables: 3 of 3 are used, and there was no room for more",)
+    assert stage.server.limit_messages() == ("variables: 3 of 3 are used, and there was no room for more",)
     for ask in (data.set("D", 1), data.set_history("D", 2)):
         assert ada.refusal(ask) == "full"
     ada.do(data.set("A", 5))
@@ -108,7 +108,7 @@ def test_there_are_so_many_semaphores_holds_and_waiting_calls(monkeypatch: pytes
         bob.begin(data.wait("T"))
     assert ada.refusal(data.wait("S", hold=True)) == "full"
     assert ada.refusal(data.wait("T")) == "full"
-    assert [said.split(":")[0] for said in stage.server.full()] == [
+    assert [said.split(":")[0] for said in stage.server.limit_messages()] == [
         "semaphores",
         "holds of semaphores",
         "calls that wait for semaphores",
@@ -133,7 +133,7 @@ def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.Monkey
     assert bob.refusal(data.watch("C")) == "full"
     assert bob.refusal(data.watch(prefixes=["Q"])) == "full"
     bob.do(data.watch("A", prefixes=["P"]))
-    assert len(stage.server.full()) == 2
+    assert len(stage.server.limit_messages()) == 2
     ada.do(data.unwatch("B", prefixes=["P"]))
     bob.do(data.watch("C", prefixes=["Px"]))
     assert bob.changes(ada.begin(data.set("Pxy", 1))) == [("Pxy", 1)]

@@ -175,7 +175,7 @@ def test_there_is_an_end_to_the_room() -> None:
     put("b", b"b" * 9_000)
     put("c", [0.5] * 200)
     variables.delete("c")
-    variables.read_by_program(["c"])
+    variables.set_program_names(["c"])
     variables.show(["c"])
     with pytest.raises(RefusedError, match="frames"):
         put("c", [0.5] * 200)
@@ -234,7 +234,7 @@ def test_a_frame_has_when_a_value_was_set_and_changes_with_it(stage: DataStage, 
 
 
 def test_held_variables_are_fresh_until_they_are_set() -> None:
-    stage = DataStage(held={"Goal": (1.0, 2.0)})
+    stage = DataStage(pinned_variables={"Goal": (1.0, 2.0)})
     ada = stage.connect()
     ada.do(data.publish(["Goal"]))
     stage.now += S
@@ -249,7 +249,7 @@ def test_held_variables_are_fresh_until_they_are_set() -> None:
 
 
 def test_what_replaced_a_held_variable_survives_a_death_but_not_an_end() -> None:
-    stage = DataStage(held={"Goal": 1.0, "Other": 2.0})
+    stage = DataStage(pinned_variables={"Goal": 1.0, "Other": 2.0})
     ada = stage.connect()
     ada.do(data.set("Goal", 5.0))
     stage.kill_and_restart()
@@ -257,7 +257,7 @@ def test_what_replaced_a_held_variable_survives_a_death_but_not_an_end() -> None
     show(stage, "Goal", "Other")
     assert stage.frame(1).fields == {"Goal": (5.0, stage.now - S), "Other": (2.0, stage.now)}
     stage.server.close()
-    stage.options = {"held": {"Goal": 3.0}}
+    stage.options = {"pinned_variables": {"Goal": 3.0}}
     stage.start()
     show(stage, "Goal", "Other")
     assert stage.frame(2).fields == {"Goal": (3.0, stage.now), "Other": (2.0, 0)}

@@ -92,7 +92,7 @@ def test_nothing_from_who_may_not_command_moves_the_base() -> None:
     for round_ in range(ROUNDS):
         base = RollingBase()
         stage = Stage(
-            RServer(base, keep=KEEP),
+            RServer(base, frames_kept=KEEP),
             Random(f"{SEED}/{round_}"),
             rights=("read", "stop"),
             tame=round_ % 2 == 0,
@@ -110,7 +110,7 @@ def test_what_is_malformed_does_not_move_a_base_whose_program_is_silent() -> Non
     got_through = 0
     for round_ in range(ROUNDS):
         base, random = RollingBase(), Random(f"{SEED}/{round_}")
-        node = RServer(base, deployment=deployed("r1"), keep=KEEP)
+        node = RServer(base, deployment=deployed("r1"), frames_kept=KEEP)
         stage = Stage(node, random, rights=("read", "stop"), tame=True, run="r1", without=STOPS)
         sane: set[tuple[float, float]] = {(0.0, 0.0)}
         _listen(stage, sane)
@@ -145,7 +145,7 @@ def test_who_may_command_moves_it_within_its_limits_and_once_a_frame() -> None:
     moved = 0
     for round_ in range(ROUNDS):
         base = RollingBase()
-        stage = Stage(RServer(base, keep=KEEP), Random(f"{SEED}/{round_}"), tame=True, without=STOPS)
+        stage = Stage(RServer(base, frames_kept=KEEP), Random(f"{SEED}/{round_}"), tame=True, without=STOPS)
         frames: dict[int, int] = {}
         for _ in range(EACH):
             before = len(base.told)
@@ -217,7 +217,7 @@ def test_who_makes_up_clients_does_not_fill_the_memory(monkeypatch: pytest.Monke
     [table] = deployed().actuators
     clients = tuple((str(number), number) for number in range(50))
     tables = (msgspec.structs.replace(table, clients=clients),)
-    server = DServer(deployment=msgspec.structs.replace(deployed(), actuators=tables), keep=2)
+    server = DServer(deployment=msgspec.structs.replace(deployed(), actuators=tables), frames_kept=2)
     stage = Stage(server, Random(SEED))
     for number in range(100):
         saved = Checkpoint(client=f"drive/{number}", k=1, start=0, memory=b"")

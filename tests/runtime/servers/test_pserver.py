@@ -30,7 +30,7 @@ class Rings:
 
 
 def asker(rings: Rings | None = None) -> Asker:
-    one = Asker(PServer(rings or Rings(), keep=4))
+    one = Asker(PServer(rings or Rings(), frames_kept=4))
     one.open("ann")
     return one
 

@@ -22,7 +22,7 @@ def chance(server: RuntimeServer, k: int) -> object:
 
 
 def test_the_seed_comes_with_the_deployment() -> None:
-    server = RuntimeServer(keep=10)
+    server = RuntimeServer(frames_kept=10)
     assert chance(server, 0) == random_of_frame(0, 0)
     leader = Asker(server)
     leader.open("leader")
@@ -35,8 +35,8 @@ def test_the_seed_comes_with_the_deployment() -> None:
 
 
 def test_the_clock_tells_it_before_the_first_frame() -> None:
-    server = RuntimeServer(keep=10)
-    clock = Asker(Clock(servers=("Runtime",), keep=10, on_deploy=server.use))
+    server = RuntimeServer(frames_kept=10)
+    clock = Asker(Clock(servers=("Runtime",), frames_kept=10, on_deploy=server.on_deploy))
     clock.open("leader")
     clock.do("leader", deploy(msgspec.structs.replace(deployed("a"), seed=9)))
     assert chance(server, 5) == random_of_frame(9, 5)

@@ -105,10 +105,10 @@ def test_setting_forgets_overflows_and_motions_do_not_notice() -> None:
     odometer = Odometer(16)
     for x in (0.0, 30000.0, -30000.0):  # 35536 mm in truth
         odometer.observe(state(x))
-    assert odometer.track == OdometerPose(35536.0, 0.0, 0.0)
+    assert odometer.continuous_pose == OdometerPose(35536.0, 0.0, 0.0)
     odometer.set(state(-30000.0), OdometerPose(5.0, 6.0, 0.0))
     assert odometer.observe(state(-29990.0)) == pytest.approx((15.0, 6.0, 0.0))
-    assert odometer.track == OdometerPose(35546.0, 0.0, 0.0)
+    assert odometer.continuous_pose == OdometerPose(35546.0, 0.0, 0.0)
     assert odometer.observe(state(-32768.0)) == pytest.approx((5.0 - 2768.0, 6.0, 0.0))
     assert odometer.observe(state(32767.0)) == pytest.approx((5.0 - 2769.0, 6.0, 0.0))
 
@@ -117,4 +117,4 @@ def test_the_track_turns_on_beyond_a_full_turn() -> None:
     odometer = Odometer(None)
     for heading in range(0, 1081, 40):
         odometer.observe(state(0.0, 0.0, heading % 360.0))
-    assert odometer.track == pytest.approx((0.0, 0.0, 1080.0))
+    assert odometer.continuous_pose == pytest.approx((0.0, 0.0, 1080.0))

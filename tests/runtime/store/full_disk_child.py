@@ -27,7 +27,7 @@ def main(path: str) -> None:
                 store.commit({Key("value", name): name.encode() * size})
             elif verb == "room":
                 assert store is not None
-                store.make_room()
+                store.check_space()
             elif verb == "names":
                 assert store is not None
                 answer = sorted(key.name for key, _ in store.load())

@@ -204,11 +204,11 @@ def test_what_nobody_was_promised_waits_for_room() -> None:
     for _ in range(3):
         journal.settle()
     assert store.commits == 1  # a disk is not asked again and again
-    journal.make_room()
+    journal.check_space()
     journal.settle()
     assert store.commits == 2
     store.room = True
-    journal.make_room()
+    journal.check_space()
     assert journal.full is None
     journal.settle()
     assert dict(store.load()) == {X: b"2", Y: b"3"}
@@ -246,17 +246,17 @@ def test_a_store_that_cannot_be_made_is_full_until_it_can() -> None:
     journal = Journal(store)
     journal.put(X, b"1")
     journal.settle()
-    journal.make_room()
+    journal.check_space()
     assert journal.full == "no room for a store"
     with pytest.raises(StoreFullError, match="no room for a store"):
         store.commit({Z: b"1"})
     made.room = True
-    journal.make_room()
+    journal.check_space()
     assert journal.full is None
     journal.settle()
     assert dict(made.load()) == {X: b"1"}
     made.full = "full again"
     assert store.full == "full again"
-    journal.make_room()
+    journal.check_space()
     assert store.full is None
     store.close()

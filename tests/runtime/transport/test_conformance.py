@@ -29,7 +29,7 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.live.outbox import declare_publisher
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 from tests.runtime.transport.live.stage import Recorder, Running, robot_address, run_directory
 from tests.waiting import until
@@ -103,7 +103,7 @@ class LiveStage:
         self._environment = self._holds.enter_context(run_directory())
         self._hosts: dict[str, Running] = {}
         here = robot_address(self._environment)
-        self._outside = self._holds.enter_context(ZenohSession.open(here, listens=(topics.CLOCK,)))
+        self._outside = self._holds.enter_context(ZenohSession.open(here, server_names=(topics.CLOCK,)))
 
     def add(self, node: Node) -> None:
         host = Host.open(robot_address(self._environment), [node], serves=True)
@@ -119,15 +119,15 @@ class LiveStage:
         self._hosts.pop(address).end()
 
     def tell(self, topic: str, message: SentMessage) -> None:
-        self._put(keys.sending("rome", topic, message, user="ada"), codec.encode(message))
+        self._put(keys.publication_key("rome", topic, message, user="ada"), codec.encode(message))
 
     def throw(self, topic: str, data: bytes, connection: str | None = None) -> None:
         ending = f"/command/{connection}" if connection is not None else ""
-        key = f"colony/rome/{topic}" + ("/ada" if keys.kind_of_users(topic) else ending)
+        key = f"colony/rome/{topic}" + ("/ada" if keys.user_message_kind(topic) else ending)
         self._put(key, data)
 
     def _put(self, key: str, data: bytes) -> None:
-        with publish(self._outside.session, key) as publisher:
+        with declare_publisher(self._outside.session, key) as publisher:
             until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
             publisher.put(data)
 

@@ -34,10 +34,10 @@ class Robot:
     """All drivers of one robot, of which the time began when they were made."""
 
     def __init__(self, path: Path, name: str = "rome") -> None:
-        self.base_ns = time.monotonic_ns()
-        self.base = RemoteBase(path, name, base_ns=self.base_ns, config=IDEAL)
-        self.proximity = RemoteProximity(path, name, base_ns=self.base_ns)
-        self.camera = RemoteCamera(path, name, "ahead", base_ns=self.base_ns)
+        self.origin_ns = time.monotonic_ns()
+        self.base = RemoteBase(path, name, origin_ns=self.origin_ns, config=IDEAL)
+        self.proximity = RemoteProximity(path, name, origin_ns=self.origin_ns)
+        self.camera = RemoteCamera(path, name, "ahead", origin_ns=self.origin_ns)
 
     def ready(self) -> bool:
         return None not in (self.base.state(), self.proximity.sonar(), self.camera.grab())
@@ -64,7 +64,7 @@ def test_readings_are_in_the_robot_s_time(robot: Robot) -> None:
     assert state is not None
     assert sonar is not None
     assert image is not None
-    now = time.monotonic_ns() - robot.base_ns
+    now = time.monotonic_ns() - robot.origin_ns
     for t_ns in (state.t_ns, sonar.t_ns, image.t_ns):
         assert now - MAX_READING_AGE_NS - PATIENCE_S * 1e9 < t_ns <= now
     assert robot.base.problem is None
@@ -93,10 +93,10 @@ def test_images_are_those_of_the_camera(robot: Robot, control: PlantControl) -> 
 
     def image() -> Image | None:
         found = robot.camera.grab()
-        return found if found is not None and found.t_ns + robot.base_ns > truths[0].t_ns else None
+        return found if found is not None and found.t_ns + robot.origin_ns > truths[0].t_ns else None
 
     taken = wait_for(image)
-    assert (array(taken) == camera.image(poses, 0, taken.t_ns + robot.base_ns)).all()
+    assert (array(taken) == camera.image(poses, 0, taken.t_ns + robot.origin_ns)).all()
 
 
 def test_driving_and_stopping(robot: Robot, control: PlantControl) -> None:
@@ -156,7 +156,7 @@ def test_a_driver_of_a_plant_that_never_answers_can_be_closed(tmp_path: Path) ->
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(os.fspath(path))
         listener.listen()
-        base = RemoteBase(path, "rome", base_ns=0)
+        base = RemoteBase(path, "rome", origin_ns=0)
         connection, _ = listener.accept()
         assert base.state() is None
         assert base.problem == "not connected yet"
@@ -169,7 +169,7 @@ def test_what_a_plant_says_may_be_nonsense(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(os.fspath(path))
         listener.listen()
-        base = RemoteBase(path, "rome", base_ns=0)
+        base = RemoteBase(path, "rome", origin_ns=0)
         for said in (b"\xff" * 100, pack(Refusal(message="no")), b""):
             connection, _ = listener.accept()
             connection.sendall(said)
@@ -195,7 +195,7 @@ def test_what_a_plant_says_may_be_nonsense(tmp_path: Path) -> None:
 def test_readings_age(tmp_path: Path) -> None:
     with PlantProcess(tmp_path / "plant", {"rome": START}) as plant:
         now = [0]
-        base = RemoteBase(plant.path, "rome", base_ns=0, clock=lambda: now[0])
+        base = RemoteBase(plant.path, "rome", origin_ns=0, clock=lambda: now[0])
         first = wait_for(lambda: (now.__setitem__(0, time.monotonic_ns()), base.state())[1])
         now[0] = time.monotonic_ns() + MAX_READING_AGE_NS + 3600 * 1_000_000_000
         assert base.state() is None
@@ -208,8 +208,8 @@ def test_in_logical_time_each_command_is_a_frame(tmp_path: Path) -> None:
     def run() -> tuple[list[tuple[float, float]], list[object]]:
         with PlantProcess(tmp_path / "plant", {"rome": START}, logical_ns=FRAME) as plant:
             clock = [7]
-            base = RemoteBase(plant.path, "rome", base_ns=5, clock=lambda: clock[0])
-            rings = RemoteProximity(plant.path, "rome", base_ns=5, clock=lambda: clock[0])
+            base = RemoteBase(plant.path, "rome", origin_ns=5, clock=lambda: clock[0])
+            rings = RemoteProximity(plant.path, "rome", origin_ns=5, clock=lambda: clock[0])
             wait_for(lambda: base.state() and rings.sonar())
             places, heard = [], []
             for k in range(100):

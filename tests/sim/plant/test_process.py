@@ -14,8 +14,8 @@ import pytest
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.process import PlantInUseError, PlantOptions, serve_plant
 from colony.sim.plant.protocol import (
-    LARGEST_FROM_PLANT,
-    LARGEST_TO_PLANT,
+    MAX_BYTES_FROM_PLANT,
+    MAX_BYTES_TO_PLANT,
     VERSION,
     Attach,
     AttachBase,
@@ -46,7 +46,7 @@ class Line:
         self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self.sock.settimeout(PATIENCE_S)
         self.sock.connect(os.fspath(path))
-        self._unpacker = Unpacker(LARGEST_FROM_PLANT)
+        self._unpacker = Unpacker(MAX_BYTES_FROM_PLANT)
         self._heard: list[FromPlant] = []
         for data in said:
             self.sock.sendall(data)
@@ -158,7 +158,7 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
     [
         (b"\xff" * 64, "a message of 4294967295 bytes"),
         (bytes(4), "a message of 0 bytes"),
-        ((LARGEST_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 4096"),
+        ((MAX_BYTES_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 4096"),
         (b"\x00\x00\x00\x01\x63", "found version 99"),
         (b"\x00\x00\x00\x03" + bytes([VERSION]) + b"\xc1\xc1", "malformed"),
         (pack(DriveBase(velocity=1.0, turn=0.0)), "DriveBase is not allowed on this connection"),

@@ -9,7 +9,7 @@ import pytest
 
 from colony.runtime.protocol.images import Image
 from colony.sim.plant.protocol import (
-    LARGEST_TO_PLANT,
+    MAX_BYTES_TO_PLANT,
     AttachBase,
     CameraReading,
     DriveBase,
@@ -35,7 +35,7 @@ HEARD: tuple[FromPlant, ...] = (
 def test_messages_survive_a_stream_cut_anywhere() -> None:
     stream = b"".join(map(pack, SAID))
     for size in (1, 2, 3, 7, len(stream)):
-        unpacker = Unpacker(LARGEST_TO_PLANT)
+        unpacker = Unpacker(MAX_BYTES_TO_PLANT)
         pieces = [stream[i : i + size] for i in range(0, len(stream), size)]
         got = [read_to_plant(payload) for piece in pieces for payload in unpacker.feed(piece)]
         assert tuple(got) == SAID

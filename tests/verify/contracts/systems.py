@@ -22,10 +22,10 @@ def system(
     """A system with a clock, these cells and contracts; `definitions` are constants with their facts."""
     clock = z3.And(z3.Implies(BEGUN, NOW > LAST), z3.Implies(z3.Not(BEGUN), NOW == 0))
     facts = [Fact(FactKind.ASSUMPTION, NOW, clock)]
-    facts += [Fact(FactKind.DEFINITION, about, formula) for about, formula in definitions]
+    facts += [Fact(FactKind.DEFINITION, subject, formula) for subject, formula in definitions]
     by_id: dict[int, tuple[Fact, ...]] = {}
     for fact in facts:
-        by_id[fact.about.get_id()] = (*by_id.get(fact.about.get_id(), ()), fact)
+        by_id[fact.subject.get_id()] = (*by_id.get(fact.subject.get_id(), ()), fact)
     return System(
         program=Program(robot=Robot(name="r")),
         now=NOW,

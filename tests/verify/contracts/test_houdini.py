@@ -23,12 +23,12 @@ def kept(made: System, *guesses: Candidate, options: Options | None = None) -> I
 def test_guesses_that_hold_only_together_are_kept() -> None:
     made = system([counter(3)], {"low": COUNT < 3})
     low, high = Candidate("low", COUNT >= 0), Candidate("high", COUNT < 3)
-    assert kept(made, low, high).of_memory == (low, high)
+    assert kept(made, low, high).conditions == (low, high)
 
 
 def test_a_guess_falls_with_the_one_that_it_rests_on() -> None:
     made = system(delay("a", "b"), {"b": z3.Not(B)})
-    assert kept(made, Candidate("b", z3.Not(B)), Candidate("a", z3.Not(A))).of_memory == ()
+    assert kept(made, Candidate("b", z3.Not(B)), Candidate("a", z3.Not(A))).conditions == ()
 
 
 def test_contracts_that_follow_are_told() -> None:
@@ -49,7 +49,7 @@ def test_templates_find_the_bounds_of_a_counter() -> None:
     guesses = candidates(cone, made.claims)
     found = kept(made, *guesses)
     solver = z3.Solver()
-    solver.add(*(c.holds for c in found.of_memory), z3.Not(z3.And(COUNT >= 0, COUNT < 3)))
+    solver.add(*(c.formula for c in found.conditions), z3.Not(z3.And(COUNT >= 0, COUNT < 3)))
     assert solver.check() == z3.unsat
     assert [c.name for c in found.claims] == ["low"]
 
@@ -62,4 +62,4 @@ def test_a_remembered_time_is_not_later_than_the_last_frame() -> None:
     stamp = Cell(name="since", old=since, next=z3.If(z3.Bool("tick"), NOW, since), initial=z3.IntVal(0))
     made = system([stamp], {"past": since <= LAST})
     found = kept(made, *candidates(cone_of(made, made.claims[0]), made.claims))
-    assert "since <= time of the last frame" in [c.text for c in found.of_memory]
+    assert "since <= time of the last frame" in [c.text for c in found.conditions]

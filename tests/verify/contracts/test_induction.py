@@ -5,23 +5,25 @@ from __future__ import annotations
 import z3
 
 from colony.verify.contracts.cone import cone_of
-from colony.verify.contracts.induction import Induction, Known, follows
+from colony.verify.contracts.induction import Induction, KnownCondition, conditions_implying
 from colony.verify.contracts.results import Options
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.system import System
 from tests.verify.contracts.systems import counter, delay, system
 
 
-def first_k(made: System, known: tuple[Known, ...] = (), most: int = 4) -> tuple[int, tuple[str, ...]] | None:
+def first_k(
+    made: System, known: tuple[KnownCondition, ...] = (), most: int = 4
+) -> tuple[int, tuple[str, ...]] | None:
     """The least k for which the step of the only contract holds, and what it used."""
     [claim] = made.claims
     cone, budget = cone_of(made, claim), Budget(Options())
-    used = follows(cone, claim, known, budget)
+    used = conditions_implying(cone, claim, known, budget)
     if used is not None:
         return 0, used
     induction = Induction(cone, claim, known, budget)
     for k in range(1, most + 1):
-        used = induction.next()
+        used = induction.prove_next_k()
         if used is not None:
             return k, used
     return None
@@ -50,5 +52,5 @@ def test_a_contract_that_is_not_inductive_is_never_shown() -> None:
 
 
 def test_only_what_is_needed_is_used() -> None:
-    known = (Known("count < 3", COUNT < 3), Known("count >= -100", COUNT >= -100))
+    known = (KnownCondition("count < 3", COUNT < 3), KnownCondition("count >= -100", COUNT >= -100))
     assert first_k(system([counter(3)], {"not_seven": COUNT != 7}), known) == (0, ("count < 3",))

@@ -110,15 +110,15 @@ def test_what_holds_of_floats_says_nothing_of_reals() -> None:
 
 def test_what_follows_whatever_rounding_does_takes_one_question(monkeypatch: pytest.MonkeyPatch) -> None:
     """The solver is not asked about exact sums, products and sines that a contract does not need."""
-    asked, ask = list[Solver](), Solver.ask
+    checked, check = list[Solver](), Solver.check
 
     def counted(solver: Solver, assumed: Sequence[z3.BoolRef] = ()) -> Answer:
-        asked.append(solver)
-        return ask(solver, assumed)
+        checked.append(solver)
+        return check(solver, assumed)
 
-    monkeypatch.setattr(Solver, "ask", counted)
+    monkeypatch.setattr(Solver, "check", counted)
     assert proved("contract c: x + 0.1 > 3 and bump implies bump").over_reals == ()
-    assert len(asked) == 1
+    assert len(checked) == 1
 
 
 def test_an_abstracted_function_leaves_it_unknown() -> None:

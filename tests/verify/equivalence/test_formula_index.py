@@ -40,10 +40,10 @@ def test_formulas_that_only_look_alike_are_told_apart() -> None:
     """They differ in one of 2 ** 16 valuations, which none of the random ones is."""
     circuit = Circuit()
     inputs = tuple(circuit.input(Activity(f"m{i}")) for i in range(16))
-    rare, a = joined(circuit, inputs), circuit.input(Activity("a"))
+    rare_inputs, a = joined(circuit, inputs), circuit.input(Activity("a"))
     old = circuit.both(a, circuit.input(Activity("b")))
     index = FormulaIndex(circuit, Solver(circuit, 60_000))
-    new = circuit.both(old, rare ^ 1)
+    new = circuit.both(old, rare_inputs ^ 1)
     assert index.find(new) == new
 
 

@@ -17,8 +17,8 @@ from colony.verify.equivalence.results import (
 FRAME = Activation(
     active=("a", "b", "c"),
     recent=(
-        Recent(name="d", least_ns=0, less_ns=1_500_000_000),
-        Recent(name="e", least_ns=100_000_000, less_ns=100_000_001),
+        Recent(name="d", min_age_ns=0, max_age_ns=1_500_000_000),
+        Recent(name="e", min_age_ns=100_000_000, max_age_ns=100_000_001),
     ),
 )
 

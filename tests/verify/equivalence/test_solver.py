@@ -37,7 +37,7 @@ def test_equal_formulas_are_shown_equal_and_others_not() -> None:
     assert isinstance(answer, Satisfied)
     values = evaluate(circuit, answer.inputs)
     assert values(one) != values(other ^ 1)
-    assert solver.asked > 0
+    assert solver.question_count > 0
 
 
 def test_what_is_not_looked_at_is_not_taken_for_shown() -> None:
@@ -45,7 +45,7 @@ def test_what_is_not_looked_at_is_not_taken_for_shown() -> None:
     names = [f"m{i}" for i in range(12)]
     one, other = deep(circuit, names, 1), deep(circuit, names, 2)
     solver = Solver(circuit, 60_000)
-    assert not solver.refutes(differ(one, other), near=(3,))
+    assert not solver.refutes(differ(one, other), near_limits=(3,))
     assert solver.refutes(differ(one, other))
 
 
@@ -56,7 +56,7 @@ def test_many_questions_are_one_question() -> None:
     solver = Solver(circuit, 60_000)
     true = [[(both,), (a ^ 1,)], [(both,), (b ^ 1,), (c ^ 1,)]]
     assert solver.refutes_each(true * 150)
-    assert solver.asked == 3
+    assert solver.question_count == 3
     assert not solver.refutes_each([*true, [(both,), (b ^ 1,)]])
 
 
@@ -68,7 +68,7 @@ def test_without_time_nothing_is_asked_and_nothing_claimed() -> None:
     assert solver.decide(differ(one, other)) is Unsettled.GAVE_UP
     assert not solver.refutes(differ(one, other))
     assert not solver.refutes_each([differ(one, other)])
-    assert solver.asked == 0
+    assert solver.question_count == 0
 
 
 @pytest.mark.parametrize(

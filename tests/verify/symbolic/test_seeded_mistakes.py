@@ -99,13 +99,13 @@ def memory_moves_while_silent(patch: pytest.MonkeyPatch) -> None:
 
 
 def a_default_is_fresh(patch: pytest.MonkeyPatch) -> None:
-    original = modules.Declarations.states
+    original = modules.DeclarationEncoder.encode_states
 
-    def states(self: modules.Declarations) -> None:
+    def encode_states(self: modules.DeclarationEncoder) -> None:
         self.frame_values.present["q"] = TRUE
         original(self)
 
-    patch.setattr(modules.Declarations, "states", states)
+    patch.setattr(modules.DeclarationEncoder, "encode_states", encode_states)
 
 
 def a_default_is_not_used(patch: pytest.MonkeyPatch) -> None:
@@ -121,7 +121,8 @@ def a_suppressor_inhibits(patch: pytest.MonkeyPatch) -> None:
 
     def through(chain: Any, operands: Any, dominates: Any) -> dict[str, z3.BoolRef]:
         return {
-            m: FALSE if m in operands[0].by else w for m, w in original(chain, operands, dominates).items()
+            m: FALSE if m in operands[0].by_module else w
+            for m, w in original(chain, operands, dominates).items()
         }
 
     patch.setattr(network, "_through", through)
@@ -162,17 +163,17 @@ def the_key_is_not_looked_at(patch: pytest.MonkeyPatch) -> None:
 
 
 def an_infinity_is_its_sign(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(numbers, "_infinite_comparison", lambda one, other, relation, swapped: FALSE)
+    patch.setattr(numbers, "_infinite_comparison", lambda x, y, relation, swapped: FALSE)
 
 
 def the_remainder_has_the_sign_of_the_dividend(patch: pytest.MonkeyPatch) -> None:
-    original = arithmetic.Arithmetic._modulo_constant
+    original = arithmetic.Arithmetic._modulo_by_constant
 
     def modulo(self: arithmetic.Arithmetic, x: Number, divisor: float) -> Number:
         result = original(self, x, divisor)
         return select_number(numbers.negative_value(x), numbers.negated(result), result)
 
-    patch.setattr(arithmetic.Arithmetic, "_modulo_constant", modulo)
+    patch.setattr(arithmetic.Arithmetic, "_modulo_by_constant", modulo)
 
 
 def every_is_due_a_moment_late(patch: pytest.MonkeyPatch) -> None:

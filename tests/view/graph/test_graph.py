@@ -53,16 +53,16 @@ def test_the_dominant_side_stands_above_and_the_inferior_wire_goes_straight_thro
 def test_a_shared_wire_has_a_diagram_of_its_own_and_stubs_where_it_is_used() -> None:
     drive, roam, spare = layout(SHARED).diagrams
     assert [d.ends_in for d in (drive, roam, spare)] == ["drive", "roam", "spare"]
-    stubs = [vertex for vertex in drive.vertices if vertex.stub]
-    assert [stub.name for stub in stubs] == ["roam", "roam"]
+    references = [vertex for vertex in drive.vertices if vertex.is_reference]
+    assert [reference.name for reference in references] == ["roam", "roam"]
     assert (roam.used, spare.used) == (True, False)
 
 
 def test_a_module_is_drawn_once_and_then_named() -> None:
     vertices = [vertex for d in layout(SHARED).diagrams for vertex in d.vertices if not vertex.column]
-    boxes = [vertex.name for vertex in vertices if not vertex.stub]
+    boxes = [vertex.name for vertex in vertices if not vertex.is_reference]
     assert sorted(boxes) == ["a", "b"]
-    assert [vertex.name for vertex in vertices if vertex.stub].count("a") == 2
+    assert [vertex.name for vertex in vertices if vertex.is_reference].count("a") == 2
 
 
 def test_a_shared_wire_without_a_name_gets_one() -> None:

@@ -11,7 +11,7 @@ import pytest
 from colony.nav.maps.signs import CHARACTERS
 from colony.vision.letters.decoding import likely_texts, log_probabilities_of
 from colony.vision.letters.network import BLANK, CLASSES
-from colony.vision.letters.prior import ANYTHING_SHARE, SHAPES, WORD_SHARE, log_prior
+from colony.vision.letters.prior import ARBITRARY_FRACTION, SHAPES, WORD_FRACTION, log_prior
 
 
 def _columns(rows: list[dict[str, float]]) -> np.ndarray:
@@ -90,4 +90,4 @@ def test_a_lexicon_favors_its_texts() -> None:
 
 
 def test_shares_of_texts_add_up() -> None:
-    assert sum(SHAPES.values()) + WORD_SHARE + ANYTHING_SHARE == pytest.approx(1.0)
+    assert sum(SHAPES.values()) + WORD_FRACTION + ARBITRARY_FRACTION == pytest.approx(1.0)

@@ -35,8 +35,8 @@ def answered(
         while True:
             step = look.send(band)
             assert isinstance(step, Do)
-            assert isinstance(step.ask.arguments, camera.GrabRows)
-            band = image(times[asked]).rows(step.ask.arguments.first, step.ask.arguments.count)
+            assert isinstance(step.call.arguments, camera.GrabRows)
+            band = image(times[asked]).rows(step.call.arguments.first, step.call.arguments.count)
             asked += 1
     except StopIteration as done:
         return done.value, asked

@@ -45,7 +45,7 @@ def test_each_plate_is_one_track() -> None:
     assert len(tracks.tracks) == 2
     for track, place in zip(tracks.tracks, (0.0, 900.0), strict=True):
         assert track.place.tolist() == pytest.approx([-WALL_MM, place], abs=1.0)
-        assert (track.misses, track.hits) == (0, 1.0)
+        assert (track.misses, track.hit_fraction) == (0, 1.0)
         assert track.evidence == track.count > 5
         assert track.drift == pytest.approx(0.0, abs=0.01)
 
@@ -65,7 +65,7 @@ def test_what_should_be_in_the_image_and_is_not_is_missed() -> None:
     for step in range(1, 4):
         tracks.update(step * STEP_NS, robot, [])
     (track,) = tracks.tracks
-    assert (track.misses, track.hits) == (3, 0.25)
+    assert (track.misses, track.hit_fraction) == (3, 0.25)
     tracks.update(4 * STEP_NS, robot, [])
     assert len(tracks.tracks) == 0  # for good
 

@@ -14,7 +14,7 @@ from colony.vision.training import fonts as fonts_module
 from colony.vision.training.ctc import ctc_loss
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
 from colony.vision.training.layers import Convolution, Normalization, Pooling, TrainableLayer
-from colony.vision.training.learning import Learner, learning
+from colony.vision.training.learning import Learner, train_steps
 from colony.vision.training.samples import Batch, batch
 
 
@@ -75,7 +75,7 @@ def test_a_seed_gives_the_same_network_again() -> None:
     def weights() -> list[np.ndarray]:
         random = np.random.default_rng(6)
         learner = Learner(random)
-        list(learning(learner, 2, learned_fonts()[:2], random))
+        list(train_steps(learner, 2, learned_fonts()[:2], random))
         return [layer.kernel for layer in learner.network().layers]
 
     for one, other in zip(weights(), weights(), strict=True):
@@ -97,7 +97,9 @@ def test_what_was_learned_is_read() -> None:
         sum(reading_of(output, net).text == text for output, text in zip(outputs, samples.texts, strict=True))
         >= 9
     )
-    assert min(output.plate for output in outputs[:6]) > max(output.plate for output in outputs[6:])
+    assert min(output.plate_log_odds for output in outputs[:6]) > max(
+        output.plate_log_odds for output in outputs[6:]
+    )
 
 
 def test_no_font_is_both_learned_and_unseen() -> None:
@@ -124,8 +126,8 @@ def test_fonts_are_files() -> None:
         (["--out", "weights"], "expected a file ending in .npz"),
         (["--out", "/nowhere/w.npz"], "in a folder that exists"),
         (["--seed", "-1"], "expected --seed of at least 0"),
-        (["--steps", "0"], "--steps and --looks of at least 1"),
-        (["--looks", "0"], "--steps and --looks of at least 1"),
+        (["--steps", "0"], "--steps and --samples of at least 1"),
+        (["--samples", "0"], "--steps and --samples of at least 1"),
     ],
 )
 def test_what_could_not_end_well_is_refused_before_it_is_trained(

@@ -114,8 +114,8 @@ class Expressions:
             case Table(elements=elements):
                 return self._table(elements)
             case Apply(operator=Operator.AND, arguments=arguments):
-                known = self._placement.layout.known_at(self._placement.slot[value])
-                rest = [self._texts[i] for i in arguments if i not in known]
+                already_true = self._placement.layout.true_values_at(self._placement.slot[value])
+                rest = [self._texts[i] for i in arguments if i not in already_true]
                 return apply_operator(Operator.AND, rest, []) if len(rest) > 1 else rest[0] if rest else TRUE
             case Apply(operator=operator, arguments=arguments):
                 return self._applied(operator, arguments)

@@ -20,9 +20,7 @@ class Layout:
     _parent_slot: list[int] = field(default_factory=lambda: [-1])  # by region
     _depth: list[int] = field(default_factory=lambda: [0])  # by region
     _region: list[int] = field(default_factory=list)  # by slot
-    known: list[frozenset[int]] = field(
-        default_factory=lambda: [frozenset()]
-    )  # by region: values that are true in it
+    _true_values: list[frozenset[int]] = field(default_factory=lambda: [frozenset()])  # by region
 
     def slot(self, region: int) -> int:
         """Return a new slot at the end of the text so far, in `region`."""
@@ -34,12 +32,13 @@ class Layout:
         outer = self._region[slot]
         self._parent_slot.append(slot)
         self._depth.append(self._depth[outer] + 1)
-        self.known.append(self.known[outer] | {condition} if condition is not None else self.known[outer])
+        inherited = self._true_values[outer]
+        self._true_values.append(inherited if condition is None else inherited | {condition})
         return len(self._parent_slot) - 1
 
-    def known_at(self, slot: int) -> frozenset[int]:
-        """Return values that are true wherever `slot` is reached."""
-        return self.known[self._region[slot]]
+    def true_values_at(self, slot: int) -> frozenset[int]:
+        """Return conditions that are true whenever `slot` is reached."""
+        return self._true_values[self._region[slot]]
 
     def join(self, a: int, b: int) -> int:
         """Return the last slot that precedes and dominates both `a` and `b`."""

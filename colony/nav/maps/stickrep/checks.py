@@ -37,7 +37,7 @@ class MapSpans:
 
 
 def check_ring(problems: Problems, ring: Ring, spans: RingSpans, tolerance_mm: float | None) -> bool:
-    """Check a ring by itself; return True if its shape is sound.
+    """Check a ring by itself; return True if it is closed.
 
     Without a tolerance, the distance between the ring's ends is not checked.
     """
@@ -66,20 +66,20 @@ def _check_closure(problems: Problems, ring: Ring, spans: RingSpans, tolerance_m
         message = f"ring `{ring.name}` ends {distance:.0f} mm from where it began"
         message += f"; expected at most {tolerance_mm:.0f} mm"
         axes = [(east, "east", "west"), (north, "north", "south")]
-        sides = [_side(*axis) for axis in axes if abs(axis[0]) >= 0.5]
+        sides = [_format_offset(*axis) for axis in axes if abs(axis[0]) >= 0.5]
         hint = f"it ends {' and '.join(sides)} of its first node" if sides else None
         problems.report("M018", spans.header, message, hint)
         return False
     return True
 
 
-def _side(distance: float, positive: str, negative: str) -> str:
+def _format_offset(distance: float, positive: str, negative: str) -> str:
     inches = abs(distance) / 25.4
     return f"{abs(distance):.0f} mm ({inches:.1f} inch) {positive if distance >= 0 else negative}"
 
 
 def _check_lights_within(problems: Problems, ring: Ring, spans: RingSpans) -> bool:
-    sound = True
+    valid = True
     for edge, light_spans in zip(ring.edges, spans.lights, strict=True):
         for light, span in zip(edge.lights, light_spans, strict=True):
             if light.offset_mm > edge.length_mm + _LIGHT_SLACK_MM:
@@ -87,8 +87,8 @@ def _check_lights_within(problems: Problems, ring: Ring, spans: RingSpans) -> bo
                 message += f"; the edge is only {edge.length_mm:.0f} mm long"
                 hint = "see `lights` in the header: do offsets count from the light before, or from the node?"
                 problems.report("M019", span, message, hint if len(edge.lights) > 1 else None)
-                sound = False
-    return sound
+                valid = False
+    return valid
 
 
 def _report_unpaired(problems: Problems, ring: Ring, spans: RingSpans) -> None:
@@ -100,13 +100,13 @@ def _report_unpaired(problems: Problems, ring: Ring, spans: RingSpans) -> None:
     ]
     message = f"expected negative light offsets in pairs; found {len(shared)} in ring `{ring.name}`"
     if len(shared) % 2 == 0:
-        message += ", not each two of them on edges that meet at an angle"
+        message += ", but not every pair is on edges that meet at an angle"
     hint = "a light in a turning space is projected onto two edges that are not parallel, next to each other"
     problems.report("M020", shared[-1], message, hint)
 
 
 def check_map(problems: Problems, checked: Map, spans: MapSpans) -> None:
-    """Check the rings against each other, and the start; each ring must be sound."""
+    """Check the rings against each other, and the start; each ring must be valid."""
     before = len(problems)
     outlines = tuple(corners(ring) for ring in checked.rings)
     _check_crossings(problems, checked, outlines, spans)
@@ -165,13 +165,13 @@ def crossing_pairs(begins: NDArray[np.float64], ends: NDArray[np.float64]) -> li
         ends: (n, 2) second points. Segments that only touch do not cross.
     """
     pairs: list[tuple[int, int]] = []
-    for at in range(0, len(begins), _BLOCK):
-        p, q = begins[at : at + _BLOCK, None, :], ends[at : at + _BLOCK, None, :]
-        a, b = begins[None, : at + _BLOCK, :], ends[None, : at + _BLOCK, :]
+    for start in range(0, len(begins), _BLOCK):
+        p, q = begins[start : start + _BLOCK, None, :], ends[start : start + _BLOCK, None, :]
+        a, b = begins[None, : start + _BLOCK, :], ends[None, : start + _BLOCK, :]
         crosses = (_side_of(p, q, a) * _side_of(p, q, b) < 0) & (_side_of(a, b, p) * _side_of(a, b, q) < 0)
         for i, j in np.argwhere(crosses):
-            if j < at + i and (not pairs or pairs[-1][1] != at + i):
-                pairs.append((int(j), int(at + i)))
+            if j < start + i and (not pairs or pairs[-1][1] != start + i):
+                pairs.append((int(j), int(start + i)))
     return pairs
 
 
@@ -184,7 +184,7 @@ def crosses_any(segments: NDArray[np.float64], begin: Point, end: Point) -> bool
 
 
 def _side_of(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a positive value if r is left of the line from p to q, negative if right; (..., 2)."""
+    """Return a positive value where r is left of the line from p to q, negative where right; all (..., 2)."""
     u, v = q - p, r - p
     side: NDArray[np.float64] = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
     # Adjacent edges share a corner up to rounding, which counts as touching.

@@ -44,7 +44,7 @@ class _LocatedSite(NamedTuple):
 
 
 def read_connections(problems: Problems, header: Header, rings: tuple[Ring, ...]) -> Connections:
-    """Read the links and elevators that a header names; the rings must be sound."""
+    """Read the links and elevators that a header names; the rings must be valid."""
     reader = _ConnectionReader(problems, header.unit, rings)
     links = [reader.link(*words) for words in header.links]
     elevators = [reader.elevator(*words) for words in header.elevators]
@@ -87,7 +87,7 @@ class _ConnectionReader:
         self.segments = np.array(rows, dtype=np.float64)
 
     def link(self, first: Word, second: Word) -> Link | None:
-        """Read a link; None, with an error, unless both places exist and the robot can get between them."""
+        """Read a link; None, with an error, unless both places exist and the robot can drive between them."""
         site, other = self._locate(first), self._locate(second)
         if site is None or other is None:
             return None

@@ -72,18 +72,19 @@ class Word(NamedTuple):
 
 def lines_of_words(source: Source) -> Iterator[list[Word]]:
     """Return the words of each nonempty line, without comments."""
-    at = 0
-    while at < len(source.text):
-        end = source.text.find("\n", at)
+    start = 0
+    while start < len(source.text):
+        end = source.text.find("\n", start)
         end = len(source.text) if end < 0 else end
-        comment = source.text.find("#", at, end)
+        comment = source.text.find("#", start, end)
         stop = end if comment < 0 else comment
         words = [
-            Word(m.group(), Span(source, m.start(), m.end())) for m in _WORD.finditer(source.text, at, stop)
+            Word(m.group(), Span(source, m.start(), m.end()))
+            for m in _WORD.finditer(source.text, start, stop)
         ]
         if words:
             yield words
-        at = end + 1
+        start = end + 1
 
 
 def line_end(words: list[Word]) -> Span:

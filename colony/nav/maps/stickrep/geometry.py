@@ -40,7 +40,7 @@ class Trace:
     Attributes:
         points: positions of the nodes, and the end of the last edge.
         headings_deg: headings of the edges, in [0, 360).
-        total_turn_deg: the sum of all turns; -360 for an outline, 360 for a block, if the ring is sound.
+        total_turn_deg: the sum of all turns; -360 for an outline, 360 for a block, if the ring closes.
     """
 
     points: tuple[Point, ...]
@@ -77,11 +77,11 @@ def corners(ring: Ring) -> tuple[Point, ...]:
     walked = trace(ring)
     gap = walked.gap
     total = math.fsum(edge.length_mm for edge in ring.edges)
-    closed, so_far = [], 0.0
+    closed, walked_mm = [], 0.0
     for point, edge in zip(walked.points, ring.edges, strict=False):
-        share = so_far / total
-        closed.append(Point(point.x - gap.x * share, point.y - gap.y * share))
-        so_far += edge.length_mm
+        fraction = walked_mm / total
+        closed.append(Point(point.x - gap.x * fraction, point.y - gap.y * fraction))
+        walked_mm += edge.length_mm
     return tuple(closed)
 
 

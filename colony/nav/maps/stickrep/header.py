@@ -49,8 +49,8 @@ class Header:
         }
 
     @property
-    def known(self) -> tuple[str, ...]:
-        """The first words of all header lines."""
+    def keywords(self) -> tuple[str, ...]:
+        """The first words of all kinds of header lines."""
         return (*self._unique, *self._repeatable)
 
     def read_line(self, words: list[Word]) -> bool:
@@ -64,8 +64,8 @@ class Header:
                 self._read(words, *self._repeatable[key.text])
             return True
         if key.text not in self._unique:
-            close = did_you_mean(key.text, ("stickrep", "ring", *self.known))
-            hint = close or "header lines are: " + ", ".join(self.known)
+            close = did_you_mean(key.text, ("stickrep", "ring", *self.keywords))
+            hint = close or "header lines are: " + ", ".join(self.keywords)
             message = f"expected a header line, `ring` or a row that begins with an angle; found {key.shown}"
             self.problems.report("M004", key.span, message, hint)
             return False  # perhaps a row: its ring is not checked further
@@ -115,12 +115,12 @@ class Header:
         hint = "paths follow the rings both ways (either), or only as these are traced (wall-on-left)"
         self.travel = self._choice(get_args(Travel), values[0], hint) or self.travel
 
-    def _choice(self, known: tuple[_T, ...], word: Word, hint: str) -> _T | None:
-        """Return the element of `known` that equals the word; None, with an error, if there is none."""
-        for choice in known:
+    def _choice(self, choices: tuple[_T, ...], word: Word, hint: str) -> _T | None:
+        """Return the choice that equals the word; None, with an error, if there is none."""
+        for choice in choices:
             if word.text == choice:
                 return choice
-        message = f"expected {' or '.join(map(str, known))}; found {word.shown}"
+        message = f"expected {' or '.join(map(str, choices))}; found {word.shown}"
         self.problems.report("M007", word.span, message, hint)
         return None
 

@@ -8,14 +8,15 @@ A file is a header, then rings of rows; `#` begins a comment. The header says, i
     unit inch                   unit of all lengths in the file (default inch; mm, cm, m, ft)
     lights incremental          or cumulative: the reference of the lights' offsets (default incremental)
     closure 2                   the largest closure error of a ring (default two inches)
-    travel either               or wall-on-left: the direction in which paths follow the rings (default
-    either) floor NAME                  the floor's name in its building, if elevators lead to others
+    travel either               or wall-on-left: the direction in which paths follow the rings
+                                (default either)
+    floor NAME                  the floor's name in its building, if elevators lead to others
     link PLACE PLACE            two places of different rings that face each other, as many lines as needed;
                                 a place is NODE, or NODE+LENGTH for a place after it on its edge
     elevator NODE FILE NODE     an elevator's edge here, and the same elevator's in the map of another floor
 
-A ring begins with `ring NAME X Y HEADING`, where its first node stands and its first edge leads, and has a
-row for each node and the edge after it, the fields of thesis section 5.1:
+A ring begins with `ring NAME X Y HEADING`: the position of its first node and the heading of its first edge.
+A row for each node and the edge after it follows, with the fields of thesis section 5.1:
 
     alpha name tau lambda d1 .. d_lambda mu attribute
 
@@ -89,12 +90,12 @@ def read_map(source: Source) -> Map:
 
 @dataclass(slots=True, kw_only=True)
 class _PartialRing:
-    """A ring whose rows are being read; `sound` is False once one of them has an error."""
+    """A ring whose rows are being read; `valid` is False once one of them has an error."""
 
     header: Span
     name: str
     start: Pose
-    sound: bool = True
+    valid: bool = True
     nodes: list[MapNode] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
     node_spans: list[Span] = field(default_factory=list)
@@ -129,7 +130,7 @@ class _Reader:
             elif words[0].looks_like_number:
                 self._row(words)
             elif self.rings:
-                self.rings[-1].sound = False
+                self.rings[-1].valid = False
         return self._finish()
 
     def _is_stickrep(self, first: list[Word] | None) -> bool:
@@ -187,7 +188,7 @@ class _Reader:
             self.problems.report("M015", words[1].span, message, "names of rings are unique in a map")
         span = words[0].span.to(words[min(1, len(words) - 1)].span)
         ring = _PartialRing(header=span, name=name or "", start=pose or Pose(0.0, 0.0, 0.0))
-        ring.sound = name is not None and pose is not None
+        ring.valid = name is not None and pose is not None
         self.rings.append(ring)
 
     def _row(self, words: list[Word]) -> None:
@@ -204,7 +205,7 @@ class _Reader:
             hint = "a row is: angle name type lights [offset ...] length attribute"
             self.problems.report("M010", line_end(words), message, hint)
         if node is None or edge is None or len(self.problems) > before:
-            ring.sound = False
+            ring.valid = False
             return
         ring.nodes.append(node)
         ring.edges.append(edge)
@@ -259,21 +260,21 @@ class _Reader:
     def _light_offsets(self, words: list[Word]) -> tuple[Light, ...] | None:
         lights: list[Light] = []
         last = 0.0
-        sound = True
+        valid = True
         for word in words:
             offset = self._mm(word, "the light's offset", 0.0, fields.MAX_LENGTH_MM)
             if offset is None:
-                sound = False
+                valid = False
                 continue
             offset_mm = abs(offset) + (last if self.header.light_offsets == "incremental" else 0.0)
             if offset_mm < last:
                 message = f"the offset {word.shown} is less than the one before"
                 hint = "cumulative offsets all count from the node; `lights incremental` is the other way"
                 self.problems.report("M019", word.span, message, hint)
-                sound = False
+                valid = False
             lights.append(Light(offset_mm=offset_mm, shared=word.text.startswith("-")))
             last = offset_mm
-        return tuple(lights) if sound else None
+        return tuple(lights) if valid else None
 
     # The whole
 
@@ -283,13 +284,13 @@ class _Reader:
         tolerance = self._tolerance()
         self._check_required_lines()
         for ring in self.rings:
-            if ring.sound:
-                ring.sound = check_ring(self.problems, ring.finish(), ring.spans(), tolerance)
+            if ring.valid:
+                ring.valid = check_ring(self.problems, ring.finish(), ring.spans(), tolerance)
         rings = tuple(ring.finish() for ring in self.rings)
-        sound = bool(rings) and all(ring.sound for ring in self.rings)
+        valid = bool(rings) and all(ring.valid for ring in self.rings)
         # If a row could not be read, its node is unknown, and correct links to it would be reported.
         none = Connections(links=(), elevators=())
-        connections = read_connections(self.problems, header, rings) if sound else none
+        connections = read_connections(self.problems, header, rings) if valid else none
         if start is None or header.start is None or tolerance is None or header.name is None:
             return None
         result = Map(
@@ -304,7 +305,7 @@ class _Reader:
             unit=header.unit,
             light_offsets=header.light_offsets,
         )
-        if sound:
+        if valid:
             span = header.start[0].span.to(header.start[-1].span)
             check_map(self.problems, result, MapSpans(start=span, rings=tuple(r.spans() for r in self.rings)))
         return result

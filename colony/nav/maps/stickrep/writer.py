@@ -1,4 +1,4 @@
-"""Writes StickRep maps, in the unit and with the light offsets of the map: the inverse of the reader."""
+"""Writes StickRep maps, with the unit and the convention for light offsets that each map names."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ _DECIMALS = 6
 _COLUMNS = ("# alpha", "node", "type", "lights", "length", "attribute")
 
 
-def write_map(written: Map) -> str:
+def write_map(source: Map) -> str:
     """Return the text of a map; reading it gives the map back, up to the sixth decimal of its unit.
 
     Reading and writing a written text again reproduces it. Comments are not kept.
     """
-    scale = LENGTH_UNITS[written.unit]
+    scale = LENGTH_UNITS[source.unit]
     header = [
         f"stickrep {FORMAT_VERSION}",
-        f"map {written.name}",
-        f"unit {written.unit}",
-        f"lights {written.light_offsets}",
-        f"closure {_number(written.tolerance_mm / scale)}",
-        *([f"floor {written.floor}"] if written.floor else []),
-        *([f"travel {written.travel}"] if written.travel != "either" else []),
-        f"start {_pose(written.start, scale)}",
+        f"map {source.name}",
+        f"unit {source.unit}",
+        f"lights {source.light_offsets}",
+        f"closure {_number(source.tolerance_mm / scale)}",
+        *([f"floor {source.floor}"] if source.floor else []),
+        *([f"travel {source.travel}"] if source.travel != "either" else []),
+        f"start {_pose(source.start, scale)}",
     ]
-    connections = [f"link {_site(link.first, scale)} {_site(link.second, scale)}" for link in written.links]
-    connections += [f"elevator {ride.node} {ride.file} {ride.other_node}" for ride in written.elevators]
-    rings = [_ring(ring, scale, written.light_offsets == "cumulative") for ring in written.rings]
+    connections = [f"link {_site(link.first, scale)} {_site(link.second, scale)}" for link in source.links]
+    connections += [f"elevator {link.node} {link.file} {link.other_node}" for link in source.elevators]
+    rings = [_ring(ring, scale, source.light_offsets == "cumulative") for ring in source.rings]
     return "\n\n".join(["\n".join(header), *rings, *(["\n".join(connections)] if connections else [])]) + "\n"
 
 

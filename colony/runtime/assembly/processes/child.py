@@ -21,7 +21,7 @@ from colony.runtime.assembly.processes.parts import is_nonblocking, nodes_of, se
 from colony.runtime.assembly.processes.shutdown import (
     EXIT_FAILED,
     Shutdown,
-    exit_on_exhaustion,
+    exit_if_out_of_resources,
     exit_with,
     log_line,
     make_printing_safe,
@@ -90,7 +90,13 @@ def _host(part: Part, robot_address: RobotAddress, devices: Devices | None, reso
         raise StartupError(describe(problem)) from None
     except (DiagnosticError, StoreError) as problem:
         raise StartupError(str(problem)) from None
-    return Host.open(robot_address, nodes, serves=serves(part), direct=is_nonblocking(part), report=log_line)
+    return Host.open(
+        robot_address,
+        nodes,
+        serves=serves(part),
+        handle_directly=is_nonblocking(part),
+        report=log_line,
+    )
 
 
 def main(devices: Devices | None = None) -> None:
@@ -106,7 +112,7 @@ def main(devices: Devices | None = None) -> None:
         except StoreError as problem:
             exit_with(str(problem), EXIT_FAILED)
         except Exception as problem:
-            exit_on_exhaustion(problem)
+            exit_if_out_of_resources(problem)
     shutdown.end_forked()
 
 

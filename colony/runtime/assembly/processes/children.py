@@ -174,9 +174,9 @@ class Children:
             child.due_ns = None
             if child.process is not None:
                 child.process.send_signal(signal.SIGTERM)
-        until = time.monotonic() + grace_s
+        deadline = time.monotonic() + grace_s
         living = [c for c in children if c.process is not None]
-        while living and time.monotonic() < until:
+        while living and time.monotonic() < deadline:
             living = [c for c in living if c.process is not None and _exit_code(c.process) is None]
             if living:
                 time.sleep(POLL_INTERVAL_S)

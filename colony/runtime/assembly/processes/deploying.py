@@ -21,7 +21,7 @@ PAUSE_S = 0.05
 REFUSED_PAUSE_S = 0.5
 """Seconds between two attempts to deploy to a server that is in another run, whose leader may have died."""
 
-BUSY_S = 3.0
+BUSY_TIMEOUT_S = 3.0
 """Seconds that a server may be in another run before this run fails; longer than a lease."""
 
 
@@ -42,8 +42,8 @@ class ProgramDeployer:
         self._deployment = deployment
         self._report = report
         self._stop = threading.Event()
-        self._deployed: set[str] = set()
-        self.refused: str | None = None
+        self._accepting_servers: set[str] = set()
+        self.refusal: str | None = None
         self._threads = [
             threading.Thread(
                 target=self._keep_deployed, args=(server,), name=f"deploys to {server}", daemon=True
@@ -54,9 +54,9 @@ class ProgramDeployer:
             thread.start()
 
     @property
-    def deployed(self) -> frozenset[str]:
+    def accepting_servers(self) -> frozenset[str]:
         """The servers that accepted the program."""
-        return frozenset(self._deployed)
+        return frozenset(self._accepting_servers)
 
     def close(self) -> None:
         """End the run. Idempotent."""
@@ -73,7 +73,7 @@ class ProgramDeployer:
                 return
             resources.enter_context(connection)
             if self._deploy(server, connection):
-                self._deployed.add(server)
+                self._accepting_servers.add(server)
                 self._stop.wait()
 
     def _connect(self, server: str) -> Connection | None:
@@ -103,7 +103,7 @@ class ProgramDeployer:
                 connection.keep(deploy(self._deployment))
                 return True
             except CallRefusedError as problem:
-                if problem.code != "busy" or waited_s >= BUSY_S:
+                if problem.code != "busy" or waited_s >= BUSY_TIMEOUT_S:
                     self._note_refusal(server, problem)
                     return False
                 self._stop.wait(REFUSED_PAUSE_S)
@@ -113,4 +113,4 @@ class ProgramDeployer:
         return False
 
     def _note_refusal(self, server: str, problem: CallRefusedError) -> None:
-        self.refused = self.refused or f"{server}: {problem.message}"
+        self.refusal = self.refusal or f"{server}: {problem.message}"

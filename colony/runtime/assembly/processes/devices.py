@@ -10,21 +10,21 @@ from colony.runtime.servers.drivers import BaseDriver, CameraDriver, ProximityDr
 
 
 class Devices(Protocol):
-    """A factory of drivers. Their times are nanoseconds since `base_ns` on the machine's monotonic clock.
+    """A factory of drivers. Their times are nanoseconds since `origin_ns` on the machine's monotonic clock.
 
     Each driver is closed with `resources`.
     """
 
-    def base(self, device: Device, robot: str, base_ns: int, resources: ExitStack) -> BaseDriver:
+    def base(self, device: Device, robot: str, origin_ns: int, resources: ExitStack) -> BaseDriver:
         """Return the driver of the base."""
         ...
 
-    def proximity(self, device: Device, robot: str, base_ns: int, resources: ExitStack) -> ProximityDriver:
+    def proximity(self, device: Device, robot: str, origin_ns: int, resources: ExitStack) -> ProximityDriver:
         """Return the driver of the proximity sensors."""
         ...
 
     def camera(
-        self, device: Device, robot: str, camera: str, base_ns: int, resources: ExitStack
+        self, device: Device, robot: str, camera: str, origin_ns: int, resources: ExitStack
     ) -> CameraDriver:
         """Return the driver of a camera."""
         ...

@@ -44,10 +44,10 @@ CLIENTS, SERVERS, HARDWARE = range(3)
 """Shutdown waves: clients end first, then servers, which stop the robot, then its hardware."""
 
 STORE = "DServer.sqlite"
-"""Name of the file of DServer's variables, in the folder of a robot's state."""
+"""Name of the file of DServer's variables, in the state folder of a robot."""
 
 STARTUP_BYTES = 1 << 14
-"""Disk space, in bytes, for the claims and the log of a process."""
+"""Disk space, in bytes, for the file with which a process claims its name, and for its log."""
 
 STOP = "Clock.stop"
 """Name of the file of the emergency stop, in the same folder."""
@@ -64,7 +64,7 @@ def fresh_folder(folder: Path) -> Path:
     return folder
 
 
-def check_disk_room(folder: Path, processes: int) -> None:
+def check_disk_space(folder: Path, processes: int) -> None:
     """Check that the disk of the run directory has space for the first writes of `processes` processes.
 
     Each process claims its name, and may write to its log.
@@ -77,7 +77,7 @@ def check_disk_room(folder: Path, processes: int) -> None:
     reserve.release()
 
 
-def keep_logs(folder: Path) -> None:
+def delete_all_but_logs(folder: Path) -> None:
     """Delete all files except non-empty logs from the folder of processes that have ended."""
     for path in folder.iterdir():
         if path.suffix != ".log" or not path.stat().st_size:
@@ -85,29 +85,35 @@ def keep_logs(folder: Path) -> None:
 
 
 def server_parts(
-    state: Path,
+    state_folder: Path,
     device: Device,
     *,
     cameras: Iterable[tuple[str, str]] = (),
     fsync: bool = False,
-    held: dict[str, Value] | None = None,
+    pinned_variables: dict[str, Value] | None = None,
 ) -> tuple[Part, ...]:
     """Return the parts of all servers of a robot.
 
     Args:
-        state: folder of data that must survive the death of a server.
+        state_folder: folder of data that must survive the death of a server.
         device: hardware.
         cameras: pairs of a server's name and the name of its camera.
         fsync: as in `DServerPart`.
-        held: as in `DServerPart`.
+        pinned_variables: as in `DServerPart`.
     """
     cameras = tuple(cameras)
-    answering = (RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name, *(server for server, _ in cameras))
+    frame_servers = (
+        RSERVER.name,
+        PSERVER.name,
+        DSERVER.name,
+        RUNTIME.name,
+        *(server for server, _ in cameras),
+    )
     return (
-        ClockPart(servers=answering, stop=str(state / STOP)),
+        ClockPart(servers=frame_servers, stop=str(state_folder / STOP)),
         RServerPart(device=device),
         PServerPart(device=device),
-        DServerPart(store=str(state / STORE), fsync=fsync, held=held or {}),
+        DServerPart(store=str(state_folder / STORE), fsync=fsync, pinned_variables=pinned_variables or {}),
         *(CServerPart(device=device, server=server, camera=camera) for server, camera in cameras),
     )
 
@@ -121,11 +127,11 @@ def server_jobs(
 
 def client_jobs(
     robot_address: RobotAddress,
-    deployed: Deployment,
+    deployment: Deployment,
     compiled: Compiled,
     bindings: Bindings,
     folder: Path,
-    search: Iterable[str] = (),
+    search_path: Iterable[str] = (),
     *,
     isolate: bool = False,
 ) -> tuple[Job, ...]:
@@ -133,10 +139,10 @@ def client_jobs(
 
     Clients share a process where possible, unless `isolate` is true.
     """
-    program = folder / f"{deployed.run}{SUFFIX}"
+    program = folder / f"{deployment.run}{SUFFIX}"
     write_private(program, encode(compiled))
     write_private(bindings_of(program), msgspec.json.encode(bindings))
-    program_of_run = ProgramOfRun(run=deployed.run, file=str(program), search=tuple(search))
+    program_of_run = ProgramOfRun(run=deployment.run, file=str(program), search_path=tuple(search_path))
     parts: list[Part] = [
         ClientsPart(program=program_of_run, clients=process.clients, shared=process.shared)
         for process in client_processes(compiled, isolate=isolate)

@@ -84,7 +84,7 @@ def _clock(servers: tuple[str, ...], stop: Path) -> tuple[Node, ...]:
     from colony.runtime.servers.runtime_server import RuntimeServer
 
     runtime = RuntimeServer()
-    clock = Clock(servers=servers, on_deploy=runtime.use, stop_path=stop, report=log_line)
+    clock = Clock(servers=servers, on_deploy=runtime.on_deploy, stop_path=stop, report=log_line)
     return clock, runtime
 
 
@@ -96,21 +96,21 @@ def _hardware_server(
 ) -> Node:
     if devices is None or not isinstance(robot_address, Local):
         raise ValueError("a server of hardware runs on the robot's own machine, with its drivers")
-    robot, base_ns, device = robot_address.robot, robot_address.directory.base_ns(), part.device
+    robot, origin_ns, device = robot_address.robot, robot_address.directory.origin_ns(), part.device
     match part:
         case RServerPart():
             from colony.runtime.servers.rserver import RServer
 
-            driver = devices.base(device, robot, base_ns, resources)
+            driver = devices.base(device, robot, origin_ns, resources)
             return RServer(driver)
         case PServerPart():
             from colony.runtime.servers.pserver import PServer
 
-            return PServer(devices.proximity(device, robot, base_ns, resources))
+            return PServer(devices.proximity(device, robot, origin_ns, resources))
         case CServerPart(server=server, camera=camera):
             from colony.runtime.servers.cserver import CServer
 
-            return CServer(devices.camera(device, robot, camera, base_ns, resources), address=server)
+            return CServer(devices.camera(device, robot, camera, origin_ns, resources), address=server)
 
 
 def _dserver(part: DServerPart, robot_address: RobotAddress) -> Node:
@@ -119,9 +119,9 @@ def _dserver(part: DServerPart, robot_address: RobotAddress) -> Node:
 
     if not isinstance(robot_address, Local):
         raise ValueError("DServer runs on the robot's own machine")
-    store, clock_id = _store(part), str(robot_address.directory.base_ns())
+    store, clock_id = _store(part), str(robot_address.directory.origin_ns())
     notes = partial(damage_notes, Path(part.store))
-    return DServer(part.held, store=store, clock_id=clock_id, notes=notes)
+    return DServer(part.pinned_variables, store=store, clock_id=clock_id, notes=notes)
 
 
 def _store(part: DServerPart) -> Store:
@@ -149,7 +149,7 @@ def _announcer(part: AnnouncerPart) -> Node:
 
     with suppress(OSError):  # only Linux has this file
         Path("/proc/self/oom_score_adj").write_text("1000")
-    sys.path += part.program.search
+    sys.path += part.program.search_path
     return build_announcer(*_program(part.program), part.module, part.program.run)
 
 

@@ -17,7 +17,7 @@ from colony.collector import gc_frozen
 from colony.ir.types import Value
 from colony.runtime.assembly.processes.children import Children, Job, describe
 from colony.runtime.assembly.processes.deploying import ProgramDeployer
-from colony.runtime.assembly.processes.held_variables import HeldVariables
+from colony.runtime.assembly.processes.pinned_variables import PinnedVariables
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.kit.connection import Session
@@ -49,7 +49,7 @@ class SupervisedRun:
 
     Args:
         robot_address: address of the robot.
-        deployed: deployed program.
+        deployment: program to run, as it is deployed.
         servers: servers to which it is deployed.
         observer: observer of the run, which passes frames to `window`.
         window: the part of the run to show.
@@ -66,7 +66,7 @@ class SupervisedRun:
     def __init__(
         self,
         robot_address: RobotAddress,
-        deployed: Deployment,
+        deployment: Deployment,
         servers: Iterable[str],
         *,
         observer: Node,
@@ -75,12 +75,12 @@ class SupervisedRun:
         report: Callable[[str], None],
         on_end: Callable[[], None] = lambda: None,
     ) -> None:
-        self._deployed = deployed
+        self._deployment = deployment
         self._servers = tuple(servers)
         self._window = window
         self._status_tracker = status_tracker
         self._report = report
-        self._held: Mapping[str, Value] = {}
+        self._pinned_variables: Mapping[str, Value] = {}
         self._failure: BaseException | None = None
         self._resources = ExitStack()
         with ExitStack() as resources:
@@ -111,7 +111,7 @@ class SupervisedRun:
 
     def pin_variables(self, values: Mapping[str, Value]) -> None:
         """Keep variables of a running DServer at these values, from `follow` to the end of the run."""
-        self._held = values
+        self._pinned_variables = values
 
     def pid(self, name: str) -> int | None:
         """Return the id of a started process, None if it is not alive."""
@@ -126,12 +126,12 @@ class SupervisedRun:
             RunFailedError: it takes longer than `timeout_s` (the message names `what`), or a process that the
                 run needs died and is not restarted.
         """
-        until = time.monotonic() + timeout_s
+        deadline = time.monotonic() + timeout_s
         while not ready():
             if stop():
                 self._window.shut()
                 return False
-            if time.monotonic() > until:
+            if time.monotonic() > deadline:
                 raise RunFailedError(f"{what} takes longer than {timeout_s:g} s")
             self._check_children()
             self._window.changed.wait(HEALTH_CHECK_INTERVAL_S)
@@ -149,9 +149,9 @@ class SupervisedRun:
         self._resources.enter_context(gc_frozen())
         session = Session(Hub(self._host.network))
         self._resources.callback(session.close)
-        if self._held:
-            self._resources.callback(HeldVariables(session, self._held).close)
-        deployer = ProgramDeployer(session, self._deployed, self._servers, self._report)
+        if self._pinned_variables:
+            self._resources.callback(PinnedVariables(session, self._pinned_variables).close)
+        deployer = ProgramDeployer(session, self._deployment, self._servers, self._report)
         self._resources.callback(deployer.close)
         begin_by = time.monotonic() + START_TIMEOUT_S
         while not self._window.over:
@@ -233,9 +233,9 @@ class SupervisedRun:
         self._joined.add(address)
 
     def _check(self, deployer: ProgramDeployer, *, late: bool) -> None:
-        if deployer.refused is not None:
-            raise RunFailedError(deployer.refused)
+        if deployer.refusal is not None:
+            raise RunFailedError(deployer.refusal)
         if late and not self._window.begun:
-            missing = [s for s in self._servers if s not in deployer.deployed]
+            missing = [s for s in self._servers if s not in deployer.accepting_servers]
             reason = f"{', '.join(missing)} did not answer" if missing else "no frame was decided"
             raise RunFailedError(f"the run has not begun after {START_TIMEOUT_S:g} s: {reason}")

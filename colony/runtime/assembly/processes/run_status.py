@@ -26,10 +26,10 @@ class _Client:
 class RunStatusTracker:
     """A sink that counts the frames in which each client was on time, late or lost. Mutable."""
 
-    def __init__(self, deployed: Deployment, *, file: str) -> None:
-        self._deployed = deployed
+    def __init__(self, deployment: Deployment, *, file: str) -> None:
+        self._deployment = deployment
         self._file = file
-        self._clients = {address: _Client() for address, _ in client_addresses(deployed)}
+        self._clients = {address: _Client() for address, _ in client_addresses(deployment)}
         self._commanded_by: dict[str, str | None] = {}
         self._k = -1
         self._frames = 0
@@ -79,8 +79,8 @@ class RunStatusTracker:
     def status(self) -> RunStatus:
         """Return the state of the run."""
         return RunStatus(
-            run=self._deployed.run,
-            program=self._deployed.program,
+            run=self._deployment.run,
+            program=self._deployment.program,
             file=self._file,
             process=os.getpid(),
             k=self._k,

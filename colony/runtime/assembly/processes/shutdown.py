@@ -165,8 +165,8 @@ def exit_with(text: str, code: int = EXIT_FINAL) -> NoReturn:
     sys.exit(code)
 
 
-def exit_on_exhaustion(problem: Exception) -> NoReturn:
-    """Exit with one line if memory, files or disk space are exhausted; raise other errors, which are bugs."""
+def exit_if_out_of_resources(problem: Exception) -> NoReturn:
+    """Exit with one line if memory, files or disk space ran out; raise any other error, which is a bug."""
     if is_out_of_memory(problem):
         exit_with("out of memory", EXIT_FAILED)
     if isinstance(problem, OSError):

@@ -14,7 +14,7 @@ import msgspec
 from colony.files import read_file
 from colony.ir.types import Value
 from colony.os_errors import naming
-from colony.runtime.assembly.sharing import ClientProcess, announcer_process
+from colony.runtime.assembly.sharing import ClientProcess, announcer_process_name
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
@@ -80,12 +80,12 @@ class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
 class DServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="DServer"):
     """The server of variables and semaphores, kept in `store`; with `fsync` they survive a loss of power.
 
-    `held` are variables that stay fresh in every frame, as if an operator kept setting them.
+    `pinned_variables` stay fresh in every frame, as if an operator kept setting them.
     """
 
     store: str
     fsync: bool = False
-    held: dict[str, Value] = {}
+    pinned_variables: dict[str, Value] = msgspec.field(default_factory=dict, name="held")
 
 
 class GatewayPart(msgspec.Struct, frozen=True, kw_only=True, tag="Gateway"):
@@ -96,11 +96,11 @@ class GatewayPart(msgspec.Struct, frozen=True, kw_only=True, tag="Gateway"):
 
 
 class ProgramOfRun(msgspec.Struct, frozen=True, kw_only=True):
-    """The file of a run's compiled program; `search` are additional folders of its Python modules."""
+    """The file of a run's compiled program; `search_path` are additional folders of its Python modules."""
 
     run: str
     file: str
-    search: tuple[str, ...] = ()
+    search_path: tuple[str, ...] = msgspec.field(default=(), name="search")
 
 
 class ClientsPart(msgspec.Struct, frozen=True, kw_only=True, tag="clients"):
@@ -226,4 +226,4 @@ def name_of(part: Part) -> str:
         case ClientsPart(clients=clients, shared=shared):
             return ClientProcess(clients, shared).name
         case AnnouncerPart(module=module):
-            return announcer_process(module)
+            return announcer_process_name(module)

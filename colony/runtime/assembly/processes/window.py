@@ -29,6 +29,7 @@ class Window:
         self._shown_ns = 0
         self._shut = False
         self.changed = threading.Event()
+        """Set when the first frame has been shown, and when the window is over."""
 
     def record(self, sink: Sink) -> None:
         """Add a sink that gets the frames in the robot's own time; call it before the first frame."""

@@ -75,7 +75,7 @@ def _rules(subject: str, robot: str, user: str, permissions: tuple[Permission, .
         published += [key.format(user=user) for key in _RUNNER_PUBLICATIONS]
         subscribed += _RUNNER_SUBSCRIPTIONS
         # liveliness tokens of clients; a server's token has a single part
-        tokens = (keys.alive(robot, "*/*"), keys.alive(robot, "*/*/*"))
+        tokens = (keys.liveliness_key(robot, "*/*"), keys.liveliness_key(robot, "*/*/*"))
         yield _allow(f"{subject}-tokens", ("liveliness_token",), ("ingress",), tokens)
     yield _allow(f"{subject}-publishes", ("put",), ("ingress",), [prefix + key for key in published])
     yield _allow(
@@ -85,7 +85,7 @@ def _rules(subject: str, robot: str, user: str, permissions: tuple[Permission, .
     declarations = ("declare_subscriber", "liveliness_token")
     yield _allow(f"{subject}-learns", declarations, ("egress",), (f"{prefix}**",))
     queries = ("liveliness_query", "declare_liveliness_subscriber")
-    yield _allow(f"{subject}-queries", queries, ("ingress",), (keys.alive(robot, "**"),))
+    yield _allow(f"{subject}-queries", queries, ("ingress",), (keys.liveliness_key(robot, "**"),))
 
 
 def _allow(

@@ -72,8 +72,8 @@ def configuration(settings: Settings) -> zenoh.Config:
     return config
 
 
-def settings(robot_address: RobotAddress, *, listens: tuple[str, ...] = ()) -> Settings:
-    """Return the settings of a process that serves as `listens`; one without `listens` only connects.
+def settings(robot_address: RobotAddress, *, server_names: tuple[str, ...] = ()) -> Settings:
+    """Return the settings of a process that serves as `server_names`; a process without names only connects.
 
     Raises:
         ValueError: the process would serve a robot on another machine; only the robot's own machine has its
@@ -83,10 +83,14 @@ def settings(robot_address: RobotAddress, *, listens: tuple[str, ...] = ()) -> S
     match robot_address:
         case Local(directory=directory):
             names = {*STANDARD_SERVERS, GATEWAY, *directory.servers()}
-            return _common("peer", LOCAL_LINKS, gossip=True) | _local(directory, listens, names) | queue_size
+            return (
+                _common("peer", LOCAL_LINKS, gossip=True)
+                | _local(directory, server_names, names)
+                | queue_size
+            )
         case Remote(endpoint=endpoint, credentials=credentials):
-            if listens:
-                raise ValueError(f"{listens[0]} cannot serve {robot_address.robot} from another machine")
+            if server_names:
+                raise ValueError(f"{server_names[0]} cannot serve {robot_address.robot} from another machine")
             return (
                 _common("client", REMOTE_LINKS, gossip=False)
                 | {"listen/endpoints": [], "connect/endpoints": [endpoint], "connect/timeout_ms": LOGIN_MS}
@@ -111,9 +115,9 @@ def stop_settings(directory: RobotDirectory) -> Settings:
 def gateway_settings(directory: RobotDirectory, listen: str, security: Security) -> Settings:
     """Return the settings of a gateway that listens at `listen`, without its access control.
 
-    The gateway connects to no process: all processes of the robot connect to it. If both ends
-    dialed each other after a broken link, each could take the other's link for the surviving one, and neither
-    would dial again.
+    The gateway connects to no process: all processes of the robot connect to it. If both ends dialed each
+    other after a broken link, each could take the other's link for the surviving one, and neither would dial
+    again.
     """
     return _common("router", (*LOCAL_LINKS, *REMOTE_LINKS), gossip=False) | {
         "gateway": {"south": ACCEPTED_SESSIONS},
@@ -131,11 +135,11 @@ def gateway_settings(directory: RobotDirectory, listen: str, security: Security)
     }
 
 
-def _local(directory: RobotDirectory, listens: tuple[str, ...], names: set[str]) -> dict[str, object]:
-    """Return the settings to listen as `listens` and to connect to all other `names`."""
+def _local(directory: RobotDirectory, server_names: tuple[str, ...], names: set[str]) -> dict[str, object]:
+    """Return the settings to listen as `server_names`, and to connect to all other `names`."""
     return {
-        "listen/endpoints": [directory.endpoint(name) for name in listens],
-        "connect/endpoints": [directory.endpoint(name) for name in sorted(names.difference(listens))],
+        "listen/endpoints": [directory.endpoint(name) for name in server_names],
+        "connect/endpoints": [directory.endpoint(name) for name in sorted(names.difference(server_names))],
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
     }

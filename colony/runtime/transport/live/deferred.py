@@ -2,7 +2,7 @@
 
 Waking a thread for a message costs more than handling it. A node that does not need some frames until
 it has something else to handle (`messages.DeferringNode`) avoids that cost: zenoh keeps these frames in one
-ring per topic, and the host takes them whenever it handles a message or a node's alarm is due.
+ring per topic, and the host takes them whenever it handles a message or a node's wake is due.
 
 Only frames are kept this way, because a reader can fetch a frame that its ring dropped. Other deferrable
 topics go through the inbox without waking the host: users' messages must be counted on arrival, and
@@ -18,7 +18,7 @@ import zenoh
 
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.message_queue import QueuedMessage, too_large
+from colony.runtime.transport.live.message_queue import QueuedMessage, size_violation
 
 MAX_DEFERRED_FRAMES = 128
 """Deferred frames kept per topic. A full ring drops its oldest frame; a reader fetches it again."""
@@ -40,7 +40,7 @@ class DeferredFrames:
     def listen(self, topic: str, declared: ExitStack) -> None:
         """Keep the frames of a topic from now on, until `declared` is closed."""
         handler: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(MAX_DEFERRED_FRAMES)
-        subscriber = self._session.declare_subscriber(keys.listening(self._robot, topic), handler)
+        subscriber = self._session.declare_subscriber(keys.subscription_key(self._robot, topic), handler)
         declared.callback(subscriber.undeclare)
         self._rings.append((topic, subscriber))
 
@@ -53,6 +53,8 @@ class DeferredFrames:
                     break
                 size = len(sample.payload)
                 message = (
-                    sample.payload.to_bytes() if size <= MAX_MESSAGE_BYTES else too_large(topic, None, size)
+                    sample.payload.to_bytes()
+                    if size <= MAX_MESSAGE_BYTES
+                    else size_violation(topic, None, size)
                 )
                 yield QueuedMessage(topic, message)

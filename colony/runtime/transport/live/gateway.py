@@ -124,7 +124,7 @@ def open_gateway(
     }
     with ExitStack() as resources:
         network = resources.enter_context(
-            ZenohSession.open(robot_address, listens=(GATEWAY,), settings=settings)
+            ZenohSession.open(robot_address, server_names=(GATEWAY,), settings=settings)
         )
         host = Host(network, [GatewayNode(security)], time=local_time(robot_address), report=report)
         host.take_ownership(resources.pop_all())

@@ -10,14 +10,13 @@ One thread at a time handles messages, in one of three ways:
   thread of `run` takes messages in order (`message_queue.py`), decodes them, passes them to the nodes,
   settles the nodes, and sends their effects. While it sends, which may block until a link has room, other
   threads may hand messages to the nodes.
-- Immediately. In a `direct` host, for nodes that never block, the receiving thread hands a message to the
-  nodes itself if nothing else waits or is being handled. This saves two thread switches. Other messages go to
-  the inbox, where urgent calls overtake the rest. Such a host never waits for room on a link: a message that
-  does not fit is dropped, and its receiver continues without it or fetches it. A frozen server therefore
-  delays only its own clients. Only large messages that must not be dropped wait, in a
-  separate thread (`sender.py`).
+- Immediately. In a direct host, whose nodes never block, the receiving thread hands a message to the nodes
+  itself if nothing else waits or is being handled. This saves two thread switches. Other messages go to the
+  inbox, where urgent calls overtake the rest. Such a host never waits for room on a link: a message that does
+  not fit is dropped, and its receiver continues without it or fetches it. A frozen server therefore delays
+  only its own clients. Only large messages that must not be dropped wait, in a separate thread (`sender.py`).
 - Deferred. Frames that no reader needs yet wait in ring buffers (`deferred.py`), and other deferrable
-  messages in the inbox, until another message or an alarm makes the nodes handle something.
+  messages in the inbox, until the nodes have another message or a wake to handle.
 
 Emergency stops have their own thread (`stop_lane.py`). It takes over the nodes as soon as they finish their
 current message, ahead of everything that waits, and never waits for room to send its replies.
@@ -75,7 +74,7 @@ class Host:
         nodes: Sequence[Node],
         *,
         time: Callable[[], int],
-        direct: bool = False,
+        handle_directly: bool = False,
         report: Report = lambda problem: None,
     ) -> None:
         """Run nodes on an open network that the caller owns; `Host.open` opens its own.
@@ -84,9 +83,9 @@ class Host:
             network: open session; closing the host leaves it open.
             nodes: nodes with different addresses.
             time: clock of the robot, in nanoseconds.
-            direct: True to let the receiving thread hand messages to the nodes, and to never wait for room on
-                links. Only for nodes that never block: nothing is received while they handle a message.
-                Ignored if a node has to settle.
+            handle_directly: True to let the receiving thread hand messages to the nodes, and to never wait
+                for room on links. Only for nodes that never block: nothing is received while they handle a
+                message. Ignored if a node has to settle.
             report: callback for a sentence about each problem that the host survives; called in a thread that
                 handles messages.
         """
@@ -95,27 +94,27 @@ class Host:
         self._time = time
         self._learned = time if isinstance(time, LearnedTime) else None
         self._settling = tuple(node for node in nodes if isinstance(node, SettlingNode))
-        self._direct = direct and not self._settling
+        self._is_direct = handle_directly and not self._settling
         self._listeners: dict[str, list[Node]] = {}
         for node in nodes:
             for topic in dict.fromkeys(node.listens):
                 self._listeners.setdefault(topic, []).append(node)
         session, robot, user = network.session, network.robot, network.user
-        self._outbox = Outbox(session, robot, report, user=user, may_block=not self._direct)
+        self._outbox = Outbox(session, robot, report, user=user, may_block=not self._is_direct)
         self._stop_outbox = Outbox(session, robot, report, user=user, urgent=True)
-        self._blocking_outbox = Outbox(session, robot, report, user=user) if self._direct else None
+        self._blocking_outbox = Outbox(session, robot, report, user=user) if self._is_direct else None
         self._sender: Sender | None = None
         self._inbox = Inbox(MessageQueue())
         self._deferred = DeferredFrames(session, robot)
-        handler = self._handle_directly if self._direct else None
+        handler = self._handle_directly if self._is_direct else None
         self._reception = Reception(
-            network, self._inbox, self._deferred, direct=handler, stop=self._stop_nodes
+            network, self._inbox, self._deferred, direct_handler=handler, on_stop=self._stop_nodes
         )
         self._handling = Lock()
         self._no_stop_pending = Event()  # cleared while an emergency stop is waiting for the nodes
         self._no_stop_pending.set()
         self._wakes: list[tuple[int, int, Node]] = []
-        self._sleeps_until = NEVER_NS
+        self._sleeps_until_ns = NEVER_NS
         self._count = 0
         self._stopping = False
         self._failure: BaseException | None = None
@@ -129,7 +128,7 @@ class Host:
         *,
         serves: bool = False,
         time: Callable[[], int] | None = None,
-        direct: bool = False,
+        handle_directly: bool = False,
         report: Report = lambda problem: None,
     ) -> Host:
         """Join the robot's processes with these nodes; they start in `run`.
@@ -142,12 +141,12 @@ class Host:
             RunDirectoryError: the robot's folder cannot be used.
             UnreachableError: the gateway cannot be reached, refuses the login, or no Clock ticks behind it.
         """
-        listens = tuple(node.address for node in nodes) if serves else ()
+        server_names = tuple(node.address for node in nodes) if serves else ()
         with ExitStack() as resources:
-            network = resources.enter_context(ZenohSession.open(robot_address, listens=listens))
+            network = resources.enter_context(ZenohSession.open(robot_address, server_names=server_names))
             if time is None:
                 time = time_of(network)
-            host = cls(network, nodes, time=time, direct=direct, report=report)
+            host = cls(network, nodes, time=time, handle_directly=handle_directly, report=report)
             host.take_ownership(resources.pop_all())
             return host
 
@@ -209,7 +208,7 @@ class Host:
     def _announce(self, declared: ExitStack) -> None:
         """Announce the nodes, once they can receive."""
         for node in self._nodes:
-            key = keys.alive(self._network.robot, node.address)
+            key = keys.liveliness_key(self._network.robot, node.address)
             declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
 
     def _begin(self) -> list[Send]:
@@ -227,11 +226,11 @@ class Host:
             handled = self._handle_batch(sends)
             if self._inbox.has_dropped_calls:
                 sends += self._refusals()
-            self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
+            self._sleeps_until_ns = self._wakes[0][0] if self._wakes else NEVER_NS
             sends = self._send_directly(sends)
         self._send(sends)
         if not handled:
-            self._inbox.sleep(self._until_wake_s())
+            self._inbox.sleep(self._time_to_wake_s())
 
     def _handle_batch(self, sends: list[Send]) -> bool:
         """Handle one batch; return True if anything was handled.
@@ -255,7 +254,7 @@ class Host:
             settling.settle()
 
     def _wake(self, effects: list[_NodeEffect]) -> bool:
-        """Wake the nodes whose alarms are due; return True if there were any."""
+        """Wake the nodes that are due; return True if there were any."""
         now, woken = self._time(), False
         while self._wakes and self._wakes[0][0] <= now:
             node = heapq.heappop(self._wakes)[2]
@@ -263,8 +262,8 @@ class Host:
             woken = True
         return woken
 
-    def _until_wake_s(self) -> float | None:
-        until = self._sleeps_until
+    def _time_to_wake_s(self) -> float | None:
+        until = self._sleeps_until_ns
         return None if until == NEVER_NS else max(0.0, (until - self._time()) / 1e9)
 
     def _refusals(self) -> Iterable[Send]:
@@ -357,8 +356,8 @@ class Host:
                 self._deliver(queued.topic, self._read(queued), effects)
                 self._send_directly(self._note_wakes(effects))
                 queued = self._inbox.pop() if self._no_stop_pending.is_set() else None
-            if self._wakes and self._wakes[0][0] < self._sleeps_until:
-                self._sleeps_until = self._wakes[0][0]
+            if self._wakes and self._wakes[0][0] < self._sleeps_until_ns:
+                self._sleeps_until_ns = self._wakes[0][0]
                 self._inbox.rouse()
         except BaseException as failure:
             self._fail(failure)
@@ -388,7 +387,7 @@ class Host:
                 return self._note_wakes(effects)
         finally:
             self._no_stop_pending.set()
-            self._inbox.rouse()  # a node may have set an earlier alarm
+            self._inbox.rouse()  # a node may have scheduled an earlier wake
 
 
 _NodeEffect = tuple[Node, Effect]

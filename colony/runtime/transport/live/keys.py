@@ -57,7 +57,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
 """The message types accepted on a topic, by the topic's second part (or its only part)."""
 
 
-_OF_USERS = frozenset({"fetches", "requests", "announcements", "checkpoints", "ready", "restarts"})
+_USER_MESSAGE_KINDS = frozenset({"fetches", "requests", "announcements", "checkpoints", "ready", "restarts"})
 """Kinds of messages other than calls that clients send to servers, as the second part of the topic."""
 
 
@@ -73,35 +73,37 @@ def prefix(robot: str) -> str:
     return f"colony/{robot}/"
 
 
-def takes_calls(topic: str) -> bool:
+def carries_calls(topic: str) -> bool:
     """Return True if a topic carries calls."""
     return topic.endswith(_CALL)
 
 
-def is_of_frames(topic: str) -> bool:
+def carries_frames(topic: str) -> bool:
     """Return True if a topic carries frames that can be fetched again."""
     return topic.endswith("/frames")
 
 
-def kind_of_users(topic: str) -> str | None:
+def user_message_kind(topic: str) -> str | None:
     """Return the kind of messages on a topic if their keys contain the user, else None."""
     _, _, kind = topic.partition("/")
-    return kind if kind in _OF_USERS else None
+    return kind if kind in _USER_MESSAGE_KINDS else None
 
 
-def listening(robot: str, topic: str) -> str:
+def subscription_key(robot: str, topic: str) -> str:
     """Return the key expression to subscribe to for a topic."""
-    if takes_calls(topic):
+    if carries_calls(topic):
         return f"colony/{robot}/{topic}/*/*/*"
-    return f"colony/{robot}/{topic}" + ("/*" if kind_of_users(topic) else "")
+    return f"colony/{robot}/{topic}" + ("/*" if user_message_kind(topic) else "")
 
 
-def listening_to_calls(robot: str, topic: str, right: Right) -> str:
+def call_subscription_key(robot: str, topic: str, right: Right) -> str:
     """Return the key expression of the calls on a topic that are made with one right."""
     return f"colony/{robot}/{topic}/{right}/*/*"
 
 
-def sending(robot: str, topic: str, message: WireMessage, *, user: str, alive_right: Right = "read") -> str:
+def publication_key(
+    robot: str, topic: str, message: WireMessage, *, user: str, alive_right: Right = "read"
+) -> str:
     """Return the key on which `user` sends a message to a topic.
 
     A keepalive uses `alive_right`, which may be any right of its sender.
@@ -112,7 +114,7 @@ def sending(robot: str, topic: str, message: WireMessage, *, user: str, alive_ri
         case Alive(connection=connection):
             return f"colony/{robot}/{topic}/{alive_right}/{connection}"
         case _:
-            return f"colony/{robot}/{topic}" + (f"/{user}" if kind_of_users(topic) else "")
+            return f"colony/{robot}/{topic}" + (f"/{user}" if user_message_kind(topic) else "")
 
 
 def replies_to_process(robot: str, user: str, bucket: str) -> str:
@@ -123,7 +125,7 @@ def replies_to_process(robot: str, user: str, bucket: str) -> str:
     return f"colony/{robot}/*/reply/{user}/{bucket}-$*"
 
 
-def alive(robot: str, address: str) -> str:
+def liveliness_key(robot: str, address: str) -> str:
     """Return the key of a node's liveliness token."""
     return f"colony/{robot}/alive/{address}"
 

@@ -48,7 +48,7 @@ class QueuedMessage(NamedTuple):
     message: bytes | Call | Alive | Malformed
 
 
-def too_large(topic: str, connection: str | None, size: int) -> Malformed:
+def size_violation(topic: str, connection: str | None, size: int) -> Malformed:
     """Return the message that a host hands to its nodes instead of one that is too large."""
     return Malformed(
         topic=topic, connection=connection, reason=f"{size} bytes; expected at most {MAX_MESSAGE_BYTES}"

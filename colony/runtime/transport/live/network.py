@@ -61,32 +61,36 @@ class ZenohSession:
         self._watchers: tuple[Watcher, ...] = ()
         handler = zenoh.handlers.Callback(self._presence, indirect=False)
         tokens = session.liveliness()
-        tokens.declare_subscriber(keys.alive(robot_address.robot, "**"), handler, history=True)
+        tokens.declare_subscriber(keys.liveliness_key(robot_address.robot, "**"), handler, history=True)
 
     @classmethod
     def open(
-        cls, robot_address: RobotAddress, *, listens: tuple[str, ...] = (), settings: Settings | None = None
+        cls,
+        robot_address: RobotAddress,
+        *,
+        server_names: tuple[str, ...] = (),
+        settings: Settings | None = None,
     ) -> ZenohSession:
-        """Join the robot's processes, on this machine as the servers named by `listens`.
+        """Join the robot's processes, on this machine as the servers named by `server_names`.
 
         Other processes find these servers through the socket of the first. `settings` replace the default
         ones.
 
         Raises:
-            AlreadyRunningError: another process already serves one of `listens`.
+            AlreadyRunningError: another process already serves one of `server_names`.
             RunDirectoryError: the robot's folder cannot be used.
             UnreachableError: the gateway cannot be reached, or refuses the login.
         """
         with ExitStack() as resources:
             if isinstance(robot_address, Local):
                 robot_address.directory.prepare()
-                for name in listens:
+                for name in server_names:
                     resources.enter_context(robot_address.directory.claim(name))
             stops = None
-            if isinstance(robot_address, Local) and listens and settings is None:
+            if isinstance(robot_address, Local) and server_names and settings is None:
                 stops = _open(robot_address, configuration.stop_settings(robot_address.directory), resources)
             if settings is None:
-                settings = configuration.settings(robot_address, listens=listens[:1])
+                settings = configuration.settings(robot_address, server_names=server_names[:1])
             session = _open(robot_address, settings, resources)
             return cls(robot_address, session, resources.pop_all(), stops)
 
@@ -114,7 +118,7 @@ class ZenohSession:
         self._watchers = tuple(w for w in self._watchers if w != watcher)
 
     def _presence(self, sample: zenoh.Sample) -> None:
-        address = str(sample.key_expr).removeprefix(keys.alive(self.robot, ""))
+        address = str(sample.key_expr).removeprefix(keys.liveliness_key(self.robot, ""))
         present = sample.kind == zenoh.SampleKind.PUT
         if present:
             self._present[address] = None
@@ -197,10 +201,10 @@ def _open_failure(robot_address: RobotAddress, settings: Settings, problem: zeno
 
 
 def local_time(robot_address: Local) -> Callable[[], int]:
-    """Return the robot's clock on its own machine: monotonic nanoseconds since the robot's base.
+    """Return the robot's clock on its own machine: nanoseconds since the origin of the robot's time.
 
     Raises:
         RunDirectoryError: the robot's folder cannot be used.
     """
-    base, monotonic = robot_address.directory.base_ns(), time.monotonic_ns
-    return lambda: monotonic() - base
+    origin_ns, monotonic = robot_address.directory.origin_ns(), time.monotonic_ns
+    return lambda: monotonic() - origin_ns

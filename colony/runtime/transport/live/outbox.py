@@ -1,9 +1,9 @@
-"""A process's outgoing messages, with one declared publisher per key, so that unheard messages cost little.
+"""A process's outgoing messages, with a declared publisher per key: those without subscribers cost little.
 
 Ticks, server frames and verdicts go to all readers, and are dropped for a reader whose link is full, because
-a frozen reader must not block the server; a reader fetches the frames that it missed. Other messages
-wait for room if the outbox may block. Otherwise they are dropped, too; clients send
-new ones with the next frame, and connections repeat the call.
+a frozen reader must not block the server; a reader fetches the frames that it missed. Other messages wait for
+room if the outbox may block. Otherwise they are dropped, too: clients send new ones with the next frame, and
+connections repeat the call.
 
 Frame messages overtake checkpoints, calls and replies, which may contain whole images.
 """
@@ -126,7 +126,7 @@ class Outbox:
             self._report(f"to {topic}: {problem}")
 
     def _publisher(self, topic: str, message: WireMessage, now_ns: int) -> zenoh.Publisher:
-        key = keys.sending(self._robot, topic, message, user=self._user)
+        key = keys.publication_key(self._robot, topic, message, user=self._user)
         # the messages of a batch are of one kind
         first = message.messages[0] if isinstance(message, Batch) else message
         if isinstance(first, (Call, Alive, Reply, Notice, Checkpoint)):
@@ -134,7 +134,9 @@ class Outbox:
         publisher = self._topic_publishers.get(topic)
         if publisher is None:
             may_block = self._may_block and not isinstance(first, (Tick, ServerFrame, Verdict))
-            publisher = publish(self._session, key, priority=SendPriority.FRAMES, may_block=may_block)
+            publisher = declare_publisher(
+                self._session, key, priority=SendPriority.FRAMES, may_block=may_block
+            )
             self._topic_publishers[topic] = publisher
         return publisher
 
@@ -143,7 +145,7 @@ class Outbox:
         if publisher is None:
             self._release_idle(now_ns)
             priority = SendPriority.STOP if self._urgent else priority_of(message)
-            publisher = publish(self._session, key, priority=priority, may_block=self._may_block)
+            publisher = declare_publisher(self._session, key, priority=priority, may_block=self._may_block)
         # reinserted at the end, so that the publishers are in order of last use
         self._connection_publishers[key] = (publisher, now_ns)
         return publisher
@@ -171,7 +173,7 @@ def priority_of(message: SentMessage) -> SendPriority:
     return SendPriority.STOP if isinstance(message, Call) and message.right == "stop" else SendPriority.CALLS
 
 
-def publish(
+def declare_publisher(
     session: zenoh.Session, key: str, *, priority: SendPriority = SendPriority.CALLS, may_block: bool = True
 ) -> zenoh.Publisher:
     """Declare a publisher that waits for room if `may_block`, and drops messages otherwise."""

@@ -1,4 +1,4 @@
-"""The network threads' part in receiving a message: count it, check its size, and queue it for handling.
+"""Reception of messages in the network threads: count each, check its size, and queue it for handling.
 
 Handlers run in zenoh's threads, which must not block: a blocked thread stops reception for the whole process.
 """
@@ -16,7 +16,7 @@ from colony.runtime.protocol.messages import Call, Malformed
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.deferred import DeferredFrames
 from colony.runtime.transport.live.inbox import Inbox
-from colony.runtime.transport.live.message_queue import too_large
+from colony.runtime.transport.live.message_queue import size_violation
 from colony.runtime.transport.live.network import ZenohSession, local_user
 from colony.runtime.transport.live.rate_limits import RateLimits
 from colony.runtime.transport.live.stop_lane import StopLane
@@ -37,9 +37,9 @@ class Reception:
         network: session from which messages come.
         inbox: queue of the host's own thread.
         deferred: ring buffers of frames that are handled together with other messages.
-        direct: handler that is tried before the inbox, except for deferred messages; None in hosts that are
-            not direct.
-        stop: handler of emergency stops, called in its own thread.
+        direct_handler: handler that is tried before the inbox, except for deferred messages; None in hosts
+            that are not direct.
+        on_stop: handler of emergency stops, called in its own thread.
     """
 
     def __init__(
@@ -48,38 +48,38 @@ class Reception:
         inbox: Inbox,
         deferred: DeferredFrames,
         *,
-        direct: DirectHandler | None,
-        stop: Callable[[str, Call], None],
+        direct_handler: DirectHandler | None,
+        on_stop: Callable[[str, Call], None],
     ) -> None:
         self._network = network
         self._inbox = inbox
         self._deferred = deferred
-        self._direct = direct
-        self._stop = stop
+        self._direct_handler = direct_handler
+        self._on_stop = on_stop
         self._rate_limits = RateLimits(local_user())
 
     def listen(self, topic: str, declared: ExitStack, *, defers: bool) -> None:
         """Receive messages on a topic until `declared` is closed; with `defers`, they wake no thread."""
         robot = self._network.robot
-        if keys.takes_calls(topic):
+        if keys.carries_calls(topic):
             for right in keys.RIGHTS:
                 if right != "stop":
-                    key = keys.listening_to_calls(robot, topic, right)
+                    key = keys.call_subscription_key(robot, topic, right)
                     self._subscribe(key, self._call_handler(topic), declared)
             self._listen_to_stops(topic, declared)
-        elif defers and keys.is_of_frames(topic):
+        elif defers and keys.carries_frames(topic):
             self._deferred.listen(topic, declared)
         else:
-            self._subscribe(keys.listening(robot, topic), self._frame_handler(topic, defers), declared)
+            self._subscribe(keys.subscription_key(robot, topic), self._frame_handler(topic, defers), declared)
 
     def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
         """Open a lane for messages sent with the `stop` right, over both sessions if there are two."""
-        lane = StopLane(self._stop, self._inbox.add_call)
+        lane = StopLane(self._on_stop, self._inbox.add_call)
         declared.callback(lane.close)
-        key = keys.listening_to_calls(self._network.robot, topic, "stop")
-        self._subscribe(key, _stop_handler(topic, lane, self._rate_limits, twice=False), declared)
+        key = keys.call_subscription_key(self._network.robot, topic, "stop")
+        self._subscribe(key, _stop_handler(topic, lane, self._rate_limits, duplicate=False), declared)
         if self._network.stops is not None:
-            handler = _stop_handler(topic, lane, RateLimits(local_user()), twice=True)
+            handler = _stop_handler(topic, lane, RateLimits(local_user()), duplicate=True)
             self._subscribe(key, handler, declared, self._network.stops)
 
     def _subscribe(
@@ -91,8 +91,8 @@ class Reception:
 
     def _frame_handler(self, topic: str, defers: bool) -> Handler:
         """Return the handler of a topic that does not carry calls."""
-        frame, limits = self._inbox.add_frame_message, self._rate_limits
-        kind, direct = keys.kind_of_users(topic), None if defers else self._direct
+        add, limits = self._inbox.add_frame_message, self._rate_limits
+        kind, direct = keys.user_message_kind(topic), None if defers else self._direct_handler
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
@@ -100,17 +100,17 @@ class Reception:
             data = payload.to_bytes() if size <= MAX_MESSAGE_BYTES else b""
             if kind is not None:
                 user = str(sample.key_expr).rpartition("/")[2]
-                if not limits.admit_frame(kind, user, size, codec.count(data)):
+                if not limits.admit_frame(kind, user, size, codec.message_count(data)):
                     return  # no reply: a reader fetches a missed frame again
             if size > MAX_MESSAGE_BYTES:
-                frame(topic, too_large(topic, None, size))
+                add(topic, size_violation(topic, None, size))
             elif direct is None or not direct(topic, data):
-                frame(topic, data, rouse=not defers)
+                add(topic, data, rouse=not defers)
 
         return take
 
     def _call_handler(self, topic: str) -> Handler:
-        inbox, limits, direct = self._inbox, self._rate_limits, self._direct
+        inbox, limits, direct = self._inbox, self._rate_limits, self._direct_handler
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
@@ -123,7 +123,7 @@ class Reception:
                     self._refuse(topic, key, payload.to_bytes())
                 return
             if size > MAX_MESSAGE_BYTES:
-                inbox.add_call(topic, key.connection, too_large(topic, key.connection, size), 0)
+                inbox.add_call(topic, key.connection, size_violation(topic, key.connection, size), 0)
                 return
             try:
                 message = keys.check_call(codec.decode(payload.to_bytes()), key)
@@ -144,10 +144,10 @@ class Reception:
             self._inbox.refuse(topic, key.connection, number)
 
 
-def _stop_handler(topic: str, lane: StopLane, limits: RateLimits, *, twice: bool) -> Handler:
+def _stop_handler(topic: str, lane: StopLane, limits: RateLimits, *, duplicate: bool) -> Handler:
     """Return the handler of one session's messages sent with the `stop` right.
 
-    With `twice`, another session receives the same messages, so only emergency stops are handled.
+    With `duplicate`, another session also receives these messages, so only emergency stops are handled.
     """
 
     def take(sample: zenoh.Sample) -> None:
@@ -158,6 +158,6 @@ def _stop_handler(topic: str, lane: StopLane, limits: RateLimits, *, twice: bool
             and len(payload) <= MAX_MESSAGE_BYTES
             and limits.admit_stop(key.connection, len(payload))
         ):
-            lane.put(topic, key, payload.to_bytes(), twice=twice)
+            lane.put(topic, key, payload.to_bytes(), duplicate=duplicate)
 
     return take

@@ -1,4 +1,4 @@
-"""How a process reaches a robot: on this machine, or through a gateway on another one."""
+"""Addresses of robots: a directory on this machine, or a gateway on another one."""
 
 from __future__ import annotations
 

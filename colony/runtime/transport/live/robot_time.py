@@ -45,7 +45,7 @@ class LearnedTime:
         self._last_ns = 0
 
     @property
-    def known(self) -> bool:
+    def has_ticked(self) -> bool:
         """True once a tick has arrived."""
         return self._best is not None
 
@@ -83,7 +83,7 @@ def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_TIMEOUT
     Raises:
         UnreachableError: no tick arrived within the timeout.
     """
-    learned, first = LearnedTime(), Event()
+    learned, first_tick = LearnedTime(), Event()
 
     def take(sample: zenoh.Sample) -> None:
         try:
@@ -92,11 +92,11 @@ def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_TIMEOUT
             return
         if isinstance(message, Tick):
             learned.on_tick(message.t_ns)
-            first.set()
+            first_tick.set()
 
-    key = keys.listening(network.robot, topics.TICKS)
+    key = keys.subscription_key(network.robot, topics.TICKS)
     subscriber = network.session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
     learned.stop_listening = subscriber.undeclare
-    if not first.wait(timeout_s):
+    if not first_tick.wait(timeout_s):
         raise UnreachableError(f"{network.robot}: no tick of its Clock in {timeout_s:g} s: is it running?")
     return learned

@@ -2,7 +2,7 @@
 
     <run directory>/<robot>/RServer.sock     the socket on which RServer listens
     <run directory>/<robot>/RServer.claim    locked by the process that runs RServer; contains its process id
-    <run directory>/<robot>/base             the zero of the robot's time
+    <run directory>/<robot>/base             the origin of the robot's time
 
 A process that can open the sockets has full control of the robot, so only its owner may enter the folder.
 """
@@ -38,7 +38,7 @@ CLAIM_BYTES = 32
 """Size of a claim in bytes: a process id, padded with blanks."""
 
 BASE_BYTES = 4096
-"""Size limit in bytes of the file with the base of a robot's time."""
+"""Size limit in bytes of the file `base`."""
 
 CLAIM_TRIES = 10
 CLAIM_PAUSE_S = 0.01
@@ -165,28 +165,30 @@ class RobotDirectory:
                 raise
         return Claim(descriptor)
 
-    def base_ns(self, *, monotonic: Callable[[], int] = time.monotonic_ns) -> int:
-        """Return the base of the robot's time: robot time is the monotonic clock minus this base.
+    def origin_ns(self, *, monotonic: Callable[[], int] = time.monotonic_ns) -> int:
+        """Return the time on the monotonic clock at which the robot's time is 0.
 
-        The first process that asks sets it. A base from before a reboot is replaced, such that the robot's
-        time has advanced by as much as the wall clock.
+        The first process that calls this sets it. An origin from before a reboot is replaced, so that the
+        robot's time has advanced by as much as the wall clock.
 
         Raises:
-            RunDirectoryError: the folder cannot be used, or its base file cannot be read.
+            RunDirectoryError: the folder cannot be used, or its file `base` cannot be read.
         """
         self.prepare()
         with in_run_directory(self.path), _locked(self.path):
             path, boot = self.path / "base", _boot_id()
-            known = _read_base(path)
-            if known is not None and known.boot == boot:
-                return known.base_ns
-            elapsed_ns = 0 if known is None else max(0, time.time_ns() - known.wall_ns)
-            new = _Base(boot=boot, base_ns=monotonic() - elapsed_ns, wall_ns=time.time_ns() - elapsed_ns)
+            saved = _read_origin(path)
+            if saved is not None and saved.boot == boot:
+                return saved.origin_ns
+            elapsed_ns = 0 if saved is None else max(0, time.time_ns() - saved.wall_ns)
+            new = _SavedOrigin(
+                boot=boot, origin_ns=monotonic() - elapsed_ns, wall_ns=time.time_ns() - elapsed_ns
+            )
             temporary = path.with_suffix(".new")
             with naming(path):
                 temporary.write_bytes(msgspec.json.encode(new))
             temporary.replace(path)
-            return new.base_ns
+            return new.origin_ns
 
 
 class Claim:
@@ -212,9 +214,11 @@ class Claim:
         self.close()
 
 
-class _Base(msgspec.Struct, frozen=True, kw_only=True):
+class _SavedOrigin(msgspec.Struct, frozen=True, kw_only=True):
+    """The file `base`: the origin on the monotonic clock of one boot, and on the wall clock."""
+
     boot: str
-    base_ns: int
+    origin_ns: int = msgspec.field(name="base_ns")
     wall_ns: int
 
 
@@ -309,9 +313,9 @@ def _boot_id() -> str:
         return "unknown"
 
 
-def _read_base(path: Path) -> _Base | None:
+def _read_origin(path: Path) -> _SavedOrigin | None:
     try:
-        return msgspec.json.decode(read_file(path, BASE_BYTES), type=_Base)
+        return msgspec.json.decode(read_file(path, BASE_BYTES), type=_SavedOrigin)
     except FileNotFoundError:
         return None
     except (msgspec.DecodeError, UnsuitableFileError) as problem:

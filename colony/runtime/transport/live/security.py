@@ -70,12 +70,12 @@ def read_security(path: Path) -> Security:
         SecurityError: the files are invalid; the message lists every problem and where it is.
     """
     table = _read_toml(path)
-    problems = list(_unknown(table, ("gateway", "users"), ""))
+    problems = list(_unknown_entries(table, ("gateway", "users"), ""))
     files = _files(path, table.get("gateway"), "gateway", problems)
     users = _users(table.get("users"), problems)
     if not problems:
         problems.extend(_certificate_problems(files["certificate"], files["key"], files["authority"]))
-    _raise(path, problems)
+    _raise_if_any(path, problems)
     return Security(users=users, **files)
 
 
@@ -97,7 +97,7 @@ def read_credentials(path: Path) -> Credentials:
     files = _files(path, table, "", problems)
     if not problems:
         problems.extend(_certificate_problems(files["certificate"], files["key"], files["authority"]))
-    _raise(path, problems)
+    _raise_if_any(path, problems)
     return Credentials(user=str(user), **files)
 
 
@@ -112,7 +112,7 @@ def check_credentials(credentials: Credentials) -> None:
         raise SecurityError("\n".join(problems))
 
 
-def _raise(path: Path, problems: list[str]) -> None:
+def _raise_if_any(path: Path, problems: list[str]) -> None:
     if problems:
         raise SecurityError("\n".join(f"{path}: {problem}" for problem in problems))
 
@@ -128,10 +128,10 @@ def _read_toml(path: Path) -> dict[str, object]:
         raise SecurityError(f"{path}: {problem}") from None
 
 
-def _unknown(table: Mapping[str, object], known: tuple[str, ...], prefix: str) -> Iterator[str]:
+def _unknown_entries(table: Mapping[str, object], expected: tuple[str, ...], prefix: str) -> Iterator[str]:
     for name in table:
-        if name not in known:
-            yield f"{prefix}{name}: unknown; expected {', '.join(known)}"
+        if name not in expected:
+            yield f"{prefix}{name}: unknown; expected {', '.join(expected)}"
 
 
 def _files(path: Path, table: object, where: str, problems: list[str]) -> dict[str, Path]:
@@ -140,7 +140,7 @@ def _files(path: Path, table: object, where: str, problems: list[str]) -> dict[s
     if not isinstance(table, dict):
         problems.append(f"{where}: missing; expected a table with {', '.join(_FILES)}")
         return {}
-    problems.extend(_unknown(table, _FILES, prefix))
+    problems.extend(_unknown_entries(table, _FILES, prefix))
     files: dict[str, Path] = {}
     for name in _FILES:
         value = table.get(name)
@@ -167,7 +167,7 @@ def _users(table: object, problems: list[str]) -> dict[str, tuple[Permission, ..
         if not isinstance(entry, dict) or not isinstance(entry.get("may"), list) or not entry["may"]:
             problems.append(f"{where}: expected `may = [...]` with some of {', '.join(PERMISSIONS)}")
             continue
-        problems.extend(_unknown(entry, ("may",), f"{where}."))
+        problems.extend(_unknown_entries(entry, ("may",), f"{where}."))
         users[name] = tuple(p for p in PERMISSIONS if p in entry["may"])
         for index, permission in enumerate(entry["may"]):
             if permission not in PERMISSIONS:

@@ -30,32 +30,32 @@ class _Received(NamedTuple):
     topic: str
     key: CallKey
     data: bytes
-    twice: bool
+    duplicate: bool
 
 
 class StopLane:
     """A queue with its own thread. Mutable.
 
     Args:
-        stop: handler of an emergency stop on a topic; called in the lane's thread.
-        other: handler of any other message; called in the lane's thread.
+        on_stop: handler of an emergency stop on a topic; called in the lane's thread.
+        on_other: handler of any other message; called in the lane's thread.
     """
 
-    def __init__(self, stop: Callable[[str, Call], None], other: OtherHandler) -> None:
-        self._stop = stop
-        self._other = other
+    def __init__(self, on_stop: Callable[[str, Call], None], on_other: OtherHandler) -> None:
+        self._on_stop = on_stop
+        self._on_other = on_other
         self._queue: SimpleQueue[_Received | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="emergency stops", daemon=True)
         self._thread.start()
 
-    def put(self, topic: str, key: CallKey, data: bytes, *, twice: bool = False) -> None:
+    def put(self, topic: str, key: CallKey, data: bytes, *, duplicate: bool = False) -> None:
         """Queue a message from the network without blocking; drop it if the queue is full.
 
-        `twice` marks the second copy of a message that arrives over two sessions: it is handled only if it is
-        an emergency stop, whose repetition is recognized.
+        `duplicate` marks the second copy of a message that arrives over two sessions: it is handled only if
+        it is an emergency stop, whose repetition is recognized.
         """
         if self._queue.qsize() < MAX_QUEUED:
-            self._queue.put(_Received(topic, key, data, twice))
+            self._queue.put(_Received(topic, key, data, duplicate))
 
     def close(self) -> None:
         """Handle the queued messages, and end the thread."""
@@ -66,9 +66,9 @@ class StopLane:
         while (received := self._queue.get()) is not None:
             message = _read(received)
             if isinstance(message, Call) and message.method == EMERGENCY_STOP:
-                self._stop(received.topic, message)
-            elif not received.twice:
-                self._other(received.topic, received.key.connection, message, len(received.data))
+                self._on_stop(received.topic, message)
+            elif not received.duplicate:
+                self._on_other(received.topic, received.key.connection, message, len(received.data))
 
 
 def _read(received: _Received) -> Call | Alive | Malformed:

@@ -21,5 +21,5 @@ def test_join() -> None:
     assert layout.join(in_two, in_one) == one
     assert layout.join(in_two, two) == two
     assert layout.join(last, in_two) == first
-    assert layout.known_at(in_one) == {7}
-    assert layout.known_at(in_two) == set()
+    assert layout.true_values_at(in_one) == {7}
+    assert layout.true_values_at(in_two) == set()

@@ -84,7 +84,7 @@ class Run:
         assert not self.started.ended(), self.started.err
         self.network = self._holds.enter_context(ZenohSession.open(robot_address))
         self.now: Callable[[], int] = local_time(robot_address)
-        self.base_ns = robot_address.directory.base_ns()
+        self.origin_ns = robot_address.directory.origin_ns()
         for topic in (topics.TICKS, topics.VERDICTS):
             handler = zenoh.handlers.Callback(self._hear, indirect=False)
             self.network.session.declare_subscriber(f"colony/{ROBOT}/{topic}", handler)
@@ -181,7 +181,7 @@ class Run:
             with PlantControl(plant_socket(self.machine.directory.path)) as control:
                 while not ended.wait(0.002):
                     truth = control.truth(ROBOT)
-                    found.append(Speed(truth.t_ns - self.base_ns, truth.velocity))
+                    found.append(Speed(truth.t_ns - self.origin_ns, truth.velocity))
 
         thread = threading.Thread(target=look)
         thread.start()

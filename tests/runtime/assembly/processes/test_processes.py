@@ -128,7 +128,9 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
         specs = [read_spec(Path(job.arguments[0])) for job in jobs]
         assert [name_of(spec.part) for spec in specs] == CLIENTS
         assert {address_of(spec.robot_address) for spec in specs} == {robot_address}
-    for part in server_parts(tmp_path, Device(plant="p"), cameras=[("CServer", "CServer")], held={"v": 1.0}):
+    for part in server_parts(
+        tmp_path, Device(plant="p"), cameras=[("CServer", "CServer")], pinned_variables={"v": 1.0}
+    ):
         write_spec(tmp_path / "s", Spec(robot_address=address_spec(here), part=part))
         assert read_spec(tmp_path / "s").part == part
         assert serves(part)  # type: ignore[arg-type]

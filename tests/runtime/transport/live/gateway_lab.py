@@ -13,7 +13,7 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.protocol import codec
 from colony.runtime.transport.live.gateway import open_gateway
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.live.outbox import declare_publisher
 from colony.runtime.transport.live.robot_address import Credentials, Remote
 from colony.runtime.transport.live.security import Permission, read_security
 from tests.runtime.transport.live.certificates import Authority, free_port
@@ -61,7 +61,7 @@ def lab(tmp_path: Path) -> Iterator[Lab]:
 
 
 def put(network: ZenohSession, key: str, data: bytes) -> None:
-    with publish(network.session, key) as publisher:
+    with declare_publisher(network.session, key) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
         publisher.put(data)
 

@@ -15,7 +15,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.live.outbox import declare_publisher
 from tests.runtime.transport.live.stage import ROBOT, Recorder, robot_address
 from tests.waiting import until
 
@@ -33,20 +33,21 @@ class Outside:
         self.heard: list[object] = []
 
     def put(self, key: str, data: bytes) -> None:
-        with publish(self.network.session, f"colony/{ROBOT}/{key}") as publisher:
+        with declare_publisher(self.network.session, f"colony/{ROBOT}/{key}") as publisher:
             until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
             publisher.put(data)
 
     def call(self, call: Call) -> None:
         self.put(
-            keys.sending(ROBOT, CALLS, call, user="ada").removeprefix(f"colony/{ROBOT}/"), codec.encode(call)
+            keys.publication_key(ROBOT, CALLS, call, user="ada").removeprefix(f"colony/{ROBOT}/"),
+            codec.encode(call),
         )
 
     def hear(self, topic: str) -> None:
         import zenoh
 
         handler = zenoh.handlers.Callback(self._take, indirect=False)
-        self.network.session.declare_subscriber(keys.listening(ROBOT, topic), handler)
+        self.network.session.declare_subscriber(keys.subscription_key(ROBOT, topic), handler)
 
     def _take(self, sample: object) -> None:
         self.heard.append(codec.decode(sample.payload.to_bytes()))  # type: ignore[attr-defined]

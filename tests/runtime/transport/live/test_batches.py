@@ -59,7 +59,7 @@ class WireMessage:
         self.pieces: list[tuple[str, tuple[SentMessage, ...]]] = []
         for topic in (REQUESTS, SAVED, topics.READY, topics.VERDICTS):
             handler = zenoh.handlers.Callback(self._taker(topic), indirect=False)
-            network.session.declare_subscriber(keys.listening(ROBOT, topic), handler)
+            network.session.declare_subscriber(keys.subscription_key(ROBOT, topic), handler)
 
     def _taker(self, topic: str) -> Callable[[zenoh.Sample], None]:
         return lambda sample: self.pieces.append((topic, codec.decode_all(sample.payload.to_bytes())))

@@ -33,7 +33,7 @@ from tests.runtime.transport.live.outside import SERVER, Outside
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, robot_address, running
 from tests.waiting import until
 
-SONAR = SensorBinding(sensor="sonar", server="PServer", field="sonar", within_ns=None)
+SONAR = SensorBinding(sensor="sonar", server="PServer", field="sonar", max_age_ns=None)
 FRAMES = topics.frames("PServer")
 REQUESTS = topics.requests("PServer")
 RING = 8
@@ -58,7 +58,7 @@ class Reader:
     deferred = (FRAMES, REQUESTS)
 
     def __init__(self) -> None:
-        self._assembler = FrameAssembler((SONAR,), run="run", keep=1000)
+        self._assembler = FrameAssembler((SONAR,), run="run", frames_kept=1000)
         self.busy, self.go = threading.Event(), threading.Event()
         self.heard: list[Message] = []
         self.got: list[tuple[int, object]] = []
@@ -75,7 +75,7 @@ class Reader:
                 assert isinstance(effect.message, Fetch)
                 self.asked.append(effect.message.k)
                 yield effect
-            self.got += [(a.tick.k, a.frame.readings["sonar"]) for a in self._assembler.complete()]
+            self.got += [(a.tick.k, a.frame.readings["sonar"]) for a in self._assembler.pop_complete()]
             if message == tick(0):
                 self.busy.set()
                 assert self.go.wait(20)
@@ -99,7 +99,7 @@ def over_a_slow(reader: Reader, host: Host, outside: Outside, frames: int) -> No
     """Frames 0 to `frames` - 1 come while it is busy with the tick of the first."""
     arrived: list[bytes] = []
     noting = zenoh.handlers.Callback(lambda sample: arrived.append(sample.payload.to_bytes()), indirect=False)
-    host.network.session.declare_subscriber(keys.listening(ROBOT, topics.TICKS), noting)
+    host.network.session.declare_subscriber(keys.subscription_key(ROBOT, topics.TICKS), noting)
     put(outside, tick(0))
     assert reader.busy.wait(20)
     for k in range(frames):
@@ -142,7 +142,10 @@ def test_they_are_handled_before_the_message_that_they_waited_for(
     environment: Mapping[str, str], outside: Outside, reader: Reader, direct: bool
 ) -> None:
     reader.go.set()
-    with Host.open(robot_address(environment), [reader], serves=True, direct=direct) as host, running(host):
+    with (
+        Host.open(robot_address(environment), [reader], serves=True, handle_directly=direct) as host,
+        running(host),
+    ):
         until(lambda: reader.address in outside.network.alive(), "it is there")
         put(outside, frame(0), frame(1), tick(0))
         until(lambda: tick(0) in reader.heard, "the tick is heard")
@@ -168,7 +171,10 @@ def test_what_users_send_waits_too_and_is_counted(
     monkeypatch.setattr(rate_limits, "PROGRAM_RATE", Rate(per_s=0.0, burst=2.0))
     reader.go.set()
     requests = [Request(k=k, actuator="drive", client="c", bid="silent") for k in range(3)]
-    with Host.open(robot_address(environment), [reader], serves=True, direct=direct) as host, running(host):
+    with (
+        Host.open(robot_address(environment), [reader], serves=True, handle_directly=direct) as host,
+        running(host),
+    ):
         until(lambda: reader.address in outside.network.alive(), "it is there")
         for request in requests:
             outside.put(f"{REQUESTS}/ada", codec.encode(request))

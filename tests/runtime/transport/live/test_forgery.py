@@ -45,7 +45,7 @@ FITS: list[tuple[str, SentMessage]] = [
     (topics.frames(topics.activity("DServer", "fetches")), FRAME),
     (topics.fetches("PServer"), Fetch(server="PServer", k=1)),
     (topics.checkpoints("DServer"), Recall(client="drive/cruise")),
-    (topics.recalled("DServer", "drive/frames"), CHECKPOINT),
+    (topics.recall_answers("DServer", "drive/frames"), CHECKPOINT),
     (topics.replies("DServer", "ada/frames"), Reply(connection="ada/frames", number=1)),
     ("anything/of/others", TICK),
 ]
@@ -87,7 +87,7 @@ def test_no_name_that_somebody_gives_breaks_a_server(client: str) -> None:
 
     def answer(message: Message, now_ns: int) -> list[Send]:
         name = message.client if isinstance(message, Recall) else "sane"
-        return [Send(topics.recalled("DServer", name), CHECKPOINT)]
+        return [Send(topics.recall_answers("DServer", name), CHECKPOINT)]
 
     node = Recorder("DServer", topics.checkpoints("DServer"), on=answer)
     with (

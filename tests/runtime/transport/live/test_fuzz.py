@@ -23,7 +23,7 @@ from colony.runtime.protocol.messages import Reply, Right, SentMessage, Tick
 from colony.runtime.transport.live.inbox import MAX_SLEEP_S, Inbox
 from colony.runtime.transport.live.message_queue import MessageQueue
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.live.outbox import declare_publisher
 from colony.runtime.transport.live.robot_address import local
 from tests.cli.machine import MAP, ROBOT, Machine
 from tests.runtime.servers.fuzz_stage import BUILD, Stage
@@ -135,7 +135,7 @@ def _cannonballs(network: ZenohSession) -> None:
         f"colony/{ROBOT}/DServer/requests/ada",
         f"colony/{ROBOT}/{topics.TICKS}",
     ):
-        with publish(network.session, key) as publisher:
+        with declare_publisher(network.session, key) as publisher:
             publisher.put(huge)
     for key in ("**", "*/call/command/*/*", "RServer/call/*/*/*", "RServer/**", "DServer/call/up/ada/1"):
         network.session.put(f"colony/{ROBOT}/{key}", b"\x01\x93\xa4Call")

@@ -116,11 +116,11 @@ def test_nobody_hears_the_answers_to_others(lab: Lab) -> None:
         ZenohSession.open(lab.remote("bob")) as bob,
     ):
         for network, user in ((ada, "ada"), (bob, "bob")):
-            for key in (keys.listening(ROBOT, "RServer/reply/ada/1"), "**", f"colony/{ROBOT}/**"):
+            for key in (keys.subscription_key(ROBOT, "RServer/reply/ada/1"), "**", f"colony/{ROBOT}/**"):
                 listen(network, key, heard[user])
         put(ada, f"colony/{ROBOT}/RServer/call/read/ada/1", codec.encode(plain_call("ada/1", right="read")))
         until(lambda: any(isinstance(m, Reply) for m in heard["ada"]), "the answer")
-        listen(bob, keys.listening(ROBOT, "RServer/reply/bob/1"), heard["bob"])
+        listen(bob, keys.subscription_key(ROBOT, "RServer/reply/bob/1"), heard["bob"])
         put(bob, f"colony/{ROBOT}/RServer/call/read/bob/1", codec.encode(plain_call("bob/1", right="read")))
         until(lambda: any(isinstance(m, Reply) for m in heard["bob"]), "one's own")
     answers = {user: {m.connection for m in heard[user] if isinstance(m, Reply)} for user in heard}

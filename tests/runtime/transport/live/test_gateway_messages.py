@@ -27,7 +27,7 @@ from colony.runtime.transport.live import keys, rate_limits
 from colony.runtime.transport.live.limits import MEDIUM_MESSAGE_BYTES
 from colony.runtime.transport.live.meter import Rate
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import Outbox, SendPriority, publish
+from colony.runtime.transport.live.outbox import Outbox, SendPriority, declare_publisher
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.gateway_lab import Lab, listen, note, put
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, python_process, robot_address
@@ -64,7 +64,7 @@ def test_messages_larger_than_their_right_allows(lab: Lab, user: str, right: str
     sizes: list[int] = []
     key = f"colony/{ROBOT}/RServer/call/{right}/{user}/1"
     with (
-        ZenohSession.open(robot_address(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(robot_address(lab.environment), server_names=("RServer",)) as robot,
         ZenohSession.open(lab.remote(user)) as network,
     ):
         note(robot, key, lambda sample: sizes.append(len(sample.payload)))
@@ -87,7 +87,7 @@ def test_users_choose_no_priority_and_nobody_waits_for_them(lab: Lab) -> None:
     calls = f"colony/{ROBOT}/RServer/call"
     frames = f"colony/{ROBOT}/RServer/frames"
     with (
-        ZenohSession.open(robot_address(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(robot_address(lab.environment), server_names=("RServer",)) as robot,
         ZenohSession.open(lab.remote("eva")) as network,
     ):
         note(robot, f"{calls}/**", keep)
@@ -119,7 +119,7 @@ def test_the_largest_answer_gets_through(lab: Lab) -> None:
     heard: list[object] = []
     node = Recorder("CServer", topics.calls("CServer"), on=answer)
     with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("ada")) as ada:
-        listen(ada, keys.listening(ROBOT, "CServer/reply/ada/1"), heard)
+        listen(ada, keys.subscription_key(ROBOT, "CServer/reply/ada/1"), heard)
 
         def asked() -> bool:
             put(
@@ -161,9 +161,9 @@ def test_a_user_who_does_not_read_holds_up_nobody(lab: Lab) -> None:
     bob = lab.remote("bob").credentials
     argv = (ROBOT, lab.endpoint, bob.user, str(bob.certificate), str(bob.key), str(bob.authority), frames)
     with (
-        ZenohSession.open(robot_address(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(robot_address(lab.environment), server_names=("RServer",)) as robot,
         ZenohSession.open(lab.remote("ada")) as ada,
-        publish(robot.session, frames) as publisher,
+        declare_publisher(robot.session, frames) as publisher,
         sending(publisher),
         python_process({}, "-c", _READER, *argv, says="linked") as reader,
     ):
@@ -202,7 +202,7 @@ def _heard(publisher: zenoh.Publisher, heard: list[int]) -> bool:
 
 
 def _urgent(network: ZenohSession, key: str) -> None:
-    with publish(network.session, key, priority=SendPriority.STOP) as publisher:
+    with declare_publisher(network.session, key, priority=SendPriority.STOP) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
         publisher.put(b"x")
 

@@ -101,7 +101,7 @@ def test_a_host_on_another_machine_decodes_each_tick_once_and_learns_the_time_fr
     node = Recorder(SERVER, topics.TICKS)
     with (
         ThreadPoolExecutor() as pool,
-        ZenohSession.open(robot_address(environment), listens=(SERVER,)) as network,
+        ZenohSession.open(robot_address(environment), server_names=(SERVER,)) as network,
     ):
         learning = pool.submit(learned_time, network)
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
@@ -190,7 +190,7 @@ def test_a_node_that_fails_ends_the_host_and_all_are_closed(
         raise ArithmeticError("on purpose")
 
     nodes = [Recorder(SERVER, topics.TICKS, on=fail), Recorder("other")]
-    with Host.open(robot_address(environment), nodes, serves=True, direct=direct) as host:
+    with Host.open(robot_address(environment), nodes, serves=True, handle_directly=direct) as host:
         ran = threading.Thread(target=_expect_failure, args=(host,))
         ran.start()
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
@@ -226,7 +226,7 @@ def test_the_robots_time_is_the_same_in_all_processes(environment: Mapping[str, 
     with (
         running(hosts[0]),
         running(hosts[1]),
-        ZenohSession.open(robot_address(environment), listens=("Clock",)) as network,
+        ZenohSession.open(robot_address(environment), server_names=("Clock",)) as network,
     ):
         until(lambda: len(network.alive()) == 2, "both are there")
         Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))

@@ -38,7 +38,8 @@ def save(message, now_ns):
     saved = Checkpoint(client="c", k=message.k, start=0, memory=bytes(1_000_000))
     yield Send(topics.checkpoints("DServer"), saved)
 
-with Host.open(local("rome", os.environ), [Recorder("drive/c", topics.TICKS, on=save)], direct=True) as host:
+recorder = Recorder("drive/c", topics.TICKS, on=save)
+with Host.open(local("rome", os.environ), [recorder], handle_directly=True) as host:
     signal.signal(signal.SIGTERM, lambda *_: host.stop())
     host.run()
 """
@@ -51,7 +52,7 @@ def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
     with (
         python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", LARGE) as process,
         hosted(environment, [server]) as host,
-        ZenohSession.open(robot_address(environment), listens=("Clock",)) as clock,
+        ZenohSession.open(robot_address(environment), server_names=("Clock",)) as clock,
     ):
         until(lambda: "drive/c" in clock.alive(), "it is there for the Clock")
         until(lambda: "drive/c" in host.network.alive(), "it is there for DServer")
@@ -83,7 +84,7 @@ def requests(message, now_ns):
     yield Send(topics.requests("DServer"), Request(k=message.k, actuator="out", client="alone", bid="silent"))
 
 crowd = Recorder("drive/crowd", topics.TICKS, on=requests)
-with Host.open(local("rome", os.environ), [crowd], direct=True) as host:
+with Host.open(local("rome", os.environ), [crowd], handle_directly=True) as host:
     signal.signal(signal.SIGTERM, lambda *_: host.stop())
     host.run()
 """
@@ -98,7 +99,7 @@ def test_with_one_thread_for_the_network_the_requests_of_a_whole_program_get_thr
     with (
         python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MAX_CLIENTS)),
         hosted(environment, [server]) as host,
-        ZenohSession.open(robot_address(environment), listens=("Clock",)) as clock,
+        ZenohSession.open(robot_address(environment), server_names=("Clock",)) as clock,
     ):
         until(lambda: "drive/crowd" in clock.alive(), "it is there for the Clock")
         until(lambda: "drive/crowd" in host.network.alive(), "it is there for RServer")
@@ -132,7 +133,7 @@ def test_a_server_that_is_frozen_makes_no_client_of_another_server_late(
         python_process(environment, "-c", FROZEN_SERVER, says="ready") as frozen,
         python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MAX_CLIENTS)),
         hosted(environment, [server]) as host,
-        ZenohSession.open(robot_address(environment), listens=("Clock",)) as clock,
+        ZenohSession.open(robot_address(environment), server_names=("Clock",)) as clock,
     ):
         until(lambda: "drive/crowd" in clock.alive(), "it is there for the Clock")
         until(lambda: "drive/crowd" in host.network.alive(), "it is there for DServer")

@@ -24,7 +24,7 @@ from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.message_queue import MAX_CALLS_PER_CONNECTION
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.live.outbox import declare_publisher
 from colony.runtime.transport.live.sender import MAX_DROPPABLE_BYTES
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
@@ -53,7 +53,7 @@ def test_a_direct_host_handles_frames_and_calls_where_they_come_in_and_wakes_in_
 
     node = _Threads(CALLS, topics.TICKS, on=wake)
     with (
-        Host.open(robot_address(environment), [node], serves=True, direct=True) as host,
+        Host.open(robot_address(environment), [node], serves=True, handle_directly=True) as host,
         running(host) as run,
     ):
         until(lambda: SERVER in outside.network.alive(), "it is there")
@@ -73,7 +73,7 @@ def test_a_direct_host_loses_nothing_and_keeps_the_order_while_calls_come_betwee
     node = Recorder(SERVER, CALLS, topics.TICKS)
     second = Recorder("Second", topics.TICKS)
     with (
-        Host.open(robot_address(environment), [node, second], serves=True, direct=True) as host,
+        Host.open(robot_address(environment), [node, second], serves=True, handle_directly=True) as host,
         running(host),
     ):
         until(lambda: SERVER in outside.network.alive(), "it is there")
@@ -95,7 +95,10 @@ def test_nodes_of_a_direct_host_hear_each_other(environment: Mapping[str, str], 
         Recorder(SERVER, topics.TICKS, on=pass_on),
         Recorder("listener", topics.frames(topics.CLOCK)),
     ]
-    with Host.open(robot_address(environment), nodes, serves=True, direct=True) as host, running(host):
+    with (
+        Host.open(robot_address(environment), nodes, serves=True, handle_directly=True) as host,
+        running(host),
+    ):
         until(lambda: SERVER in outside.network.alive(), "it is there")
         for k in range(100):
             outside.put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
@@ -120,7 +123,7 @@ def test_a_direct_host_sends_what_must_not_be_dropped_in_a_thread_of_its_own(
 
     node = Recorder(SERVER, CALLS, on=answer)
     outside.hear(topics.replies(SERVER, "u/a"))
-    with Host.open(robot_address(environment), [node], serves=True, direct=True) as host:
+    with Host.open(robot_address(environment), [node], serves=True, handle_directly=True) as host:
         assert host._blocking_outbox is not None
         send_all = host._blocking_outbox.send_all
 
@@ -186,8 +189,8 @@ def test_an_answer_that_nobody_takes_does_not_hold_up_a_stop(environment: Mappin
 
         host._outbox.send = blocked  # type: ignore[method-assign]
         for number, call in enumerate((plain_call("u/a", 1), _stop("u/a", 2))):
-            key = keys.sending(ROBOT, CALLS, call, user="u")
-            with publish(network.session, key) as publisher:
+            key = keys.publication_key(ROBOT, CALLS, call, user="u")
+            with declare_publisher(network.session, key) as publisher:
                 until(lambda p=publisher: p.matching_status.matching, "the server listens")  # type: ignore[misc]
                 publisher.put(codec.encode(call))
             until(lambda n=number: len(node.got) > n, "it is handled")  # type: ignore[misc]

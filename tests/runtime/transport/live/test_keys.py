@@ -34,17 +34,17 @@ def _call(right: Right = "command", connection: str = "ada/7") -> Call:
 def test_who_listens_to_a_topic_hears_what_is_sent_to_it_at_this_robot(
     topic: str, message: SentMessage
 ) -> None:
-    key = zenoh.KeyExpr(keys.sending("rome", topic, message, user="ada"))
-    assert zenoh.KeyExpr(keys.listening("rome", topic)).includes(key)
-    assert not zenoh.KeyExpr(keys.listening("siena", topic)).intersects(key)
+    key = zenoh.KeyExpr(keys.publication_key("rome", topic, message, user="ada"))
+    assert zenoh.KeyExpr(keys.subscription_key("rome", topic)).includes(key)
+    assert not zenoh.KeyExpr(keys.subscription_key("siena", topic)).intersects(key)
 
 
 @pytest.mark.parametrize("topic", [topics.fetches("RServer"), topics.checkpoints("DServer"), topics.RESTARTS])
 def test_what_clients_send_has_their_user_in_its_key(topic: str) -> None:
-    key = keys.sending("rome", topic, Fetch(server="RServer", k=1), user="ada")
+    key = keys.publication_key("rome", topic, Fetch(server="RServer", k=1), user="ada")
     assert key == f"colony/rome/{topic}/ada"
-    assert keys.kind_of_users(topic) == topic.partition("/")[2]
-    assert keys.kind_of_users(topics.frames("RServer")) is None
+    assert keys.user_message_kind(topic) == topic.partition("/")[2]
+    assert keys.user_message_kind(topics.frames("RServer")) is None
 
 
 def test_the_key_of_a_call_says_whose_it_is_and_under_which_right() -> None:

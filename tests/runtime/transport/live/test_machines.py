@@ -172,7 +172,7 @@ def _split(folder: Path, ask: str) -> Iterator[_Split]:
         namespace, cable = holds.enter_context(_cable())
         base = _Base(local_time(robot_address(environment)))
         server = RServer(base)
-        holds.enter_context(hosted(environment, [Clock(servers=("RServer",), keep=100)]))
+        holds.enter_context(hosted(environment, [Clock(servers=("RServer",), frames_kept=100)]))
         holds.enter_context(hosted(environment, [server]))
         endpoint = f"tls/{HERE}:{free_port()}"
         holds.enter_context(running(open_gateway(robot_address(environment), endpoint, security)))

@@ -22,7 +22,7 @@ if sys.argv[2] == "unchecked":
 most = len(os.listdir("/proc/self/fd")) + int(sys.argv[3])
 resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 try:
-    network.ZenohSession.open(place, listens=("RServer",)).close()
+    network.ZenohSession.open(place, server_names=("RServer",)).close()
 except (UnreachableError, OSError) as problem:
     print(problem)
 else:

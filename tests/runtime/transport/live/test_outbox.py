@@ -50,8 +50,10 @@ def test_what_is_sent_is_heard_also_when_its_publisher_was_given_back(network: Z
     handler = zenoh.handlers.Callback(
         lambda sample: heard.append(codec.decode(sample.payload.to_bytes())), indirect=False
     )
-    network.session.declare_subscriber(keys.listening(ROBOT, topics.replies("RServer", "u/1")), handler)
-    network.session.declare_subscriber(keys.listening(ROBOT, topics.TICKS), handler)
+    network.session.declare_subscriber(
+        keys.subscription_key(ROBOT, topics.replies("RServer", "u/1")), handler
+    )
+    network.session.declare_subscriber(keys.subscription_key(ROBOT, topics.TICKS), handler)
     box = Outbox(network.session, ROBOT, lambda problem: None, user="u")
     for now_ns in (0, 2 * IDLE_NS, 4 * IDLE_NS):
         _reply(box, "u/1", now_ns)

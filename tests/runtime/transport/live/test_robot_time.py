@@ -11,7 +11,7 @@ MS = 1_000_000
 
 def test_before_the_first_tick_it_is_nothing() -> None:
     learned = LearnedTime(lambda: 5)
-    assert (learned.known, learned()) == (False, 0)
+    assert (learned.has_ticked, learned()) == (False, 0)
 
 
 def test_the_least_delayed_tick_counts_and_time_never_goes_back() -> None:
@@ -26,7 +26,7 @@ def test_the_least_delayed_tick_counts_and_time_never_goes_back() -> None:
         learned.on_tick(due)
         assert learned() >= last
         last = learned()
-        assert learned.known
+        assert learned.has_ticked
     truth = now[0] + offset
     assert 0 <= truth - learned() <= MS + int(DRIFT * 100 * 50 * MS)
 

@@ -161,12 +161,12 @@ def test_the_claim_of_a_process_that_was_killed_is_free(robot: RobotDirectory, t
 
 
 def test_time_begins_once_for_all_processes(robot: RobotDirectory, tmp_path: Path) -> None:
-    assert robot.base_ns(monotonic=lambda: 1000) == 1000
-    assert robot.base_ns(monotonic=lambda: 2000) == 1000
+    assert robot.origin_ns(monotonic=lambda: 1000) == 1000
+    assert robot.origin_ns(monotonic=lambda: 2000) == 1000
     script = (
         "import sys; from pathlib import Path\n"
         "from colony.runtime.transport.live.run_directory import RunDirectory\n"
-        "print(RunDirectory(Path(sys.argv[1])).robot(sys.argv[2]).base_ns())\n"
+        "print(RunDirectory(Path(sys.argv[1])).robot(sys.argv[2]).origin_ns())\n"
     )
     run = [
         subprocess.Popen(
@@ -185,18 +185,18 @@ def test_time_goes_on_after_the_machine_was_started_anew(
     monkeypatch.setattr(module.time, "time_ns", lambda: next(wall))
     monkeypatch.setattr(module, "BOOT_ID", boot)
     boot.write_text("first\n")
-    assert robot.base_ns(monotonic=lambda: 5000) == 5000
+    assert robot.origin_ns(monotonic=lambda: 5000) == 5000
     boot.write_text("second\n")
-    base = robot.base_ns(monotonic=lambda: 100)
+    base = robot.origin_ns(monotonic=lambda: 100)
     assert 100 - base == 7000
-    assert robot.base_ns(monotonic=lambda: 300) == base
+    assert robot.origin_ns(monotonic=lambda: 300) == base
 
 
 def test_a_base_that_cannot_be_read_is_told_of(robot: RobotDirectory, tmp_path: Path) -> None:
     robot.prepare()
     (robot.path / "base").write_bytes(msgspec.json.encode({"boot": 3}))
     with pytest.raises(RunDirectoryError, match=r"base: .*remove it"):
-        robot.base_ns()
+        robot.origin_ns()
 
 
 def test_place_of_a_robot_of_this_machine() -> None:
@@ -222,6 +222,6 @@ def test_what_is_no_file_in_the_folder_of_a_robot(tmp_path: Path, name: str) -> 
     directory.prepare()
     os.mkfifo(directory.path / name)
     assert directory.running() == {}
-    use = directory.base_ns if name == "base" else lambda: directory.claim("RServer")
+    use = directory.origin_ns if name == "base" else lambda: directory.claim("RServer")
     with pytest.raises(RunDirectoryError, match=f"{name}: it is not a regular file"):
         use()

@@ -1,7 +1,7 @@
-"""A conversation over the network, shared by the blocking and the asyncio connections.
+"""A conversation over the network, used by both the blocking and the asyncio connections.
 
-Network threads and user threads share one lock, which is never held during a send: a send may wait for room
-in a buffer, and the thread that makes room may need the lock.
+Network threads and user threads share one lock, which is never held during a send: a send may wait for space
+in a buffer, and the thread that frees the space may need the lock.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import priority_of, publish
+from colony.runtime.transport.live.outbox import declare_publisher, priority_of
 
 monotonic = time.monotonic_ns
 
@@ -56,8 +56,8 @@ class _Publisher:
             self._lock.release()
 
 
-class Wire:
-    """A conversation over the network. Mutable."""
+class Channel:
+    """A conversation (`conversation.py`) with a server over the network. Mutable."""
 
     def __init__(
         self,
@@ -67,12 +67,12 @@ class Wire:
         name: str,
         priority: int,
         rights: tuple[Right, ...],
-        ids: Callable[[], str],
-        begin: Callable[[Wire, str], None],
+        new_id: Callable[[], str],
+        register: Callable[[Channel, str], None],
         notify: Callable[[Notice], None],
         defer: Callable[[Deferred], None],
     ) -> None:
-        """Create a conversation that is not open yet.
+        """Create a channel that is not open yet.
 
         Args:
             network: the session to send with.
@@ -80,15 +80,15 @@ class Wire:
             name: the display name of the connection.
             priority: the priority of all its calls.
             rights: the user's rights.
-            ids: function that returns a new id each time.
-            begin: called with the connection whose replies must be passed to `receive` from now on.
+            new_id: function that returns a new id each time.
+            register: called with the connection whose replies must be passed to `receive` from now on.
             notify: called with each notice of the server.
             defer: runs work in another thread, for work that must not run in a network thread.
         """
         self.server = server
         self.network = network
         self._rights = rights
-        self._begin = begin
+        self._register = register
         self._notify = notify
         self._defer = defer
         self._lock = Lock()
@@ -96,7 +96,7 @@ class Wire:
         self._conversation = Conversation(
             server=server,
             user=network.user,
-            ids=ids,
+            new_id=new_id,
             name=name,
             priority=priority,
             default_right=self._default_right,
@@ -111,17 +111,17 @@ class Wire:
             effects = list(self._conversation.open(resolve, monotonic()))
         self._carry_out(effects)
 
-    def submit(self, ask: Ask[Any], resolve: Callable[[Outcome], None]) -> Pending:
+    def submit(self, call: Ask[Any], resolve: Callable[[Outcome], None]) -> Pending:
         """Make a call; `resolve` is called with its outcome, from any thread.
 
         Raises:
             CallRefusedError: the user does not have the right to this call.
         """
-        if ask.right != "read" and ask.right not in self._rights:
-            raise CallRefusedError("right", self._not_allowed(ask))
-        pending = Pending(ask, resolve)
+        if call.right != "read" and call.right not in self._rights:
+            raise CallRefusedError("right", self._not_allowed(call))
+        pending = Pending(call, resolve)
         with self._lock:
-            effects = list(self._conversation.ask(pending, monotonic()))
+            effects = list(self._conversation.submit(pending, monotonic()))
         self._carry_out(effects)
         return pending
 
@@ -136,10 +136,10 @@ class Wire:
         with self._lock:
             self._conversation.forget(pending)
 
-    def keep(self, ask: Ask[Any]) -> None:
+    def repeat_on_reopen(self, call: Ask[Any]) -> None:
         """Make this call again whenever the connection is reopened."""
         with self._lock:
-            self._conversation.keep(ask)
+            self._conversation.repeat_on_reopen(call)
 
     def close(self) -> None:
         """Close the connection, and notify the server."""
@@ -190,7 +190,7 @@ class Wire:
                 case Deliver(notice):
                     self._notify(notice)
                 case Listen(connection):
-                    self._begin(self, connection)
+                    self._register(self, connection)
 
     def _release(self) -> None:
         publishers, self._publishers = self._publishers, {}
@@ -208,21 +208,23 @@ class Wire:
         self._carry_out(at_once)
 
     def _send(self, message: Call | Alive, may_block: bool) -> None:
-        """Send a message; without `may_block`, drop it rather than wait for room in the send buffer."""
+        """Send a message; without `may_block`, drop it rather than wait for space in the send buffer."""
         network, topic = self.network, topics.calls(self.server)
-        key = keys.sending(network.robot, topic, message, user=network.user, alive_right=self._default_right)
+        key = keys.publication_key(
+            network.robot, topic, message, user=network.user, alive_right=self._default_right
+        )
         publisher = self._publishers.get((key, may_block))
         with suppress(zenoh.ZError):  # the connection is released already, so the message is obsolete
             if publisher is None:
-                zenoh_publisher = publish(
+                zenoh_publisher = declare_publisher(
                     self.network.session, key, priority=priority_of(message), may_block=may_block
                 )
                 publisher = self._publishers[key, may_block] = _Publisher(zenoh_publisher)
             publisher.put(codec.encode(message))
 
-    def _not_allowed(self, ask: Ask[Any]) -> str:
+    def _not_allowed(self, call: Ask[Any]) -> str:
         may = ", ".join(self._rights)
         return (
-            f"{self.server}.{ask.method} needs the right to {ask.right}, and {self.network.user} may only "
+            f"{self.server}.{call.method} needs the right to {call.right}, and {self.network.user} may only "
             f"{may}, according to the gateway's table of users"
         )
