@@ -118,7 +118,7 @@ def test_every_map_that_comes_along_is_listed() -> None:
 def test_every_line_of_the_header_is_listed() -> None:
     section = PAGE.partition("## Header")[2].partition("## Rings")[0]
     rows = re.findall(r"^\| `(\w+) ", section, re.MULTILINE)
-    known = Header(Problems(), Source("none", "")).known
+    known = Header(Problems(), Source("none", "")).keywords
     assert sorted([*rows, "link", "elevator"]) == sorted(known)
 
 
