@@ -266,7 +266,7 @@ def _draw_path(axes: Axes, path: NDArray[np.float64], color: str, name: str) -> 
 
 
 def _draw_start(axes: Axes, map_: Map) -> None:
-    """Draw the robot where it starts, as a disc with a line to the front."""
+    """Draw the robot where it starts, as a triangle that points to the front."""
     start = map_.start
     axes.plot(
         start.x_mm, start.y_mm, marker=(3, 0, start.heading_deg), color=_PATHS[0], markersize=11,

@@ -6,8 +6,8 @@ delivered is none of these: the assembler fetches it again (servers keep frames 
 hands out no later frame before it, because memory must see every frame, and all readers the same one.
 
 If that is impossible (the frame is no longer kept, or was handed out and has become void), the assembler is
-`lost`: memory must be recalled, or a new epoch must begin. At the start of each epoch (`Tick.start`) the
-assembler drops everything before it.
+`lost`: memory must be restored from a checkpoint, or a new epoch must begin. At the start of each epoch
+(`Tick.start`) the assembler drops everything before it.
 
 Readings are converted here, once: into base units for executors, into declared units for the observer.
 

@@ -32,7 +32,7 @@ class ClientParticipant(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Participants(msgspec.Struct, frozen=True, kw_only=True):
-    """The newest tick (k -1 before the first), and the participants of the run.
+    """The newest tick (`k` is -1 before the first), and the participants of the run.
 
     `run` and `program` are those of the deployment, "" if there is none; `leader` is the connection that
     deployed it. `begun` is False while the Clock waits for clients to be ready; `restarts` counts the

@@ -24,7 +24,7 @@ EDGE_SIGMA_PX = 0.12
 """Standard deviation of an edge that many rows agree on."""
 
 BEARING_SIGMA_DEG = 0.2
-"""Standard deviation of a bearing from the camera's mounting and the time of the image."""
+"""Standard deviation of the error of a bearing due to the camera's mounting and the time of the image."""
 
 DISTANCE_SIGMA = 0.01
 """Standard deviation of a distance from the focal length, as a fraction of the distance."""

@@ -294,7 +294,7 @@ def _box(run: list[_Pattern], first_row: int) -> MarkerBox:
 
 
 def _without_overlaps(boxes: list[MarkerBox]) -> tuple[MarkerBox, ...]:
-    """Of boxes that share columns, keep the highest ones."""
+    """Of boxes that share columns, keep the tallest."""
     kept: list[MarkerBox] = []
     for box in sorted(boxes, key=lambda box: box.first_row - box.last_row):
         if all(box.right <= other.left or box.left >= other.right for other in kept):

@@ -4,9 +4,9 @@ It observes the wall on the robot's left through a camera, four times a second, 
 the hallway within 50 degrees. Each plate is reported once, when enough observations agree (`search.py`): at
 DServer in PlateSeen, and to the callback `on_plate`.
 
-With maps of the floors, only plates on the map of the floor named by Floor count, and each observation of
-such a plate measures the robot's pose: PlateFix. The thesis's own finder (`thesis=True`) reports a plate at
-its first observation, and distinguishes images by their overlap on the wall only.
+With maps of the floors, only plates on the map of the current floor (`Floor`) are accepted. Each observation
+of such a plate measures the robot's pose: PlateFix. The thesis's own finder (`thesis=True`) reports a plate
+at its first observation, and distinguishes images by their overlap on the wall only.
 
 The finder waits while a server does not answer or has no value. While DServer does not answer, the last known
 floor counts, and plates are published later. On a floor without a map, nothing is found.

@@ -1,8 +1,9 @@
 """The robot's time on another machine, learned from the ticks of its Clock.
 
 A tick contains the time at which it was due, and arrives later by an unknown delay that is never negative.
-The greatest difference between a tick's time and its arrival is therefore the most accurate. The clocks of
-two machines drift apart, so `DRIFT` times its age is subtracted from an old difference.
+The offset, the tick's time minus the time of its arrival, is too small by that delay, so the greatest offset
+is the most accurate. The clocks of two machines drift apart, so `DRIFT` times its age is subtracted from an
+old one.
 """
 
 from __future__ import annotations
