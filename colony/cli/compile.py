@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, assert_never
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.outputs import check_output, write_whole
+from colony.cli.outputs import check_output, output_option, write_whole
 from colony.cli.reporting import report, say
 from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import ProverSeconds
@@ -42,13 +42,7 @@ CLIENTS_BYTES = 64 * 1024 * 1024
     show_default=True,
     help="A table for people, JSON for programs, or a Python class that does not depend on colony.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="PATH",
-    help="The output file. [default: standard output]",
-)
+@output_option
 @click.option(
     "--no-proof", is_flag=True, help="Do not prove that the clients are equivalent to the network of FILE."
 )

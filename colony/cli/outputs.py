@@ -20,6 +20,15 @@ DESCRIPTORS = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 SOURCES = (".colony", ".stickrep")
 """Suffixes of source files, which no command overwrites."""
 
+output_option = click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="The output file. [default: standard output]",
+)
+"""`--output PATH` of commands that write text, as `output`."""
+
 
 def cannot_write(path: str | Path, why: str) -> NoReturn:
     """Report in one line that a file cannot be written, and exit with 2."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO, NoReturn
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.outputs import check_output, write_whole
+from colony.cli.outputs import check_output, output_option, write_whole
 from colony.cli.reporting import load_program, one_line, refuse, say
 from colony.cli.shipped_files import BEHAVIOR
 from colony.files import open_regular, reason
@@ -32,13 +32,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="The executor: the reference interpreter, the client list, or the generated Python.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="PATH",
-    help="The output file. [default: standard output]",
-)
+@output_option
 def command(file: str, input_: str, backend: Backend, output: Path | None) -> None:
     """Run a behavior over recorded frames and print its decisions, one line per frame.
 

@@ -70,7 +70,7 @@ class Form:
 
 
 TimerClasses = Mapping[str, str | None]
-"""For each cell, the cell whose timer is provably the same, or None if its timer never runs."""
+"""The cell whose timer is provably the same, by cell; None for a cell whose timer never runs."""
 
 
 def with_activities(program: Program) -> Program:
