@@ -7,21 +7,7 @@ the functions that a program uses into the generated program.
 
 from __future__ import annotations
 
-from math import (
-    atan2,
-    ceil,
-    copysign,
-    cos,
-    degrees,
-    floor,
-    inf,
-    isfinite,
-    isinf,
-    nan,
-    radians,
-    sin,
-    sqrt,
-)
+from math import ceil, copysign, floor, inf, isfinite, nan, sqrt
 
 
 def minimum(*values: float) -> float:
@@ -108,21 +94,6 @@ def round_up(x: float) -> float:
 def round_even(x: float) -> float:
     """Return the nearest whole number, halves to even; a zero has the sign of `x`."""
     return copysign(float(round(x)), x) if isfinite(x) else x
-
-
-def sine(x: float) -> float:
-    """Return the sine of an angle in degrees; NaN for an infinite angle."""
-    return nan if isinf(x) else sin(radians(x))
-
-
-def cosine(x: float) -> float:
-    """Return the cosine of an angle in degrees; NaN for an infinite angle."""
-    return nan if isinf(x) else cos(radians(x))
-
-
-def direction(y: float, x: float) -> float:
-    """Return `atan2(y, x)` in degrees."""
-    return degrees(atan2(y, x))
 
 
 def pick_number(table: tuple[float, ...] | list[float], index: float) -> float:

@@ -21,8 +21,8 @@ from colony.files import COMPILED, StrPath, open_regular, read_file, reason
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import NOWHERE, Source, Span
 
-VERSION = 1
-"""Version of the format. It follows from the fields of data classes: increment it if one of them changes."""
+VERSION = 2
+"""Version of the format. Shapes derive from data classes: increment it with each change of one."""
 
 SUFFIX = ".colonyc"
 """Suffix of a file that holds a compiled program."""

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from colony.execute import arithmetic
+from colony.ir import angles
 
 
 @unique
@@ -19,7 +20,7 @@ class Operator(Enum):
     `clamp` is MIN of MAX, `mean` is SUM divided by the count.
     """
 
-    # N -> N
+    # N -> N; angles are in degrees
     NEGATE = "negate"
     ABS = "abs"
     SIGN = "sign"
@@ -29,6 +30,9 @@ class Operator(Enum):
     ROUND = "round"
     SIN = "sin"
     COS = "cos"
+    TAN = "tan"
+    ASIN = "asin"
+    ACOS = "acos"
     # N, N -> N
     ADD = "add"
     SUBTRACT = "subtract"
@@ -77,14 +81,17 @@ FUNCTIONS: Mapping[Operator, Callable[..., Any]] = MappingProxyType(
         Operator.FLOOR: arithmetic.round_down,
         Operator.CEIL: arithmetic.round_up,
         Operator.ROUND: arithmetic.round_even,
-        Operator.SIN: arithmetic.sine,
-        Operator.COS: arithmetic.cosine,
+        Operator.SIN: angles.sine,
+        Operator.COS: angles.cosine,
+        Operator.TAN: angles.tangent,
+        Operator.ASIN: angles.arc_sine,
+        Operator.ACOS: angles.arc_cosine,
         Operator.ADD: lambda x, y: x + y,
         Operator.SUBTRACT: lambda x, y: x - y,
         Operator.MULTIPLY: lambda x, y: x * y,
         Operator.DIVIDE: arithmetic.divide,
         Operator.MODULO: arithmetic.modulo,
-        Operator.ATAN2: arithmetic.direction,
+        Operator.ATAN2: angles.direction,
         Operator.MIN: arithmetic.minimum,
         Operator.MAX: arithmetic.maximum,
         Operator.SUM: arithmetic.total,

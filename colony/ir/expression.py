@@ -78,6 +78,9 @@ class Function(Enum):
     CLAMP = "clamp"
     SIN = "sin"
     COS = "cos"
+    TAN = "tan"
+    ASIN = "asin"
+    ACOS = "acos"
     ATAN2 = "atan2"
     ANGLE_DIFFERENCE = "angle_difference"
 

@@ -74,7 +74,21 @@ def test_every_operator_has_a_function() -> None:
 
 ODD = (0.0, -0.0, 1.0, -2.5, 1e308, -1e308, 5e-324, 2.0**53, inf, -inf, nan)
 
-ONE = ("NEGATE", "ABS", "SIGN", "SQRT", "FLOOR", "CEIL", "ROUND", "SIN", "COS", "FINITE")
+ONE = (
+    "NEGATE",
+    "ABS",
+    "SIGN",
+    "SQRT",
+    "FLOOR",
+    "CEIL",
+    "ROUND",
+    "SIN",
+    "COS",
+    "TAN",
+    "ASIN",
+    "ACOS",
+    "FINITE",
+)
 TWO = ("ADD", "SUBTRACT", "MULTIPLY", "DIVIDE", "MODULO", "ATAN2", "MIN", "MAX", "SUM")
 MORE = ("INDEX_OF_MIN", "INDEX_OF_MAX", "LESS", "LESS_EQUAL", "EQUAL", "NOT_EQUAL")
 

@@ -96,6 +96,9 @@ _FUNCTIONS: dict[Function, Operator] = {
     Function.MOD: Operator.MODULO,
     Function.SIN: Operator.SIN,
     Function.COS: Operator.COS,
+    Function.TAN: Operator.TAN,
+    Function.ASIN: Operator.ASIN,
+    Function.ACOS: Operator.ACOS,
     Function.ATAN2: Operator.ATAN2,
 }
 

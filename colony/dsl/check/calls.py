@@ -130,12 +130,17 @@ def _elementwise_result(
 ) -> Quantity | None:
     """Return the element type of an elementwise function after checking its dimensions."""
     match function:
-        case ir.Function.SIN | ir.Function.COS | ir.Function.ANGLE_DIFFERENCE:
+        case ir.Function.SIN | ir.Function.COS | ir.Function.TAN | ir.Function.ANGLE_DIFFERENCE:
             for argument, element in zip(node.arguments, elements, strict=True):
                 if element.dimension != ANGLE and not element.wildcard:
                     _report_type(checker, argument, node, "an angle", element)
                     return None
             return DEGREES if function is ir.Function.ANGLE_DIFFERENCE else DIMENSIONLESS
+        case ir.Function.ASIN | ir.Function.ACOS:
+            if elements[0].dimension != NUMBER and not elements[0].wildcard:
+                _report_type(checker, node.arguments[0], node, "a plain number", elements[0])
+                return None
+            return DEGREES
         case ir.Function.SIGN:
             return DIMENSIONLESS
         case ir.Function.SQRT:

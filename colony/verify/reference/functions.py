@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import assert_never
 
+from colony.ir import angles
 from colony.ir.expression import Binary, Function, Unary
 from colony.ir.types import ScalarValue
 
@@ -86,7 +87,7 @@ def function(f: Function, x: Sequence[ScalarValue]) -> ScalarValue:
         case Function.CLAMP:
             return least((greatest((x[0], x[1])), x[2]))
         case Function.ATAN2:
-            return math.degrees(math.atan2(x[0], x[1]))
+            return angles.direction(x[0], x[1])
         case Function.ANGLE_DIFFERENCE:
             return angle_difference(x[0], x[1])
         case _:
@@ -109,9 +110,15 @@ def unary_function(f: Function, x: float) -> float:
         case Function.ROUND:
             return whole(round, x)
         case Function.SIN:
-            return NAN if math.isinf(x) else math.sin(math.radians(x))
+            return angles.sine(x)
         case Function.COS:
-            return NAN if math.isinf(x) else math.cos(math.radians(x))
+            return angles.cosine(x)
+        case Function.TAN:
+            return angles.tangent(x)
+        case Function.ASIN:
+            return angles.arc_sine(x)
+        case Function.ACOS:
+            return angles.arc_cosine(x)
         case _:
             raise AssertionError(f"{f} is not a function of one number")
 

@@ -14,6 +14,7 @@ from typing import cast
 
 import z3
 
+from colony.ir.angles import direction
 from colony.ir.expression import Function
 from colony.text.source import Span
 from colony.verify.reference.functions import divide, modulo, unary_function
@@ -374,11 +375,41 @@ class Arithmetic:
         text = f"`{function.value}`: only bounds are known"
         return self._mark_abstracted(Number(term, either(x.nan, x.infinite), FALSE, bounds), text)
 
+    def tangent(self, x: Number) -> Number:
+        """Return `tan(x)`; NaN of an infinity."""
+        known = fold(lambda v: unary_function(Function.TAN, v), (x,))
+        if known is not None:
+            return known
+        term, _ = self.builder.auxiliary(Operation.TAN, (x,), z3.RealSort())
+        pole, is_new = self.builder.auxiliary(Operation.POLE, (x,), z3.BoolSort())
+        nan = either(x.nan, x.infinite)
+        infinite = both(negation(nan), cast(z3.BoolRef, pole))
+        if is_new:
+            one = cast(z3.BoolRef, z3.Or(term == 1, term == -1))
+            self.builder.assume(cast(z3.BoolRef, pole), implied(cast(z3.BoolRef, pole), one))
+        result = Number(term, nan, infinite, UNBOUNDED)
+        return self._mark_abstracted(result, "`tan`: nothing is known")
+
+    def arc_sine(self, x: Number, function: Function) -> Number:
+        """Return `asin(x)` or `acos(x)` in degrees; NaN outside -1 .. 1."""
+        known = fold(lambda v: unary_function(function, v), (x,))
+        if known is not None:
+            return known
+        is_sine = function is Function.ASIN
+        operation, low, high = (Operation.ASIN, -90, 90) if is_sine else (Operation.ACOS, 0, 180)
+        term, is_new = self.builder.auxiliary(operation, (x,), z3.RealSort())
+        if is_new:
+            self.builder.assume(term, all_of((cast(z3.BoolRef, term >= low), cast(z3.BoolRef, term <= high))))
+        outside = either(x.infinite, cast(z3.BoolRef, z3.Or(x.value > 1, x.value < -1)))
+        text = f"`{function.value}`: only bounds are known"
+        bounds = Bounds(Fraction(low), Fraction(high))
+        return self._mark_abstracted(Number(term, either(x.nan, outside), FALSE, bounds), text)
+
     def arc_tangent(self, y: Number, x: Number) -> Number:
         """Return `atan2(y, x)` in degrees."""
-        folded = fold(lambda v, w: math.degrees(math.atan2(v, w)), (y, x))
-        if folded is not None:
-            return folded
+        known = fold(direction, (y, x))
+        if known is not None:
+            return known
         term, is_new = self.builder.auxiliary(Operation.ATAN2, (y, x), z3.RealSort())
         nan = either(y.nan, x.nan)
         if is_new:

@@ -8,7 +8,7 @@ from typing import assert_never
 
 import z3
 
-from colony.ir.expression import Binary, Function, Unary
+from colony.ir.expression import REDUCTIONS, Binary, Function, Unary
 from colony.verify.symbolic.arithmetic import Arithmetic
 from colony.verify.symbolic.cases import by_cases, constant
 from colony.verify.symbolic.logic import (
@@ -108,14 +108,12 @@ def apply(function: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Sc
             return arithmetic.arc_tangent(number(x[0]), number(x[1]))
         case Function.ANGLE_DIFFERENCE:
             return arithmetic.angle_difference(number(x[0]), number(x[1]))
-        case Function.ABS | Function.SIGN | Function.SQRT | Function.FLOOR | Function.CEIL:
-            return _unary_function(function, number(x[0]), arithmetic)
-        case Function.ROUND | Function.SIN | Function.COS:
-            return _unary_function(function, number(x[0]), arithmetic)
         case Function.INDEX_OF_MIN | Function.INDEX_OF_MAX:
             return index_of(function, [number(v) for v in x], [constant(float(i)) for i in range(len(x))])
-        case _:
+        case _ if function in REDUCTIONS:
             return reduction(function, [(v, TRUE) for v in x], arithmetic)
+        case _:
+            return _unary_function(function, number(x[0]), arithmetic)
 
 
 def _unary_function(function: Function, x: Number, arithmetic: Arithmetic) -> Number:
@@ -132,6 +130,10 @@ def _unary_function(function: Function, x: Number, arithmetic: Arithmetic) -> Nu
             return arithmetic.ceil(x)
         case Function.ROUND:
             return arithmetic.round(x)
+        case Function.TAN:
+            return arithmetic.tangent(x)
+        case Function.ASIN | Function.ACOS:
+            return arithmetic.arc_sine(x, function)
         case _:
             return arithmetic.sine(x, function)
 

@@ -249,9 +249,13 @@ class Expressions:
         """Return the text of an expression that exists only for numbers, angles or times."""
         if of == ANGLE:
             d = self.dimension()
-            if self.choices.one_in(2):
-                return f"atan2({self.quantity(d, depth)}, {self.quantity(d, depth)})"
-            return f"angle_difference({self.quantity(ANGLE, depth)}, {self.quantity(ANGLE, depth)})"
+            match self.choices.up_to(4):
+                case 0 | 1:
+                    return f"atan2({self.quantity(d, depth)}, {self.quantity(d, depth)})"
+                case 2:
+                    return f"{self.choices.pick(('asin', 'acos'))}({self.quantity(NUMBER, depth)})"
+                case _:
+                    return f"angle_difference({self.quantity(ANGLE, depth)}, {self.quantity(ANGLE, depth)})"
         if of == TIME:
             return f"elapsed({self.bool(depth)})" if self.scope.memory else "now()"
         if of != NUMBER:
@@ -265,7 +269,7 @@ class Expressions:
             case 1 | 7:
                 return self._index_function(depth)
             case 2:
-                return f"{self.choices.pick(('sin', 'cos'))}({self.quantity(ANGLE, depth)})"
+                return f"{self.choices.pick(('sin', 'cos', 'tan'))}({self.quantity(ANGLE, depth)})"
             case 3:
                 return f"sign({self.quantity(self.dimension(), depth)})"
             case 4:

@@ -22,7 +22,17 @@ OF_TIMES = {*TIMES, Operator.TIME_LESS, Operator.SECONDS}
 OF_BOOLS = {Operator.NOT, Operator.AND, Operator.OR, Operator.COUNT}
 ONE = {
     *(Operator.NEGATE, Operator.ABS, Operator.SIGN, Operator.SQRT, Operator.FLOOR, Operator.CEIL),
-    *(Operator.ROUND, Operator.SIN, Operator.COS, Operator.FINITE, Operator.NOT, Operator.SECONDS),
+    *(
+        Operator.ROUND,
+        Operator.SIN,
+        Operator.COS,
+        Operator.TAN,
+        Operator.ASIN,
+        Operator.ACOS,
+        Operator.FINITE,
+        Operator.NOT,
+        Operator.SECONDS,
+    ),
 }
 PICKING = {Operator.PICK_NUMBER, Operator.PICK_BOOL}
 

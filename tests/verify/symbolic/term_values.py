@@ -14,6 +14,7 @@ from fractions import Fraction
 
 import z3
 
+from colony.ir import angles
 from colony.ir.expression import Function
 from colony.verify.reference import functions as floats
 from colony.verify.symbolic.system import (
@@ -248,6 +249,8 @@ class Values:
         if auxiliary.operation is Operation.OVERFLOW:
             return self._overflows(auxiliary.operands[0])
         x = [self._operand(v) for v in auxiliary.operands]
+        if auxiliary.operation is Operation.POLE:
+            return self._is_pole(x[0])
         if auxiliary.operation in (Operation.FLOOR, Operation.ROUND):
             return _whole(auxiliary.operation, x[0])
         if any(math.isnan(v) if isinstance(v, float) else v.error for v in x):
@@ -255,7 +258,7 @@ class Values:
         operands = [v if isinstance(v, float) else float(v.value) for v in x]
         if auxiliary.operation is Operation.QUOTIENT and operands[1] == 0:
             raise OpenTermError  # the sign of zero is not known
-        if auxiliary.operation is Operation.ATAN2 and operands[0] == 0 and operands[1] <= 0:
+        if auxiliary.operation is Operation.ATAN2 and operands[0] == 0 and operands[1] < 0:
             raise OpenTermError  # nor here
         result = _FUNCTIONS[auxiliary.operation](*operands)
         if math.isnan(result):
@@ -268,6 +271,11 @@ class Values:
         if auxiliary.operation in (Operation.PRODUCT, Operation.QUOTIENT, Operation.MODULO):
             return Real(exact, abs(exact) * EPSILON * 4 + TINY)
         return Real(exact)
+
+    def _is_pole(self, x: Real | float) -> bool:
+        if isinstance(x, float) or x.error:
+            raise OpenTermError
+        return math.isinf(angles.tangent(float(x.value)))
 
     def _operand(self, x: Number) -> Real | float:
         value = self.scalar(x)
@@ -306,5 +314,8 @@ _FUNCTIONS = {
     Operation.SQRT: lambda x: floats.unary_function(Function.SQRT, x),
     Operation.SIN: lambda x: floats.unary_function(Function.SIN, x),
     Operation.COS: lambda x: floats.unary_function(Function.COS, x),
-    Operation.ATAN2: lambda y, x: math.degrees(math.atan2(y, x)),
+    Operation.TAN: lambda x: floats.unary_function(Function.TAN, x),
+    Operation.ASIN: lambda x: floats.unary_function(Function.ASIN, x),
+    Operation.ACOS: lambda x: floats.unary_function(Function.ACOS, x),
+    Operation.ATAN2: angles.direction,
 }

@@ -143,6 +143,10 @@ def _applied_to_one(operator: Operator, x: list[Range]) -> Range:
             return Range(round_even(operand.low), round_even(operand.high), nan)
         case Operator.SIN | Operator.COS:
             return Range(-1.0, 1.0, nan or infinite)
+        case Operator.ASIN:
+            return Range(-90.0, 90.0, nan or operand.low < -1.0 or operand.high > 1.0)
+        case Operator.ACOS:
+            return Range(0.0, 180.0, nan or operand.low < -1.0 or operand.high > 1.0)
         case Operator.ATAN2:
             return Range(-180.0, 180.0, nan)
         case Operator.MODULO if x[1].low > 0.0 and isfinite(x[1].high):

@@ -14,9 +14,10 @@ from functools import cache
 from types import ModuleType
 
 from colony.execute import arithmetic, intake, python_step, settle
+from colony.ir import angles
 
 _MATH = frozenset(name for name in dir(math) if not name.startswith("_"))
-_MODULES: tuple[ModuleType, ...] = (arithmetic, intake, python_step, settle)
+_MODULES: tuple[ModuleType, ...] = (angles, arithmetic, intake, python_step, settle)
 
 
 def support(names: Iterable[str]) -> tuple[list[str], list[str]]:

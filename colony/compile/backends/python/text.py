@@ -65,6 +65,9 @@ _CALLS: dict[Operator, str] = {
     Operator.ROUND: "round_even",
     Operator.SIN: "sine",
     Operator.COS: "cosine",
+    Operator.TAN: "tangent",
+    Operator.ASIN: "arc_sine",
+    Operator.ACOS: "arc_cosine",
     Operator.DIVIDE: "divide",
     Operator.MODULO: "modulo",
     Operator.ATAN2: "direction",
@@ -128,8 +131,6 @@ def _applied(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Bi
             return f"{o[0].inside(Binding.PRODUCT)} / 1e9", Binding.PRODUCT
         case Operator.MIN | Operator.MAX:
             return _extreme(operator, o, x)
-        case Operator.SIN | Operator.COS if x[0].finite:
-            return f"{operator.value}(radians({o[0].text}))", Binding.ATOM
         case Operator.SQRT if x[0].low >= 0.0:
             return f"sqrt({o[0].text})", Binding.ATOM
         case Operator.DIVIDE if not x[1].nonzero:

@@ -77,7 +77,7 @@ def test_how_deep_it_nests() -> None:
         (Operator.SQRT, (POSITIVE,), "sqrt(a)"),
         (Operator.SQRT, (ZERO,), "sqrt(a)"),
         (Operator.SQRT, (DIMENSIONLESS,), "square_root(a)"),
-        (Operator.SIN, (DIMENSIONLESS,), "sin(radians(a))"),
+        (Operator.SIN, (DIMENSIONLESS,), "sine(a)"),
         (Operator.COS, (ANYTHING,), "cosine(a)"),
         (Operator.DIVIDE, (DIMENSIONLESS, POSITIVE), "a / b"),
         (Operator.DIVIDE, (DIMENSIONLESS, ZERO), "a / b if b else divide(a, b)"),
