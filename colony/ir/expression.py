@@ -99,7 +99,8 @@ class MemoryFunction(Enum):
     CHANGED = "changed"
     RISING = "rising"
     FALLING = "falling"
-    HELD = "held"
+    RECENTLY = "recently"
+    SUSTAINED = "sustained"
     ELAPSED = "elapsed"
     LATCH = "latch"
     CAPTURED = "captured"
@@ -263,9 +264,10 @@ class Reduce(TypedNode):
 class MemoryCall(TypedNode):
     """A memory function; `cell` is unique to this call in the program.
 
-    Arguments by function: PREVIOUS (e, initial), CHANGED (e), RISING FALLING ELAPSED (b), HELD (b),
-    LATCH (set, reset), CAPTURED (e, key), EVERY (). The duration of HELD and EVERY is `duration_ns`.
-    Each element of an array and each value of every enclosing loop variable has its own memory.
+    Arguments by function: PREVIOUS (e, initial), CHANGED (e), RISING FALLING ELAPSED (b), RECENTLY SUSTAINED
+    (b), LATCH (set, reset), CAPTURED (e, key), EVERY (). The duration of RECENTLY, SUSTAINED and EVERY is
+    `duration_ns`. Each element of an array and each value of every enclosing loop variable has its own
+    memory.
     """
 
     function: MemoryFunction

@@ -20,7 +20,9 @@ class ProgramMemory:
 
         state                             its value
         previous, changed, rising, falling    `last`, the argument in the last frame
-        held                              `until`, when the value turns false
+        recently                          `until`, when the value turns false
+        sustained                         `was`, the argument in the last frame, false where it was not
+                                          evaluated; `due`, when the value turns true
         elapsed                           `was`, the argument in the last frame; `since`, when it turned true
         latch                             `value`
         captured                          `held` and `key`

@@ -68,7 +68,7 @@ robot r {
   actuator drive { velocity : mm/s } to RServer.drive idle drive(velocity = 0)
 }
 module cruise { when true do drive(velocity = 300 mm/s) }
-module back_off { when held(bumper, 1 s) and near < 2 m do drive(velocity = -100 mm/s) }
+module back_off { when recently(bumper, 1 s) and near < 2 m do drive(velocity = -100 mm/s) }
 network { drive = back_off suppresses cruise }
 """
 

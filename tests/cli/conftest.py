@@ -68,7 +68,7 @@ robot r {
   actuator lamp { on : bool } to DServer.Lamp idle hold
 }
 module cruise { when near >= 0 mm do drive(velocity = near / 1 s, turn = 0) }
-module back   { when held(bumper, 100 ms) do drive(velocity = -100 mm/s, turn = rays[0] * 1 deg/s) }
+module back   { when recently(bumper, 100 ms) do drive(velocity = -100 mm/s, turn = rays[0] * 1 deg/s) }
 module shine  { when bumper do lamp(on = true) }
 network { drive = back suppresses cruise  lamp = shine }
 test "backs off" {

@@ -49,7 +49,7 @@ def test_a_base_may_stand_below() -> None:
 
 
 def test_names_and_memory_are_its_own() -> None:
-    whole = program(BASE + "module x = base\nmodule w { when held(bumper, 1 s) }\nmodule v = w")
+    whole = program(BASE + "module x = base\nmodule w { when recently(bumper, 1 s) }\nmodule v = w")
     base, x, w, v = whole.modules
     assert isinstance(base, Module)
     assert isinstance(x, Module)

@@ -109,16 +109,16 @@ def test_a_let_of_a_module_is_never_missing_to_it() -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "let x = held(bumper, 1 s)",
+        "let x = recently(bumper, 1 s)",
         "state s = false next s = rising(bumper)",
-        "module m { let a = every(1 s) when held(a, 1 s)"
+        "module m { let a = every(1 s) when recently(a, 1 s)"
         " do drive(velocity = 0, turn = elapsed(a) * 1 deg/s/s) }",
         "module m { state s = 0 s next s = elapsed(bumper) when s > 0 }",
-        "machine p { start a a -> b when held(bumper, 1 s) }",
-        "limit drive.velocity <= previous(3 mm/s, 0) when held(bumper, 1 s)",
-        "contract c: held(bumper, 1 s)",
-        'test "t" { at 0 s expect held(bumper, 1 s) }',
-        "let x = sum(if held(infrared[k], 1 s) then 1 else 0 for k in 0 .. 3 if rising(infrared[k]))",
+        "machine p { start a a -> b when recently(bumper, 1 s) }",
+        "limit drive.velocity <= previous(3 mm/s, 0) when recently(bumper, 1 s)",
+        "contract c: recently(bumper, 1 s)",
+        'test "t" { at 0 s expect recently(bumper, 1 s) }',
+        "let x = sum(if recently(infrared[k], 1 s) then 1 else 0 for k in 0 .. 3 if rising(infrared[k]))",
     ],
 )
 def test_memory_is_allowed(text: str) -> None:
@@ -129,11 +129,11 @@ def test_memory_is_allowed(text: str) -> None:
     "text",
     [
         "param p = previous(3, 4)",
-        "state s = held(true, 1 s)",
+        "state s = recently(true, 1 s)",
         "enum g { a = previous(1, 2) }",
         "module m { param p = previous(1, 2) when true }",
         "module m { param p = 1 when true } module n = m(p = previous(1, 2))",
-        "let x = held(bumper, previous(1 s, 2 s))",
+        "let x = recently(bumper, previous(1 s, 2 s))",
         "let x = sum(k for k in previous(1, 2) .. 3)",
         "let x = sonar[previous(1, 2) .. 3]",
         'test "t" { at previous(1 s, 2 s) }',

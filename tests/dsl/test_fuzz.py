@@ -19,7 +19,7 @@ GOOD = (
 enum goal { none = 0, light = 76 }
 param far = 3 m
 let ahead = min(sonar[11..13])
-let turns = sum(if held(infrared[k], 1 s) then 1 else 0 for k in 0 .. 23 if k > 3)
+let turns = sum(if recently(infrared[k], 1 s) then 1 else 0 for k in 0 .. 23 if k > 3)
 state laps = 0
 next laps = if rising(bumper) then laps + 1 else laps
 machine mode { start one  one -> two when bumper  any -> one when elapsed(mode == mode.two) > 3 s }

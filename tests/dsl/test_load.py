@@ -142,7 +142,7 @@ def test_a_machine() -> None:
              start idle
              idle -> busy when bumper
              any -> idle when elapsed(mode == mode.busy) >= 3 s
-             busy -> done when held(bumper, 1 s)
+             busy -> done when recently(bumper, 1 s)
            }""",
     )
     assert machine.type.members == (("idle", 0.0), ("busy", 1.0), ("done", 2.0))
@@ -327,7 +327,7 @@ def test_the_end_of_a_step_is_in() -> None:
 
 def test_each_memory_call_has_a_cell_of_its_own() -> None:
     whole = program(
-        """let a = held(bumper, 1 s) and rising(bumper)
+        """let a = recently(bumper, 1 s) and rising(bumper)
            module m { when changed(bumper) do drive(velocity = 0, turn = 0) }
            module n = m
            contract c: latch(bumper, not bumper)"""

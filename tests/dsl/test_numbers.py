@@ -156,13 +156,13 @@ def test_every_float_can_be_written(value: float) -> None:
     ],
 )
 def test_durations_are_whole_nanoseconds(text: str, ns: int) -> None:
-    found = named(Let, "x", f"let x = held(bumper, {text})").expression
+    found = named(Let, "x", f"let x = recently(bumper, {text})").expression
     assert isinstance(found, e.MemoryCall)
     assert found.duration_ns == ns
 
 
 def test_durations_of_centuries_are_refused() -> None:
-    assert findings("let x = held(bumper, 2e9 s)") == ["1:22 E213"]
+    assert findings("let x = recently(bumper, 2e9 s)") == ["1:26 E213"]
 
 
 # --- constants -----------------------------------------------------------------------------------

@@ -47,7 +47,7 @@ def codes(checked: Checked) -> list[str]:
         ("let a = sonar[1e300]", "E205"),
         ("let a = sonar[1e308 * 10]", "E205"),
         ("let a = sonar[0 / 0]", "E205"),
-        ("let a = held(bumper, 1e300 s)", "E213"),
+        ("let a = recently(bumper, 1e300 s)", "E213"),
         ("let a = 1 m^99999999999", "E011"),
         ("let a = 1 " + "*".join(["m^9"] * 1000), "E011"),
         ("let a = 1 " + "*".join(["mm"] * 100_000), "E011"),

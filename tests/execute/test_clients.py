@@ -24,7 +24,7 @@ robot r {
   actuator other { v : number } to DServer.Other idle hold
 }
 let far = previous(z, 0)
-module high { when held(b, 1 s)  do out(v = far * y * 1 m) }
+module high { when recently(b, 1 s)  do out(v = far * y * 1 m) }
 module low { when x > 0  do out(v = x * 1 m) }
 module apart { when z > 0  do other(v = z) }
 network { out = high suppresses[2 s] low  other = apart }

@@ -27,7 +27,7 @@ robot r {
 REMEMBERING = f"""{ROBOT}
 state count = 0
 next count = count + 1
-module m {{ when held(b, 1 s) and previous(b, false) do out(v = x + count) }}
+module m {{ when recently(b, 1 s) and previous(b, false) do out(v = x + count) }}
 network {{ out = m }}
 """
 GO = "actuator go { velocity : mm/s, turn : deg/s } to DServer.go idle hold"

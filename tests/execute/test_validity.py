@@ -25,7 +25,7 @@ from colony.execute.validity import MAX_TIME_NS, InvalidProgramError, check
 from tests.programs import compilation, robot
 
 TEXT = f"""{robot()}
-module m {{ when held(a, 1 s) do out(v = four[0]) }}
+module m {{ when recently(a, 1 s) do out(v = four[0]) }}
 module p from python "colony.verify.testing.python_modules:ErraticModule" {{
   param seed = 1 reads a commands base rate 1 s
 }}

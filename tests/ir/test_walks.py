@@ -12,7 +12,7 @@ OF = program(
     "let far = x > 3\n"
     "state s = false\nnext s = a\n"
     "machine go { start one one -> two when far }\n"
-    "module m1 { let b = held(a, 1 s) state y = 0 next y = x when b do out(v = x + 1) }\n"
+    "module m1 { let b = recently(a, 1 s) state y = 0 next y = x when b do out(v = x + 1) }\n"
     "module m2 { when true do out(v = 2) }\n"
     "network { w = m1 suppresses[2 s] (m2 inhibits m1 inhibits[1 s] m2)\n out = m2 suppresses w }\n"
     "limit out.v <= 7 when far\n"
@@ -22,9 +22,22 @@ OF = program(
 
 def test_every_expression_is_met_once() -> None:
     found = [e.span.text for e in expressions(OF)]
-    assert found == ["x > 3", "a", "far", "held(a, 1 s)", "b", "x + 1", "x", "true", "2", "7", "far", "x < 5"]
+    assert found == [
+        "x > 3",
+        "a",
+        "far",
+        "recently(a, 1 s)",
+        "b",
+        "x + 1",
+        "x",
+        "true",
+        "2",
+        "7",
+        "far",
+        "x < 5",
+    ]
     (first, _) = (m for m in OF.modules if isinstance(m, Module))
-    assert [e.span.text for e in expressions_of(first)] == ["held(a, 1 s)", "b", "x + 1", "x"]
+    assert [e.span.text for e in expressions_of(first)] == ["recently(a, 1 s)", "b", "x + 1", "x"]
 
 
 def test_an_expression_comes_before_its_parts_in_the_order_written() -> None:

@@ -79,7 +79,7 @@ def test_a_frame_that_is_not_decided_is_a_disagreement(monkeypatch: pytest.Monke
 
 COUNTS = """
 module sum  { state n = 0  next n = n + x  when true  do base(speed = n * 1 mm/s, turn = 0) }
-module also { when held(a, 300 ms)  do out(v = value_or(previous(x, 0), -1)) }
+module also { when recently(a, 300 ms)  do out(v = value_or(previous(x, 0), -1)) }
 network { base = sum  out = also }
 """
 """What it commands shows every frame that was missed, invented, or seen twice."""

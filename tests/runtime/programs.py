@@ -94,7 +94,7 @@ def roam(**changes: object) -> Program:
     """back_off suppresses (asleep inhibits (avoid suppresses cruise)), and a contract that can break."""
     bumper = SensorValue(type=BOOL, name="bumper")
     held = MemoryCall(
-        type=BOOL, function=MemoryFunction.HELD, arguments=(bumper,), cell=0, duration_ns=1_000_000_000
+        type=BOOL, function=MemoryFunction.RECENTLY, arguments=(bumper,), cell=0, duration_ns=1_000_000_000
     )
     still = BinaryOperation(
         type=BOOL,

@@ -44,8 +44,10 @@ def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], sit
             return builder.both(arguments[0], builder.negation(_last(builder, arguments[0], site)))
         case MemoryFunction.FALLING:
             return builder.both(builder.negation(arguments[0]), _last(builder, arguments[0], site))
-        case MemoryFunction.HELD:
+        case MemoryFunction.RECENTLY:
             return until(builder, arguments[0], call.duration_ns, site)
+        case MemoryFunction.SUSTAINED:
+            return _sustained(builder, arguments[0], call.duration_ns, site)
         case MemoryFunction.ELAPSED:
             return _elapsed(builder, arguments[0], site)
         case MemoryFunction.LATCH:
@@ -108,6 +110,23 @@ def _elapsed(builder: Builder, holds: int, site: MemorySite) -> int:
     builder.keep(since, builder.both(site.ready, holds, builder.negation(was)), now)
     seconds = builder.apply(Operator.SECONDS, builder.apply(Operator.TIME_SUBTRACT, now, since))
     return builder.apply(Operator.SELECT, builder.both(holds, was), seconds, builder.literal(0.0))
+
+
+def _sustained(builder: Builder, holds: int, duration_ns: int, site: MemorySite) -> int:
+    """Return the condition that `holds` was true in every frame since one at least `duration_ns` ago.
+
+    A frame that does not evaluate it counts as one in which it was false.
+    """
+    if duration_ns <= 0:
+        return holds
+    now = builder.add(FrameTime(), Kind.TIME)
+    was = builder.cell(f"{site.name} was", Kind.BOOL, False, *site.cell_names("was"))
+    due = builder.cell(f"{site.name} due", Kind.TIME, 0, *site.cell_names("due"))
+    on = builder.both(site.ready, holds)
+    builder.keep(was, builder.literal(True), on)
+    later = builder.apply(Operator.TIME_ADD, now, builder.time(duration_ns))
+    builder.keep(due, builder.both(on, builder.negation(was)), later)
+    return builder.both(holds, was, builder.negation(builder.apply(Operator.TIME_LESS, now, due)))
 
 
 def _captured(builder: Builder, value: int, key: int, site: MemorySite) -> int:

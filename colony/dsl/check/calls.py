@@ -29,6 +29,11 @@ _SPECIAL = ("window", "fresh", "value_or", "now")
 _PURE = {f.value: f for f in ir.Function}
 _MEMORY = {m.value: m for m in ir.MemoryFunction}
 FUNCTION_NAMES = (*_PURE, *_MEMORY, *_SPECIAL)
+FORMER_FUNCTIONS = {
+    "held": "`recently(b, D)` is true until D after the last frame with b, "
+    "`sustained(b, D)` once b has been true for D without a break",
+}
+"""Hints for functions of version 1 of the language."""
 
 
 def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
@@ -46,9 +51,8 @@ def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
     }
     if name in special:
         return special[name](checker, node)
-    checker.error(
-        "E107", node.function, f"unknown function `{name}`", checker.report.suggest(name, FUNCTION_NAMES)
-    )
+    hint = FORMER_FUNCTIONS.get(name) or checker.report.suggest(name, FUNCTION_NAMES)
+    checker.error("E107", node.function, f"unknown function `{name}`", hint)
     for argument in node.arguments:
         checker.visit(argument)
     return None
@@ -78,7 +82,8 @@ _USAGE = {
     "fresh": "fresh(sensor)",
     "value_or": "value_or(expression, other)",
     "previous": "previous(expression, initial)",
-    "held": "held(condition, duration)",
+    "recently": "recently(condition, duration)",
+    "sustained": "sustained(condition, duration)",
     "latch": "latch(set, reset)",
     "captured": "captured(expression, key)",
     "every": "every(duration)",
@@ -346,7 +351,8 @@ _SIGNATURES: dict[ir.MemoryFunction, str] = {
     ir.MemoryFunction.CHANGED: "v",
     ir.MemoryFunction.RISING: "b",
     ir.MemoryFunction.FALLING: "b",
-    ir.MemoryFunction.HELD: "bd",
+    ir.MemoryFunction.RECENTLY: "bd",
+    ir.MemoryFunction.SUSTAINED: "bd",
     ir.MemoryFunction.ELAPSED: "b",
     ir.MemoryFunction.LATCH: "bb",
     ir.MemoryFunction.CAPTURED: "vv",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import islice
 
 from colony.dsl import ast
-from colony.dsl.check.calls import FUNCTION_NAMES
+from colony.dsl.check.calls import FORMER_FUNCTIONS, FUNCTION_NAMES
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.scope import (
     ActuatorSymbol,
@@ -195,6 +195,7 @@ _WORD_HINTS = {
     "t": "the time since the first frame is `now`",
     "time": "the time since the first frame is `now`",
     "pi": "angles have units: `180 deg`, `3.14 rad`",
+    **FORMER_FUNCTIONS,
     **{name: f"it is a function: `{name}(...)`" for name in FUNCTION_NAMES},
 }
 

@@ -30,6 +30,7 @@ class FrameValues:
     Mutable: filled in the order in which the frame is computed.
     """
 
+    number: int  # of the frame, counted from 1 after memory was initial or restored
     t_ns: int
     first_ns: int
     states: Mapping[str, ScalarValue]  # old values, by `name` or `module.name`; machines too
@@ -231,13 +232,16 @@ def recall(
     for i in range(sizes[0] if sizes else 1):
         x = [a[i] if isinstance(a, tuple) else a for a in arguments]
         key = (e.cell, path, i)
-        result, memory[key] = remember(e, x, memory.get(key), frame_values.t_ns)
+        result, memory[key] = remember(e, x, memory.get(key), frame_values)
         results.append(result)
     return tuple(results) if sizes else results[0]
 
 
-def remember(e: ir.MemoryCall, x: list[ScalarValue], last: Any, t_ns: int) -> tuple[ScalarValue, Any]:
+def remember(
+    e: ir.MemoryCall, x: list[ScalarValue], last: Any, frame_values: FrameValues
+) -> tuple[ScalarValue, Any]:
     """Return the value of a memory function and its new state; `last` is the old state, None at first."""
+    t_ns = frame_values.t_ns
     match e.function:
         case ir.MemoryFunction.PREVIOUS:
             return (x[1] if last is None else last), x[0]
@@ -247,9 +251,15 @@ def remember(e: ir.MemoryCall, x: list[ScalarValue], last: Any, t_ns: int) -> tu
             return bool(x[0] and not last), x[0]
         case ir.MemoryFunction.FALLING:
             return bool(not x[0] and last), x[0]
-        case ir.MemoryFunction.HELD:  # remembers the last time at which b was true
-            last_true = t_ns if x[0] else last
-            return bool(x[0]) or (last_true is not None and t_ns - last_true < e.duration_ns), last_true
+        case ir.MemoryFunction.RECENTLY:  # remembers the last time at which b was true
+            seen = t_ns if x[0] else last
+            return bool(x[0]) or (seen is not None and t_ns - seen < e.duration_ns), seen
+        case ir.MemoryFunction.SUSTAINED:  # remembers since when b is true, and the last frame of that
+            unbroken = last is not None and last[1] == frame_values.number - 1
+            since = None if not x[0] else last[0] if unbroken else t_ns
+            return since is not None and t_ns - since >= e.duration_ns, (
+                None if since is None else (since, frame_values.number)
+            )
         case ir.MemoryFunction.ELAPSED:  # remembers when b became true, None while it is false
             since = None if not x[0] else t_ns if last is None else last
             return (0.0 if since is None else (t_ns - since) / 1e9), since

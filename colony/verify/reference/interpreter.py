@@ -25,7 +25,7 @@ from colony.verify.reference.boundary import (
     sense,
 )
 from colony.verify.reference.expressions import FrameValues, Memory, evaluate, missing, scalar
-from colony.verify.reference.memory import restored_memory
+from colony.verify.reference.memory import RESTORED, restored_memory
 
 
 class Interpreter:
@@ -68,7 +68,9 @@ class Interpreter:
         if memory.first_ns is None:
             return
         self._memory, self._last_active_ns, self._states = restored_memory(self.program, memory, self._states)
-        self._moment = FrameValues(t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states)
+        self._moment = FrameValues(
+            number=RESTORED, t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states
+        )
 
     def step(
         self, frame: Frame, lost: frozenset[str] = frozenset(), answers: Mapping[str, Answer] | None = None
@@ -109,8 +111,13 @@ class Interpreter:
         return module in self._silent
 
     def _run_frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
-        first_ns = t_ns if self._moment is None else self._moment.first_ns
-        frame_values = self._moment = FrameValues(t_ns=t_ns, first_ns=first_ns, states=self._states)
+        last = self._moment
+        frame_values = self._moment = FrameValues(
+            number=1 if last is None else last.number + 1,
+            t_ns=t_ns,
+            first_ns=t_ns if last is None else last.first_ns,
+            states=self._states,
+        )
         self._next_states, self._silent = {}, set()
         records: list[Record] = []
         self._read_sensors(frame_values, readings, factors, records)

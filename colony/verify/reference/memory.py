@@ -16,6 +16,9 @@ from colony.verify.reference.expressions import Memory
 Parts = dict[str, float | bool | int]
 """The cells of one memory function, by the last word of their names."""
 
+RESTORED = 0
+"""Number of the frame whose memory was restored."""
+
 _FUNCTION = re.compile(
     r"(?P<function>\w+) (?P<cell>\d+)(?P<loops>(\.-?\d+)*)\[(?P<element>\d+)\] (?P<part>\w+)"
 )
@@ -72,8 +75,10 @@ def _function_state(call: e.MemoryCall, parts: Parts, first_ns: int) -> Any:
     match call.function, parts:
         case _, {"started": False}:
             return None
-        case (e.MemoryFunction.HELD, {"until": end}) | (e.MemoryFunction.EVERY, {"due": end}):
+        case (e.MemoryFunction.RECENTLY, {"until": end}) | (e.MemoryFunction.EVERY, {"due": end}):
             return first_ns + int(end) - call.duration_ns if end > 0 else None
+        case e.MemoryFunction.SUSTAINED, {"was": was, "due": due}:
+            return (first_ns + int(due) - call.duration_ns, RESTORED) if was else None
         case e.MemoryFunction.ELAPSED, {"was": was, "since": since}:
             return first_ns + int(since) if was else None
         case e.MemoryFunction.CAPTURED, {"held": held, "key": key}:

@@ -59,8 +59,10 @@ def recall(
             return both(_truth(x[0]), negation(_truth(memory.last(x[0], types[0]))))
         case ir.MemoryFunction.FALLING:
             return both(negation(_truth(x[0])), _truth(memory.last(x[0], types[0])))
-        case ir.MemoryFunction.HELD:
-            return memory.held(_truth(x[0]), e.duration_ns)
+        case ir.MemoryFunction.RECENTLY:
+            return memory.recently(_truth(x[0]), e.duration_ns)
+        case ir.MemoryFunction.SUSTAINED:
+            return memory.sustained(_truth(x[0]), e.duration_ns)
         case ir.MemoryFunction.ELAPSED:
             return seconds(memory.elapsed_ns(_truth(x[0])), builder, e.span)
         case ir.MemoryFunction.LATCH:
@@ -161,13 +163,31 @@ class Memory:
 
     # --- times -----------------------------------------------------------------------------------
 
-    def held(self, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
+    def recently(self, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
         """Return the condition that `b` is true, or was true less than `duration_ns` ago."""
         if duration_ns <= 0:
             return b
         ever, time = self._time_of(both(self.advances, b))
         recent = cast(z3.BoolRef, self.frame_values.now - time < integer(duration_ns))
         return either(b, both(ever, recent))
+
+    def sustained(self, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
+        """Return the condition that `b` was true in every frame since one at least `duration_ns` ago.
+
+        A frame in which memory does not advance counts as one in which `b` was false.
+        """
+        if duration_ns <= 0:
+            return b
+        on = both(self.advances, b)
+
+        def make() -> tuple[z3.BoolRef, z3.ArithRef]:
+            was, close = self._flag("was")
+            close(on)
+            return was, self._time("since", both(on, negation(was)))
+
+        was, since = self.builder.once(("sustained", *self.builder.keep(on)), make)
+        long_enough = cast(z3.BoolRef, self.frame_values.now - since >= integer(duration_ns))
+        return all_of((b, was, long_enough))
 
     def _time_of(self, event: z3.BoolRef) -> tuple[z3.BoolRef, z3.ArithRef]:
         """Return the condition that `event` was true in an earlier frame, and the last time it was."""

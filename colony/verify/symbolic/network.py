@@ -73,7 +73,7 @@ class NetworkEncoder:
 
     def _dominates(self, active: z3.BoolRef, window_ns: int, hint: str) -> z3.BoolRef:
         """Return the condition that the dominant side is active, or was active less than `window_ns` ago."""
-        return Memory(self.builder, self.frame_values, TRUE, hint).held(active, window_ns)
+        return Memory(self.builder, self.frame_values, TRUE, hint).recently(active, window_ns)
 
 
 def _through(chain: ir.Chain, operands: list[Output], dominates: list[z3.BoolRef]) -> dict[str, z3.BoolRef]:

@@ -99,11 +99,21 @@ class Expressions:
 
     def _bool_memory(self, depth: int) -> str:
         kind = self.choices.pick(
-            ("held", "rising", "latch", "changed", "falling", "every", "previous", "captured")
+            (
+                "recently",
+                "sustained",
+                "rising",
+                "latch",
+                "changed",
+                "falling",
+                "every",
+                "previous",
+                "captured",
+            )
         )
         match kind:
-            case "held":
-                return f"held({self.bool(depth)}, {self.duration()})"
+            case "recently" | "sustained":
+                return f"{kind}({self.bool(depth)}, {self.duration()})"
             case "every":
                 return f"every({self.duration()})"
             case "latch":
@@ -260,7 +270,7 @@ class Expressions:
             return f"elapsed({self.bool(depth)})" if self.scope.memory else "now()"
         if of != NUMBER:
             return self._sum(of, depth)
-        match self.choices.up_to(8):
+        match self.choices.up_to(9):
             case 8:
                 return f"round({self.quantity(NUMBER, depth)} + 0.5)"  # halves: where roundings differ
             case 0 | 6:
@@ -272,7 +282,7 @@ class Expressions:
                 return f"{self.choices.pick(('sin', 'cos', 'tan'))}({self.quantity(ANGLE, depth)})"
             case 3:
                 return f"sign({self.quantity(self.dimension(), depth)})"
-            case 4:
+            case 4 | 9:
                 d = self.dimension()
                 return f"({self.quantity(d, depth)} / {self.quantity(d, depth - 1)})"
             case _:
@@ -361,7 +371,7 @@ class Expressions:
     def _bool_array_memory(self, one: str, depth: int) -> str:
         match self.choices.up_to(4):
             case 0:
-                return f"held({one}, {self.duration()})"
+                return f"{self.choices.pick(('recently', 'sustained'))}({one}, {self.duration()})"
             case 1:
                 return f"{self.choices.pick(('rising', 'falling', 'changed'))}({one})"
             case 2:

@@ -30,7 +30,7 @@ robot rome {
 }
 module cruise   { when true do drive(velocity = 500 mm/s, turn = 0) }
 module avoid    { when min(sonar[9..15]) < 900 mm  do drive(velocity = 60 mm/s, turn = 60 deg/s) }
-module stagger  { when held(chance < 0.02, 300 ms) do drive(velocity = 200 mm/s, turn = -30 deg/s) }
+module stagger  { when recently(chance < 0.02, 300 ms) do drive(velocity = 200 mm/s, turn = -30 deg/s) }
 module docked_m { when docked > 0 }
 network { drive = docked_m inhibits (avoid suppresses stagger suppresses cruise) }
 contract slow_near_walls: min(sonar[9..15]) < 900 mm implies drive.velocity <= 100 mm/s

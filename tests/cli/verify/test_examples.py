@@ -28,12 +28,12 @@ robot r {
   actuator drive { velocity : mm/s range -600 .. 600 } to A.drive idle drive(velocity = 0)
 }
 module cruise { when near >= 400 mm do drive(velocity = near / 1 s) }
-module back   { when held(bumper, 100 ms) do drive(velocity = -100 mm/s) }
+module back   { when recently(bumper, 100 ms) do drive(velocity = -100 mm/s) }
 module never  { when near > 6 m do drive(velocity = 0) }
 module stop   { when near > 6 m }
 network { drive = stop inhibits (never suppresses (back suppresses cruise)) }
 contract bounded: drive.velocity in -600 mm/s .. 600 mm/s
-contract no_forward_after_bump: held(bumper, 200 ms) implies drive.velocity <= 0
+contract no_forward_after_bump: recently(bumper, 200 ms) implies drive.velocity <= 0
 """
 
 UNSTEADY = """

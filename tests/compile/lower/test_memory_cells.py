@@ -22,7 +22,7 @@ CALLS = (
         "changed(b)",
         "rising(b)",
         "falling(b)",
-        "held(b, 1 s)",
+        "recently(b, 1 s)",
         "elapsed(b) > 1 s",
         "latch(b, x > 1)",
     ),

@@ -38,7 +38,7 @@ MS = 1_000_000
 FRAME = 50 * MS
 KEPT = frames_to_keep(FRAME)
 ADDRESS = "drive/back_off"
-HELD = "back_off held 0 until"
+HELD = "back_off recently 0 until"
 
 
 def back_off(program: Program | None = None, module: str = "back_off") -> ClientNode:

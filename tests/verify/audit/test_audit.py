@@ -34,7 +34,7 @@ robot r {
   actuator lamp { on : bool } to DServer.Lamp idle hold
 }
 module cruise { when near >= 0 mm do drive(velocity = near / 3 s, turn = 0) }
-module back   { when held(bumper, 100 ms) do drive(velocity = -100 mm/s, turn = 20 deg/s) }
+module back   { when recently(bumper, 100 ms) do drive(velocity = -100 mm/s, turn = 20 deg/s) }
 module stop   { when near < 50 mm do drive(velocity = 0, turn = 0) }
 module shine  { when bumper do lamp(on = true) }
 network { drive = stop suppresses back suppresses cruise  lamp = shine }

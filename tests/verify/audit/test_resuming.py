@@ -65,7 +65,7 @@ module m {
 module n {
   state count = 0
   next count = count + 1
-  when held(b, 120 ms) or latch(a, c) or every(200 ms) or changed(y)
+  when recently(b, 120 ms) or latch(a, c) or every(200 ms) or changed(y) or sustained(c, 90 ms)
   do out(v = previous(x, y) + captured(x, y) + elapsed(b) / 1 s + count)
 }
 module o { when falling(c) or changed(four[1])
@@ -94,7 +94,8 @@ def test_every_kind_of_memory_goes_on() -> None:
     kinds = {name.split()[0] for name in memories((of, trace))[30].cells}
     assert kinds >= {
         "rising",
-        "held",
+        "recently",
+        "sustained",
         "latch",
         "every",
         "previous",
@@ -116,10 +117,10 @@ def test_the_memory_of_another_program_is_refused() -> None:
     "changes",
     [
         {"state n.count": True},
-        {"held 3[0] until": 7.5},
-        {"held 3[0] until": math.inf},
-        {"held 3[9999] until": 0},
-        {"held 3[0] bogus": 0},
+        {"recently 3[0] until": 7.5},
+        {"recently 3[0] until": math.inf},
+        {"recently 3[9999] until": 0},
+        {"recently 3[0] bogus": 0},
         {"rising 1[0] last": 1.0},
     ],
     ids=str,

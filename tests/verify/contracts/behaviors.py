@@ -22,7 +22,7 @@ robot r {
   actuator drive { velocity : m/s range -1 .. 1, turn : deg/s }
            to RServer.drive idle drive(velocity = 0, turn = 0)
 }
-module back   { when held(bump, 2 s) do drive(velocity = -0.5 m/s, turn = 0) }
+module back   { when recently(bump, 2 s) do drive(velocity = -0.5 m/s, turn = 0) }
 module cruise { when far > 1 m       do drive(velocity = 0.5 m/s, turn = 0) }
 network { drive = back suppresses[300 ms] cruise }
 """

@@ -21,7 +21,7 @@ MACHINE = """machine m {
   start rest
   rest -> go when bump
   go -> back when falling(bump)
-  back -> rest when held(stop, 1 s)
+  back -> rest when recently(stop, 1 s)
 }
 """
 
@@ -38,9 +38,9 @@ TRUE = {
     + "contract c: elapsed(m == m.go) > 0 implies m == m.go and previous(m == m.go, false)",
     "a latch": "let l = latch(bump, stop)\ncontract c: l implies not stop",
     "a latch that was set": "let l = latch(bump, false)\ncontract c: previous(l, false) implies l",
-    "a held window": "contract c: held(bump, 2 s) == (back is active)",
-    "a shorter window": "contract c: held(bump, 1 s) implies back is active",
-    "a time constant": "contract c: drive by cruise implies not held(back is active, 300 ms)",
+    "a held window": "contract c: recently(bump, 2 s) == (back is active)",
+    "a shorter window": "contract c: recently(bump, 1 s) implies back is active",
+    "a time constant": "contract c: drive by cruise implies not recently(back is active, 300 ms)",
     "time": "contract c: now >= previous(now, 0 s)",
     "a window and its timer": "contract c: elapsed(bump) > 0 s implies bump",
     "what was captured": "let k = captured(far, bump)\ncontract c: k in 0 m .. 10 m",
@@ -61,8 +61,8 @@ FALSE = {  # with the number of frames of the shortest trace
     "a counter": (5, COUNTER + "contract c: n < 4"),
     "a machine": (3, MACHINE + "contract c: m != m.back"),
     "a latch": (2, "contract c: latch(bump, stop) implies bump"),
-    "a held window": (2, "contract c: held(bump, 2 s) implies bump"),
-    "a longer window": (2, "contract c: held(bump, 3 s) implies back is active"),
+    "a held window": (2, "contract c: recently(bump, 2 s) implies bump"),
+    "a longer window": (2, "contract c: recently(bump, 3 s) implies back is active"),
     "a time constant": (2, "contract c: drive is idle implies not (cruise is active)"),
     "time": (2, "contract c: now < 20 s"),
     "what was captured": (2, "contract c: captured(far, bump) == far"),
@@ -150,7 +150,7 @@ def test_a_solver_that_may_do_nothing_gives_up_and_says_so() -> None:
 
 def test_no_time_is_no_proof() -> None:
     ticks = iter(range(10_000))
-    made = program("contract c: held(bump, 1 s) implies back is active")
+    made = program("contract c: recently(bump, 1 s) implies back is active")
     [found] = prove_contracts(made, Options(seconds=0.5), clock=lambda: float(next(ticks)))
     assert not isinstance(found, Proved)
 

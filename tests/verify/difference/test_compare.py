@@ -90,7 +90,7 @@ def test_a_millimeter_is_found_in_one_frame() -> None:
 
 
 def test_a_tenth_of_a_second_of_memory_takes_two_frames() -> None:
-    one = go("a", "held(bumper, 1 s)") + "network { drive = a }"
+    one = go("a", "recently(bumper, 1 s)") + "network { drive = a }"
     result = compare(one, one.replace("1 s", "1.1 s"))
     assert isinstance(result, Different)
     first, second = result.snapshots
@@ -253,7 +253,7 @@ def test_figure_4_14_as_two_files(tmp_path: Path) -> None:
 
 MUTANTS = [
     ("wander", "param clearance = 1.1 m", "param clearance = 1.101 m"),
-    ("wander", "held(near, 400 ms)", "held(near, 500 ms)"),
+    ("wander", "recently(near, 400 ms)", "recently(near, 500 ms)"),
     ("teleop", "suppresses[2 s]", "suppresses[2.1 s]"),
     ("allen", "-45 deg/s, 45 deg/s", "-45 deg/s, 46 deg/s"),
     ("hallway", "param cruising = 500 mm/s", "param cruising = 501 mm/s"),

@@ -52,9 +52,9 @@ def test_a_module_used_twice_gets_through_if_it_does_in_one_place() -> None:
 
 
 def test_memory_may_keep_a_module_from_being_shadowed() -> None:
-    short = go("a", "held(level > 50, 1 s)") + go("b", "held(level > 50, 2 s)")
+    short = go("a", "recently(level > 50, 1 s)") + go("b", "recently(level > 50, 2 s)")
     assert codes(short + "network { drive = a suppresses b }") == []
-    long = go("a", "held(level > 50, 2 s)") + go("b", "level > 50")
+    long = go("a", "recently(level > 50, 2 s)") + go("b", "level > 50")
     assert codes(long + "network { drive = a suppresses b }") == ["V020"]
 
 

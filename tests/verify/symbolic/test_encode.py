@@ -19,7 +19,7 @@ from tests.verify.symbolic.programs import broken, claim_of, program
 BEHAVIORS = ROOT / "behaviors"
 
 TWO = """
-module m { when held(p, 1 s)  do drive(v = 100 mm/s) }
+module m { when recently(p, 1 s)  do drive(v = 100 mm/s) }
 module c from python "tests.verify.scripted_modules:Scripted" { reads x  commands drive }
 network { drive = m suppresses[2 s] c }
 """
@@ -42,14 +42,14 @@ def test_a_contract_shares_the_memory_of_a_time_constant() -> None:
     text = "module m { when p  do drive(v = 1 mm/s) }  module n { when true  do drive(v = 2 mm/s) }"
     text += " network { drive = m suppresses[2 s] n }"
     alone = encode(program(text))
-    both = encode(program(text + " contract c: held(m is active, 1 s)"))
+    both = encode(program(text + " contract c: recently(m is active, 1 s)"))
     assert len(both.cells) == len(alone.cells)
-    contract = "contract quiet: held(m is active, 2 s) and not (m is active) implies drive is idle"
+    contract = "contract quiet: recently(m is active, 2 s) and not (m is active) implies drive is idle"
     assert broken(encode(program(text + contract)), "quiet").check() == z3.unsat
 
 
 def test_memory_that_moves_on_in_other_frames_is_not_shared() -> None:
-    text = "let one = held(p, 1 s)  let other = held(p, 1 s) and x > 3 mm"
+    text = "let one = recently(p, 1 s)  let other = recently(p, 1 s) and x > 3 mm"
     assert sum("ever" in name for name in names(encode(program(text)))) == 2
 
 

@@ -22,7 +22,7 @@ PROGRAM = """
 machine phase { start resting  resting -> going when p  any -> resting when x > 500 mm }
 state n : number = 0
 next n = if p then 0 else n + 1
-let near = held(x >= 500 mm, 100 ms)
+let near = recently(x >= 500 mm, 100 ms)
 let far = a > x
 let before = previous(n, 7)
 let since = elapsed(p)
@@ -32,7 +32,7 @@ let which = s[clamp(x / 1 mm, 0, 9)]
 let set = latch(p, q)
 let turned = mod(a / 1 mm, 7)
 module m {
-  let close = held(x < 500 mm, 50 ms)
+  let close = recently(x < 500 mm, 50 ms)
   state y : mm = 1 mm
   next y = x
   when fresh(q) and close
@@ -47,7 +47,7 @@ network {
 limit drive.v <= 100 mm/s when p
 limit drive.v >= -x / 1 s
 contract c: light.level < 4
-contract d: held(m is active, 100 ms) or phase == phase.going or near
+contract d: recently(m is active, 100 ms) or phase == phase.going or near
 """
 
 
@@ -82,11 +82,11 @@ Patch = Callable[[pytest.MonkeyPatch], None]
 
 
 def held_too_long(patch: pytest.MonkeyPatch) -> None:
-    def held(self: memory.Memory, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
+    def recently(self: memory.Memory, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
         ever, time = self._time_of(both(self.advances, b))
         return either(b, both(ever, self.frame_values.now - time <= integer(duration_ns)))
 
-    patch.setattr(memory.Memory, "held", held)
+    patch.setattr(memory.Memory, "recently", recently)
 
 
 def memory_moves_while_silent(patch: pytest.MonkeyPatch) -> None:

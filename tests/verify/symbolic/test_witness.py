@@ -18,7 +18,7 @@ from tests.verify.symbolic.programs import claim_of, program
 
 BROKEN = {
     "x < 999 mm": 1,
-    "not held(p, 2 s) or p": 2,
+    "not recently(p, 2 s) or p": 2,
     "not every(1 s) or now < 3 s": 4,
     "not (previous(x, 3 mm) > 7 mm and x < 2 mm)": 2,
     "min(s) < 900 mm or p": 1,

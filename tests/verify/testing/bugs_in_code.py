@@ -43,6 +43,17 @@ def moved_while_missing(given: Code) -> Code:
     return replace(given, cells=cells)
 
 
+def sustained_over_silence(given: Code) -> Code:
+    """What is sustained goes on where a frame did not evaluate it."""
+    cells = []
+    for cell in given.cells:
+        update = given.ops[cell.value]
+        if "sustained" in cell.name and isinstance(update, Apply) and update.operator is Operator.AND:
+            cell = replace(cell, condition=update.arguments[0])
+        cells.append(cell)
+    return replace(given, cells=tuple(cells))
+
+
 def short_circuited(given: Code) -> Code:
     """Serving stops at the first active client, so memory below it stays: here, of all when one is active."""
     cells = list(given.cells)

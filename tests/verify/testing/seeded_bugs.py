@@ -29,6 +29,7 @@ from tests.verify.testing.bugs_in_code import (
     rounded_up,
     sensors_changed,
     short_circuited,
+    sustained_over_silence,
     without_memory,
 )
 from tests.verify.testing.bugs_in_passes import (
@@ -134,6 +135,7 @@ BUGS: tuple[Bug, ...] = (
     ),
     # memory
     Bug(name="memory moved on while missing", plant=code(moved_while_missing)),
+    Bug(name="sustained over silent frames", plant=code(sustained_over_silence)),
     Bug(name="short-circuited memory", plant=code(short_circuited)),
     Bug(name="memory frozen where nobody wins", plant=code(frozen_where_not_winning)),
     Bug(name="memory that starts true", plant=code(other_initial_values)),

@@ -16,7 +16,7 @@ from tests.programs import program
 
 BACKS_OFF = """
 module cruise { when true do out(v = 100) }
-module back { when held(a, 200 ms) and x > 7 do out(v = -1) }
+module back { when recently(a, 200 ms) and x > 7 do out(v = -1) }
 module stop { when b }
 network { out = stop inhibits (back suppresses cruise) }
 """

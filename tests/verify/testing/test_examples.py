@@ -20,7 +20,7 @@ robot r {
 enum light { off = 0, green = 2 }
 let ahead = min(sonar)
 module cruise { when ahead > 1 m do drive(speed = 0.3 m/s) }
-module back_off { when held(bumper, 2 s) do drive(speed = -0.2 m/s) }
+module back_off { when recently(bumper, 2 s) do drive(speed = -0.2 m/s) }
 network { drive = back_off suppresses cruise }
 contract never_fast: drive.speed <= 0.25 m/s or not bumper or true
 """

@@ -79,8 +79,8 @@ def test_networks_are_varied() -> None:
 
 def test_programs_use_the_whole_language() -> None:
     words = (
-        "held elapsed latch captured every previous changed rising falling value_or fresh window machine "
-        "state param let limit contract python index_of_min index_of_max angle_difference atan2 sin mod "
+        "recently sustained elapsed latch captured every previous changed rising falling value_or fresh window "
+        "machine tan asin acos state param let limit contract python index_of_min index_of_max angle_difference atan2 sin mod "
         "clamp sqrt "
         "suppresses[ inhibits[ idle default within range count any all mean sum min max for implies now()"
     ).split()
@@ -106,7 +106,9 @@ def test_outcomes_are_varied() -> None:
     assert all(found[kind] >= 10 for kind in (*kinds, "breach", "commanded", "idle hold")), found
 
 
-TIMED = program("module m { when held(a, 120 ms) do out(v = 1) }\nnetwork { out = m suppresses[170 ms] m }")
+TIMED = program(
+    "module m { when recently(a, 120 ms) do out(v = 1) }\nnetwork { out = m suppresses[170 ms] m }"
+)
 
 
 @given(traces(TIMED, max_frames=6))

@@ -42,7 +42,7 @@ module avoid {
   when min(left, right, ahead) < 600 mm
   do drive(velocity = 80 mm/s, turn = if left > right then 30 deg/s else -30 deg/s)
 }
-module back_off { when held(bumper, 2 s)  do drive(velocity = -0.2 * sonar[0] / 1 s, turn = 15 deg/s) }
+module back_off { when recently(bumper, 2 s)  do drive(velocity = -0.2 * sonar[0] / 1 s, turn = 15 deg/s) }
 network { drive = back_off suppresses (avoid suppresses cruise) }
 contract never_ram: bumper implies drive.velocity <= 0
 """
@@ -72,7 +72,7 @@ def test_it_reads_like_the_program() -> None:
     assert "# avoid, priority 2, wander.colony:" in step
     assert "min(sonar[11], sonar[12], sonar[13])" in step
     assert "avoid_left = min(sonar[13:18])" in step
-    assert "self.back_off_held_" in step
+    assert "self.back_off_recently_" in step
     assert max(map(len, step.splitlines())) <= 150
 
 
@@ -245,7 +245,7 @@ def test_big_arrays() -> None:
     text = (
         DEEP.replace("sensor x", "sensor a[3000] : number range -9 .. 9 from DServer.a\n  sensor x")
         % "sum(a) + min(a) + max(a[5..2990]) + count(a > 1) + index_of_max(a) + a[x] + mean(a[1..2])"
-        + "contract any_: any(a < 0 or a > x)\ncontract later: count(held(a > 8, 1 s)) < 10\n"
+        + "contract any_: any(a < 0 or a > x)\ncontract later: count(recently(a > 8, 1 s)) < 10\n"
     )
     program = load_text(text)
     arrays = [[((i * seed) % 181) / 10 - 9 for i in range(3000)] for seed in (7, 13)]

@@ -15,7 +15,7 @@ from colony.execute import arithmetic
 from colony.execute.operators import FUNCTIONS, Operator
 
 NAMESPACE = {name: value for module in (math, arithmetic) for name, value in vars(module).items()}
-DIMENSIONLESS, POSITIVE, ZERO = Range(-9.0, 9.0, False), Range(1.0, 9.0, False), Range(0.0, 9.0, False)
+PLAIN, POSITIVE, ZERO = Range(-9.0, 9.0, False), Range(1.0, 9.0, False), Range(0.0, 9.0, False)
 
 
 @pytest.mark.parametrize(
@@ -46,16 +46,16 @@ def test_parentheses_where_it_binds_less_tightly(inner: Binding, outer: Binding)
 @pytest.mark.parametrize(
     ("operator", "x", "twice"),
     [
-        (Operator.MIN, (DIMENSIONLESS, DIMENSIONLESS), True),
-        (Operator.MAX, (DIMENSIONLESS, DIMENSIONLESS), True),
-        (Operator.MIN, (DIMENSIONLESS,), False),
-        (Operator.MIN, (DIMENSIONLESS, DIMENSIONLESS, DIMENSIONLESS), False),
-        (Operator.MAX, (DIMENSIONLESS, ANYTHING), False),
-        (Operator.DIVIDE, (DIMENSIONLESS, DIMENSIONLESS), True),
-        (Operator.DIVIDE, (DIMENSIONLESS, ZERO), True),
-        (Operator.DIVIDE, (DIMENSIONLESS, POSITIVE), False),
-        (Operator.ADD, (DIMENSIONLESS, DIMENSIONLESS), False),
-        (Operator.MODULO, (DIMENSIONLESS, DIMENSIONLESS), False),
+        (Operator.MIN, (PLAIN, PLAIN), True),
+        (Operator.MAX, (PLAIN, PLAIN), True),
+        (Operator.MIN, (PLAIN,), False),
+        (Operator.MIN, (PLAIN, PLAIN, PLAIN), False),
+        (Operator.MAX, (PLAIN, ANYTHING), False),
+        (Operator.DIVIDE, (PLAIN, PLAIN), True),
+        (Operator.DIVIDE, (PLAIN, ZERO), True),
+        (Operator.DIVIDE, (PLAIN, POSITIVE), False),
+        (Operator.ADD, (PLAIN, PLAIN), False),
+        (Operator.MODULO, (PLAIN, PLAIN), False),
     ],
 )
 def test_operands_that_stand_twice(operator: Operator, x: tuple[Range, ...], twice: bool) -> None:
@@ -64,11 +64,9 @@ def test_operands_that_stand_twice(operator: Operator, x: tuple[Range, ...], twi
 
 def test_how_deep_it_nests() -> None:
     deep = Text("x", Binding.SUM, 4)
-    assert apply_operator(Operator.ADD, [Text("a"), deep], [DIMENSIONLESS, DIMENSIONLESS]) == Text(
-        "a + (x)", Binding.SUM, 5
-    )
-    assert apply_operator(Operator.NEGATE, [Text("a")], [DIMENSIONLESS]) == Text("-a", Binding.SIGN, 1)
-    assert apply_operator(Operator.MULTIPLY, [deep, Text("b")], [DIMENSIONLESS, DIMENSIONLESS]).depth == 5
+    assert apply_operator(Operator.ADD, [Text("a"), deep], [PLAIN, PLAIN]) == Text("a + (x)", Binding.SUM, 5)
+    assert apply_operator(Operator.NEGATE, [Text("a")], [PLAIN]) == Text("-a", Binding.SIGN, 1)
+    assert apply_operator(Operator.MULTIPLY, [deep, Text("b")], [PLAIN, PLAIN]).depth == 5
 
 
 @pytest.mark.parametrize(
@@ -76,20 +74,20 @@ def test_how_deep_it_nests() -> None:
     [
         (Operator.SQRT, (POSITIVE,), "sqrt(a)"),
         (Operator.SQRT, (ZERO,), "sqrt(a)"),
-        (Operator.SQRT, (DIMENSIONLESS,), "square_root(a)"),
-        (Operator.SIN, (DIMENSIONLESS,), "sine(a)"),
+        (Operator.SQRT, (PLAIN,), "square_root(a)"),
+        (Operator.SIN, (PLAIN,), "sine(a)"),
         (Operator.COS, (ANYTHING,), "cosine(a)"),
-        (Operator.DIVIDE, (DIMENSIONLESS, POSITIVE), "a / b"),
-        (Operator.DIVIDE, (DIMENSIONLESS, ZERO), "a / b if b else divide(a, b)"),
-        (Operator.MODULO, (DIMENSIONLESS, POSITIVE), "a % b"),
+        (Operator.DIVIDE, (PLAIN, POSITIVE), "a / b"),
+        (Operator.DIVIDE, (PLAIN, ZERO), "a / b if b else divide(a, b)"),
+        (Operator.MODULO, (PLAIN, POSITIVE), "a % b"),
         (Operator.MODULO, (POSITIVE, ZERO), "modulo(a, b)"),
-        (Operator.SUM, (DIMENSIONLESS,), "a"),
-        (Operator.SUM, (DIMENSIONLESS, DIMENSIONLESS), "a + b"),
-        (Operator.MIN, (DIMENSIONLESS,), "a"),
-        (Operator.MIN, (DIMENSIONLESS, DIMENSIONLESS), "b if b < a else a"),
-        (Operator.MAX, (DIMENSIONLESS, DIMENSIONLESS), "b if b > a else a"),
-        (Operator.MAX, (DIMENSIONLESS, DIMENSIONLESS, DIMENSIONLESS), "max(a, b, c)"),
-        (Operator.MIN, (DIMENSIONLESS, ANYTHING, DIMENSIONLESS), "minimum(a, b, c)"),
+        (Operator.SUM, (PLAIN,), "a"),
+        (Operator.SUM, (PLAIN, PLAIN), "a + b"),
+        (Operator.MIN, (PLAIN,), "a"),
+        (Operator.MIN, (PLAIN, PLAIN), "b if b < a else a"),
+        (Operator.MAX, (PLAIN, PLAIN), "b if b > a else a"),
+        (Operator.MAX, (PLAIN, PLAIN, PLAIN), "max(a, b, c)"),
+        (Operator.MIN, (PLAIN, ANYTHING, PLAIN), "minimum(a, b, c)"),
         (Operator.COUNT, (ANYTHING, ANYTHING), "float(a + b)"),
         (Operator.SECONDS, (ANYTHING,), "a / 1e9"),
     ],

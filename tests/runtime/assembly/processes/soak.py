@@ -97,10 +97,12 @@ def program() -> str:
         turn = f"if chance > 0.5 then {i} deg/s else -{i} deg/s"
         if i % 5 == 0:
             drawn += " and goal < 180 deg"
-        lines.append(f"module m{i} {{ when held({drawn}, {50 * (i % 7 + 1)} ms) or (bumper and chance > 0.9)")
+        lines.append(
+            f"module m{i} {{ when recently({drawn}, {50 * (i % 7 + 1)} ms) or (bumper and chance > 0.9)"
+        )
         lines.append(f"  do drive(velocity = if bumper then -60 mm/s else {20 + i} mm/s, turn = {turn}) }}")
         if i % 6 == 0:
-            lines.append(f"module quiet{i} {{ when held(chance > 0.97, {20 * i} ms) }}")
+            lines.append(f"module quiet{i} {{ when recently(chance > 0.97, {20 * i} ms) }}")
             wire = f"(quiet{i} inhibits {wire})"
         wire = f"(m{i} suppresses {wire})"
     return "\n".join([*lines, f"network {{ drive = {wire} }}", ""])
