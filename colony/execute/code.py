@@ -10,12 +10,12 @@ or not at all, provided that in every frame:
    are never sent and never stored.
 2. *Python modules* (`python`) are called in order, if their `present` is true. Ops that compute their inputs
    precede the first op that depends on a Python module.
-3. *Decisions*: an actuator's winner is the first of its clients whose `guard` is true (equivalently, the one
-   whose `exclusive` is true). Its command is `fields`. Each of `limits`, in order, replaces its field by
-   `bound` if `applies` is true and the field exceeds `bound`. Then each field is clamped to its range, and
-   sent divided by its factor. If a field that is not a bool is not finite before or after these steps, the
-   idle command is sent instead, unlimited and unclamped, and the fault "not finite" is recorded. Without a
-   winner the idle command is sent.
+3. *Decisions*: an actuator's winner is the first of its clients whose `guard` is true (equally: the one
+   whose `exclusive` is true). Its command is `fields`. Each field is clamped to the least upper and the
+   greatest lower bound among its range and its `limits` whose `applies` is true, and sent divided by its
+   factor. The idle command is sent instead, unbounded, and a fault is recorded: "not finite" if a field is
+   not finite before or after these steps, "bound missing" if a bound is not `known`, "limits contradict" if a
+   lower bound is above an upper one. Without a winner the idle command is sent.
 4. *Contracts* whose `present` is true and whose `value` is false are broken. Only ops from `decided` on may
    depend on decisions.
 5. *Memory*: every cell whose `condition` is true takes `value`, all at once. Until then `OldCell` is the
@@ -218,12 +218,17 @@ class PythonCall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitCode:
-    """A limit on a field of commands; `bound` is finite, and computed once a frame."""
+    """A bound on a field of commands, computed once a frame.
+
+    `known` is the condition that the bound is finite and reads nothing missing. It is constantly true where
+    there is an idle command, whose value stands in.
+    """
 
     field_index: int
     relation: OneOf["<=", ">="]
     applies: int
     bound: int
+    known: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -336,7 +341,7 @@ def roots(code: Code, *, exclusive: bool = True) -> list[int]:
             if exclusive:
                 indices.extend(client.conditions.values())
         for limit in actuator.limits:
-            indices.extend((limit.applies, limit.bound))
+            indices.extend((limit.applies, limit.bound, limit.known))
     for contract in code.contracts:
         indices.extend((contract.present, contract.value, contract.unsimplified))
     return indices

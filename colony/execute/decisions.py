@@ -27,7 +27,7 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
         return ActuatorDecision(None, idle, None, ())
     command = tuple([values[i] for i in winner.fields])
     limits = tuple(
-        (limit.field_index, limit.relation == "<=", values[limit.bound])
+        (limit.field_index, limit.relation == "<=", values[limit.bound] if values[limit.known] else None)
         for limit in actuator.limits
         if values[limit.applies]
     )

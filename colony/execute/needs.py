@@ -92,7 +92,7 @@ def _source_key(op: Op) -> object:
 def _roots(actuator_code: ActuatorCode, client: ClientCode) -> Iterator[int]:
     yield from (client.present, client.guard, *client.fields, *client.conditions.values())
     for limit in actuator_code.limits:
-        yield from (limit.applies, limit.bound)
+        yield from (limit.applies, limit.bound, limit.known)
 
 
 def _cell_closure(code: Code, masks: list[int]) -> list[int]:

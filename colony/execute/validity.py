@@ -250,7 +250,7 @@ class _Check:
                 self._refer(name, kind, position, below=decided)
         for limit in actuator_code.limits:
             _expect(_field(fields, limit.field_index) is Kind.NUMBER, f"a limit of {name} is not on a number")
-            self._refer(name, Kind.BOOL, limit.applies, below=decided)
+            self._refer(name, Kind.BOOL, limit.applies, limit.known, below=decided)
             self._refer(name, Kind.NUMBER, limit.bound, below=decided)
 
 

@@ -169,7 +169,8 @@ def _actuator(actuator_code: ActuatorCode, new_index: dict[int, int]) -> Actuato
         actuator_code,
         clients=tuple(_client(client, new_index) for client in actuator_code.clients),
         limits=tuple(
-            replace(x, applies=new_index[x.applies], bound=new_index[x.bound]) for x in actuator_code.limits
+            replace(x, applies=new_index[x.applies], bound=new_index[x.bound], known=new_index[x.known])
+            for x in actuator_code.limits
         ),
     )
 

@@ -57,6 +57,8 @@ RecordKind = Literal[
     "sensor clamped",  # outside its range
     "python error",  # a Python module raised, or returned neither a command nor None: it is not active
     "not finite",  # the winner's command: the actuator gets its idle command
+    "bound missing",  # of a limit, on `idle hold`: nothing is sent
+    "limits contradict",  # a lower bound of a field is above an upper one: the actuator gets its idle command
     "limited",  # a field was bounded by a limit
     "command clamped",  # a field was outside the actuator's range
 ]
@@ -72,8 +74,9 @@ class Record(NamedTuple):
 class Decision(NamedTuple):
     """The winner of an actuator in a frame, and the command that is sent.
 
-    `by` is the winning module or None; `values` are the fields in the program's units, None if nothing
-    is sent (`idle hold`); `fault` is "not finite" when the winner's command could not be sent.
+    `by` is the winning module or None; `values` are the fields in the program's units, None when nothing
+    is sent (`idle hold`); `fault` is "not finite", "bound missing" or "limits contradict" when
+    the winner's command could not be sent.
     """
 
     actuator: str

@@ -177,12 +177,16 @@ class _Lowering(Declarations):
             condition_scope = self.file_scope(f"{name} condition", (limit.condition,))
             condition = self.expressions.scalar(limit.condition, condition_scope)
             missing.append(builder.negation(condition_scope.ready))
-        is_valid = builder.both(bound_scope.ready, builder.apply(Operator.FINITE, bound))
+        sound = builder.both(bound_scope.ready, builder.apply(Operator.FINITE, bound))
+        idle = self.actuators[limit.actuator].idle
+        if idle is not None:
+            bound = builder.apply(Operator.SELECT, sound, bound, builder.literal(idle[limit.field_index]))
         return LimitCode(
             field_index=limit.field_index,
             relation=limit.relation,
             applies=builder.either(*missing, condition),
-            bound=builder.apply(Operator.SELECT, is_valid, bound, builder.literal(0.0)),
+            bound=bound,
+            known=sound if idle is None else builder.literal(True),
         )
 
     def contracts(self) -> None:

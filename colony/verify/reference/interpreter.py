@@ -12,7 +12,7 @@ from typing import assert_never
 
 from colony.ir import program as ir
 from colony.ir.expression import Expression
-from colony.ir.frame import Answer, Decision, Frame, Outcome, Reading, Record
+from colony.ir.frame import Answer, Decision, Frame, Outcome, Reading, Record, RecordKind
 from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
 from colony.verify.reference.boundary import (
@@ -279,61 +279,92 @@ class Interpreter:
 
     # --- commands --------------------------------------------------------------------------------
 
-    def _applicable_limits(self) -> list[tuple[ir.Limit, float]]:
-        """Return the limits that apply in this frame, each with its bound, in the order written."""
-        applying = []
+    def _applicable_limits(self) -> list[tuple[ir.Limit, float | None]]:
+        """Return the limits that apply in this frame, each with its bound; None if that is missing.
+
+        A limit whose condition or bound reads something missing applies. A bound that is not finite is
+        missing.
+        """
+        applying: list[tuple[ir.Limit, float | None]] = []
         for limit in self.program.limits:
             condition = True if limit.condition is None else self.value_of(limit.condition)
-            bound = self.value_of(limit.bound)
-            applies = condition is None or bound is None or bool(condition)
-            if applies:
-                number = 0.0 if bound is None else scalar(bound)
-                applying.append((limit, number if math.isfinite(number) else 0.0))
+            value = self.value_of(limit.bound)
+            bound = None if value is None or not math.isfinite(scalar(value)) else scalar(value)
+            if condition is None or value is None or condition:
+                applying.append((limit, bound))
         return applying
 
     def _decide(
         self,
         actuator: ir.Actuator,
         frame_values: FrameValues,
-        limits: list[tuple[ir.Limit, float]],
+        limits: list[tuple[ir.Limit, float | None]],
         records: list[Record],
     ) -> Decision:
+        """Send the winner's command within its bounds, or the idle command where there is no such command."""
         winner = frame_values.winners[actuator.name]
         if winner is None:
             return self._decide_idle(actuator, None, None, frame_values)
         command = frame_values.commands[winner]
-        own_limits = [(limit, bound) for limit, bound in limits if limit.actuator == actuator.name]
-        changes: list[Record] = []
-        sent = tuple(self._bound_field(actuator, i, x, own_limits, changes) for i, x in enumerate(command))
-        declared = declared_command(actuator, sent)
-        if not all(math.isfinite(x) for x in command + declared):
-            records.append(Record("not finite", winner))
-            return self._decide_idle(actuator, winner, "not finite", frame_values)
-        records.extend(changes)
+        bounds = [self._bounds(actuator, i, limits) for i in range(len(actuator.fields))]
+        fault = self._fault(actuator, winner, command, bounds)
+        if fault is None:
+            sent = tuple(x if b is None else clamp(x, *b) for x, b in zip(command, bounds, strict=True))
+            declared = declared_command(actuator, sent)
+            if not all(math.isfinite(x) for x in declared):
+                fault = Record("not finite", winner)
+        if fault is not None:
+            records.append(fault)
+            return self._decide_idle(actuator, winner, fault.kind, frame_values)
+        for field, x, bounded in zip(actuator.fields, command, sent, strict=True):
+            if bounded != x:
+                by_range = bounded == (field.high if x > bounded else field.low)
+                kind: RecordKind = "command clamped" if by_range else "limited"
+                records.append(Record(kind, f"{actuator.name}.{field.name}"))
         frame_values.commanded.add(actuator.name)
         frame_values.sent.update({(actuator.name, i): x for i, x in enumerate(sent)})
         return Decision(actuator.name, winner, declared)
 
-    def _bound_field(
+    def _bounds(
+        self, actuator: ir.Actuator, i: int, limits: list[tuple[ir.Limit, float | None]]
+    ) -> tuple[float, float] | None:
+        """Return the greatest lower and the least upper bound of a field, of its range and its limits.
+
+        A missing bound stands at the value that the idle command has. None if there is no idle command.
+        """
+        field = actuator.fields[i]
+        lower = -math.inf if field.low is None else field.low
+        upper = math.inf if field.high is None else field.high
+        for limit, bound in limits:
+            if limit.actuator == actuator.name and limit.field_index == i:
+                if bound is None:
+                    if actuator.idle is None:
+                        return None
+                    bound = actuator.idle[i]
+                if limit.relation == "<=":
+                    upper = min(upper, bound)
+                else:
+                    lower = max(lower, bound)
+        return lower, upper
+
+    def _fault(
         self,
         actuator: ir.Actuator,
-        i: int,
-        x: ScalarValue,
-        limits: list[tuple[ir.Limit, float]],
-        records: list[Record],
-    ) -> ScalarValue:
-        """Return field `i` of a command, bounded by its limits, then by its range; record each change."""
-        field, limited = actuator.fields[i], False
-        for limit, bound in limits:
-            if limit.field_index == i:
-                exceeds = x > bound if limit.relation == "<=" else x < bound
-                x, limited = (bound, True) if exceeds else (x, limited)
-        in_range = clamp(x, field.low, field.high)
-        if limited:
-            records.append(Record("limited", f"{actuator.name}.{field.name}"))
-        if in_range != x:
-            records.append(Record("command clamped", f"{actuator.name}.{field.name}"))
-        return in_range
+        winner: str,
+        command: tuple[ScalarValue, ...],
+        bounds: list[tuple[float, float] | None],
+    ) -> Record | None:
+        """Return why a command cannot be sent, whatever its fields are clamped to; None if it can."""
+        if not all(math.isfinite(x) for x in command):
+            return Record("not finite", winner)
+        names = [f"{actuator.name}.{field.name}" for field in actuator.fields]
+        for name, b in zip(names, bounds, strict=True):
+            if b is None:
+                return Record("bound missing", name)
+        for name, b in zip(names, bounds, strict=True):
+            if b is not None and b[0] > b[1]:
+                return Record("limits contradict", name)
+        return None
 
     def _decide_idle(
         self, actuator: ir.Actuator, winner: str | None, fault: str | None, frame_values: FrameValues

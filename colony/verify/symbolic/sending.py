@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import z3
 
@@ -16,23 +17,28 @@ from colony.verify.symbolic.cases import constant
 from colony.verify.symbolic.expressions import Expressions, constant_term
 from colony.verify.symbolic.frame_values import FrameValues, missing
 from colony.verify.symbolic.functions import number
-from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, both, is_false, negation
+from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, both, either, is_false, negation
 from colony.verify.symbolic.numbers import compared, finite, greatest, least, negated, select, select_number
 from colony.verify.symbolic.system import ActuatorTerms, Inexact, ModuleTerms, Number, Reason, Scalar
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """A limit as terms: the condition that it applies, and its finite bound."""
+    """A limit in the frame: the conditions that it applies and is known, and its bound, which is finite.
+
+    A bound that is missing or not finite stands at the idle command's value; without one it is not known.
+    """
 
     limit: ir.Limit
     applies: z3.BoolRef
+    known: z3.BoolRef
     bound: Number
 
 
 def limits(program: ir.Program, builder: Builder, frame_values: FrameValues) -> list[Bound]:
     """Return all limits, in the order written."""
-    bounds = []
+    idle = {actuator.name: actuator.idle for actuator in program.robot.actuators}
+    found = []
     for limit in program.limits:
         hint = f"limit {limit.actuator}"
         absent = missing(limit.bound, frame_values)
@@ -42,14 +48,19 @@ def limits(program: ir.Program, builder: Builder, frame_values: FrameValues) -> 
         value = number(bound_encoder.scalar(limit.bound))
         applies = TRUE
         if limit.condition is not None:
-            condition_missing = missing(limit.condition, frame_values)
-            condition_encoder = Expressions(
-                builder=builder, frame_values=frame_values, advances=negation(condition_missing), hint=hint
+            unknown = missing(limit.condition, frame_values)
+            asked = Expressions(
+                builder=builder, frame_values=frame_values, advances=negation(unknown), hint=hint
             )
-            applies = any_of((condition_missing, absent, condition_encoder.boolean(limit.condition)))
-        bound = select_number(both(negation(absent), finite(value)), as_finite(value), constant(0.0))
-        bounds.append(Bound(limit, applies, bound))
-    return bounds
+            applies = any_of((unknown, absent, asked.boolean(limit.condition)))
+        sound = both(negation(absent), finite(value))
+        command = idle[limit.actuator]
+        if command is None:
+            found.append(Bound(limit, applies, sound, as_finite(value)))
+            continue
+        standing = select_number(sound, as_finite(value), constant(float(command[limit.field_index])))
+        found.append(Bound(limit, applies, TRUE, standing))
+    return found
 
 
 def as_finite(x: Number) -> Number:
@@ -65,7 +76,7 @@ def send(
     builder: Builder,
     frame_values: FrameValues,
 ) -> ActuatorTerms:
-    """Encode the command sent: the idle command if a field of the winner's command is not finite."""
+    """Encode the command sent: the idle command if the winner's command is not finite, or has no bounds."""
     wins = {m: w for m, w in frame_values.wins[actuator.name].items() if not is_false(w)}
     commands = [modules[m].command for m in wins]
     finite_wins = [
@@ -73,11 +84,13 @@ def send(
         for w, command in zip(wins.values(), commands, strict=True)
     ]
     limited = []
+    possible: list[z3.BoolRef] = []
     for i, field in enumerate(actuator.fields):
         own = [b for b in bounds if b.limit.actuator == actuator.name and b.limit.field_index == i]
         limited.append(_field(field, finite_wins, [command[i] for command in commands], own))
-    sendable = (_is_sendable(x, field, builder) for x, field in zip(limited, actuator.fields, strict=True))
-    commanded = frame_values.commanded[actuator.name] = both(any_of(finite_wins), all_of(sendable))
+        possible += _possible(field, own)
+    leaves = (_leaves(x, field, builder) for x, field in zip(limited, actuator.fields, strict=True))
+    commanded = frame_values.commanded[actuator.name] = all_of((any_of(finite_wins), *possible, *leaves))
     sent = []
     for i, (field, x) in enumerate(zip(actuator.fields, limited, strict=True)):
         value = x if actuator.idle is None else select(commanded, x, constant_term(actuator.idle[i]))
@@ -107,7 +120,7 @@ def _as_finite_scalar(x: Scalar) -> Scalar:
 
 
 def _bounded(x: Number, field: ir.ActuatorField, bounds: Sequence[Bound]) -> Number:
-    """Return a finite field within its limits, in the order written, then within the actuator's range."""
+    """Return a finite field within its limits and range, which do not contradict each other."""
     for b in bounds:
         exceeds = compared(b.bound, x, "<") if b.limit.relation == "<=" else compared(x, b.bound, "<")
         x = select_number(both(b.applies, exceeds), b.bound, x)
@@ -118,7 +131,19 @@ def _bounded(x: Number, field: ir.ActuatorField, bounds: Sequence[Bound]) -> Num
     return x
 
 
-def _is_sendable(x: Scalar, field: ir.ActuatorField, builder: Builder) -> z3.BoolRef:
+def _possible(field: ir.ActuatorField, bounds: Sequence[Bound]) -> Iterator[z3.BoolRef]:
+    """Yield the conditions that a field can be sent: its bounds are known, and none contradicts another."""
+    yield from (either(negation(b.applies), b.known) for b in bounds)
+    lower = [(b.applies, b.bound) for b in bounds if b.limit.relation == ">="]
+    upper = [(b.applies, b.bound) for b in bounds if b.limit.relation == "<="]
+    of_range = [] if field.low is None else [(TRUE, constant(field.low))]
+    to_range = [] if field.high is None else [(TRUE, constant(field.high))]
+    pairs = [*product(lower, upper), *product(of_range, upper), *product(lower, to_range)]
+    for (low_applies, low), (high_applies, high) in pairs:
+        yield any_of((negation(low_applies), negation(high_applies), compared(low, high, "<=")))
+
+
+def _leaves(x: Scalar, field: ir.ActuatorField, builder: Builder) -> z3.BoolRef:
     """Return the condition that a field is finite in its declared unit, in which it is sent."""
     if not isinstance(x, Number) or field.factor >= 1:
         return TRUE

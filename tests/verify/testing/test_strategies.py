@@ -79,8 +79,9 @@ def test_networks_are_varied() -> None:
 
 def test_programs_use_the_whole_language() -> None:
     words = (
-        "recently sustained elapsed latch captured every previous changed rising falling value_or fresh window "
-        "machine tan asin acos state param let limit contract python index_of_min index_of_max angle_difference atan2 sin mod "
+        "recently sustained elapsed latch captured every previous changed rising falling value_or fresh "
+        "window machine tan asin acos "
+        "state param let limit contract python index_of_min index_of_max angle_difference atan2 sin mod "
         "clamp sqrt "
         "suppresses[ inhibits[ idle default within range count any all mean sum min max for implies now()"
     ).split()

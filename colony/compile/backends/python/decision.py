@@ -121,9 +121,14 @@ class DecisionText:
         return lines
 
     def limit(self, limit: LimitCode) -> str:
-        """Return a limit as an argument of `settle`; it is an empty tuple where the limit does not apply."""
-        bound = self.expressions.text(limit.bound).text
-        limit_tuple = f"(({limit.field_index}, {limit.relation == '<='}, {bound}),)"
+        """Return a limit as `settle` takes it, if it applies."""
+        bound, known = self.expressions.text(limit.bound), self.expressions.text(limit.known)
+        text = (
+            bound.text
+            if known.text == "True"
+            else f"{bound.inside(Binding.OR)} if {known.inside(Binding.OR)} else None"
+        )
+        limit_tuple = f"(({limit.field_index}, {limit.relation == '<='}, {text}),)"
         applies = self.expressions.text(limit.applies)
         return (
             limit_tuple
@@ -137,6 +142,9 @@ class DecisionText:
         for limit in self.plan.actuator.limits:
             field = self.fields[limit.field_index]
             check = f"{field} {limit.relation} {self.expressions.text(limit.bound).inside(Binding.SUM)}"
+            known = self.expressions.text(limit.known)
+            if known.text != "True":
+                check = f"({known.inside(Binding.AND)} and {check})"
             applies = self.expressions.text(limit.applies)
             exempt = f"not {applies.inside(Binding.NOT)} or "
             checks.append(check if applies.text == "True" else f"({exempt}{check})")

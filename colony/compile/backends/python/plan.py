@@ -103,6 +103,7 @@ def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Pla
     for limit in actuator.limits if groups else ():
         placement.use(limit.applies, limits, 2)
         placement.use(limit.bound, limits, 2)
+        placement.use(limit.known, limits, 2)
     return ActuatorPlan(actuator, slot, tuple(groups), after, limits)
 
 
