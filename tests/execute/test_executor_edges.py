@@ -30,7 +30,7 @@ next count = count + 1
 module m {{ when recently(b, 1 s) and previous(b, false) do out(v = x + count) }}
 network {{ out = m }}
 """
-GO = "actuator go { velocity : mm/s, turn : deg/s } to DServer.go idle hold"
+GO = "actuator go { velocity : mm, turn : deg } to DServer.go idle hold"
 MOODY = f"""{ROBOT}
 module m from python "colony.verify.testing.python_modules:ErraticModule" {{
   param seed = 1 reads b commands go rate 1 s

@@ -197,6 +197,11 @@ def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
     )
 
 
+def _is_rate(type_: Scalar) -> bool:
+    """Return True for speeds and rates: time is in the denominator of the unit."""
+    return isinstance(type_, Quantity) and type_.dimension.time < 0
+
+
 def _idle(
     checker: Checker, item: ast.ActuatorDecl, fields: list[ir.ActuatorField]
 ) -> tuple[bool, tuple[ScalarValue, ...] | None]:
@@ -207,7 +212,7 @@ def _idle(
             hint = f"write `idle {name}(FIELD = CONSTANT, ...)` or `idle hold`"
             checker.error("E306", node, f"found `{node.name.text}`, expected a command of `{name}`", hint)
             return True, None
-        if item.server.text == "RServer":
+        if item.server.text == "RServer" or any(_is_rate(field.type) for field in fields):
             hint = (
                 f"give the command that stops the robot: `idle {name}({item.fields[0].name.text} = 0, ...)`"
             )

@@ -101,7 +101,7 @@ class _Text:
             idle = self.choices.pick(("light(level = 1, on = false, mood = mood.lost)", "hold"))
             self.add(f"    to DServer.Light idle {idle}{self.on_loss()}")
         for i in range(self.probes):
-            dimension = self.choices.pick([*UNITS])
+            dimension = self.choices.pick([d for d in UNITS if d.time >= 0])
             unit = self.choices.pick(UNITS[dimension])
             self.add(f"  actuator probe{i} {{ seen : {unit} }} to DServer.Probe{i} idle hold")
             self.probe_types.append(Quantity(dimension))

@@ -170,6 +170,30 @@ def range_before_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(executor_decisions, "settle", settle)
 
 
+def last_limit_wins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of limits that contradict each other the last one counts."""
+    original = executor_decisions.settle
+
+    def settle(actuator: str, by: str, command: Any, fields: Any, limits: Any, *rest: Any) -> Any:
+        result = original(actuator, by, command, fields, limits, *rest)
+        if result[0] == "limits contradict":
+            return original(actuator, by, command, fields, limits[-1:], *rest)
+        return result
+
+    monkeypatch.setattr(executor_decisions, "settle", settle)
+
+
+def unknown_bounds_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On `idle hold` a bound that is missing or not finite stands at zero."""
+    original = executor_decisions.settle
+
+    def settle(actuator: str, by: str, command: Any, fields: Any, limits: Any, *rest: Any) -> Any:
+        known = tuple((at, above, 0.0 if bound is None else bound) for at, above, bound in limits)
+        return original(actuator, by, command, fields, known, *rest)
+
+    monkeypatch.setattr(executor_decisions, "settle", settle)
+
+
 def clamped(x: float, low: float | None, high: float | None) -> float:
     if low is not None and x < low:
         return low

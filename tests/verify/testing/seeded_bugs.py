@@ -19,6 +19,7 @@ from tests.verify.testing.bugs_in_code import (
     defaults_fresh,
     frozen_where_not_winning,
     generated,
+    last_limit_wins,
     limits,
     limits_without_condition,
     moved_while_missing,
@@ -30,6 +31,7 @@ from tests.verify.testing.bugs_in_code import (
     sensors_changed,
     short_circuited,
     sustained_over_silence,
+    unknown_bounds_zero,
     without_memory,
 )
 from tests.verify.testing.bugs_in_passes import (
@@ -151,13 +153,15 @@ BUGS: tuple[Bug, ...] = (
     Bug(name="units of sensors ignored", plant=sensors_changed(lambda s: replace(s, factor=1.0))),
     Bug(name="contracts judged on what is missing", plant=code(contracts_always_there)),
     # what is sent
-    Bug(name="limits in reverse", plant=limits(lambda of: of[::-1])),
+    Bug(name="the last of several limits only", plant=limits(lambda of: of[-1:])),
     Bug(
         name="limits the wrong way round",
         plant=limits(lambda of: tuple(replace(m, relation="<=" if m.relation == ">=" else ">=") for m in of)),
     ),
     Bug(name="limits without their condition", plant=code(limits_without_condition)),
     Bug(name="the range before the limits", plant=range_before_limits),
+    Bug(name="the last of contradicting limits", plant=last_limit_wins),
+    Bug(name="unknown bounds at zero", plant=unknown_bounds_zero),
     Bug(name="commands that are not finite sent", plant=bad_commands_sent),
     Bug(name="Python modules answer at once", plant=answers_at_once),
     # generated Python
