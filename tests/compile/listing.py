@@ -83,4 +83,5 @@ def _actuator(of: ActuatorCode) -> Iterator[str]:
         guards = f"present {one.present}, active {one.active}, guard {one.guard}, exclusive {one.exclusive}"
         yield f"  {one.priority} {one.module}: {guards}, sends {' '.join(map(str, one.fields))}"
     for limit in of.limits:
-        yield f"  limit of field {limit.field_index} {limit.relation} {limit.bound} where {limit.applies}"
+        where = f"where {limit.applies}, known {limit.known}"
+        yield f"  limit of field {limit.field_index} {limit.relation} {limit.bound} {where}"
