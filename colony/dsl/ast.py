@@ -311,6 +311,7 @@ class NextDecl(NamedValue):
 class TransitionDecl(SyntaxNode):
     """A transition; `source` is None for `any`."""
 
+    failsafe: bool = False
     source: Name | None
     target: Name
     condition: Expression
@@ -337,8 +338,9 @@ class DoDecl(SyntaxNode):
 
 @record
 class ModuleDecl(Named):
-    """`module name { ... when ... do ... }`."""
+    """`failsafe module name { ... when ... do ... }`."""
 
+    failsafe: bool = False
     clauses: tuple[Clause, ...]
     when: Expression
     do: DoDecl | None
@@ -346,8 +348,9 @@ class ModuleDecl(Named):
 
 @record
 class DerivedModuleDecl(Named):
-    """`module name = base(param = constant, ...)`."""
+    """`failsafe module name = base(param = constant, ...)`."""
 
+    failsafe: bool = False
     base: Reference
     arguments: tuple[Argument, ...]
 
@@ -378,8 +381,9 @@ PythonClause = ParamDecl | ReadsDecl | CommandsDecl | RateDecl
 
 @record
 class PythonModuleDecl(SyntaxNode):
-    """`module name from python "path" { ... }`."""
+    """`failsafe module name from python "path" { ... }`."""
 
+    failsafe: bool = False
     name: Name
     path: str
     clauses: tuple[PythonClause, ...]
@@ -456,11 +460,12 @@ class Elements(SyntaxNode):
 
 @record
 class GivenDecl(SyntaxNode):
-    """`sensor[index] = value`, after `given`."""
+    """`sensor[index] = value taken age ago`, after `given`."""
 
     sensor: Name
     index: Expression | None
     value: Expression | Missing | Elements
+    taken_ago: Expression | None = None
 
 
 @record
@@ -504,7 +509,15 @@ Declaration = (
 
 
 @record
-class File(SyntaxNode):
-    """All declarations of a file, in order."""
+class LanguageDecl(SyntaxNode):
+    """`language version`, the first line of a file; `version` is as written."""
 
+    version: str
+
+
+@record
+class File(SyntaxNode):
+    """All declarations of a file, in order; `language` is None without that line."""
+
+    language: LanguageDecl | None = None
     declarations: tuple[Declaration, ...]

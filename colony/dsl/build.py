@@ -23,7 +23,8 @@ def _end(children: Children) -> int:
 
 
 def _extent(children: Children) -> dict[str, int]:
-    return {"start": children[0].start, "end": _end(children)}
+    start = next(child.start for child in children if child is not None)
+    return {"start": start, "end": _end(children)}
 
 
 def _name(token: Token) -> ast.Name:
@@ -46,7 +47,11 @@ class Builder:
 
     def file(self, c: Children) -> ast.File:
         """Build a file from its declarations."""
-        return ast.File(declarations=tuple(c), start=0, end=_end(c) if c else 0)
+        return ast.File(language=c[0], declarations=tuple(c[1:]), start=0, end=_end(c))
+
+    def language(self, c: Children) -> ast.LanguageDecl:
+        """Build the line that says which version of the language the file has."""
+        return ast.LanguageDecl(version=c[1].text, **_extent(c))
 
     # --- robot
 
@@ -159,15 +164,23 @@ class Builder:
 
     def transition(self, c: Children) -> ast.TransitionDecl:
         """Build a transition of a state machine; its source is None for `any`."""
-        source = None if c[0].type == "ANY" else _name(c[0])
-        return ast.TransitionDecl(source=source, target=_name(c[2]), condition=c[4], **_extent(c))
+        failsafe, source, _, target, _, condition = c
+        return ast.TransitionDecl(
+            failsafe=failsafe is not None,
+            source=None if source.type == "ANY" else _name(source),
+            target=_name(target),
+            condition=condition,
+            **_extent(c),
+        )
 
     # --- modules
 
     def module(self, c: Children) -> ast.ModuleDecl:
         """Build a module."""
-        clauses, (when, do) = tuple(c[3:-4]), c[-3:-1]
-        return ast.ModuleDecl(name=_name(c[1]), clauses=clauses, when=when, do=do, **_extent(c))
+        (failsafe, _, name), clauses, (when, do) = c[:3], tuple(c[4:-4]), c[-3:-1]
+        return ast.ModuleDecl(
+            failsafe=failsafe is not None, name=_name(name), clauses=clauses, when=when, do=do, **_extent(c)
+        )
 
     def do(self, c: Children) -> ast.DoDecl:
         """Build the command of a module."""
@@ -176,14 +189,23 @@ class Builder:
 
     def derived_module(self, c: Children) -> ast.DerivedModuleDecl:
         """Build a module derived from another one."""
-        arguments, end = ((), c[3].end) if c[4] is None else c[4]
-        name = _name(c[1])
-        return ast.DerivedModuleDecl(name=name, base=c[3], arguments=arguments, start=c[0].start, end=end)
+        failsafe, _, name, _, base, given = c
+        arguments, end = ((), base.end) if given is None else given
+        return ast.DerivedModuleDecl(
+            failsafe=failsafe is not None,
+            name=_name(name),
+            base=base,
+            arguments=arguments,
+            start=_extent(c[:2])["start"],
+            end=end,
+        )
 
     def python_module(self, c: Children) -> ast.PythonModuleDecl:
         """Build the declaration of a module in Python."""
-        clauses, path = tuple(c[6:-1]), _unquoted(c[4])
-        return ast.PythonModuleDecl(name=_name(c[1]), path=path, clauses=clauses, **_extent(c))
+        clauses, path = tuple(c[7:-1]), _unquoted(c[5])
+        return ast.PythonModuleDecl(
+            failsafe=c[0] is not None, name=_name(c[2]), path=path, clauses=clauses, **_extent(c)
+        )
 
     def reads(self, c: Children) -> ast.ReadsDecl:
         """Build the names that a module in Python reads."""
@@ -263,7 +285,14 @@ class Builder:
 
     def assignment(self, c: Children) -> ast.GivenDecl:
         """Build the value that a step gives to a sensor or to an element of it."""
-        return ast.GivenDecl(sensor=_name(c[0]), index=c[1], value=c[3], **_extent(c))
+        sensor, index, _, value, taken_ago = c
+        return ast.GivenDecl(
+            sensor=_name(sensor), index=index, value=value, taken_ago=taken_ago, **_extent(c)
+        )
+
+    def taken(self, c: Children) -> ast.Expression:
+        """Return the age of a value that a step gives."""
+        return cast("ast.Expression", c[1])
 
     def missing(self, c: Children) -> ast.Missing:
         """Build the value `missing`."""

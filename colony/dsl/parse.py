@@ -44,6 +44,7 @@ def parse(source: Source) -> Parsed:
     declarations: list[ast.Declaration] = []
     diagnostics: list[Diagnostic] = []
     lost: set[str] = set()
+    language: ast.LanguageDecl | None = None
     while True:
         try:
             file: ast.File = _parser().parse(text, start)
@@ -51,6 +52,7 @@ def parse(source: Source) -> Parsed:
             from colony.dsl import recovery
             from colony.dsl.syntax_errors import describe
 
+            language = language or recovery.language_line(unexpected)
             complete = recovery.complete_declarations(unexpected)
             declarations += complete
             declaration_start = complete[-1].end if complete else start
@@ -69,10 +71,11 @@ def parse(source: Source) -> Parsed:
                 lost |= recovery.lost_names(text[start:])
                 break
         else:
+            language = language or file.language
             declarations += file.declarations
             break
     return Parsed(
-        file=ast.File(declarations=tuple(declarations), start=0, end=len(text)),
+        file=ast.File(language=language, declarations=tuple(declarations), start=0, end=len(text)),
         diagnostics=tuple(diagnostics),
         lost_names=frozenset(lost),
     )

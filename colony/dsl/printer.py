@@ -24,7 +24,8 @@ _LEVELS = {
 
 def print_file(file: ast.File) -> str:
     """Return the text of a file."""
-    return "\n".join(_declaration(d) for d in file.declarations)
+    head = [] if file.language is None else [f"language {file.language.version}\n"]
+    return "\n".join([*head, *(_declaration(d) for d in file.declarations)])
 
 
 def print_expression(node: ast.Expression) -> str:
@@ -124,11 +125,12 @@ def _declaration(node: ast.Declaration) -> str:
             lines = [f"start {node.initial.text}", *(_transition(t) for t in node.transitions)]
             return _block(f"machine {node.name.text}", lines)
         case ast.ModuleDecl():
-            return _block(f"module {node.name.text}", _module(node))
+            return _block(f"{_failsafe(node)}module {node.name.text}", _module(node))
         case ast.DerivedModuleDecl():
-            return f"module {node.name.text} = {node.base.text}({_arguments(node.arguments)})\n"
+            head = f"{_failsafe(node)}module {node.name.text}"
+            return f"{head} = {node.base.text}({_arguments(node.arguments)})\n"
         case ast.PythonModuleDecl():
-            head = f'module {node.name.text} from python "{node.path}"'
+            head = f'{_failsafe(node)}module {node.name.text} from python "{node.path}"'
             return _block(head, (_python_clause(c) for c in node.clauses))
         case ast.NetworkDecl():
             return _block("network", (f"{w.name.text} = {_wiring(w.wiring)}" for w in node.wires))
@@ -197,7 +199,13 @@ def _clause(node: ast.Clause) -> str:
 
 def _transition(node: ast.TransitionDecl) -> str:
     source = "any" if node.source is None else node.source.text
-    return f"{source} -> {node.target.text} when {print_expression(node.condition)}"
+    return f"{_failsafe(node)}{source} -> {node.target.text} when {print_expression(node.condition)}"
+
+
+def _failsafe(
+    node: ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl | ast.TransitionDecl,
+) -> str:
+    return "failsafe " if node.failsafe else ""
 
 
 def _module(node: ast.ModuleDecl) -> Iterable[str]:
@@ -256,4 +264,5 @@ def _given(node: ast.GivenDecl) -> str:
             value = f"[{', '.join(print_expression(v) for v in values)}]"
         case _:
             value = print_expression(node.value)
-    return f"{node.sensor.text}{index} = {value}"
+    taken = "" if node.taken_ago is None else f" taken {print_expression(node.taken_ago)} ago"
+    return f"{node.sensor.text}{index} = {value}{taken}"

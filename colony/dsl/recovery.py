@@ -12,7 +12,8 @@ from colony.dsl import ast
 from colony.dsl.lalr import UnexpectedInputError
 
 _DECLARATION = re.compile(
-    r"^([ \t]*)(?:(?:robot|enum|import|param|let|state|next|machine|module|network|limit|contract|test)"
+    r"^([ \t]*)(?:(?:robot|enum|import|param|let|state|next|machine|(?:failsafe[ \t]+)?module|network|limit"
+    r"|contract|test)"
     r"(?:[ \t]+[A-Za-z_\"{]|[ \t]*[{\"]))",
     re.MULTILINE,
 )
@@ -26,7 +27,8 @@ _DECLARED = re.compile(
 CONTEXTUAL_KEYWORDS = frozenset(
     "ROBOT FRAME SENSOR ACTUATOR RANGE DEFAULT WITHIN FROM TO IDLE ON_LOSS STOP DEGRADE ENUM "
     "IMPORT AS PARAM LET STATE NEXT MACHINE START WHEN MODULE DO PYTHON READS COMMANDS RATE "
-    "NETWORK LIMIT CONTRACT TEST AT EVERY GIVEN EXPECT FOR ACTIVE COMMANDED".split()
+    "NETWORK LIMIT CONTRACT TEST AT EVERY GIVEN EXPECT FOR ACTIVE COMMANDED LANGUAGE FAILSAFE TAKEN "
+    "AGO".split()
 )
 """Contextual keywords (except `any`, which is used where phase names are)."""
 
@@ -44,10 +46,18 @@ def expected_terminals(problem: UnexpectedInputError) -> frozenset[str]:
 
 def complete_declarations(problem: UnexpectedInputError) -> list[ast.Declaration]:
     """Return the declarations that were read before the error, from the parser's stack."""
+    for value in problem.values[:2]:
+        if isinstance(value, list):
+            return value
+        if isinstance(value, DECLARATIONS):
+            return [cast("ast.Declaration", value)]
+    return []
+
+
+def language_line(problem: UnexpectedInputError) -> ast.LanguageDecl | None:
+    """Return the line with the version of the language, if it was read before the error."""
     value: object = problem.values[0] if problem.values else None
-    if isinstance(value, list):
-        return value
-    return [cast("ast.Declaration", value)] if isinstance(value, DECLARATIONS) else []
+    return value if isinstance(value, ast.LanguageDecl) else None
 
 
 DECLARATIONS: tuple[type, ...] = ast.Declaration.__args__

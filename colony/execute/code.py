@@ -13,9 +13,10 @@ or not at all, provided that in every frame:
 3. *Decisions*: an actuator's winner is the first of its clients whose `guard` is true (equally: the one
    whose `exclusive` is true). Its command is `fields`. Each field is clamped to the least upper and the
    greatest lower bound among its range and its `limits` whose `applies` is true, and sent divided by its
-   factor. The idle command is sent instead, unbounded, and a fault is recorded: "not finite" if a field is
-   not finite before or after these steps, "bound missing" if a bound is not `known`, "limits contradict" if a
-   lower bound is above an upper one. Without a winner the idle command is sent.
+   factor. The idle command is sent instead, unbounded, and a fault is recorded: "missing" if the winner is
+   not `known`, "not finite" if a field is not finite before or after these steps, "bound missing" if a bound
+   is not `known`, "limits contradict" if a lower bound is above an upper one. Without a winner the idle
+   command is sent.
 4. *Contracts* whose `present` is true and whose `value` is false are broken. Only ops from `decided` on may
    depend on decisions.
 5. *Memory*: every cell whose `condition` is true takes `value`, all at once. Until then `OldCell` is the
@@ -97,6 +98,13 @@ class PythonActive:
 
 
 @dataclass(frozen=True, slots=True)
+class PythonBlind:
+    """True if the Python module has no answer in this frame (see `ir.frame.Answer`)."""
+
+    module: str
+
+
+@dataclass(frozen=True, slots=True)
 class PythonField:
     """A field of the Python module's command; a placeholder where it has none."""
 
@@ -157,6 +165,7 @@ Op = (
     | SensorFresh
     | FrameTime
     | PythonActive
+    | PythonBlind
     | PythonField
     | Lost
     | Table
@@ -235,10 +244,12 @@ class LimitCode:
 class ClientCode:
     """A client: its command, its guards and its priority.
 
-    All guards include `present` (nothing that the module reads is missing) and `active` (the module's own
-    activity).
+    All guards include `active` (the module's own activity), which, unless the module is failsafe, includes
+    `present` (nothing that it reads is missing).
 
     Attributes:
+        known: False where the module is failsafe and blind, so that it is active without a command;
+            constantly true of others.
         guard, exclusive: Guards (see `colony.compile.clients`), simplified.
         loss_aware_guard, loss_aware_exclusive: Guards that its own process evaluates: under `on_loss
         degrade`,
@@ -252,6 +263,7 @@ class ClientCode:
     module: str
     priority: int
     present: int
+    known: int
     active: int
     guard: int
     exclusive: int
@@ -270,6 +282,7 @@ class ClientCode:
 
 _CONDITIONS = (
     "present",
+    "known",
     "active",
     "guard",
     "exclusive",
@@ -337,7 +350,7 @@ def roots(code: Code, *, exclusive: bool = True) -> list[int]:
             indices.extend(read.elements)
     for actuator in code.actuators:
         for client in actuator.clients:
-            indices.extend((client.present, client.guard, *client.fields))
+            indices.extend((client.present, client.known, client.guard, *client.fields))
             if exclusive:
                 indices.extend(client.conditions.values())
         for limit in actuator.limits:
@@ -387,6 +400,7 @@ def remapped(op: Op, ops: Mapping[int, int], cells: Mapping[int, int]) -> Op:
             | SensorFresh()
             | SensorElement()
             | PythonActive()
+            | PythonBlind()
             | PythonField()
             | Lost()
             | Winner()

@@ -25,6 +25,8 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
     idle, fields = actuator.actuator.idle, field_bounds(actuator.actuator)
     if winner is None:
         return ActuatorDecision(None, idle, None, ())
+    if not values[winner.known]:
+        return ActuatorDecision(winner.module, idle, "missing", (("missing", winner.module),))
     command = tuple([values[i] for i in winner.fields])
     limits = tuple(
         (limit.field_index, limit.relation == "<=", values[limit.bound] if values[limit.known] else None)

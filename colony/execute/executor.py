@@ -127,7 +127,8 @@ class ClientStep(NamedTuple):
         active: True if it requests that its command be sent.
         values: Command in base units within limits and range; None unless active, and with a fault, in
             which case the actuator gets its idle command.
-        fault: "not finite", "bound missing" or "limits contradict" where the command cannot be sent.
+        fault: "missing", "not finite", "bound missing" or "limits contradict" where the command cannot be
+            sent.
         records: Records of all sensors that the executor reads, and of this client's command.
         bid: "command" if active, else the reason (see `ir.frame.Bid`). A client that is both suppressed and
             inhibited is "inhibited". A client whose command has several paths to the actuator, all of them

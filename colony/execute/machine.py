@@ -20,6 +20,7 @@ from colony.execute.code import (
     OldCell,
     Op,
     PythonActive,
+    PythonBlind,
     PythonCall,
     PythonField,
     SensorElement,
@@ -34,7 +35,7 @@ from colony.execute.operators import FUNCTIONS, Operator
 from colony.execute.python_step import PythonStep
 from colony.execute.sensors import age_limits, validate_reading
 from colony.ir.frame import Answer, Frame, Record
-from colony.ir.types import Array, Bool, Enum, ScalarValue
+from colony.ir.types import Array, Bool, Enum
 from colony.text.diagnostics import DiagnosticError, error
 
 Step = Callable[[], Any]
@@ -150,9 +151,13 @@ class OpMachine:
         decided = self._decided
         match op:
             case PythonActive(module=module):
-                return lambda: self._python_command(module) is not None
+                return lambda: self._python_answer(module).values is not None
+            case PythonBlind(module=module):
+                return lambda: self._python_answer(module).blind
             case PythonField(module=module, index=index):
-                return lambda: 0.0 if (fields := self._python_command(module)) is None else fields[index]
+                return lambda: (
+                    0.0 if (fields := self._python_answer(module).values) is None else fields[index]
+                )
             case Lost(module=module):
                 return lambda: module in self._lost
             case Winner(actuator=actuator, module=module):
@@ -172,8 +177,8 @@ class OpMachine:
         for call in self.code.python:
             step = self.python.get(call.module)
             if step is not None:
-                active, fields, records = step.step(self._t, self._python_input(call), ())
-                self.answers[call.module] = Answer(fields if active else None, bool(records))
+                active, blind, fields, records = step.step(self._t, self._python_input(call), ())
+                self.answers[call.module] = Answer(fields if active else None, bool(records), blind)
             if self.answers[call.module].error:
                 self._records = (*self._records, ("python error", call.module))
 
@@ -187,10 +192,10 @@ class OpMachine:
             for read in call.reads
         }
 
-    def _python_command(self, module: str) -> tuple[ScalarValue, ...] | None:
-        """Return a Python module's command in this frame, None if it has none."""
+    def _python_answer(self, module: str) -> Answer:
+        """Return a Python module's answer in this frame."""
         self._call_python()
-        return self.answers[module].values
+        return self.answers[module]
 
 
 INLINE: Mapping[Operator, Callable[..., Step]] = MappingProxyType(

@@ -16,6 +16,7 @@ from colony.execute.code import (
     OldCell,
     Op,
     PythonActive,
+    PythonBlind,
     PythonField,
     SensorElement,
     SensorFresh,
@@ -73,7 +74,7 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
 
 def python_modules(code: Code) -> tuple[str, ...]:
     """Return the modules in Python whose answers the code uses."""
-    called = (op.module for op in code.ops if isinstance(op, PythonActive | PythonField))
+    called = (op.module for op in code.ops if isinstance(op, PythonActive | PythonBlind | PythonField))
     return tuple(dict.fromkeys(called))
 
 
@@ -83,14 +84,14 @@ def _source_key(op: Op) -> object:
             return cell
         case SensorFresh(sensor=sensor) | SensorElement(sensor=sensor):
             return ("sensor", sensor)
-        case PythonActive(module=module) | PythonField(module=module):
+        case PythonActive(module=module) | PythonBlind(module=module) | PythonField(module=module):
             return ("module", module)
         case _:
             return None
 
 
 def _roots(actuator_code: ActuatorCode, client: ClientCode) -> Iterator[int]:
-    yield from (client.present, client.guard, *client.fields, *client.conditions.values())
+    yield from (*client.fields, *client.conditions.values())
     for limit in actuator_code.limits:
         yield from (limit.applies, limit.bound, limit.known)
 

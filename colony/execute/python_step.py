@@ -34,8 +34,8 @@ class PythonStep:
     """One Python module: its object and, if it has a rate, the current answer and the next one.
 
     `fields` are those of the command, each with its name, and False for a bool, None for a number, or the
-    numbers of the members for an enum. An answer is a tuple in this order; None means "not applicable". Times
-    are in ns since the first frame.
+    numbers of the members for an enum. An answer is a tuple in this order; None means "not applicable", and
+    False that there is none. Times are in ns since the first frame.
     """
 
     __slots__ = ("_fields", "_module", "_names", "_nothing", "_object", "_rate", "due", "pending", "standing")
@@ -54,18 +54,20 @@ class PythonStep:
         self._nothing = tuple([False if of is False else 0.0 for _, of in fields])
         self._rate = rate
         self.due = 0
-        self.pending: tuple[int, tuple[float | bool, ...] | None] | None = None
-        self.standing: tuple[float | bool, ...] | None = None
+        self.pending: tuple[int, tuple[float | bool, ...] | bool | None] | None = None
+        self.standing: tuple[float | bool, ...] | bool | None = False
 
     def step(
         self, t: int, values: dict[str, object] | None, records: tuple[tuple[str, str], ...]
-    ) -> tuple[bool, tuple[float | bool, ...], tuple[tuple[str, str], ...]]:
-        """Return True if the module is active, its fields (placeholders if it is not), and the records.
+    ) -> tuple[bool, bool, tuple[float | bool, ...], tuple[tuple[str, str], ...]]:
+        """Return whether the module has a command, whether it is blind, the fields, and the records.
 
-        `values` is None if something that the module reads is missing: it is then silent, and not called.
+        It is blind without an answer: `values` is None, something that it reads is missing (it is then not
+        called), its last call failed, or it has not answered yet. The fields are placeholders if it has no
+        command.
         """
         if values is None:
-            return False, self._nothing, records
+            return False, True, self._nothing, records
         if self._rate is None:
             answer, records = self._call(t, values, records)
         else:
@@ -76,7 +78,9 @@ class PythonStep:
                 self.pending = (self.due, answer)
                 self._promote(t)
             answer = self.standing
-        return (False, self._nothing, records) if answer is None else (True, answer, records)
+        if answer is None or isinstance(answer, bool):
+            return False, answer is not None, self._nothing, records
+        return True, False, answer, records
 
     def _promote(self, t: int) -> None:
         if self.pending is not None and self.pending[0] <= t:
@@ -85,11 +89,11 @@ class PythonStep:
 
     def _call(
         self, t: int, values: dict[str, object], records: tuple[tuple[str, str], ...]
-    ) -> tuple[tuple[float | bool, ...] | None, tuple[tuple[str, str], ...]]:
+    ) -> tuple[tuple[float | bool, ...] | bool | None, tuple[tuple[str, str], ...]]:
         try:
             return self._answer(self._object.step(Snapshot(t / 1e9, values))), records  # type: ignore[attr-defined]
         except Exception:
-            return None, (*records, ("python error", self._module))
+            return False, (*records, ("python error", self._module))
 
     def _answer(self, result: object) -> tuple[float | bool, ...] | None:
         """Return the fields in order; raise TypeError unless `result` has exactly these, each of its type."""

@@ -24,6 +24,7 @@ from colony.execute.code import (
     OldCell,
     Op,
     PythonActive,
+    PythonBlind,
     PythonField,
     SensorElement,
     SensorFresh,
@@ -179,7 +180,7 @@ class _Check:
             case SensorElement(sensor=name, index=index):
                 found_sensor = self.sensors.get(name)
                 return None if found_sensor is None else _element(found_sensor.type, index)
-            case PythonActive(module=module):
+            case PythonActive(module=module) | PythonBlind(module=module):
                 return Kind.BOOL if module in self.python else None
             case PythonField(module=module, index=index):
                 call = self.python.get(module)
@@ -214,7 +215,8 @@ class _Check:
 
     def _python_calls(self) -> None:
         """Check that the inputs of Python modules precede the first operation that needs an answer."""
-        answers = (i for i, op in enumerate(self.code.ops) if isinstance(op, PythonActive | PythonField))
+        kinds = (PythonActive, PythonBlind, PythonField)
+        answers = (i for i, op in enumerate(self.code.ops) if isinstance(op, kinds))
         first = next(answers, self.code.decided)
         for call in self.code.python:
             self._refer(call.module, Kind.BOOL, call.present, below=first)

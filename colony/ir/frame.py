@@ -45,17 +45,20 @@ class Answer(NamedTuple):
     """The answer of a module in Python in one frame.
 
     `values` are the fields of its command in base units, None if the module is not applicable. `error` is
-    true if its `step` raised, or did not return a command or None.
+    true if its `step` raised, or did not return a command or None. `blind` is true if there is no answer:
+    something that the module reads is missing, or its last call failed, or has not answered yet.
     """
 
     values: tuple[ScalarValue, ...] | None = None
     error: bool = False
+    blind: bool = False
 
 
 RecordKind = Literal[
     "sensor fault",  # wrong type or length, not a number, or no such enumerator: the sensor is missing
     "sensor clamped",  # outside its range
     "python error",  # a Python module raised, or returned neither a command nor None: it is not active
+    "missing",  # the winner is failsafe and blind: the actuator gets its idle command
     "not finite",  # the winner's command: the actuator gets its idle command
     "bound missing",  # of a limit, on `idle hold`: nothing is sent
     "limits contradict",  # a lower bound of a field is above an upper one: the actuator gets its idle command
@@ -75,7 +78,7 @@ class Decision(NamedTuple):
     """The winner of an actuator in a frame, and the command that is sent.
 
     `by` is the winning module or None; `values` are the fields in the program's units, None when nothing
-    is sent (`idle hold`); `fault` is "not finite", "bound missing" or "limits contradict" when
+    is sent (`idle hold`); `fault` is "missing", "not finite", "bound missing" or "limits contradict" when
     the winner's command could not be sent.
     """
 

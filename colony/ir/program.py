@@ -149,11 +149,15 @@ class State(Declared):
 
 @record
 class Transition(Record):
-    """A transition, taken when the machine is in one of `sources` and `condition` is true."""
+    """A transition, taken when the machine is in one of `sources` and `condition` is true.
+
+    A `failsafe` one is taken also where its condition reads something missing.
+    """
 
     sources: frozenset[float]
     target: float
     condition: Expression
+    failsafe: bool = False
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 
@@ -161,8 +165,9 @@ class Transition(Record):
 class Machine(Declared):
     """A state with named phases.
 
-    The first transition that applies takes effect in the next frame. A transition whose condition reads a
-    missing value does not apply, and its memory is unchanged. The memory of all others advances in any phase.
+    The first transition of the present phase that applies takes effect in the next frame. One whose condition
+    reads a missing value leaves its memory unchanged; it applies if it is failsafe, and otherwise keeps those
+    below it from applying, failsafe ones excepted. The memory of all others advances in any phase.
     """
 
     type: Enum
@@ -188,9 +193,10 @@ class Module(Declared):
     """M(P, phi): `when` is the applicability predicate P, `command` the transfer function phi (thesis 4.8.2).
 
     It is silent (not active, memory unchanged) in a frame in which anything that `when`, `command`, `lets` or
-    `states` read is missing.
+    `states` read is missing. A `failsafe` one is then blind: active, with the actuator's idle command.
     """
 
+    failsafe: bool = False
     params: tuple[tuple[str, ScalarValue], ...] = ()
     lets: tuple[Let, ...] = ()
     states: tuple[State, ...] = ()
@@ -219,9 +225,11 @@ class PythonReading(Record):
 class PythonModule(Declared):
     """A module whose `step(frame)` is a method of the class `class_name` of the Python module `module_path`.
 
-    The class is built with the params.
+    The class is built with the params. A `failsafe` module is blind (see `Module`) where something that it
+    reads is missing, and where it has no answer: before the first one, and after a call that failed.
     """
 
+    failsafe: bool = False
     module_path: str
     class_name: str
     params: tuple[tuple[str, ScalarValue], ...] = ()
@@ -276,7 +284,8 @@ class Limit(Record):
     """A limit: a field of modules' commands to `actuator` is at most (`<=`) or at least (`>=`) `bound`.
 
     It applies if `condition` is true or absent, or if anything that the limit reads is missing. A bound that
-    reads something missing, or is not finite, is 0. Condition and bound have separate memory.
+    reads something missing, or is not finite, stands at the idle command's value; on `idle hold` nothing is
+    sent. Condition and bound have separate memory.
     """
 
     actuator: str
@@ -298,12 +307,14 @@ class Contract(Declared):
 class Given(Record):
     """A sensor's value in a test, from this step on, in base units; None for missing.
 
-    `index` selects one element; without it a scalar fills an array.
+    `index` selects one element; without it a scalar fills an array. With `age_ns`, the reading was taken that
+    long before the first frame of the step, and ages; without, it stays as fresh as it is.
     """
 
     sensor: str
     index: int | None
     value: ScalarValue | tuple[ScalarValue, ...] | None
+    age_ns: int | None = None
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 

@@ -22,12 +22,12 @@ class Snapshot(NamedTuple):
     Attributes:
         t_ns: Time of the frame.
         readings: Value of each sensor that has one.
-        answers: Command of each applicable module in Python.
+        answers: Command of each applicable module in Python; None for a failsafe one without an answer.
     """
 
     t_ns: int
     readings: Mapping[str, Value] = _NONE
-    answers: Mapping[str, tuple[ScalarValue, ...]] = _NONE
+    answers: Mapping[str, tuple[ScalarValue, ...] | None] = _NONE
 
 
 def snapshot_of(program: Program, frame: Frame) -> Snapshot:

@@ -13,7 +13,7 @@ from colony.compile.clients import ClientList
 from colony.compile.lower.builder import Builder
 from colony.compile.lower.expressions import ExpressionLowering, Scope, Values, kind_of
 from colony.compile.lower.guards import GuardLowering
-from colony.execute.code import Kind, Lost, PythonActive, SensorFresh
+from colony.execute.code import Kind, Lost, PythonActive, PythonBlind, SensorFresh
 from colony.execute.operators import Operator
 from colony.ir import expression as e
 from colony.ir import program as ir
@@ -187,18 +187,24 @@ class Declarations:
         self.builder.keep(self._states[state.name], scope.ready, self.expressions.scalar(next_value, scope))
 
     def _machine(self, machine: ir.Machine) -> None:
-        """Take the first transition from the current phase whose condition has a value and is true."""
+        """Take the first transition from the current phase that applies (see `ir.Machine`)."""
         builder, old = self.builder, self._states[machine.name]
         phases = frozenset(number for _, number in machine.type.members)
         transitions: list[tuple[int, int]] = []
+        unknown = builder.literal(False)
         for i, transition in enumerate(machine.transitions):
             self.prepare(transition.condition)
             scope = self.file_scope(f"{machine.name} {i}", (transition.condition,))
             condition = self.expressions.scalar(transition.condition, scope)
             in_source = self._in_phase(old, transition.sources, phases)
-            transitions.append(
-                (builder.both(in_source, scope.ready, condition), builder.literal(transition.target))
-            )
+            missing = builder.negation(scope.ready)
+            if transition.failsafe:
+                applies = builder.both(in_source, builder.either(missing, condition))
+            else:
+                known = builder.negation(unknown)
+                applies = builder.both(in_source, scope.ready, condition, known)
+                unknown = builder.either(unknown, builder.both(in_source, missing))
+            transitions.append((applies, builder.literal(transition.target)))
         next_phase = old
         for applies, target in reversed(transitions):
             next_phase = builder.apply(Operator.SELECT, applies, target, next_phase)
@@ -245,9 +251,23 @@ class Declarations:
                     active = self.builder.add(PythonActive(name), Kind.BOOL)
                 case _:
                     assert_never(module)
+            active = self.builder.either(active, self.builder.negation(self.module_known(name)))
             self.builder.names.setdefault(active, f"{name} active")
             self._active[name] = active
         return self._active[name]
+
+    def module_known(self, name: str) -> int:
+        """Return the condition that the module is not a failsafe one that is blind."""
+        module = self.modules[name]
+        if not module.failsafe:
+            return self.builder.literal(True)
+        match module:
+            case ir.Module():
+                return self.module_present(name)
+            case ir.PythonModule():
+                return self.builder.negation(self.builder.add(PythonBlind(name), Kind.BOOL))
+            case _:
+                assert_never(module)
 
     def observes(self, expression: e.Expression) -> bool:
         """Return True if an expression reads the activity of a wire."""
@@ -256,9 +276,12 @@ class Declarations:
         )
 
     def active_unless_lost(self, module: str) -> int:
-        """Return the module's activity under `on_loss degrade`: a lost client is not active."""
+        """Return the module's activity under `on_loss degrade`: a lost client is not active.
+
+        A failsafe one is: others keep away as if it were there, and the actuator idles where it would win.
+        """
         active = self.module_active(module)
-        if self.modules[module].actuator is None:
+        if self.modules[module].actuator is None or self.modules[module].failsafe:
             return active
         return self.builder.both(active, self.builder.negation(self.builder.add(Lost(module), Kind.BOOL)))
 

@@ -153,6 +153,7 @@ class _Lowering(Declarations):
             module=client.module,
             priority=client.priority,
             present=present,
+            known=self.module_known(client.module),
             active=self.module_active(client.module),
             guard=guard,
             exclusive=exclusive,

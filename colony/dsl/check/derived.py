@@ -114,7 +114,15 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
         else:
             sources = frozenset({numbers[transition.source.text]})
         span = checker.span(transition)
-        transitions.append(ir.Transition(sources=sources, target=target, condition=condition, span=span))
+        transitions.append(
+            ir.Transition(
+                sources=sources,
+                target=target,
+                condition=condition,
+                failsafe=transition.failsafe,
+                span=span,
+            )
+        )
     return ir.Machine(
         name=checker.scope.full_name(node.name.text),
         span=checker.span(node.name),

@@ -36,9 +36,13 @@ _PYTHON_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 @record
 class Template(Record):
-    """A module's declaration, its scope, and the params that a derived module overrides."""
+    """A module's declaration, its scope, and the params that a derived module overrides.
+
+    `failsafe` is true if the module, or one that it is derived from, is declared so.
+    """
 
     node: ast.ModuleDecl | ast.PythonModuleDecl
+    failsafe: bool
     scope: Scope
     params: Mapping[str, ParamSymbol]
 
@@ -106,7 +110,8 @@ def _template(
         position[current.full_name] = len(chain)
         chain.append(current)
         if not isinstance(current.node, ast.DerivedModuleDecl):
-            templates[current.full_name] = Template(node=current.node, scope=current.scope, params={})
+            node, scope = current.node, current.scope
+            templates[current.full_name] = Template(node=node, failsafe=node.failsafe, scope=scope, params={})
             break
         current = _base(report, current, by_name)
         if current is None:
@@ -165,7 +170,7 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
         else:
             expected = f"param `{name}` of `{node.base.text}` is {with_article(param.type)}"
             checker.error("E404", argument.value, f"{expected}, found {with_article(found.type)}")
-    return replace(base, params=params)
+    return replace(base, params=params, failsafe=base.failsafe or node.failsafe)
 
 
 # --- instances -------------------------------------------------------------------------------------
@@ -185,6 +190,8 @@ def _instance(
         module = _python_module(checker, pending, template.node, template.params, local)
     else:
         module = _module(checker, pending, template.node, template.params, local)
+    if module is not None:
+        module = replace(module, failsafe=template.failsafe)
     if derived:
         report.cells = derived_report.cells
         _report_misfits(report, pending, derived_report)

@@ -24,7 +24,7 @@ class ClientProgram:
     def __init__(self, compiled: Compiled, clients: Iterable[ClientKey]) -> None:
         self._executor = ClientsExecutor(compiled, clients)
         self._keys = {client_address(*key): key for key in self._executor.clients}
-        self._default_answers = dict.fromkeys(self._executor.python_modules, Answer())  # inactive
+        self._default_answers = dict.fromkeys(self._executor.python_modules, Answer(blind=True))
         self._memory_is_initial = True
 
     @property

@@ -33,7 +33,7 @@ FRAME_RETENTION_NS = 2_000_000_000
 MAX_FRAMES_KEPT = 10_000
 """Maximum number of frames that a server keeps, however short the frame period."""
 
-COMMAND, ERROR = "command", "error"
+COMMAND, ERROR, BLIND = "command", "error", "blind"
 """Fields of the frames in which the answers of a module in Python are published."""
 
 Awaited = Literal["all", "degrade", "living"]
@@ -293,6 +293,7 @@ _NO_SERVERS: frozenset[str] = frozenset()
 
 
 def _answer(frame: ServerFrame) -> Answer:
-    command, error = frame.fields.get(COMMAND), frame.fields.get(ERROR)
+    command = frame.fields.get(COMMAND)
     values = None if command is None or not isinstance(command.value, tuple) else command.value
-    return Answer(values, error is not None and error.value is True)
+    error, blind = (f is not None and f.value is True for f in map(frame.fields.get, (ERROR, BLIND)))
+    return Answer(values, error, blind)

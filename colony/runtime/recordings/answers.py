@@ -1,9 +1,10 @@
 """The recorded answers of modules in Python, so that readers of a recording need not run the modules.
 
-    {"seeks": {"command": [300.0, -2.5]}, "rests": {}, "fails": {"error": true}}
+    {"seeks": {"command": [300.0, -2.5]}, "rests": {}, "fails": {"error": true, "blind": true}}
 
 `command` has the fields in their declared order, in base units (mm, s, deg), as the module answered; it is
-absent if the module was not applicable. A module whose answer is unknown is absent.
+absent if the module was not applicable, or had no answer (`blind`). A module whose answer is unknown is
+absent.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ class AnswerMessage(msgspec.Struct, frozen=True, kw_only=True):
 
     command: tuple[float | bool | Literal["nan", "inf", "-inf"], ...] | None = None
     error: bool = False
+    blind: bool = False
 
 
 def answers_text(answers: Mapping[str, Answer]) -> str:
@@ -32,7 +34,8 @@ def answers_text(answers: Mapping[str, Answer]) -> str:
 
 def _members(answer: Answer) -> dict[str, object]:
     members: dict[str, object] = {} if answer.values is None else {"command": [*map(_value, answer.values)]}
-    return {**members, "error": True} if answer.error else members
+    flags = {"error": answer.error, "blind": answer.blind}
+    return {**members, **{name: True for name, is_set in flags.items() if is_set}}
 
 
 def _value(x: float | bool) -> float | bool | str:
@@ -41,7 +44,9 @@ def _value(x: float | bool) -> float | bool | str:
 
 def read_answers(recorded: Mapping[str, AnswerMessage]) -> dict[str, Answer]:
     """Return the recorded answers of a frame."""
-    return {module: Answer(_values(message), message.error) for module, message in recorded.items()}
+    return {
+        module: Answer(_values(message), message.error, message.blind) for module, message in recorded.items()
+    }
 
 
 def _values(recorded: AnswerMessage) -> tuple[float | bool, ...] | None:

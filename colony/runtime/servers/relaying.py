@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from colony.runtime.frames.assembler import COMMAND, ERROR
+from colony.runtime.frames.assembler import BLIND, COMMAND, ERROR
 from colony.runtime.frames.publishing import KEPT_BYTES, FetchBudget, frame_bytes
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame
@@ -42,8 +42,12 @@ class ActivityRelay:
         if name is None or message.k in self._frames[name]:
             return ()
         kept = self._frames[name]
-        values, error = message.answer
-        fields = {COMMAND: None if values is None else Sample(values, now_ns), ERROR: Sample(error, now_ns)}
+        values, error, blind = message.answer
+        fields = {
+            COMMAND: None if values is None else Sample(values, now_ns),
+            ERROR: Sample(error, now_ns),
+            BLIND: Sample(blind, now_ns),
+        }
         frame = kept[message.k] = ServerFrame(server=name, k=message.k, fields=fields)
         self._bytes[name] += frame_bytes(fields)
         while len(kept) > 1 and (len(kept) > self._max_frames or self._bytes[name] > self._bytes_per_module):

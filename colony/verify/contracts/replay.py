@@ -79,7 +79,9 @@ class Replay:
         outcomes, was_called = [], False
         for snapshot in snapshots:
             outcomes.append(interpreter.step_in_base_units(snapshot.t_ns, self._readings(snapshot)))
-            was_called = was_called or any(interpreter.is_active(m) for m in self._fields)
+            was_called = was_called or any(
+                interpreter.is_active(m) and not interpreter.is_blind(m) for m in self._fields
+            )
             if outcomes[-1].breaches:
                 break
         return tuple(outcomes), was_called
@@ -88,7 +90,9 @@ class Replay:
         readings = dict(snapshot.readings)
         for module, fields in self._fields.items():
             answer = snapshot.answers.get(module)
-            readings[_activation_sensor_name(module)] = self._without_python or answer is not None
+            is_blind = answer is None and module in snapshot.answers
+            if self._without_python or not is_blind:
+                readings[_activation_sensor_name(module)] = self._without_python or answer is not None
             for i, field in enumerate(fields):
                 readings[_field_sensor_name(module, i)] = (
                     any_value(field.type) if answer is None else answer[i]
@@ -138,6 +142,7 @@ def _stand_in(program: Program, module: PythonModule) -> AnyModule:
     return Module(
         name=module.name,
         span=module.span,
+        failsafe=module.failsafe,
         lets=lets,
         when=SensorValue(type=BOOL, name=_activation_sensor_name(module.name)),
         command=Command(actuator=module.actuator, fields=fields) if module.actuator else None,

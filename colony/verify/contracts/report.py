@@ -147,7 +147,7 @@ def trace_rows(program: Program, trace: Trace) -> list[dict[str, object]]:
     return [
         {
             "frame": frame_row(program.robot.sensors, snapshot),
-            "answers": {m: list(a) for m, a in snapshot.answers.items()},
+            "answers": {m: None if a is None else list(a) for m, a in snapshot.answers.items()},
             "sent": outcome_row(program, outcome),
             "broken": list(outcome.breaches),
         }

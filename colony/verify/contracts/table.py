@@ -11,6 +11,7 @@ from colony.ir.program import Actuator, Contract, Program, Sensor, in_declared_u
 from colony.ir.types import Bool, Enum, Scalar, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import number_text, seconds
 from colony.verify.contracts.results import Trace
+from colony.verify.snapshot import Snapshot
 
 _MAX_DIFFERING = 6
 
@@ -27,7 +28,7 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
             [
                 str(seconds(snapshot.t_ns)),
                 *(reading_text(s, snapshot.readings.get(s.name)) for s in sensors),
-                *(_answer_text(program, m, snapshot.answers.get(m)) for m in modules),
+                *(_answer_text(program, m, snapshot) for m in modules),
                 *(decision_text(a, decisions[name]) for name, a in actuators.items()),
             ]
         )
@@ -97,9 +98,10 @@ def _fields_text(actuator: Actuator, values: Sequence[ScalarValue]) -> str:
     )
 
 
-def _answer_text(program: Program, module: str, answer: tuple[ScalarValue, ...] | None) -> str:
+def _answer_text(program: Program, module: str, snapshot: Snapshot) -> str:
+    answer = snapshot.answers.get(module)
     if answer is None:
-        return "nothing"
+        return "no answer" if module in snapshot.answers else "nothing"
     name = next(m.actuator for m in program.modules if m.name == module)
     actuator = next((a for a in program.robot.actuators if a.name == name), None)
     if actuator is None:

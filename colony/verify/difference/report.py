@@ -81,7 +81,7 @@ def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
             [
                 str(seconds(snapshot.t_ns)),
                 *(reading_text(sensors[n], snapshot.readings.get(n)) for n in shown_sensors),
-                *(str(snapshot.answers.get(m, "nothing")) for m in answers),
+                *(str(snapshot.answers.get(m, "nothing") or "no answer") for m in answers),
                 *_sent(a, b, result, outcome_a, outcome_b),
             ]
         )
@@ -151,7 +151,7 @@ def _frames(a: Program, b: Program, result: Different) -> Iterator[dict[str, obj
     for snapshot, outcome_a, outcome_b in zip(result.snapshots, result.a, result.b, strict=True):
         yield {
             "frame": frame_row(sensors, snapshot),
-            "answers": {m: list(x) for m, x in snapshot.answers.items()},
+            "answers": {m: None if x is None else list(x) for m, x in snapshot.answers.items()},
             "a": outcome_row(a, outcome_a),
             "b": outcome_row(b, outcome_b),
         }

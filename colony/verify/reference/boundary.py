@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 
-from colony.ir.frame import Frame, Reading, RecordKind
+from colony.ir.frame import Answer, Frame, Reading, RecordKind
 from colony.ir.program import Actuator, PythonModule, Sensor
 from colony.ir.types import Array, Bool, Enum, Scalar, ScalarValue, Value
 from colony.text.diagnostics import DiagnosticError, error
@@ -181,10 +181,10 @@ class PythonRunner:
             )
             raise DiagnosticError([error("P001", module.span, message, hint)]) from problem
         self._last_call: int | None = None
-        self._answers: list[tuple[int, Command]] = []  # each with the time from which it applies
+        self._answers: list[tuple[int, Answer]] = []  # each with the time from which it applies
 
-    def step(self, t_ns: int, frame: ModuleFrame) -> tuple[Command, bool]:
-        """Return the module's command in a frame, and True if the call of its class failed.
+    def step(self, t_ns: int, frame: ModuleFrame) -> Answer:
+        """Return the module's answer in a frame; its `error` is of a call in this frame.
 
         Call it only in frames in which nothing that the module reads is missing.
         """
@@ -192,19 +192,20 @@ class PythonRunner:
             return self._call(frame)
         failed = False
         if self._last_call is None or t_ns >= self._last_call + self.module.rate_ns:
-            answer, failed = self._call(frame)
+            answer = self._call(frame)
+            failed = answer.error
             self._answers.append((t_ns + self.module.rate_ns, answer))
             self._last_call = t_ns
         while len(self._answers) > 1 and self._answers[1][0] <= t_ns:
             del self._answers[0]
-        since, command = self._answers[0]
-        return (command if since <= t_ns else None), failed
+        since, answer = self._answers[0]
+        return (answer if since <= t_ns else Answer(blind=True))._replace(error=failed)
 
-    def _call(self, frame: ModuleFrame) -> tuple[Command, bool]:
+    def _call(self, frame: ModuleFrame) -> Answer:
         try:
-            return self._command(self._object.step(frame)), False
+            return Answer(self._command(self._object.step(frame)))
         except Exception:
-            return None, True
+            return Answer(error=True, blind=True)
 
     def _command(self, result: object) -> Command:
         if result is None:

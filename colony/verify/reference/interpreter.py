@@ -55,6 +55,7 @@ class Interpreter:
         self._moment: FrameValues | None = None
         self._lost: frozenset[str] = frozenset()
         self._silent: set[str] = set()
+        self._blind: set[str] = set()
 
     def resume(self, memory: ProgramMemory) -> None:
         """Continue from the memory of another executor; call it only before the first frame.
@@ -107,8 +108,15 @@ class Interpreter:
         return self._moment.outputs[name] is not None
 
     def is_silent(self, module: str) -> bool:
-        """Return True if a module was silent in the last frame because a value that it reads was missing."""
+        """Return True if a module was silent in the last frame because a value that it reads was missing.
+
+        A failsafe module is never silent.
+        """
         return module in self._silent
+
+    def is_blind(self, module: str) -> bool:
+        """Return True if a failsafe module was active in the last frame without an answer."""
+        return module in self._blind
 
     def _run_frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
         last = self._moment
@@ -118,7 +126,7 @@ class Interpreter:
             first_ns=t_ns if last is None else last.first_ns,
             states=self._states,
         )
-        self._next_states, self._silent = {}, set()
+        self._next_states, self._silent, self._blind = {}, set(), set()
         records: list[Record] = []
         self._read_sensors(frame_values, readings, factors, records)
         self._compute_derived_values(frame_values)
@@ -165,15 +173,25 @@ class Interpreter:
                     assert_never(derived)
 
     def _step_machine(self, machine: ir.Machine, frame_values: FrameValues) -> None:
-        """Take the first transition from the current phase; advance the memory of every condition."""
+        """Take the first transition from the current phase; advance the memory of every condition.
+
+        Where the condition of one reads something missing, it is taken if it is failsafe. If it is not,
+        nobody knows whether those below it come too early: only failsafe ones among them are taken.
+        """
         phase = scalar(frame_values.states[machine.name])
         taken: float | None = None
+        unknown = False
         for transition in machine.transitions:
             if missing(transition.condition, frame_values):
-                continue
-            holds = evaluate(transition.condition, frame_values, self._memory)
-            if holds and phase in transition.sources and taken is None:
-                taken = transition.target
+                holds = transition.failsafe
+                unknown_here = not transition.failsafe
+            else:
+                holds = bool(evaluate(transition.condition, frame_values, self._memory))
+                unknown_here = False
+            if phase in transition.sources:
+                if holds and taken is None and (transition.failsafe or not unknown):
+                    taken = transition.target
+                unknown = unknown or unknown_here
         if taken is not None:
             self._next_states[machine.name] = taken
 
@@ -190,8 +208,13 @@ class Interpreter:
                     assert_never(module)
             if command is not None:
                 frame_values.commands[module.name] = command
-            reaches_network = command is not None and not (module.actuator and module.name in self._lost)
-            frame_values.outputs[module.name] = module.name if reaches_network else None
+            active = command is not None or module.name in self._blind
+            lost = module.actuator is not None and module.name in self._lost and not module.failsafe
+            frame_values.outputs[module.name] = module.name if active and not lost else None
+
+    def _go_blind(self, module: ir.AnyModule) -> None:
+        """Record that a module has no answer: it is silent or, if failsafe, active without a command."""
+        (self._blind if module.failsafe else self._silent).add(module.name)
 
     def _run_module(self, module: ir.Module, frame_values: FrameValues) -> tuple[ScalarValue, ...] | None:
         """Return the module's command, empty if it has no `do`; None if the module is not active.
@@ -208,7 +231,7 @@ class Interpreter:
         ]
         own = {let.name for let in module.lets}
         if any(missing(e, frame_values, own) for e in evaluated):
-            self._silent.add(module.name)
+            self._go_blind(module)
             return None
         for let in module.lets:
             frame_values.locals[let.name] = evaluate(let.expression, frame_values, self._memory)
@@ -222,17 +245,17 @@ class Interpreter:
         self, module: ir.PythonModule, frame_values: FrameValues, records: list[Record]
     ) -> tuple[ScalarValue, ...] | None:
         if any(missing(r.expression, frame_values) for r in module.reads):
-            self._silent.add(module.name)
+            self._go_blind(module)
             return None
         values = {r.name: evaluate(r.expression, frame_values, self._memory) for r in module.reads}
         frame = ModuleFrame((frame_values.t_ns - frame_values.first_ns) / 1e9, values)
         runner = self._python.get(module.name)
-        command, failed = (
-            self._answers[module.name] if runner is None else runner.step(frame_values.t_ns, frame)
-        )
-        if failed:
+        answer = self._answers[module.name] if runner is None else runner.step(frame_values.t_ns, frame)
+        if answer.error:
             records.append(Record("python error", module.name))
-        return command
+        if answer.blind and module.failsafe:
+            self._go_blind(module)
+        return answer.values
 
     # --- network ---------------------------------------------------------------------------------
 
@@ -303,8 +326,13 @@ class Interpreter:
     ) -> Decision:
         """Send the winner's command within its bounds, or the idle command where there is no such command."""
         winner = frame_values.winners[actuator.name]
+        if winner in self._lost:  # failsafe: nobody sends its command, and nobody else's gets through
+            winner = frame_values.winners[actuator.name] = None
         if winner is None:
             return self._decide_idle(actuator, None, None, frame_values)
+        if winner in self._blind:
+            records.append(Record("missing", winner))
+            return self._decide_idle(actuator, winner, "missing", frame_values)
         command = frame_values.commands[winner]
         bounds = [self._bounds(actuator, i, limits) for i in range(len(actuator.fields))]
         fault = self._fault(actuator, winner, command, bounds)

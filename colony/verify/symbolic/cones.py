@@ -69,7 +69,7 @@ def whole_cone(system: System) -> Cone:
     for sensor in system.sensors.values():
         everything += [sensor.present, *_parts(sensor.elements)]
     for answer in system.python.values():
-        everything += [answer.answers, *_parts(answer.fields)]
+        everything += [answer.answers, answer.blind, *_parts(answer.fields)]
     return cone(system, everything)
 
 

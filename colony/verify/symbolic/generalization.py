@@ -107,6 +107,7 @@ class _Generalization:
         return replace(
             module,
             silent=self.term(module.silent),
+            blind=self.term(module.blind),
             applicable=self.term(module.applicable),
             active=self.term(module.active),
             command=self.scalars(module.command),

@@ -115,17 +115,20 @@ def _member(name: str, type_: Enum, builder: Builder) -> Number:
 
 
 def python_answers(module: PythonModule, actuator: Actuator | None, builder: Builder) -> PythonInput:
-    """Return an arbitrary answer of `step`: nothing, or fields of their types, including NaN."""
+    """Return an arbitrary answer of `step`: nothing, or fields of their types, including NaN, or none."""
     answers = z3.Bool(f"{module.name}.answers")
+    blind = z3.Bool(f"{module.name}.blind") if module.failsafe else FALSE
     fields = actuator.fields if actuator else ()
     values = tuple(_answer(f"{module.name}.{f.name}", f.type, builder) for f in fields)
     text = f"`{module.name}` is written in Python: it may answer anything"
     reason = Reason(Inexact.PYTHON, module.span, text)
     builder.mark_inexact(answers, reason)
+    if module.failsafe:
+        builder.mark_inexact(blind, reason)
     for x in values:
         for term in (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,):
             builder.mark_inexact(term, reason)
-    return PythonInput(answers=answers, fields=values)
+    return PythonInput(answers=answers, blind=blind, fields=values)
 
 
 def _answer(name: str, type_: ScalarType, builder: Builder) -> Scalar:

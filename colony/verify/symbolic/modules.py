@@ -16,7 +16,7 @@ from colony.verify.symbolic.cases import constant
 from colony.verify.symbolic.expressions import Expressions
 from colony.verify.symbolic.frame_values import FrameValues, missing
 from colony.verify.symbolic.inputs import python_answers
-from colony.verify.symbolic.logic import FALSE, all_of, any_of, both, negation
+from colony.verify.symbolic.logic import FALSE, all_of, any_of, both, either, negation
 from colony.verify.symbolic.memory import open_scalar_cell
 from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scalar, Term
@@ -97,14 +97,19 @@ class DeclarationEncoder:
         return self.builder.named(value, name)
 
     def _machine(self, machine: ir.Machine) -> None:
-        """Take the first transition from the current phase whose condition is true."""
+        """Take the first transition from the current phase that applies (see `ir.Machine`)."""
         phase = cast(Number, self.frame_values.states[machine.name])
-        result, none_taken = phase, negation(FALSE)
+        result, none_taken, unknown = phase, negation(FALSE), FALSE
         for transition in machine.transitions:
-            present = negation(missing(transition.condition, self.frame_values))
+            absent = missing(transition.condition, self.frame_values)
+            present = negation(absent)
             holds = self.expressions(present, machine.name).boolean(transition.condition)
             in_source = any_of(c for v, c in phase.cases if v in transition.sources)
-            taken = all_of((none_taken, present, holds, in_source))
+            if transition.failsafe:
+                taken = all_of((none_taken, in_source, either(absent, holds)))
+            else:
+                taken = all_of((none_taken, in_source, present, holds, negation(unknown)))
+                unknown = either(unknown, both(in_source, absent))
             none_taken = both(none_taken, negation(taken))
             result = cast(Number, select(taken, constant(transition.target), result))
         self._set_next[machine.name](result)
@@ -152,14 +157,22 @@ class DeclarationEncoder:
             else:
                 old = self.frame_values.states[state.name]
                 self._set_next[state.name](select(silent, old, encoder.scalar(state.next)))
-        active = both(applicable, negation(silent))
-        return ModuleTerms(silent=silent, applicable=applicable, active=active, command=command)
+        blind = silent if module.failsafe else FALSE
+        return ModuleTerms(
+            silent=silent,
+            blind=blind,
+            applicable=applicable,
+            active=either(blind, both(applicable, negation(silent))),
+            command=command,
+        )
 
     def _python_module(self, module: ir.PythonModule, python_input: PythonInput) -> ModuleTerms:
         silent = any_of(missing(r.expression, self.frame_values) for r in module.reads)
+        blind = either(silent, python_input.blind) if module.failsafe else FALSE
         return ModuleTerms(
             silent=silent,
+            blind=blind,
             applicable=python_input.answers,
-            active=both(python_input.answers, negation(silent)),
+            active=either(blind, both(python_input.answers, negation(silent))),
             command=python_input.fields,
         )

@@ -80,8 +80,8 @@ def send(
     wins = {m: w for m, w in frame_values.wins[actuator.name].items() if not is_false(w)}
     commands = [modules[m].command for m in wins]
     finite_wins = [
-        both(w, all_of(finite(x) for x in command if isinstance(x, Number)))
-        for w, command in zip(wins.values(), commands, strict=True)
+        all_of((w, negation(modules[m].blind), *(finite(x) for x in command if isinstance(x, Number))))
+        for (m, w), command in zip(wins.items(), commands, strict=True)
     ]
     limited = []
     possible: list[z3.BoolRef] = []

@@ -168,20 +168,28 @@ class SensorInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PythonInput:
-    """The answer of a module in Python: the condition that it commands, and unconstrained fields."""
+    """The answer of a module in Python: the condition that it commands, and unconstrained fields.
+
+    `blind` is the condition that there is no answer; it is false of a module that is not failsafe, which is
+    then not active, as if it answered "not applicable".
+    """
 
     answers: z3.BoolRef
+    blind: z3.BoolRef
     fields: tuple[Scalar, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModuleTerms:
-    """A module in the frame. `applicable` and `command` are arbitrary if it is silent.
+    """A module in the frame. `applicable` and `command` are arbitrary if it is silent or blind.
 
-    `active` is `applicable and not silent`.
+    `silent` is the condition that something that it reads is missing. `blind`, false unless the module is
+    failsafe, is the condition that it is active without a command. `active` is `blind`, or `applicable` and
+    not `silent`.
     """
 
     silent: z3.BoolRef
+    blind: z3.BoolRef
     applicable: z3.BoolRef
     active: z3.BoolRef
     command: tuple[Scalar, ...]

@@ -35,11 +35,14 @@ def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:
         for name, sensor_input in system.sensors.items()
         if _is_used(sensor_input, visited) and _truth(model, unrolling.at(i, sensor_input.present))
     }
-    answers = {
-        name: tuple(value_in(model, unrolling, i, x) for x in python_input.fields)
-        for name, python_input in system.python.items()
-        if python_input.answers.get_id() in visited and _truth(model, unrolling.at(i, python_input.answers))
-    }
+    answers: dict[str, tuple[ScalarValue, ...] | None] = {}
+    for name, python_input in system.python.items():
+        if python_input.blind.get_id() in visited and _truth(model, unrolling.at(i, python_input.blind)):
+            answers[name] = None
+        elif python_input.answers.get_id() in visited and _truth(
+            model, unrolling.at(i, python_input.answers)
+        ):
+            answers[name] = tuple(value_in(model, unrolling, i, x) for x in python_input.fields)
     return Snapshot(_time_ns(model, unrolling, i), readings, answers)
 
 

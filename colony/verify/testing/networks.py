@@ -119,7 +119,7 @@ def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
     """Draw a program; see `colony.verify.testing.strategies.networks`."""
     actuators = ("drive", "arm")[: choices.between(1, 2)]
     count = choices.mostly_large(1, max_modules)
-    modules = tuple(_module(i, choices.pick((*actuators, *actuators, None))) for i in range(count))
+    modules = tuple(_module(choices, i, (*actuators, *actuators, None)) for i in range(count))
     ports = [Port(name=m.name, actuators=frozenset({m.actuator})) for m in modules]
     wires = draw_wires(Wirings(choices, ports), actuators, max_wires, 2)
     observed = [m.name for m in modules] + [w.name for w in wires if w.actuator is None]
@@ -137,11 +137,13 @@ def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
     )
 
 
-def _module(i: int, actuator: str | None) -> Module:
-    """Return a module whose predicate is the sensor `p<i>`, and which commands its own number."""
+def _module(choices: Choices, i: int, actuators: Sequence[str | None]) -> Module:
+    """Draw a module whose predicate is the sensor `p<i>`, and which commands its own number."""
+    actuator, failsafe = choices.pick(actuators), choices.pick((False, False, True))
     number = Constant(type=DIMENSIONLESS, value=float(i + 1))
     return Module(
         name=f"m{i}",
+        failsafe=failsafe,
         when=SensorValue(type=BOOL, name=f"p{i}"),
         command=Command(actuator=actuator, fields=(number,)) if actuator else None,
     )

@@ -195,7 +195,8 @@ class _Text:
         for target in (*phases[1:], *(self.choices.pick(phases) for _ in range(self.choices.up_to(2)))):
             sources = [p for p in phases if p != target]
             source = "any" if self.choices.one_in(3) else self.choices.pick(sources)
-            transitions.append(f"  {source} -> {target} when {self.write(BOOL, 2)}")
+            failsafe = self.failsafe()
+            transitions.append(f"  {failsafe}{source} -> {target} when {self.write(BOOL, 2)}")
         self.add(f"machine phase {{\n  start {phases[0]}")
         self.lines.extend(transitions)
         self.add("}")
@@ -210,7 +211,7 @@ class _Text:
             return
         name, outer = f"m{i}", self.scope
         actuator = self.choices.pick(("drive", "drive", *(["light"] * self.light), None)) if i else "drive"
-        self.add(f"module {name} {{")
+        self.add(f"{self.failsafe()}module {name} {{")
         members: list[Named] = []
         if self.choices.one_in(3):
             param, dimension = self.param("gain", "  ")
@@ -224,6 +225,9 @@ class _Text:
         self.scope = outer
         self.parts += members
         self.ports.append(Port(name=name, actuators=frozenset({actuator})))
+
+    def failsafe(self) -> str:
+        return self.choices.pick(("", "", "failsafe "))
 
     def own_memory(self, name: str) -> list[Named]:
         """Write lets and a state of a module, with the same names in every module; return them."""
@@ -249,7 +253,8 @@ class _Text:
         return f"light(mood = {mood}, level = {level}, on = {on})"
 
     def python_module(self, name: str) -> None:
-        self.add(f'module {name} from python "colony.verify.testing.python_modules:ErraticModule" {{')
+        path = "colony.verify.testing.python_modules:ErraticModule"
+        self.add(f'{self.failsafe()}module {name} from python "{path}" {{')
         self.add(f"  param seed = {self.choices.up_to(7)}")
         reads = list(dict.fromkeys(self.choices.pick(self.scope.names).text for _ in range(2)))
         self.add(f"  reads {', '.join(reads)}")
@@ -261,16 +266,20 @@ class _Text:
 
     def variations(self) -> None:
         """Write a module derived from another, sometimes with an overridden param."""
-        originals = [i for i, line in enumerate(self.lines) if line.startswith("module m") and "{" in line]
+        originals = [
+            i
+            for i, line in enumerate(self.lines)
+            if line.removeprefix("failsafe ").startswith("module m") and "{" in line
+        ]
         for start in originals[:1]:
             if not self.choices.one_in(3) or "python" in self.lines[start]:
                 continue
-            name = self.lines[start].split()[1]
+            name = self.lines[start].removeprefix("failsafe ").split()[1]
             dimension = self.own_params.get(f"{name}.gain")
             overrides = ""
             if dimension is not None:
                 overrides = f"(gain = {Expressions(self.choices, self.scope).literal(dimension)})"
-            self.add(f"module other = {name}{overrides}")
+            self.add(f"{self.failsafe()}module other = {name}{overrides}")
             actuators = next(p.actuators for p in self.ports if p.name == name)
             self.ports.append(Port(name="other", actuators=actuators))
 

@@ -46,6 +46,8 @@ class DecisionText:
         if not self.plan.groups:
             return self.idle(by=self.observed)
         lines = [f"if {self.by} is None:", *_indented(self.idle(by=False))]
+        if self.plan.may_be_blind:
+            lines += [f"elif {self.names.blind[self.name]}:", *_indented(self.blind())]
         checks = self.checks()
         before = self.expressions.statements.get(self.plan.limits)
         if before:
@@ -55,14 +57,22 @@ class DecisionText:
             return [*lines, "else:", *_indented([first, *rest])]
         return [*lines, f"el{first}", *rest]
 
+    def blind(self) -> list[str]:
+        """Return the idle command, for a winner that is failsafe and blind."""
+        record = f"records += (('missing', {self.by}),)"
+        return [record, *self.idle_command(self.by, "'missing'")]
+
     def idle(self, by: bool) -> list[str]:
         """Return the idle command, or nothing for `idle hold`."""
+        lines = self.idle_command("None", "None")
+        return [lines[0], f"{self.by} = None", *lines[1:]] if by else lines
+
+    def idle_command(self, by: str, fault: str) -> list[str]:
+        """Return the statements for the idle command."""
         idle = self.actuator.idle
         declared_values = in_declared_units(idle, self.actuator.fields)
         shown = "None" if declared_values is None else values(declared_values)
-        lines = [f"{self.target} = ({self.name!r}, None, {shown}, None)"]
-        if by:
-            lines.append(f"{self.by} = None")
+        lines = [f"{self.target} = ({self.name!r}, {by}, {shown}, {fault})"]
         if self.observed:
             lines.append(f"{self.names.commanded[self.name]} = False")
             sent = idle or tuple(False if isinstance(f.type, Bool) else 0.0 for f in self.actuator.fields)

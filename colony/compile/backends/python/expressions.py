@@ -16,6 +16,7 @@ from colony.execute.code import (
     OldCell,
     Op,
     PythonActive,
+    PythonBlind,
     PythonField,
     SensorElement,
     SensorFresh,
@@ -94,6 +95,8 @@ class Expressions:
                 return Text("t")
             case PythonActive(module=module) if module in names.python_active:
                 return Text(names.python_active[module])
+            case PythonBlind(module=module) if module in names.python_active:
+                return Text(names.python_blind[module])
             case PythonField(module=module, index=index) if module in names.python_active:
                 return Text(f"{names.python_fields[module]}[{index}]")
             case Winner(actuator=actuator, module=module):
@@ -102,7 +105,7 @@ class Expressions:
                 return Text(names.commanded[actuator])
             case Sent(actuator=actuator, index=index):
                 return Text(names.field[actuator, index])
-            case PythonActive() | PythonField() | Lost():
+            case PythonActive() | PythonBlind() | PythonField() | Lost():
                 raise ValueError("the code of a single client is not for this backend")
             case _:
                 raise AssertionError(f"{op} is not an atom")

@@ -168,7 +168,8 @@ class _Generator:
         values = f"{{{', '.join(arguments)}}}"
         if present != "True":
             values = f"{values} if {present} else None"
-        targets = f"{names.python_active[call.module]}, {names.python_fields[call.module]}, records"
+        answer = [of[call.module] for of in (names.python_active, names.python_blind, names.python_fields)]
+        targets = ", ".join((*answer, "records"))
         self.add(2, f"{targets} = self.{names.python[call.module]}.step(t, {values}, records)")
 
     # --- actuators -------------------------------------------------------------------------------
@@ -180,6 +181,8 @@ class _Generator:
         self.blank()
         self.add(2, f"# {_comment(name)}")
         self.before(plan.slot, 2)
+        if plan.may_be_blind:
+            self.add(2, f"{self.names.blind[name]} = False")
         if plan.groups:
             self.add(2, "while True:")
             *_, open_end = [self.group(plan, group) for group in plan.groups]
@@ -214,6 +217,9 @@ class _Generator:
         name = plan.actuator.actuator.name
         self.before(client.body, indent)
         self.add(indent, f"{self.names.by[name]} = {client.client.module!r}")
+        known = self.expressions.text(client.client.known)
+        if known.text != "True":
+            self.add(indent, f"{self.names.blind[name]} = not {known.inside(Binding.NOT)}")
         for i, value in enumerate(client.client.fields):
             self.add(indent, f"{self.names.field[name, i]} = {self.text(value)}")
         self.add(indent, "break")

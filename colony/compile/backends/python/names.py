@@ -39,9 +39,11 @@ class Names:
         self.fresh = {s.name: self.new(f"has_{s.name}") for s in code.sensors}
         self.python = {c.module: self.new(f"python_{c.module}") for c in code.python}
         self.python_active = {c.module: self.new(f"{c.module}_active") for c in code.python}
+        self.python_blind = {c.module: self.new(f"{c.module}_blind") for c in code.python}
         self.python_fields = {c.module: self.new(f"{c.module}_fields") for c in code.python}
         self.decision = {a.actuator.name: self.new(a.actuator.name) for a in code.actuators}
         self.by = {a.actuator.name: self.new(f"{a.actuator.name}_by") for a in code.actuators}
+        self.blind = {a.actuator.name: self.new(f"{a.actuator.name}_blind") for a in code.actuators}
         self.commanded = {a.actuator.name: self.new(f"{a.actuator.name}_commanded") for a in code.actuators}
         self.field = {
             (a.actuator.name, i): self.new(f"{a.actuator.name}_{f.name}")

@@ -38,13 +38,17 @@ class GroupPlan:
 
 @dataclass(frozen=True, slots=True)
 class ActuatorPlan:
-    """The plan of an actuator: slots before its clients, after them, and for its limits."""
+    """The plan of an actuator: slots before its clients, after them, and for its limits.
+
+    `may_be_blind` is true if one of the clients is failsafe.
+    """
 
     actuator: ActuatorCode
     slot: int
     groups: tuple[GroupPlan, ...]
     after: int
     limits: int
+    may_be_blind: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +98,10 @@ def _python(call: PythonCall, layout: Layout, placement: Placement) -> int:
 def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Placement) -> ActuatorPlan:
     slot = layout.slot(ROOT)
     chain = layout.region(slot)
+    reachable = _reachable(code, actuator)
     groups = [
         _group(code, list(clients), layout, placement, chain)
-        for _, clients in groupby(_reachable(code, actuator), key=lambda c: c.present)
+        for _, clients in groupby(reachable, key=lambda c: (c.present, c.known))
     ]
     after = layout.slot(ROOT)
     limits = layout.slot(layout.region(after))
@@ -104,7 +109,13 @@ def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Pla
         placement.use(limit.applies, limits, 2)
         placement.use(limit.bound, limits, 2)
         placement.use(limit.known, limits, 2)
-    return ActuatorPlan(actuator, slot, tuple(groups), after, limits)
+    may_be_blind = any(_may_be_blind(code, client) for client in reachable)
+    return ActuatorPlan(actuator, slot, tuple(groups), after, limits, may_be_blind)
+
+
+def _may_be_blind(code: Code, client: ClientCode) -> bool:
+    op = code.ops[client.known]
+    return not (isinstance(op, Literal) and op.value is True)
 
 
 def _reachable(code: Code, actuator: ActuatorCode) -> list[ClientCode]:
@@ -123,7 +134,7 @@ def _group(
     code: Code, clients: list[ClientCode], layout: Layout, placement: Placement, chain: int
 ) -> GroupPlan:
     slot, present = layout.slot(chain), clients[0].present
-    if len(clients) == 1 or isinstance(code.ops[present], Literal):
+    if len(clients) == 1 or isinstance(code.ops[present], Literal) or _may_be_blind(code, clients[0]):
         plans = [_client(client, layout, placement, chain) for client in clients]
         return GroupPlan(None, slot, tuple(plans))
     placement.use(present, slot)
@@ -135,7 +146,7 @@ def _client(client: ClientCode, layout: Layout, placement: Placement, region: in
     slot = layout.slot(region)
     placement.use(client.guard, slot)
     body = layout.slot(layout.region(slot, condition=client.guard))
-    placement.use_all(client.fields, body)
+    placement.use_all((client.known, *client.fields), body)
     return ClientPlan(client, slot, body)
 
 
