@@ -97,7 +97,7 @@ class Contents:
             case State(next=next_value):
                 return -1 if next_value is None else self.expression(next_value)
             case Machine(transitions=transitions):
-                steps = [(t.sources, t.target, self.expression(t.condition)) for t in transitions]
+                steps = [(t.sources, t.target, t.failsafe, self.expression(t.condition)) for t in transitions]
                 return self._table.number("transitions", *steps)
             case _:
                 assert_never(state)
@@ -122,12 +122,24 @@ class Contents:
                 needs = self.needs(module)
                 state_colors = frozenset(self._colors[s.name] for s in module.states)
                 return self._table.number(
-                    "module", command is None, self.expression(module.when), fields, needs, state_colors
+                    "module",
+                    module.failsafe,
+                    command is None,
+                    self.expression(module.when),
+                    fields,
+                    needs,
+                    state_colors,
                 )
             case PythonModule():
                 reads = tuple((r.name, self.expression(r.expression)) for r in module.reads)
                 params = tuple((n, _value_key(v)) for n, v in module.params)
-                identity = (module.module_path, module.class_name, params, module.rate_ns)
+                identity = (
+                    module.failsafe,
+                    module.module_path,
+                    module.class_name,
+                    params,
+                    module.rate_ns,
+                )
                 return self._table.number("python", identity, reads, module.actuator is None)
             case _:
                 assert_never(module)
@@ -183,7 +195,7 @@ class Contents:
     # --- needed sensors --------------------------------------------------------------------------
 
     def needs(self, module: Module) -> frozenset[str]:
-        """Return the sensors without which a module is silent."""
+        """Return the sensors without which a module is silent, or blind if it is failsafe."""
         return frozenset[str]().union(*(self.needed_sensors(e) for e in expressions_of(module)))
 
     def needed_sensors(self, e: ir.Expression) -> frozenset[str]:
