@@ -17,8 +17,7 @@ or not at all, provided that in every frame:
    not `known`, "not finite" if a field is not finite before or after these steps, "bound missing" if a bound
    is not `known`, "limits contradict" if a lower bound is above an upper one. Without a winner the idle
    command is sent.
-4. *Contracts* whose `present` is true and whose `value` is false are broken. Only ops from `decided` on may
-   depend on decisions.
+4. *Contracts* whose `holds` is false are broken. Only ops from `decided` on may depend on decisions.
 5. *Memory*: every cell whose `condition` is true takes `value`, all at once. Until then `OldCell` is the
    value before the frame.
 
@@ -303,14 +302,13 @@ class ActuatorCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContractCode:
-    """A contract, broken in a frame in which `present` is true and `value` is not.
+    """A contract, broken in a frame in which `holds` is false: it is false, or cannot be told.
 
-    `unsimplified` is the same value, computed with the guards before simplification.
+    `unsimplified` is the same condition, computed with the guards before simplification.
     """
 
     name: str
-    present: int
-    value: int
+    holds: int
     unsimplified: int
 
 
@@ -356,7 +354,7 @@ def roots(code: Code, *, exclusive: bool = True) -> list[int]:
         for limit in actuator.limits:
             indices.extend((limit.applies, limit.bound, limit.known))
     for contract in code.contracts:
-        indices.extend((contract.present, contract.value, contract.unsimplified))
+        indices.extend((contract.holds, contract.unsimplified))
     return indices
 
 

@@ -60,7 +60,7 @@ class ProgramExecutor:
         decisions = tuple(self._decide(actuator) for actuator in code.actuators)
         machine.run_after_decisions()
         values = machine.values
-        breaches = tuple(c.name for c in code.contracts if values[c.present] and not values[c.value])
+        breaches = tuple(c.name for c in code.contracts if not values[c.holds])
         machine.commit()
         return Outcome(decisions, machine.records(), breaches)
 

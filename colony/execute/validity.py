@@ -112,7 +112,7 @@ class _Check:
         for actuator in code.actuators:
             self._actuator(actuator)
         for contract in code.contracts:
-            self._refer(contract.name, Kind.BOOL, contract.present, contract.value, contract.unsimplified)
+            self._refer(contract.name, Kind.BOOL, contract.holds, contract.unsimplified)
         _expect(all(0 <= i < len(code.ops) for i in code.names), "a name refers to no operation")
         _expect(
             all(0 <= i < len(code.cells) for i in code.memory_cells.values()),

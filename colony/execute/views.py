@@ -40,7 +40,7 @@ def unsimplified_view(code: Code) -> Code:
 
     Its `memory_cells` are complete.
     """
-    contracts = tuple(replace(contract, value=contract.unsimplified) for contract in code.contracts)
+    contracts = tuple(replace(contract, holds=contract.unsimplified) for contract in code.contracts)
     return _view_of_all(code, contracts, lambda c: (c.unsimplified, c.exclusive))
 
 
@@ -95,7 +95,7 @@ def _view_of_all(
         replace(actuator_code, clients=tuple(_with_guards(c, *guards(c)) for c in actuator_code.clients))
         for actuator_code in code.actuators
     )
-    contracts = tuple(replace(contract, unsimplified=contract.value) for contract in contracts)
+    contracts = tuple(replace(contract, unsimplified=contract.holds) for contract in contracts)
     return trimmed(replace(code, actuators=actuators, contracts=contracts), every_sensor=True)
 
 
@@ -131,12 +131,7 @@ def trimmed(code: Code, *, every_sensor: bool) -> Code:
         python=tuple(_python(call, new_index) for call in code.python),
         actuators=tuple(_actuator(actuator, new_index) for actuator in code.actuators),
         contracts=tuple(
-            replace(
-                c,
-                present=new_index[c.present],
-                value=new_index[c.value],
-                unsimplified=new_index[c.unsimplified],
-            )
+            replace(c, holds=new_index[c.holds], unsimplified=new_index[c.unsimplified])
             for c in code.contracts
         ),
         names={new_index[i]: name for i, name in code.names.items() if i in new_index},

@@ -15,8 +15,8 @@ class ProgramMemory:
     """A program's memory, without that of modules in Python, which keep their own.
 
     `first_ns` is the time of the first frame after all memory was initial, None if there was none. The
-    keys of `cells` are made by `state_cell`, `function_cell` and `window_cell`. An absent cell has its
-    initial value, or nothing depends on it. Values are in base units, times in ns since `first_ns`:
+    keys of `cells` are made by `state_cell`, `function_cell`, `sent_cell` and `window_cell`. An absent cell
+    has its initial value, or nothing depends on it. Values are in base units, times in ns since `first_ns`:
 
         state                             its value
         previous, changed, rising, falling    `last`, the argument in the last frame
@@ -28,6 +28,7 @@ class ProgramMemory:
         captured                          `held` and `key`
         every                             `due`, when it is true again
         time constant                     `until`, when the dominant side ceases to dominate
+        field of an actuator that holds   `value`, the last one sent; `known`, true once there was one
 
     `changed`, `captured` and `previous` also have `started`: true after the first frame in which they were
     evaluated.
@@ -52,6 +53,11 @@ def function_cell(function: str, cell: int, loops: tuple[int, ...], element: int
         element: Index of the element, 0 for a scalar.
     """
     return f"{function} {cell}{''.join(f'.{k}' for k in loops)}[{element}]"
+
+
+def sent_cell(actuator: str, field: int) -> str:
+    """Return the prefix of the names of the cells of a field that an actuator on `idle hold` holds."""
+    return f"sent {actuator} {field}"
 
 
 def window_cell(wire: str, operands: tuple[int, ...]) -> str:

@@ -160,7 +160,7 @@ class ExpressionLowering:
                 return self._each(function, self.lower(operand, scope))
             case ir.BinaryOperation(operator=operator, left=left, right=right):
                 return self._each(
-                    partial(self._binary, operator), self.lower(left, scope), self.lower(right, scope)
+                    partial(self.binary, operator), self.lower(left, scope), self.lower(right, scope)
                 )
             case ir.Conditional(condition=condition, yes=yes, no=no):
                 conditions = self.lower(condition, scope)
@@ -169,10 +169,10 @@ class ExpressionLowering:
                 )
             case ir.Within(operand=operand, low=low, high=high):
                 return self._each(
-                    self._within, self.lower(operand, scope), self.lower(low, scope), self.lower(high, scope)
+                    self.within, self.lower(operand, scope), self.lower(low, scope), self.lower(high, scope)
                 )
             case ir.Element(array=array, index=index):
-                return (self._pick(self.lower(array, scope), self.scalar(index, scope)),)
+                return (self.pick(self.lower(array, scope), self.scalar(index, scope)),)
             case ir.Slice(array=array, indices=indices):
                 whole = self.lower(array, scope)
                 return tuple(whole[i] for i in indices)
@@ -196,7 +196,8 @@ class ExpressionLowering:
             return (function(*[x[0] for x in operands]),)
         return tuple(function(*[x[i] if len(x) > 1 else x[0] for x in operands]) for i in range(size))
 
-    def _binary(self, operator: Binary, x: int, y: int) -> int:
+    def binary(self, operator: Binary, x: int, y: int) -> int:
+        """Return `x operator y`."""
         builder = self.builder
         match operator:
             case Binary.ADD:
@@ -228,7 +229,8 @@ class ExpressionLowering:
             case _:
                 assert_never(operator)
 
-    def _within(self, x: int, low: int, high: int) -> int:
+    def within(self, x: int, low: int, high: int) -> int:
+        """Return `x in low .. high`."""
         apply = self.builder.apply
         return self.builder.both(apply(Operator.LESS_EQUAL, low, x), apply(Operator.LESS_EQUAL, x, high))
 
@@ -285,7 +287,8 @@ class ExpressionLowering:
 
     # --- arrays ----------------------------------------------------------------------------------
 
-    def _pick(self, array: Values, index: int) -> int:
+    def pick(self, array: Values, index: int) -> int:
+        """Return the element at an index; NaN or false where the index is not finite."""
         op, size = self.builder.ops[index], len(array)
         if isinstance(op, Literal) and op.value - op.value == 0:
             return array[round(op.value) % size]
@@ -293,31 +296,35 @@ class ExpressionLowering:
         operator = Operator.PICK_BOOL if are_bools else Operator.PICK_NUMBER
         return self.builder.apply(operator, self.builder.table(array), index)
 
-    def _window_indices(self, size: int, center: int, reach: int) -> Values:
+    def window_indices(self, size: int, center: int, reach: int) -> Values:
         """Return the indices as numbers, exact since `center` is first reduced modulo the size."""
         apply, literal = self.builder.apply, self.builder.literal
         middle = apply(Operator.MODULO, apply(Operator.ROUND, center), literal(float(size)))
         return tuple(apply(Operator.ADD, middle, literal(float(j))) for j in range(-reach, reach + 1))
 
     def _window(self, array: Values, center: int, reach: int) -> Values:
-        return tuple(self._pick(array, i) for i in self._window_indices(len(array), center, reach))
+        return tuple(self.pick(array, i) for i in self.window_indices(len(array), center, reach))
 
     def _index_function(self, function: Function, e: ir.Expression, scope: Scope) -> int:
         """Return the index of the least or greatest element, which is always an index of the whole array."""
         apply = self.builder.apply
-        operator = Operator.INDEX_OF_MIN if function is Function.INDEX_OF_MIN else Operator.INDEX_OF_MAX
         match e:
             case ir.Slice(indices=indices):
-                position = apply(operator, *self.lower(e, scope))
-                return self._pick(tuple(self.builder.literal(float(i)) for i in indices), position)
+                position = self.index_of(function, self.lower(e, scope))
+                return self.pick(tuple(self.builder.literal(float(i)) for i in indices), position)
             case ir.Window(array=array, center=center, reach=reach):
                 whole = self.lower(array, scope)
-                indices = self._window_indices(len(whole), self.scalar(center, scope), reach)
+                indices = self.window_indices(len(whole), self.scalar(center, scope), reach)
                 size = self.builder.literal(float(len(whole)))
-                position = apply(operator, *[self._pick(whole, i) for i in indices])
-                return apply(Operator.MODULO, self._pick(indices, position), size)
+                position = self.index_of(function, tuple(self.pick(whole, i) for i in indices))
+                return apply(Operator.MODULO, self.pick(indices, position), size)
             case _:
-                return apply(operator, *self.lower(e, scope))
+                return self.index_of(function, self.lower(e, scope))
+
+    def index_of(self, function: Function, x: Values) -> int:
+        """Return the index of the least or greatest of the values."""
+        operator = Operator.INDEX_OF_MIN if function is Function.INDEX_OF_MIN else Operator.INDEX_OF_MAX
+        return self.builder.apply(operator, *x)
 
     # --- functions -------------------------------------------------------------------------------
 
@@ -326,10 +333,11 @@ class ExpressionLowering:
             return (self._index_function(e.function, e.arguments[0], scope),)
         arguments = [self.lower(a, scope) for a in e.arguments]
         if e.function in ir.REDUCTIONS:
-            return (self._reduction(e.function, tuple(x for a in arguments for x in a)),)
-        return self._each(partial(self._function, e.function), *arguments)
+            return (self.reduction(e.function, tuple(x for a in arguments for x in a)),)
+        return self._each(partial(self.function, e.function), *arguments)
 
-    def _function(self, function: Function, *x: int) -> int:
+    def function(self, function: Function, *x: int) -> int:
+        """Return a function of scalars that is no reduction."""
         apply = self.builder.apply
         match function:
             case Function.CLAMP:
@@ -342,7 +350,7 @@ class ExpressionLowering:
             case _:
                 return apply(_FUNCTIONS[function], *x)
 
-    def _reduction(self, function: Function, x: Values) -> int:
+    def reduction(self, function: Function, x: Values) -> int:
         """Return a reduction of one or more values."""
         apply = self.builder.apply
         match function:
@@ -371,9 +379,13 @@ class ExpressionLowering:
             conditions.append(
                 self.builder.literal(True) if e.condition is None else self.scalar(e.condition, inner)
             )
+        return self.reduction_of(e.function, bodies, conditions)
+
+    def reduction_of(self, function: Function, bodies: list[int], conditions: list[int]) -> int:
+        """Return the reduction of the bodies whose conditions are true."""
         if bodies and all(self.builder.is_true(c) for c in conditions):
-            return self._reduction(e.function, tuple(bodies))
-        return self._conditional_reduction(e.function, bodies, conditions)
+            return self.reduction(function, tuple(bodies))
+        return self._conditional_reduction(function, bodies, conditions)
 
     def _conditional_reduction(self, function: Function, bodies: list[int], conditions: list[int]) -> int:
         """Return the reduction of the bodies whose conditions are true; there may be none."""
@@ -413,15 +425,18 @@ class ExpressionLowering:
     def _memory(self, e: ir.MemoryCall, scope: Scope) -> Values:
         arguments = [self.lower(a, scope) for a in e.arguments]
         size = max((len(a) for a in arguments), default=1)
+        return tuple(
+            self.memory(e, tuple(a[i] if len(a) > 1 else a[0] for a in arguments), scope, i, size)
+            for i in range(size)
+        )
+
+    def memory(self, e: ir.MemoryCall, arguments: Values, scope: Scope, i: int, size: int) -> int:
+        """Return one element, of `size`, of a memory function's value, given those of its arguments."""
         loops = "".join(f" {variable}={k}" for variable, k in scope.loops)
         name = f"{scope.label} {e.function.value} {e.cell}{loops}"
-        values = []
-        for i in range(size):
-            cell = function_cell(e.function.value, e.cell, tuple(k for _, k in scope.loops), i)
-            site = MemorySite(name=f"{name} [{i}]" if size > 1 else name, cells=(cell,), ready=scope.ready)
-            elements = tuple(a[i] if len(a) > 1 else a[0] for a in arguments)
-            values.append(remember(self.builder, e, elements, site))
-        return tuple(values)
+        cell = function_cell(e.function.value, e.cell, tuple(k for _, k in scope.loops), i)
+        site = MemorySite(name=f"{name} [{i}]" if size > 1 else name, cells=(cell,), ready=scope.ready)
+        return remember(self.builder, e, arguments, site)
 
 
 def kind_of(type_: Type) -> Kind:

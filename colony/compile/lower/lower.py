@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import assert_never
 
 from colony.compile.clients import Client, ClientList
+from colony.compile.lower.contracts import ContractLowering
 from colony.compile.lower.declarations import Declarations
 from colony.compile.lower.expressions import Scope, kind_of
 from colony.compile.lower.guards import GuardLowering
@@ -63,6 +64,7 @@ class _Lowering(Declarations):
     def __init__(self, program: ir.Program, clients: ClientList) -> None:
         super().__init__(program, clients)
         self.decided = 0
+        self._lowered_contracts = ContractLowering(self.expressions, self)
         self._python: list[PythonCall] = []
         self._actuator_codes: list[ActuatorCode] = []
         self._contracts: list[ContractCode] = []
@@ -193,11 +195,8 @@ class _Lowering(Declarations):
     def contracts(self) -> None:
         for contract in self.program.contracts:
             self.prepare(contract.expression)
-            scope = self.file_scope(f"contract {contract.name}", (contract.expression,))
-            value = self.expressions.scalar(contract.expression, scope)
-            self._contracts.append(
-                ContractCode(name=contract.name, present=scope.ready, value=value, unsimplified=value)
-            )
+            holds = self._lowered_contracts.holds(contract.expression, f"contract {contract.name}")
+            self._contracts.append(ContractCode(name=contract.name, holds=holds, unsimplified=holds))
 
     # --- variants of guards ----------------------------------------------------------------------
 
@@ -238,9 +237,9 @@ class _Lowering(Declarations):
             )
         for i, (contract, code) in enumerate(zip(self.program.contracts, self._contracts, strict=True)):
             if self.observes(contract.expression):
-                scope = self.file_scope(f"traversed contract {code.name}", (contract.expression,))
-                value = self.expressions.scalar(contract.expression, scope)
-                self._contracts[i] = replace(code, unsimplified=value)
+                label = f"traversed contract {code.name}"
+                holds = self._lowered_contracts.holds(contract.expression, label)
+                self._contracts[i] = replace(code, unsimplified=holds)
 
 
 def _with_loss_aware_guards(code: ClientCode, client: Client, guards: GuardLowering) -> ClientCode:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cached_property
 from typing import NamedTuple
 
-from colony.verify.contracts.houdini import unbroken
 from colony.verify.contracts.induction import Induction, KnownCondition, conditions_implying
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
@@ -37,13 +36,13 @@ class Attempt:
         self._budget = budget
         self._refuter = refuter
         self.lemmas = context.lemmas(self._cone)
-        self._known_conditions = [KnownCondition(f"contract {c.name}", unbroken(c)) for c in self.lemmas]
+        self._known_conditions = [KnownCondition(f"contract {c.name}", c.holds) for c in self.lemmas]
         self._has_given_up = False
         self.python_trace: Trace | None = None
 
     @cached_property
     def _search(self) -> Search:
-        lemmas = [unbroken(c) for c in self.lemmas]
+        lemmas = [c.holds for c in self.lemmas]
         return Search(self._cone, self._claim, self._budget, lemmas)
 
     @property

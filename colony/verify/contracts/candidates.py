@@ -40,7 +40,7 @@ def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
     system = cone.system
     flags = [c for c in cone.cells if z3.is_bool(c.old)]
     numbers = [c for c in cone.cells if z3.is_arith(c.old) and str(c.old) != str(system.last)]
-    contract_constants = _numerals([f for c in claims for f in (c.applies, c.holds)])
+    contract_constants = _numerals([c.holds for c in claims])
     in_initial_memory = Substitution([c.old for c in cone.cells], [c.initial for c in cone.cells])
     found: dict[int, Candidate] = {}
     for candidate in (

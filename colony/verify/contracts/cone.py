@@ -15,7 +15,7 @@ from colony.verify.symbolic.system import Claim, Number, Scalar, System
 
 def cone_of(system: System, claim: Claim) -> Cone:
     """Return the cone of a contract; time is in every cone."""
-    return cones.cone(system, [claim.applies, claim.holds, system.now, system.begun, system.last])
+    return cones.cone(system, [claim.holds, system.now, system.begun, system.last])
 
 
 def covers(cone: Cone, other: Cone) -> bool:

@@ -34,11 +34,6 @@ class Invariants:
     claims: tuple[Claim, ...]
 
 
-def unbroken(claim: Claim) -> z3.BoolRef:
-    """Return the condition that the frame does not break a contract."""
-    return z3.Implies(claim.applies, claim.holds)
-
-
 def invariants(
     cone: Cone,
     guesses: Sequence[Candidate],
@@ -55,7 +50,7 @@ def invariants(
     for guess in guesses:
         subset.add_guess(guess.formula, after(guess.formula))
     for claim in claims:
-        subset.add_claim(unbroken(claim))
+        subset.add_claim(claim.holds)
     subset.shrink()
     return Invariants(
         tuple(guesses[i] for i in sorted(subset.guesses_left)),

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import z3
 
 from colony.verify.contracts.cone import facts
-from colony.verify.contracts.houdini import unbroken
 from colony.verify.contracts.solver import Answer, Budget, Solver
 from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.system import Claim
@@ -31,7 +30,7 @@ def conditions_implying(
     """Return the conditions of `known` that a single-frame proof needs, None if there is no such proof."""
     switches = _switches(known)
     solver = Solver(budget)
-    solver.add(facts(cone), z3.Not(unbroken(claim)))
+    solver.add(facts(cone), z3.Not(claim.holds))
     solver.add(*(z3.Implies(s, k.formula) for s, k in zip(switches, known, strict=True)))
     return _used(solver, known, switches) if solver.check(switches) is Answer.UNSAT else None
 
@@ -54,12 +53,12 @@ class Induction:
 
     def prove_next_k(self) -> tuple[str, ...] | None:
         """Return the conditions of `known` that prove the step for the next k, None if it is not proved."""
-        self._solver.add(self._frames.at(self._last, unbroken(self._claim)))
+        self._solver.add(self._frames.at(self._last, self._claim.holds))
         self._solver.add(*self._frames.transition(self._last))
         self._last += 1
         self._extend()
         goal = z3.Bool(f"broken {self._last}")
-        broken = z3.Not(self._frames.at(self._last, unbroken(self._claim)))
+        broken = z3.Not(self._frames.at(self._last, self._claim.holds))
         self._solver.add(z3.Implies(goal, broken))
         if self._solver.check([goal, *self._switches]) is not Answer.UNSAT:
             return None

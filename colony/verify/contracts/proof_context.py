@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from colony.verify.contracts.candidates import Candidate, candidates
 from colony.verify.contracts.cone import cone_of, covers, key_of
-from colony.verify.contracts.houdini import invariants, unbroken
+from colony.verify.contracts.houdini import invariants
 from colony.verify.contracts.solver import Budget
 from colony.verify.contracts.walk import not_refuted
 from colony.verify.symbolic.cones import Cone
@@ -45,7 +45,7 @@ class ProofContext:
             search_budget = budget.scaled(_SHARE)
             guesses = not_refuted(cone, candidates(cone, tuple(claims)), search_budget)
             found = invariants(
-                cone, guesses[:_MAX_GUESSES], unproved, [unbroken(c) for c in proved], search_budget
+                cone, guesses[:_MAX_GUESSES], unproved, [c.holds for c in proved], search_budget
             )
             self._invariants[key] = found.conditions
         return self._invariants[key]

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import z3
 
 from colony.verify.contracts.cone import facts, within
-from colony.verify.contracts.houdini import unbroken
 from colony.verify.contracts.solver import Answer, Budget, Solver
 from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.system import Claim, Number
@@ -68,7 +67,7 @@ class Search:
         last = self._length
         self._extend(last)
         self._length += 1
-        broken = z3.Not(self.frames.at(last, unbroken(self._claim)))
+        broken = z3.Not(self.frames.at(last, self._claim.holds))
         self._solver.push()
         try:
             self._solver.add(broken)

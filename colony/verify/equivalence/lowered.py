@@ -35,7 +35,7 @@ def read_lowered(program: Program, clients: ClientList, code: Code, timer_classe
     with_contracts = whole_view(lower(with_activities(program), clients).code)
     contract_literals = values.literals(with_contracts, timer_classes)
     activity = {
-        module: circuit.either(contract_literals[contract.present] ^ 1, contract_literals[contract.value])
+        module: contract_literals[contract.holds]
         for contract in with_contracts.contracts
         if (module := module_of(contract.name)) is not None
     }

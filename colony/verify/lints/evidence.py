@@ -7,9 +7,12 @@ from dataclasses import replace
 from itertools import chain
 from random import Random
 
+from colony.ir import expression as ir
 from colony.ir.expression import Expression
 from colony.ir.frame import Outcome
 from colony.ir.program import Contract, Module, Program
+from colony.ir.types import BOOL
+from colony.verify.claims import TRUE
 from colony.verify.contracts.replay import Replay
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot, snapshot_of
@@ -24,8 +27,11 @@ Claims = Mapping[str, Expression]
 
 
 def with_claims(program: Program, claims: Claims) -> Program:
-    """Return the program with claims in place of its contracts."""
-    contracts = tuple(Contract(name=name, expression=e) for name, e in claims.items())
+    """Return the program with claims in place of its contracts; what is unknown breaks no claim."""
+    contracts = tuple(
+        Contract(name=name, expression=ir.ValueOr(type=BOOL, expression=e, other=TRUE))
+        for name, e in claims.items()
+    )
     return replace(program, contracts=contracts)
 
 

@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field
-from typing import Any, assert_never
+from typing import Any, TypeVar, assert_never
 
 from colony.ir import expression as ir
 from colony.ir.types import Array, ScalarValue, Value
 from colony.verify.reference.functions import NAN, binary, element_at, function, unary
+
+T = TypeVar("T")
 
 Memory = dict[tuple[int, tuple[int, ...], int], Any]
 """State of the memory functions; an absent key is a call that was never evaluated (see `remember`)."""
@@ -138,7 +140,7 @@ def leaf(e: ir.Expression, frame_values: FrameValues, loop: Loop) -> Value:
 # --- arrays --------------------------------------------------------------------------------------
 
 
-def each(f: Callable[..., ScalarValue], *operands: Value) -> Value:
+def each(f: Callable[..., T], *operands: T | tuple[T, ...]) -> T | tuple[T, ...]:
     """Apply `f` element by element where an operand is an array; a scalar stands for all elements."""
     sizes = [len(x) for x in operands if isinstance(x, tuple)]
     if not sizes:

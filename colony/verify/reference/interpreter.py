@@ -25,6 +25,7 @@ from colony.verify.reference.boundary import (
     sense,
 )
 from colony.verify.reference.expressions import FrameValues, Memory, evaluate, missing, scalar
+from colony.verify.reference.kleene import Known, known_value
 from colony.verify.reference.memory import RESTORED, restored_memory
 
 
@@ -52,6 +53,7 @@ class Interpreter:
             if isinstance(m, ir.PythonModule) and not answers_given
         }
         self._answers: Mapping[str, Answer] = {}
+        self._held: dict[str, dict[tuple[str, int], ScalarValue]] = {}  # the last command sent, by actuator
         self._moment: FrameValues | None = None
         self._lost: frozenset[str] = frozenset()
         self._silent: set[str] = set()
@@ -68,7 +70,8 @@ class Interpreter:
             raise ValueError("cannot resume a program that runs Python modules: they keep their own memory")
         if memory.first_ns is None:
             return
-        self._memory, self._last_active_ns, self._states = restored_memory(self.program, memory, self._states)
+        restored = restored_memory(self.program, memory, self._states)
+        self._memory, self._last_active_ns, self._states, self._held = restored
         self._moment = FrameValues(
             number=RESTORED, t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states
         )
@@ -93,14 +96,13 @@ class Interpreter:
         """Execute one frame with readings in base units, as tests and proofs give them."""
         return self._run_frame(t_ns, readings, {s.name: 1.0 for s in self.program.robot.sensors})
 
-    def value_of(self, expression: Expression) -> Value | None:
-        """Return the value of a contract expression in the last frame, None if it reads something missing.
+    def value_of(self, expression: Expression) -> Known:
+        """Return the value of a contract or expectation in the last frame, None where it is unknown.
 
         Each call advances the memory of the expression: call it at most once a frame.
         """
-        frame_values = self._moment
-        assert frame_values is not None, "no frame yet"
-        return None if missing(expression, frame_values) else evaluate(expression, frame_values, self._memory)
+        assert self._moment is not None, "no frame yet"
+        return known_value(expression, self._moment, self._memory)
 
     def is_active(self, name: str) -> bool:
         """Return True if a module or wire put a command on its output in the last frame."""
@@ -132,9 +134,9 @@ class Interpreter:
         self._compute_derived_values(frame_values)
         self._run_modules(frame_values, records)
         self._run_network(frame_values)
-        limits = self._applicable_limits()
+        limits = self._applicable_limits(frame_values)
         decisions = [self._decide(a, frame_values, limits, records) for a in self.program.robot.actuators]
-        breaches = [c.name for c in self.program.contracts if self.value_of(c.expression) is False]
+        breaches = [c.name for c in self.program.contracts if self.value_of(c.expression) is not True]
         self._states = self._states | self._next_states
         return Outcome(tuple(decisions), tuple(records), tuple(breaches))
 
@@ -302,7 +304,7 @@ class Interpreter:
 
     # --- commands --------------------------------------------------------------------------------
 
-    def _applicable_limits(self) -> list[tuple[ir.Limit, float | None]]:
+    def _applicable_limits(self, frame_values: FrameValues) -> list[tuple[ir.Limit, float | None]]:
         """Return the limits that apply in this frame, each with its bound; None if that is missing.
 
         A limit whose condition or bound reads something missing applies. A bound that is not finite is
@@ -310,12 +312,16 @@ class Interpreter:
         """
         applying: list[tuple[ir.Limit, float | None]] = []
         for limit in self.program.limits:
-            condition = True if limit.condition is None else self.value_of(limit.condition)
-            value = self.value_of(limit.bound)
+            condition = True if limit.condition is None else self._strict_value(limit.condition, frame_values)
+            value = self._strict_value(limit.bound, frame_values)
             bound = None if value is None or not math.isfinite(scalar(value)) else scalar(value)
             if condition is None or value is None or condition:
                 applying.append((limit, bound))
         return applying
+
+    def _strict_value(self, expression: Expression, frame_values: FrameValues) -> Value | None:
+        """Return the value of an expression, None if it reads something missing."""
+        return None if missing(expression, frame_values) else evaluate(expression, frame_values, self._memory)
 
     def _decide(
         self,
@@ -350,7 +356,8 @@ class Interpreter:
                 kind: RecordKind = "command clamped" if by_range else "limited"
                 records.append(Record(kind, f"{actuator.name}.{field.name}"))
         frame_values.commanded.add(actuator.name)
-        frame_values.sent.update({(actuator.name, i): x for i, x in enumerate(sent)})
+        self._held[actuator.name] = {(actuator.name, i): x for i, x in enumerate(sent)}
+        frame_values.sent.update(self._held[actuator.name])
         return Decision(actuator.name, winner, declared)
 
     def _bounds(
@@ -397,8 +404,12 @@ class Interpreter:
     def _decide_idle(
         self, actuator: ir.Actuator, winner: str | None, fault: str | None, frame_values: FrameValues
     ) -> Decision:
-        """Return the decision for the idle command, unlimited and unclamped; no command for `idle hold`."""
+        """Return the decision for the idle command, unlimited and unclamped; no command for `idle hold`.
+
+        Then the actuator holds the last command sent, if there was one.
+        """
         if actuator.idle is None:
+            frame_values.sent.update(self._held.get(actuator.name, {}))
             return Decision(actuator.name, winner, None, fault)
         frame_values.sent.update({(actuator.name, i): x for i, x in enumerate(actuator.idle)})
         return Decision(actuator.name, winner, declared_command(actuator, actuator.idle), fault)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from colony.ir import expression as e
 from colony.ir import program as ir
-from colony.ir.memory import ProgramMemory, state_cell, window_cell
+from colony.ir.memory import ProgramMemory, sent_cell, state_cell, window_cell
 from colony.ir.types import ScalarValue
 from colony.ir.walk import all_subexpressions
 from colony.ir.wiring import wiring_graph
@@ -25,11 +25,15 @@ _FUNCTION = re.compile(
 
 
 class InterpreterMemory(NamedTuple):
-    """The memory of an interpreter: memory functions, last activity of each dominant side, and states."""
+    """The memory of an interpreter: memory functions, last activity of each dominant side, and states.
+
+    `held` are the fields that actuators on `idle hold` hold, by actuator, then by actuator and field.
+    """
 
     functions: Memory
     last_active_ns: dict[tuple[str | int, ...], int]
     states: dict[str, ScalarValue]
+    held: dict[str, dict[tuple[str, int], ScalarValue]]
 
 
 def restored_memory(
@@ -48,6 +52,12 @@ def restored_memory(
         until = cells.pop(f"{window_cell(wire, tuple(operands))} until", 0) if node.window_ns else 0
         if until > 0:
             last_active_ns[node.path] = first_ns + int(until) - node.window_ns
+    held: dict[str, dict[tuple[str, int], ScalarValue]] = {}
+    for actuator in program.robot.actuators:
+        for i in range(len(actuator.fields)):
+            value = cells.pop(f"{sent_cell(actuator.name, i)} value", 0.0)
+            if cells.pop(f"{sent_cell(actuator.name, i)} known", False):
+                held.setdefault(actuator.name, {})[actuator.name, i] = value
     calls = {call.cell: call for call in all_subexpressions(program) if isinstance(call, e.MemoryCall)}
     functions: dict[tuple[int, tuple[int, ...], int], Parts] = {}
     for name, value in cells.items():
@@ -64,6 +74,7 @@ def restored_memory(
         {key: found for key, found in states_of_functions.items() if found is not None},
         last_active_ns,
         states,
+        held,
     )
 
 

@@ -8,10 +8,11 @@ from dataclasses import replace
 from colony.ir.program import Contract, Program
 from colony.verify.symbolic.builder import Builder, Shape
 from colony.verify.symbolic.expressions import Expressions
-from colony.verify.symbolic.frame_values import FrameValues, missing
+from colony.verify.symbolic.frame_values import FrameValues
 from colony.verify.symbolic.graph import Graph
 from colony.verify.symbolic.inputs import begin, sense
-from colony.verify.symbolic.logic import negation
+from colony.verify.symbolic.kleene import ContractEncoder
+from colony.verify.symbolic.logic import TRUE
 from colony.verify.symbolic.modules import DeclarationEncoder
 from colony.verify.symbolic.network import NetworkEncoder
 from colony.verify.symbolic.reasons import reasons_of
@@ -71,12 +72,11 @@ def _encode(program: Program, builder: Builder) -> System:
 
 
 def _claim(contract: Contract, builder: Builder, frame_values: FrameValues) -> Claim:
-    applies = negation(missing(contract.expression, frame_values))
     expressions = Expressions(
-        builder=builder, frame_values=frame_values, advances=applies, hint=f"contract {contract.name}"
+        builder=builder, frame_values=frame_values, advances=TRUE, hint=f"contract {contract.name}"
     )
-    holds = expressions.boolean(contract.expression)
-    return Claim(name=contract.name, applies=applies, holds=holds, span=contract.span)
+    holds = ContractEncoder(expressions=expressions).holds(contract.expression)
+    return Claim(name=contract.name, holds=holds, span=contract.span)
 
 
 def by_constant(facts: Sequence[Fact]) -> dict[int, tuple[Fact, ...]]:
@@ -89,5 +89,5 @@ def by_constant(facts: Sequence[Fact]) -> dict[int, tuple[Fact, ...]]:
 
 def with_reasons(system: System) -> System:
     """Return `system` with the reasons of all inexact terms that each claim depends on."""
-    claims = (replace(c, inexact=reasons_of(system, c.applies, c.holds)) for c in system.claims)
+    claims = (replace(c, inexact=reasons_of(system, c.holds)) for c in system.claims)
     return replace(system, claims=tuple(claims))

@@ -107,7 +107,7 @@ class Expressions:
                 condition_term = self.boolean(condition)
                 return each(lambda x, y: select(condition_term, x, y), self.value(yes), self.value(no))
             case ir.Within(operand=operand, low=low, high=high):
-                return each(_within, self.value(operand), self.value(low), self.value(high))
+                return each(within, self.value(operand), self.value(low), self.value(high))
             case ir.Element() | ir.Slice() | ir.Window():
                 return self._array_access(e)
             case ir.ValueOr():
@@ -177,14 +177,16 @@ class Expressions:
             case ir.Slice(indices=indices):
                 return tuple(array[i] for i in indices)
             case ir.Element(index=index):
-                return _element(array, self._positions(index, len(array)), 0)
+                return element_of(array, self._positions(index, len(array)), 0)
             case ir.Window(center=center, reach=reach):
                 positions = self._positions(center, len(array))
-                return tuple(_element(array, positions, j) for j in range(-reach, reach + 1))
+                return tuple(element_of(array, positions, j) for j in range(-reach, reach + 1))
 
     def _positions(self, index: ir.Expression, size: int) -> Positions:
-        """Return the conditions under which an index selects each element of an array."""
-        x = self.number(index)
+        return self.positions(self.number(index), index, size)
+
+    def positions(self, x: Number, index: ir.Expression, size: int) -> Positions:
+        """Return the conditions under which an index of value `x` selects each element of an array."""
         builder = self.builder
         return builder.once(
             ("positions", builder.key(x), size), lambda: self._compute_positions(x, index, size)
@@ -224,9 +226,9 @@ class Expressions:
             case ir.Slice(indices=sliced):
                 values, indices = elements(self.value(e)), [constant(float(i)) for i in sliced]
             case ir.Window(array=array, center=center, reach=reach):
-                values, size = elements(self.value(e)), _size(array)
+                values, size = elements(self.value(e)), size_of(array)
                 positions = self._positions(center, size)
-                indices = [_index_at(positions, j) for j in range(-reach, reach + 1)]
+                indices = [index_at(positions, j) for j in range(-reach, reach + 1)]
             case _:
                 values = elements(self.value(e))
                 indices = [constant(float(i)) for i in range(len(values))]
@@ -241,7 +243,8 @@ class Expressions:
         return reduction(e.function, items, arithmetic)
 
 
-def _within(x: Scalar, low: Scalar, high: Scalar) -> z3.BoolRef:
+def within(x: Scalar, low: Scalar, high: Scalar) -> z3.BoolRef:
+    """Return `x in low .. high`."""
     return both(compared(number(low), number(x), "<="), compared(number(x), number(high), "<="))
 
 
@@ -252,12 +255,13 @@ def _broadcast(value: Term, e: ir.Expression) -> Term:
     return value
 
 
-def _size(e: ir.Expression) -> int:
+def size_of(e: ir.Expression) -> int:
+    """Return the number of elements of an array."""
     assert isinstance(e.type, Array)
     return e.type.size
 
 
-def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scalar:
+def element_of(array: Sequence[Scalar], positions: Positions, offset: int) -> Scalar:
     """Return the element `offset` after the selected one; NaN or false if the index is not finite."""
     undefined: Scalar = constant(math.nan) if isinstance(array[0], Number) else FALSE
     result: Scalar | None = None
@@ -268,7 +272,7 @@ def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scal
     return undefined if result is None else select(positions.is_finite, result, undefined)
 
 
-def _index_at(positions: Positions, offset: int) -> Number:
+def index_at(positions: Positions, offset: int) -> Number:
     """Return the index `offset` after the selected one; NaN if it is not finite."""
     size = len(positions.selects)
     cases = [(float((k + offset) % size), selected) for k, selected in enumerate(positions.selects)]

@@ -76,9 +76,7 @@ class _Generalization:
             modules={n: self._module(m) for n, m in original.modules.items()},
             active={n: self.term(x) for n, x in original.active.items()},
             actuators={n: self._actuator(a) for n, a in original.actuators.items()},
-            claims=tuple(
-                replace(c, applies=self.term(c.applies), holds=self.term(c.holds)) for c in original.claims
-            ),
+            claims=tuple(replace(c, holds=self.term(c.holds)) for c in original.claims),
         )
 
     # --- terms -----------------------------------------------------------------------------------

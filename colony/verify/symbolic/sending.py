@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import z3
 
 from colony.ir import program as ir
-from colony.ir.types import Bool
+from colony.ir.types import BOOL, Bool, any_value
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import constant
 from colony.verify.symbolic.expressions import Expressions, constant_term
 from colony.verify.symbolic.frame_values import FrameValues, missing
-from colony.verify.symbolic.functions import number
+from colony.verify.symbolic.functions import boolean, number
 from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, both, either, is_false, negation
+from colony.verify.symbolic.memory import open_scalar_cell
 from colony.verify.symbolic.numbers import compared, finite, greatest, least, negated, select, select_number
 from colony.verify.symbolic.system import ActuatorTerms, Inexact, ModuleTerms, Number, Reason, Scalar
 
@@ -92,12 +93,36 @@ def send(
     leaves = (_leaves(x, field, builder) for x, field in zip(limited, actuator.fields, strict=True))
     commanded = frame_values.commanded[actuator.name] = all_of((any_of(finite_wins), *possible, *leaves))
     sent = []
+    is_missing, hold = _holding(actuator, commanded, builder)
     for i, (field, x) in enumerate(zip(actuator.fields, limited, strict=True)):
         value = x if actuator.idle is None else select(commanded, x, constant_term(actuator.idle[i]))
         named = builder.named(value, f"{actuator.name}.{field.name}")
-        frame_values.sent[actuator.name, i] = (negation(commanded) if actuator.idle is None else FALSE, named)
+        frame_values.sent[actuator.name, i] = (is_missing, hold(field, named))
         sent.append(named)
     return ActuatorTerms(wins=wins, commanded=commanded, sent=tuple(sent))
+
+
+def _holding(
+    actuator: ir.Actuator, commanded: z3.BoolRef, builder: Builder
+) -> tuple[z3.BoolRef, Callable[[ir.ActuatorField, Scalar], Scalar]]:
+    """Return the condition that fields are missing to contracts, and the value of each that contracts read.
+
+    On `idle hold`, where nothing is sent, that is the last value sent, missing before the first.
+    """
+    if actuator.idle is not None:
+        return FALSE, lambda _, sent: sent
+    ever, set_ever = open_scalar_cell(builder, f"{actuator.name}.ever sent", BOOL, False)
+    was_sent = boolean(ever)
+    set_ever(either(was_sent, commanded))
+
+    def held(field: ir.ActuatorField, sent: Scalar) -> Scalar:
+        name = f"{actuator.name}.{field.name}.held"
+        last, set_last = open_scalar_cell(builder, name, field.type, any_value(field.type))
+        value = select(commanded, sent, last)
+        set_last(value)
+        return value
+
+    return negation(either(was_sent, commanded)), held
 
 
 def _field(

@@ -211,10 +211,9 @@ class ActuatorTerms:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """A contract in the frame: if it `applies` (nothing that it reads is missing), it must hold."""
+    """A contract in the frame: the condition that it holds, that is, is known to be true."""
 
     name: str
-    applies: z3.BoolRef
     holds: z3.BoolRef
     inexact: tuple[Reason, ...] = ()  # of all terms that it depends on, over all frames
     span: Span = field(default=NOWHERE)

@@ -20,6 +20,7 @@ from colony.text.units import parse_unit
 from colony.text.wording import counted
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
+from colony.verify.reference.kleene import is_known
 from colony.verify.snapshot import Snapshot
 from colony.verify.source_text import source_text
 from colony.verify.testing.example_frames import assigned
@@ -216,7 +217,7 @@ class _Run:
             ):
                 value = self.interpreter.value_of(leaf)
                 unit = self.sensors[name].unit if isinstance(leaf, ir.SensorValue) else ""
-                yield f"{name} is missing" if value is None else f"{name} = {shown(value, leaf.type, unit)}"
+                yield f"{name} = {shown(value, leaf.type, unit)}" if is_known(value) else f"{name} is missing"
             case ir.Fresh(name=name):
                 yield f"{name} is {'' if self.interpreter.value_of(leaf) else 'not '}fresh"
             case ir.IsActive(name=name):
@@ -235,7 +236,7 @@ class _Run:
             value = self.interpreter.value_of(
                 ir.SentField(type=field.type, actuator=actuator.name, field_index=i)
             )
-            if value is not None:
+            if is_known(value):
                 yield f"{field.name} = {shown(value, field.type, field.unit)}"
 
 

@@ -233,10 +233,8 @@ class _Generator:
             self.add(2, "# contracts", "breaches = ()")
         for contract, slot in self.plan.contracts:
             self.before(slot, 2)
-            tests = [f"not {self.expressions.text(contract.value).inside(Binding.NOT)}"]
-            if self.text(contract.present) != "True":
-                tests.insert(0, self.expressions.text(contract.present).inside(Binding.AND))
-            self.add(2, f"if {' and '.join(tests)}:", f"    breaches += ({contract.name!r},)")
+            holds = self.expressions.text(contract.holds).inside(Binding.NOT)
+            self.add(2, f"if not {holds}:", f"    breaches += ({contract.name!r},)")
 
     def memory(self) -> None:
         if self.plan.commits:

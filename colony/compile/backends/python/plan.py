@@ -79,7 +79,7 @@ def make_plan(code: Code, layout: Layout, placement: Placement) -> Plan:
     contracts = []
     for contract in code.contracts:
         slot = layout.slot(ROOT)
-        placement.use_all((contract.present, contract.value), slot)
+        placement.use(contract.holds, slot)
         contracts.append((contract, slot))
     memory_slot = layout.slot(ROOT)
     commits = _commits(code, layout, placement)

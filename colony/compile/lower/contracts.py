@@ -1,0 +1,271 @@
+"""Lowering of contracts in Kleene's three-valued logic (see `colony.verify.reference.kleene`).
+
+Each scalar becomes two ops: its value, and the condition that it is known. Where it is not known, the value
+is a placeholder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from colony.compile.lower.builder import Builder
+from colony.compile.lower.expressions import ExpressionLowering, Names, Scope
+from colony.execute.code import Commanded, Kind, Sent
+from colony.execute.operators import Operator
+from colony.ir import expression as ir
+from colony.ir.expression import Binary, Function, Unary
+from colony.ir.memory import sent_cell
+
+Loops = tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """The op number of a scalar's value, and that of the condition that it is known."""
+
+    value: int
+    known: int
+
+
+KnownValues = tuple[Known, ...]
+"""The elements of an expression's value; a single one for a scalar."""
+
+
+class ContractLowering:
+    """Lowers contracts into the builder of `expressions`."""
+
+    def __init__(self, expressions: ExpressionLowering, names: Names) -> None:
+        self.expressions = expressions
+        self.builder: Builder = expressions.builder
+        self.names = names
+
+    def holds(self, e: ir.Expression, label: str) -> int:
+        """Return the condition that a contract is known to be true; `label` is the prefix of its cells."""
+        (result,) = self._lower(e, label, ())
+        return self.builder.both(result.known, result.value)
+
+    # --- expressions -----------------------------------------------------------------------------
+
+    def _lower(self, e: ir.Expression, label: str, loops: Loops) -> KnownValues:
+        def lower(operand: ir.Expression) -> KnownValues:
+            return self._lower(operand, label, loops)
+
+        match e:
+            case ir.UnaryOperation(operator=operator, operand=operand):
+                is_not = operator is Unary.NOT
+                function = self.builder.negation if is_not else partial(self.builder.apply, Operator.NEGATE)
+                return _each(partial(self._strict, function), lower(operand))
+            case ir.BinaryOperation(operator=operator, left=left, right=right):
+                return _each(partial(self._binary, operator), lower(left), lower(right))
+            case ir.Conditional(condition=condition, yes=yes, no=no):
+                return _each(self._choice, lower(condition), lower(yes), lower(no))
+            case ir.Within(operand=operand, low=low, high=high):
+                within = partial(self._strict, self.expressions.within)
+                return _each(within, lower(operand), lower(low), lower(high))
+            case ir.Element() | ir.Slice() | ir.Window():
+                return self._array_access(e, label, loops)
+            case ir.ValueOr(expression=expression, other=other):
+                return _each(self._value_or, lower(expression), lower(other))
+            case ir.Call():
+                return self._call(e, label, loops)
+            case ir.Reduce():
+                return (self._reduce(e, label, loops),)
+            case ir.MemoryCall():
+                return self._memory(e, [lower(a) for a in e.arguments], label, loops)
+            case _:
+                return self._leaf(e, label, loops)
+
+    def _leaf(self, e: ir.Expression, label: str, loops: Loops) -> KnownValues:
+        always = self.builder.literal(True)
+        if isinstance(e, ir.SentField) and not self.names.has_idle_command(e.actuator):
+            return (self._held(e),)
+        present = self.expressions.present((e,), None)
+        scope = Scope(owner=None, label=label, ready=always, loops=loops)
+        return tuple(Known(value, present) for value in self.expressions.lower(e, scope))
+
+    def _held(self, e: ir.SentField) -> Known:
+        """Return the field of an actuator on `idle hold`: the last value sent, unknown before the first."""
+        builder, actuator = self.builder, e.actuator
+        commanded = builder.add(Commanded(actuator), Kind.BOOL)
+        kind = self.names.field_kind(actuator, e.field_index)
+        sent = builder.add(Sent(actuator, e.field_index), kind)
+        name, place = f"{actuator} sent {e.field_index}", sent_cell(actuator, e.field_index)
+        initial = False if kind is Kind.BOOL else 0.0
+        last = builder.cell(f"{name} value", kind, initial, f"{place} value")
+        ever = builder.cell(f"{name} known", Kind.BOOL, False, f"{place} known")
+        builder.keep(last, commanded, sent)
+        builder.keep(ever, commanded, builder.literal(True))
+        value = builder.apply(Operator.SELECT, commanded, sent, last)
+        return Known(value, builder.either(commanded, ever))
+
+    # --- operators -------------------------------------------------------------------------------
+
+    def _strict(self, function: Callable[..., int], *x: Known) -> Known:
+        """Apply a function to values, unknown if one of them is."""
+        return Known(function(*[v.value for v in x]), self._all_known(x))
+
+    def _all_known(self, x: Sequence[Known]) -> int:
+        return self.builder.both(*[v.known for v in x])
+
+    def _binary(self, operator: Binary, x: Known, y: Known) -> Known:
+        match operator:
+            case Binary.AND:
+                return self._all((x, y))
+            case Binary.OR:
+                return self._any((x, y))
+            case Binary.IMPLIES:
+                return self._any((self._strict(self.builder.negation, x), y))
+            case _:
+                return self._strict(partial(self.expressions.binary, operator), x, y)
+
+    def _all(self, x: Sequence[Known]) -> Known:
+        """Return the conjunction: known if all operands are, or if one is known to be false."""
+        value = self.builder.both(*[v.value for v in x])
+        return self._connected(value, x, [self.builder.negation(v.value) for v in x])
+
+    def _any(self, x: Sequence[Known]) -> Known:
+        """Return the disjunction: known if all operands are, or if one is known to be true."""
+        value = self.builder.either(*[v.value for v in x])
+        return self._connected(value, x, [v.value for v in x])
+
+    def _connected(self, value: int, x: Sequence[Known], settles: Sequence[int]) -> Known:
+        """Return a value that is known if all operands are, or if one is that settles it alone."""
+        builder = self.builder
+        certain = [s for v, s in zip(x, settles, strict=True) if self._is_known(v)]
+        uncertain = [(v.known, s) for v, s in zip(x, settles, strict=True) if not self._is_known(v)]
+        conditions = dict.fromkeys(known for known, _ in uncertain)
+        all_known = builder.both(*conditions)
+        if len(conditions) > 1:
+            certain += [builder.both(known, s) for known, s in uncertain]
+        return Known(value, builder.either(all_known, *certain))
+
+    def _is_known(self, x: Known) -> bool:
+        return self.builder.is_true(x.known)
+
+    def _choice(self, condition: Known, yes: Known, no: Known) -> Known:
+        return Known(
+            self.builder.apply(Operator.SELECT, condition.value, yes.value, no.value),
+            self.builder.both(
+                condition.known, self.builder.apply(Operator.SELECT, condition.value, yes.known, no.known)
+            ),
+        )
+
+    def _value_or(self, x: Known, other: Known) -> Known:
+        return Known(
+            self.builder.apply(Operator.SELECT, x.known, x.value, other.value),
+            self.builder.either(x.known, other.known),
+        )
+
+    # --- arrays ----------------------------------------------------------------------------------
+
+    def _array_access(self, e: ir.Element | ir.Slice | ir.Window, label: str, loops: Loops) -> KnownValues:
+        whole = self._lower(e.array, label, loops)
+        match e:
+            case ir.Slice(indices=indices):
+                return tuple(whole[i] for i in indices)
+            case ir.Element(index=index):
+                (position,) = self._lower(index, label, loops)
+                return (self._pick(whole, position),)
+            case ir.Window(center=center):
+                (middle,) = self._lower(center, label, loops)
+                return tuple(self._pick(whole, i) for i in self._indices(e, len(whole), middle))
+
+    def _indices(self, e: ir.Window, size: int, center: Known) -> KnownValues:
+        indices = self.expressions.window_indices(size, center.value, e.reach)
+        return tuple(Known(i, center.known) for i in indices)
+
+    def _pick(self, array: KnownValues, index: Known) -> Known:
+        """Return an element; one at an index that is not finite is known to be NaN or false."""
+        value = self.expressions.pick(tuple(x.value for x in array), index.value)
+        if all(x.known == array[0].known for x in array):
+            element_known = array[0].known
+        else:
+            element_known = self.expressions.pick(tuple(x.known for x in array), index.value)
+        is_finite = self.builder.apply(Operator.FINITE, index.value)
+        known = self.builder.either(element_known, self.builder.negation(is_finite))
+        return Known(value, self.builder.both(index.known, known))
+
+    # --- functions -------------------------------------------------------------------------------
+
+    def _call(self, e: ir.Call, label: str, loops: Loops) -> KnownValues:
+        if e.function in ir.INDEX_FUNCTIONS:
+            return (self._index_function(e.function, e.arguments[0], label, loops),)
+        arguments = [self._lower(a, label, loops) for a in e.arguments]
+        if e.function in ir.REDUCTIONS:
+            return (self._reduction(e.function, [x for a in arguments for x in a]),)
+        function = partial(self.expressions.function, e.function)
+        return _each(partial(self._strict, function), *arguments)
+
+    def _reduction(self, function: Function, x: Sequence[Known]) -> Known:
+        match function:
+            case Function.ANY:
+                return self._any(x)
+            case Function.ALL:
+                return self._all(x)
+            case _:
+                value = self.expressions.reduction(function, tuple(v.value for v in x))
+                return Known(value, self._all_known(x))
+
+    def _index_function(self, function: Function, e: ir.Expression, label: str, loops: Loops) -> Known:
+        """Return the index of the least or greatest element; for a slice or window, in the whole array."""
+        index_of, builder = self.expressions.index_of, self.builder
+        match e:
+            case ir.Slice(indices=indices):
+                chosen = self._lower(e, label, loops)
+                places = tuple(builder.literal(float(i)) for i in indices)
+            case ir.Window(array=array, center=center):
+                whole = self._lower(array, label, loops)
+                (middle,) = self._lower(center, label, loops)
+                window = self._indices(e, len(whole), middle)
+                chosen = tuple(self._pick(whole, i) for i in window)
+                size = builder.literal(float(len(whole)))
+                places = tuple(builder.apply(Operator.MODULO, i.value, size) for i in window)
+            case _:
+                chosen = self._lower(e, label, loops)
+                places = tuple(builder.literal(float(i)) for i in range(len(chosen)))
+        position = index_of(function, tuple(x.value for x in chosen))
+        return Known(self.expressions.pick(places, position), self._all_known(chosen))
+
+    def _reduce(self, e: ir.Reduce, label: str, loops: Loops) -> Known:
+        builder, pairs = self.builder, list[tuple[Known, Known]]()
+        always = Known(builder.literal(True), builder.literal(True))
+        for k in range(e.low, e.high + 1):
+            inner = (*loops, (e.variable, k))
+            (body,) = self._lower(e.body, label, inner)
+            (condition,) = (always,) if e.condition is None else self._lower(e.condition, label, inner)
+            pairs.append((condition, body))
+        match e.function:
+            case Function.ANY:
+                return self._any([self._all(pair) if e.condition else pair[1] for pair in pairs])
+            case Function.ALL:
+                implied = [self._any((self._strict(builder.negation, c), b)) for c, b in pairs]
+                return self._all(implied if e.condition else [body for _, body in pairs])
+            case _:
+                value = self.expressions.reduction_of(
+                    e.function, [b.value for _, b in pairs], [c.value for c, _ in pairs]
+                )
+                return Known(value, self._all_known([x for pair in pairs for x in pair]))
+
+    # --- memory ----------------------------------------------------------------------------------
+
+    def _memory(
+        self, e: ir.MemoryCall, arguments: list[KnownValues], label: str, loops: Loops
+    ) -> KnownValues:
+        """Lower a memory function, whose memory moves on where its arguments are known."""
+        size = max((len(a) for a in arguments), default=1)
+        results = []
+        for i in range(size):
+            x = [a[i] if len(a) > 1 else a[0] for a in arguments]
+            known = self._all_known(x)
+            scope = Scope(owner=None, label=label, ready=known, loops=loops)
+            element = self.expressions.memory(e, tuple(v.value for v in x), scope, i, size)
+            results.append(Known(element, known))
+        return tuple(results)
+
+
+def _each(function: Callable[..., Known], *operands: KnownValues) -> KnownValues:
+    """Apply a function to the operands, element by element; a scalar is repeated for all elements."""
+    size = max(len(x) for x in operands)
+    return tuple(function(*[x[i] if len(x) > 1 else x[0] for x in operands]) for i in range(size))

@@ -1,0 +1,238 @@
+"""Encoding of contracts in Kleene's three-valued logic (see `colony.verify.reference.kleene`).
+
+Each scalar has a term for its value and one for the condition that it is known. The value is arbitrary where
+it is not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import cast
+
+import z3
+
+from colony.ir import expression as ir
+from colony.ir.expression import Binary, Function
+from colony.ir.types import element_type
+from colony.verify.symbolic.arithmetic import Arithmetic
+from colony.verify.symbolic.cases import constant
+from colony.verify.symbolic.expressions import (
+    Expressions,
+    Positions,
+    element_of,
+    index_at,
+    size_of,
+    within,
+)
+from colony.verify.symbolic.frame_values import missing
+from colony.verify.symbolic.functions import apply, binary, boolean, index_of, number, reduction, unary
+from colony.verify.symbolic.logic import TRUE, all_of, any_of, both, either, implied, negation, same
+from colony.verify.symbolic.memory import recall
+from colony.verify.symbolic.numbers import select
+from colony.verify.symbolic.system import Scalar
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A scalar, and the condition that it is known."""
+
+    value: Scalar
+    known: z3.BoolRef
+
+
+KnownTerm = Known | tuple[Known, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContractEncoder:
+    """Encodes contracts; `expressions` encodes what has no operands, and positions in arrays."""
+
+    expressions: Expressions
+
+    def holds(self, e: ir.Expression) -> z3.BoolRef:
+        """Return the condition that a contract is known to be true."""
+        result = scalar(self._value(e))
+        return both(result.known, boolean(result.value))
+
+    def _value(self, e: ir.Expression) -> KnownTerm:
+        arithmetic = Arithmetic(self.expressions.builder, e.span)
+        match e:
+            case ir.UnaryOperation(operator=operator, operand=operand):
+                return _each(partial(_strict, partial(unary, operator)), self._value(operand))
+            case ir.BinaryOperation(operator=operator_, left=left, right=right):
+                return _each(
+                    lambda x, y: _binary(operator_, x, y, arithmetic), self._value(left), self._value(right)
+                )
+            case ir.Conditional(condition=condition, yes=yes, no=no):
+                return _each(_choice, self._value(condition), self._value(yes), self._value(no))
+            case ir.Within(operand=operand, low=low, high=high):
+                return _each(partial(_strict, within), *map(self._value, (operand, low, high)))
+            case ir.Element() | ir.Slice() | ir.Window():
+                return self._array_access(e)
+            case ir.ValueOr(expression=expression, other=other):
+                return _each(_value_or, self._value(expression), self._value(other))
+            case ir.Call():
+                return self._call(e, arithmetic)
+            case ir.Reduce():
+                return self._reduce(e, arithmetic)
+            case ir.MemoryCall():
+                return _each(partial(self._memory, e), *map(self._value, e.arguments))
+            case _:
+                return self._leaf(e)
+
+    def _leaf(self, e: ir.Expression) -> KnownTerm:
+        known = negation(missing(e, self.expressions.frame_values))
+        term = self.expressions.value(e)
+        return tuple(Known(x, known) for x in term) if isinstance(term, tuple) else Known(term, known)
+
+    def _memory(self, e: ir.MemoryCall, *x: Known) -> Known:
+        """Encode a memory function of scalars, which moves on where its arguments are known."""
+        types = [element_type(a.type) for a in e.arguments]
+        known, own = all_of(v.known for v in x), self.expressions
+        value = recall(e, [v.value for v in x], types, own.builder, own.frame_values, known, own.hint)
+        return Known(value, known)
+
+    # --- parts of arrays -------------------------------------------------------------------------
+
+    def _array_access(self, e: ir.Element | ir.Slice | ir.Window) -> KnownTerm:
+        array = elements(self._value(e.array))
+        match e:
+            case ir.Slice(indices=indices):
+                return tuple(array[i] for i in indices)
+            case ir.Element(index=index):
+                return _element(array, *self._positions(index, len(array)), 0)
+            case ir.Window(center=center, reach=reach):
+                positions, known = self._positions(center, len(array))
+                return tuple(_element(array, positions, known, j) for j in range(-reach, reach + 1))
+
+    def _positions(self, index: ir.Expression, size: int) -> tuple[Positions, z3.BoolRef]:
+        """Return the conditions that an index selects each element, and that it is known."""
+        x = scalar(self._value(index))
+        return self.expressions.positions(number(x.value), index, size), x.known
+
+    # --- functions -------------------------------------------------------------------------------
+
+    def _call(self, e: ir.Call, arithmetic: Arithmetic) -> KnownTerm:
+        if e.function in ir.INDEX_FUNCTIONS:
+            return self._index_function(e.function, e.arguments[0])
+        values = [self._value(a) for a in e.arguments]
+        if e.function in ir.REDUCTIONS:
+            flat = [x for v in values for x in (v if isinstance(v, tuple) else (v,))]
+            return _reduction(e.function, [(_ALWAYS, x) for x in flat], arithmetic)
+        return _each(lambda *x: _strict(lambda *v: apply(e.function, v, arithmetic), *x), *values)
+
+    def _index_function(self, function: Function, e: ir.Expression) -> Known:
+        """Return the index of the least or greatest element; for a slice or window, in the whole array."""
+        match e:
+            case ir.Slice(indices=sliced):
+                values, indices = elements(self._value(e)), [constant(float(i)) for i in sliced]
+            case ir.Window(array=array, center=center, reach=reach):
+                whole = elements(self._value(array))
+                positions, known = self._positions(center, size_of(array))
+                reached = range(-reach, reach + 1)
+                values = tuple(_element(whole, positions, known, j) for j in reached)
+                indices = [index_at(positions, j) for j in reached]
+            case _:
+                values = elements(self._value(e))
+                indices = [constant(float(i)) for i in range(len(values))]
+        index = index_of(function, [number(x.value) for x in values], indices)
+        return Known(index, all_of(x.known for x in values))
+
+    def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Known:
+        items = []
+        for k in range(e.low, e.high + 1):
+            loop = (*self.expressions.loop, (e.variable, k))
+            inner = replace(self, expressions=replace(self.expressions, loop=loop))
+            condition = _ALWAYS if e.condition is None else scalar(inner._value(e.condition))
+            items.append((condition, scalar(inner._value(e.body))))
+        return _reduction(e.function, items, arithmetic)
+
+
+_ALWAYS = Known(TRUE, TRUE)
+
+
+def scalar(x: KnownTerm) -> Known:
+    """Return a term that is a scalar."""
+    assert isinstance(x, Known)
+    return x
+
+
+def elements(x: KnownTerm) -> tuple[Known, ...]:
+    """Return the elements of an array's term."""
+    assert isinstance(x, tuple)
+    return x
+
+
+def _each(operation: Callable[..., Known], *operands: KnownTerm) -> KnownTerm:
+    """Apply `operation` element by element where an operand is an array; a scalar stands for all elements."""
+    sizes = [len(x) for x in operands if isinstance(x, tuple)]
+    if not sizes:
+        return operation(*operands)
+    return tuple(operation(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
+
+
+def _strict(operation: Callable[..., Scalar], *x: Known) -> Known:
+    """Apply an operation to values, unknown if one of them is."""
+    return Known(operation(*(v.value for v in x)), all_of(v.known for v in x))
+
+
+def _binary(operator: Binary, x: Known, y: Known, arithmetic: Arithmetic) -> Known:
+    match operator:
+        case Binary.AND:
+            return _all((x, y))
+        case Binary.OR:
+            return _any((x, y))
+        case Binary.IMPLIES:
+            return _any((_not(x), y))
+        case _:
+            return _strict(lambda a, b: binary(operator, a, b, arithmetic), x, y)
+
+
+def _not(x: Known) -> Known:
+    return Known(negation(boolean(x.value)), x.known)
+
+
+def _all(x: Sequence[Known]) -> Known:
+    """Return the conjunction: known if all operands are, or if one is known to be false."""
+    refuted = any_of(both(v.known, negation(boolean(v.value))) for v in x)
+    return Known(all_of(boolean(v.value) for v in x), either(all_of(v.known for v in x), refuted))
+
+
+def _any(x: Sequence[Known]) -> Known:
+    """Return the disjunction: known if all operands are, or if one is known to be true."""
+    proved = any_of(both(v.known, boolean(v.value)) for v in x)
+    return Known(any_of(boolean(v.value) for v in x), either(all_of(v.known for v in x), proved))
+
+
+def _choice(condition: Known, yes: Known, no: Known) -> Known:
+    chosen = boolean(condition.value)
+    known = both(condition.known, cast(z3.BoolRef, select(chosen, yes.known, no.known)))
+    return Known(select(chosen, yes.value, no.value), known)
+
+
+def _value_or(x: Known, other: Known) -> Known:
+    return Known(select(x.known, x.value, other.value), either(x.known, other.known))
+
+
+def _reduction(function: Function, items: Sequence[tuple[Known, Known]], arithmetic: Arithmetic) -> Known:
+    """Return `any` and `all` as `or` and `and`; any other reduction is unknown if a part is."""
+    match function:
+        case Function.ANY:
+            return _any([_all(item) for item in items])
+        case Function.ALL:
+            return _all([_any((_not(condition), body)) for condition, body in items])
+        case _:
+            included = [(body.value, boolean(condition.value)) for condition, body in items]
+            known = all_of(x.known for item in items for x in item)
+            return Known(reduction(function, included, arithmetic), known)
+
+
+def _element(array: Sequence[Known], positions: Positions, index_known: z3.BoolRef, offset: int) -> Known:
+    """Return the element `offset` after the selected one; at an index that is not finite, NaN or false."""
+    value = element_of([x.value for x in array], positions, offset)
+    known = array[0].known
+    if not all(same(x.known, known) for x in array):
+        known = boolean(element_of([x.known for x in array], positions, offset))
+    return Known(value, both(index_known, implied(positions.is_finite, known)))
