@@ -18,9 +18,11 @@ def refutation(program: Program, breach: Breach) -> Refuted:
     start_ns = breach.trace[0].t_ns
     frames = tuple(frame._replace(t_ns=frame.t_ns - start_ns) for frame in breach.trace)
     snapshots = tuple(snapshot_of(program, frame) for frame in frames)
+    facts = facts_of_breach(program, breach.contract.name, snapshots)
     trace = Trace(
         snapshots=snapshots,
         outcomes=reference(program, frames),
-        found=facts_of_breach(program, breach.contract.name, snapshots),
+        untold=facts.untold,
+        found=facts.found,
     )
     return Refuted(contract=breach.contract, trace=trace)

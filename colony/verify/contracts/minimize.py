@@ -32,11 +32,13 @@ def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PAT
         for i, snapshot in enumerate(shrinker.trace):
             fewer = {m: a for m, a in snapshot.answers.items() if m != module}
             shrinker.take((*shrinker.trace[:i], snapshot._replace(answers=fewer), *shrinker.trace[i + 1 :]))
+    facts = replay.facts(shrinker.trace)
     return Trace(
         snapshots=shrinker.trace,
         outcomes=replay.run(shrinker.trace),
         needed_missing=tuple(_needed_missing(replay, shrinker.trace)),
-        found=replay.found(shrinker.trace),
+        untold=facts.untold,
+        found=facts.found,
     )
 
 

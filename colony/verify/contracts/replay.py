@@ -24,7 +24,7 @@ from colony.ir.program import (
 from colony.ir.types import BOOL, Value, any_value
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
-from colony.verify.testing.examples import facts_of_breach
+from colony.verify.testing.examples import BreachFacts, facts_of_breach
 
 _SMALL_PROGRAM = 60
 """Maximum number of declarations of a small program."""
@@ -65,8 +65,8 @@ class Replay:
         broken = bool(outcomes) and bool(outcomes[-1].breaches) and not (self._without_python and was_called)
         return len(outcomes) - 1 if broken else None
 
-    def found(self, snapshots: Sequence[Snapshot]) -> tuple[str, ...]:
-        """Return the values of the contract's names in the frame that breaks it, one fact each."""
+    def facts(self, snapshots: Sequence[Snapshot]) -> BreachFacts:
+        """Return the facts of the frame that breaks the contract."""
         with_answers = [s._replace(readings=self._readings(s)) for s in snapshots]
         return facts_of_breach(self.program, self._contract, with_answers)
 

@@ -58,6 +58,7 @@ class Interpreter:
         self._lost: frozenset[str] = frozenset()
         self._silent: set[str] = set()
         self._blind: set[str] = set()
+        self._untold: set[str] = set()
 
     def resume(self, memory: ProgramMemory) -> None:
         """Continue from the memory of another executor; call it only before the first frame.
@@ -104,6 +105,10 @@ class Interpreter:
         assert self._moment is not None, "no frame yet"
         return known_value(expression, self._moment, self._memory)
 
+    def is_untold(self, contract: str) -> bool:
+        """Return True if a contract was unknown in the last frame, not false, which breaks it as well."""
+        return contract in self._untold
+
     def is_active(self, name: str) -> bool:
         """Return True if a module or wire put a command on its output in the last frame."""
         assert self._moment is not None, "no frame yet"
@@ -136,7 +141,9 @@ class Interpreter:
         self._run_network(frame_values)
         limits = self._applicable_limits(frame_values)
         decisions = [self._decide(a, frame_values, limits, records) for a in self.program.robot.actuators]
-        breaches = [c.name for c in self.program.contracts if self.value_of(c.expression) is not True]
+        values = {c.name: self.value_of(c.expression) for c in self.program.contracts}
+        breaches = [name for name, value in values.items() if value is not True]
+        self._untold = {name for name, value in values.items() if value is None}
         self._states = self._states | self._next_states
         return Outcome(tuple(decisions), tuple(records), tuple(breaches))
 

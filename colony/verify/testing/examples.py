@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, assert_never
+from typing import Literal, NamedTuple, assert_never
 
 from colony.ir import expression as ir
 from colony.ir.frame import Decision, Outcome, Reading
@@ -25,12 +25,15 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.source_text import source_text
 from colony.verify.testing.example_frames import assigned
 
-FailureKind = Literal["false", "says nothing", "contract broken", "no array to set an element in"]
+FailureKind = Literal[
+    "false", "says nothing", "contract broken", "contract untold", "no array to set an element in"
+]
 
 _CODES: dict[FailureKind, str] = {
     "false": "T001",
     "says nothing": "T002",
     "contract broken": "T003",
+    "contract untold": "T003",
     "no array to set an element in": "T004",
 }
 
@@ -86,8 +89,19 @@ def run_example(program: Program, example: Example) -> ExampleResult:
     )
 
 
-def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapshot]) -> tuple[str, ...]:
-    """Return the values that a contract reads in the frame of a run that breaks it, one fact each."""
+class BreachFacts(NamedTuple):
+    """The frame of a run that breaks a contract.
+
+    The contract is false there or, if `untold`, unknown because it reads something missing. `found` has the
+    values that it reads, one fact each.
+    """
+
+    untold: bool = False
+    found: tuple[str, ...] = ()
+
+
+def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapshot]) -> BreachFacts:
+    """Return the facts of the first frame of a run that breaks a contract; none if no frame does."""
     names = [s.name for s in program.robot.sensors]
     steps = tuple(
         Step(
@@ -99,7 +113,9 @@ def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapsho
     )
     alone = replace(program, contracts=tuple(c for c in program.contracts if c.name == contract))
     failures = run_example(alone, Example(name=contract, steps=steps)).failures
-    return next((f.found for f in failures if f.kind == "contract broken"), ())
+    broken = {"contract broken": False, "contract untold": True}
+    facts = (BreachFacts(broken[f.kind], f.found) for f in failures if f.kind in broken)
+    return next(facts, BreachFacts())
 
 
 def failures_as_diagnostics(results: Iterable[ExampleResult]) -> tuple[Diagnostic, ...]:
@@ -117,9 +133,11 @@ def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
         case "false":
             message = f"{when}{repeated}: expected `{failure.expected}`"
         case "says nothing":
-            message = f"{when}{repeated}: `{failure.expected}` has no value: it reads something missing"
+            message = f"{when}{repeated}: `{failure.expected}` cannot be told"
         case "contract broken":
-            message = f"{when}{repeated}: contract {failure.expected} does not hold"
+            message = f"{when}{repeated}: contract {failure.expected} is false"
+        case "contract untold":
+            message = f"{when}{repeated}: contract {failure.expected} cannot be told"
         case "no array to set an element in":
             message = f"{when}: `{failure.expected}` is missing, so none of its elements can be set"
         case _:
@@ -177,7 +195,9 @@ class _Run:
         text = source_text(contract.expression)
         expected = f"`{contract.name}: {text}`" if text else f"`{contract.name}`"
         found = tuple(self.found(contract.expression, outcome))
-        self.fail("contract broken", contract.name, contract.span, t_ns, expected, found)
+        untold = self.interpreter.is_untold(contract.name)
+        kind: FailureKind = "contract untold" if untold else "contract broken"
+        self.fail(kind, (contract.name, kind), contract.span, t_ns, expected, found)
 
     def fail(
         self, kind: FailureKind, key: object, span: Span, t_ns: int, expected: str, found: tuple[str, ...]
