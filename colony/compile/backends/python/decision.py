@@ -59,7 +59,7 @@ class DecisionText:
 
     def blind(self) -> list[str]:
         """Return the idle command, for a winner that is failsafe and blind."""
-        record = f"records += (('missing', {self.by}),)"
+        record = f"records = (*records, ('missing', {self.by}))"
         return [record, *self.idle_command(self.by, "'missing'")]
 
     def idle(self, by: bool) -> list[str]:
