@@ -13,8 +13,8 @@ from colony.ir import expression as ir
 from colony.ir.expression import Binary
 from colony.ir.frame import Outcome
 from colony.ir.program import Actuator, Contract, Program
-from colony.ir.types import BOOL, any_value
-from colony.verify.claims import TRUE, all_of, any_of, binary, constant, won
+from colony.ir.types import BOOL
+from colony.verify.claims import TRUE, all_of, any_of, binary, implies, won
 from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.replay import Replay
@@ -88,7 +88,8 @@ def _same_bounds(pair: Pair, combined: Product) -> bool:
     a, b = pair.a, pair.b
     return all(
         (x.low, x.high) == (y.low, y.high)
-        and combined.limits.get((a.name, i), ()) == combined.limits.get((b.name + B_SUFFIX, i), ())
+        and sorted(combined.limits.get((a.name, i), ()))
+        == sorted(combined.limits.get((b.name + B_SUFFIX, i), ()))
         for i, (x, y) in enumerate(zip(a.fields, b.fields, strict=True))
     )
 
@@ -110,10 +111,12 @@ def _claim(compared: Sequence[Pair], ignored_parts: IgnoredParts, combined: Prod
 
 def _equal(pair: Pair) -> Iterator[ir.Expression]:
     a, b = pair.a.name, pair.b.name + B_SUFFIX
-    if pair.a.idle is None or pair.b.idle is None:
+    holds = pair.a.idle is None or pair.b.idle is None
+    if holds:
         yield binary(Binary.EQUAL, _sends(pair.a, a), _sends(pair.b, b))
     for i in pair.field_indices:
-        yield binary(Binary.EQUAL, _sent(pair.a, i, a), _sent(pair.b, i, b))
+        same = binary(Binary.EQUAL, _sent(pair.a, i, a), _sent(pair.b, i, b))
+        yield implies(_sends(pair.a, a), same) if holds else same
 
 
 def _sends(actuator: Actuator, name: str) -> ir.Expression:
@@ -124,12 +127,8 @@ def _sends(actuator: Actuator, name: str) -> ir.Expression:
 
 
 def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
-    """Return the value of a field that is sent, or a stand-in if nothing is sent."""
-    kind = actuator.fields[i].type
-    sent = ir.SentField(type=kind, actuator=name, field_index=i)
-    if actuator.idle is not None:
-        return sent
-    return ir.ValueOr(type=kind, expression=sent, other=constant(any_value(kind), kind))
+    """Return the value of a field that is sent."""
+    return ir.SentField(type=actuator.fields[i].type, actuator=name, field_index=i)
 
 
 def _excused(
