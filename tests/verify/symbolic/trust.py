@@ -18,6 +18,7 @@ from colony.ir.program import Module, Program, Sensor
 from colony.ir.types import Array, Enum, ScalarValue, Value, element_type
 from colony.verify.reference.expressions import FrameValues
 from colony.verify.reference.interpreter import Interpreter
+from colony.verify.reference.kleene import Known as Known3
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.logic import is_false
 from colony.verify.symbolic.reasons import reasons_of
@@ -41,9 +42,9 @@ class Recording(Interpreter):
 
     def __init__(self, program: Program) -> None:
         super().__init__(program)
-        self.asked: dict[int, Value | None] = {}
+        self.asked: dict[int, Known3] = {}
 
-    def value_of(self, expression: Expression) -> Value | None:
+    def value_of(self, expression: Expression) -> Known3:
         value = self.asked[id(expression)] = super().value_of(expression)
         return value
 
@@ -86,6 +87,7 @@ class _Run:
         self.system = trust.system
         self.interpreter = Recording(self.program)
         self.tally = Tally()
+        self.holds = {a.name: a.idle is None for a in self.program.robot.actuators}
         self.cells: dict[int, Known | OpenTermError] = {}
         initial = Values(trust.terms, {})
         for cell in self.system.cells:
@@ -131,6 +133,7 @@ class _Run:
         for name, answer in self.system.python.items():
             command = frame_values.commands.get(name)
             given[answer.answers.get_id()] = command is not None
+            given[answer.blind.get_id()] = self.interpreter.is_blind(name)
             for x, field_ in zip(answer.fields, command or (0.0,) * len(answer.fields), strict=True):
                 given.update(_assigned(x, field_ if command or isinstance(x, Number) else False))
         return given
@@ -162,10 +165,8 @@ class _Run:
             self._same(f"frame {i}: {name} is active", values, active, frame_values.outputs[name] is not None)
         self._compare_actuators(i, values, frame_values)
         for contract, claim in zip(self.program.contracts, system.claims, strict=True):
-            holds = self.interpreter.asked[id(contract.expression)]
-            self._same(f"frame {i}: {claim.name} speaks", values, claim.applies, holds is not None)
-            if holds is not None:
-                self._same(f"frame {i}: {claim.name} holds", values, claim.holds, holds)
+            holds = self.interpreter.asked[id(contract.expression)] is True
+            self._same(f"frame {i}: {claim.name} holds", values, claim.holds, holds)
 
     def _compare_actuators(self, i: int, values: Values, frame_values: FrameValues) -> None:
         for name, actuator in self.system.actuators.items():
@@ -181,7 +182,7 @@ class _Run:
             commanded = name in frame_values.commanded
             self._same(f"frame {i}: {name} is commanded", values, actuator.commanded, commanded)
             for j, sent in enumerate(actuator.sent):
-                if (name, j) in frame_values.sent:
+                if (name, j) in frame_values.sent and (commanded or not self.holds[name]):
                     self._same(f"frame {i}: {name}.{j} sent", values, sent, frame_values.sent[name, j])
 
     def _same(self, what: str, values: Values, term: Term, expected: Value) -> None:
