@@ -13,7 +13,7 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
-.PHONY: run test test-long check format bench soak stops loss angles attack wheel tables mutants clean
+.PHONY: run test test-long check format bench soak stops loss agreement angles attack wheel tables mutants clean
 
 run: $(ALL)
 	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
@@ -44,6 +44,9 @@ stops: $(DEV)
 
 loss: $(DEV)
 	$(BIN)/python -m tests.runtime.assembly.loss_policy --seeds $(SEEDS)
+
+agreement: $(DEV)
+	$(BIN)/python -m tests.verify.drawn_programs --workers $(WORKERS)
 
 angles: $(DEV)
 	$(BIN)/python -m tests.ir.angles_trial --seed $(SEED) --workers $(WORKERS)
