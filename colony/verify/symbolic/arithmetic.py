@@ -290,7 +290,7 @@ class Arithmetic:
         if x.bounds.whole:
             return x
         low, high = bounding.floor_bounds(x.bounds)
-        if low is not None and high is not None and high - low < MAX_ENUMERATED:
+        if low is not None and high is not None and _are_enumerable(low, high):
             return self._steps(low, high, lambda n: cast(z3.BoolRef, x.value >= integer_value(n)))
         term, is_new = self.builder.auxiliary(Operation.FLOOR, (x,), z3.IntSort())
         if is_new:
@@ -303,7 +303,7 @@ class Arithmetic:
         if x.bounds.whole:
             return x
         low, high = bounding.round_bounds(x.bounds)
-        if low is not None and high is not None and high - low < MAX_ENUMERATED:
+        if low is not None and high is not None and _are_enumerable(low, high):
             return self._steps(low, high, lambda n: _reaches(x.value, n))
         term, is_new = self.builder.auxiliary(Operation.ROUND, (x,), z3.IntSort())
         if is_new:
@@ -465,6 +465,11 @@ def scaled_without_cases(x: Number, factor: Fraction) -> Number:
 def integer_value(n: int) -> z3.ArithRef:
     """Return the term of an integer."""
     return real(n)
+
+
+def _are_enumerable(low: int, high: int) -> bool:
+    """Return True if low .. high are a few whole numbers, and each of them is a float."""
+    return high - low < MAX_ENUMERATED and max(-low, high) <= 2**53
 
 
 def _reaches(x: z3.ArithRef, n: int) -> z3.BoolRef:

@@ -303,12 +303,13 @@ class _Text:
         return [wire.name for wire in wires if wire.actuator is None]
 
     def limits(self) -> None:
-        fields = [("velocity", SPEED), ("turn", TURN_RATE), ("velocity", SPEED)]
+        fields = [("drive.velocity", SPEED), ("drive.turn", TURN_RATE), ("drive.velocity", SPEED)]
+        fields += [("light.level", DIMENSIONLESS)] * self.light
         for _ in range(self.choices.up_to(2)):
             field, dimension = self.choices.pick(fields)
             bound, relation = self.write(Quantity(dimension), 2), self.choices.pick(("<=", ">="))
             condition = f" when {self.write(BOOL, 2)}" if self.choices.one_in(2) else ""
-            self.add(f"limit drive.{field} {relation} {bound}{condition}")
+            self.add(f"limit {field} {relation} {bound}{condition}")
 
     def contracts(self, wires: Sequence[str]) -> None:
         if not (count := self.choices.up_to(3)):

@@ -9,6 +9,7 @@ import pytest
 import z3
 
 from colony.dsl.load import load_file, load_text
+from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.reasons import reasons_of
@@ -270,6 +271,17 @@ def test_drawn_programs(start: int) -> None:
     for seed in range(start, start + 12):
         tally = held_against(*run_of_seed(seed, max_frames=4))
         assert not tally.differences, f"seed {seed}"
+
+
+def test_remainders_of_numbers_beyond_the_whole_floats() -> None:
+    """A multiple of the divisor need not be a float where the number is."""
+    program = load_text(
+        ROBOT + "state far : number = 1e303\n"
+        "module m { when true do drive(v = mod(if p then far else 0 / 0, 7) * 1 mm/s, w = 0 deg/s) }\n"
+        "network { drive = m }\n"
+    )
+    frame = Frame(0, {"p": True})
+    assert held_against(program, [frame]).differences == []
 
 
 def test_drawn_networks() -> None:

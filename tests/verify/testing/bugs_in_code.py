@@ -113,11 +113,6 @@ def limits_without_condition(given: Code) -> Code:
     return replace(given, actuators=actuators)
 
 
-def contracts_always_there(given: Code) -> Code:
-    given, always = added(given, Literal(True), Kind.BOOL)
-    return replace(given, contracts=tuple(replace(c, present=always) for c in given.contracts))
-
-
 def defaults_fresh(given: Code) -> Code:
     """A sensor counts as fresh where only its default stands in."""
     with_default = {s.name for s in given.sensors if s.default is not None}

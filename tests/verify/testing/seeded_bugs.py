@@ -15,7 +15,6 @@ from tests.verify.testing.bugs_in_code import (
     answers_at_once,
     bad_commands_sent,
     code,
-    contracts_always_there,
     defaults_fresh,
     frozen_where_not_winning,
     generated,
@@ -33,6 +32,14 @@ from tests.verify.testing.bugs_in_code import (
     sustained_over_silence,
     unknown_bounds_zero,
     without_memory,
+)
+from tests.verify.testing.bugs_in_contracts import (
+    both_branches,
+    forgotten_commands,
+    lowered,
+    memory_of_placeholders,
+    strict_logic,
+    unknown_holds,
 )
 from tests.verify.testing.bugs_in_passes import (
     Plant,
@@ -151,7 +158,12 @@ BUGS: tuple[Bug, ...] = (
     Bug(name="defaults taken for fresh", plant=code(defaults_fresh)),
     Bug(name="sensors not clamped", plant=sensors_changed(lambda s: replace(s, low=None, high=None))),
     Bug(name="units of sensors ignored", plant=sensors_changed(lambda s: replace(s, factor=1.0))),
-    Bug(name="contracts judged on what is missing", plant=code(contracts_always_there)),
+    # contracts
+    Bug(name="contracts that cannot be told hold", plant=lowered("holds", unknown_holds)),
+    Bug(name="unknown and false is unknown", plant=lowered("_connected", strict_logic)),
+    Bug(name="both branches of if in contracts", plant=lowered("_choice", both_branches)),
+    Bug(name="contracts remember placeholders", plant=lowered("_memory", memory_of_placeholders)),
+    Bug(name="contracts forget what is held", plant=lowered("_held", forgotten_commands)),
     # what is sent
     Bug(name="the last of several limits only", plant=limits(lambda of: of[-1:])),
     Bug(
