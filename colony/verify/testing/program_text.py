@@ -304,7 +304,7 @@ class _Text:
 
     def limits(self) -> None:
         fields = [("drive.velocity", SPEED), ("drive.turn", TURN_RATE), ("drive.velocity", SPEED)]
-        fields += [("light.level", DIMENSIONLESS)] * self.light
+        fields += [("light.level", NUMBER)] * self.light
         for _ in range(self.choices.up_to(2)):
             field, dimension = self.choices.pick(fields)
             bound, relation = self.write(Quantity(dimension), 2), self.choices.pick(("<=", ">="))
