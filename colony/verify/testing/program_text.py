@@ -304,7 +304,7 @@ class _Text:
 
     def limits(self) -> None:
         fields = [("drive.velocity", SPEED), ("drive.turn", TURN_RATE), ("drive.velocity", SPEED)]
-        fields += [("light.level", NUMBER)] * self.light
+        fields += [("light.level", NUMBER)] * (4 * self.light)
         for _ in range(self.choices.up_to(2)):
             field, dimension = self.choices.pick(fields)
             bound, relation = self.write(Quantity(dimension), 2), self.choices.pick(("<=", ">="))
@@ -336,3 +336,5 @@ class _Text:
         )
         for i in range(count):
             self.add(f"contract k{i}: {self.write(BOOL, 3, scope)}")
+        if self.light and self.choices.one_in(2):
+            self.add(f"contract level: light.level <= {self.write(DIMENSIONLESS, 1, scope)} or light.on")
