@@ -263,7 +263,7 @@ class _Run:
 def _decider(decision: Decision) -> str:
     if decision.by is None:
         return "is idle"
-    return f"by {decision.by}" + (f", whose command is {decision.fault}" if decision.fault else "")
+    return f"by {decision.by}" + (f" ({decision.fault})" if decision.fault else "")
 
 
 # --- the text of values --------------------------------------------------------------------------

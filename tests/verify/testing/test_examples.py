@@ -154,7 +154,7 @@ def test_records_are_told_where_an_expectation_fails() -> None:
     """,
         BEHAVIOR.replace("back_off suppresses", "bad suppresses"),
     )
-    assert "drive by bad, whose command is not finite, speed = 0 m/s; recorded: not finite of bad" in message
+    assert "drive by bad (not finite), speed = 0 m/s; recorded: not finite of bad" in message
 
 
 def test_enumerators_and_idle_hold_are_shown() -> None:
