@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 def command(files: tuple[str, ...], format_: str) -> None:
     """Check behavior files and everything that they import: syntax, names, types, units, wiring.
 
-    All errors and warnings are reported, each with its location and a hint.
+    All errors and warnings are reported, each with its location and a hint. A note reports each file that
+    does not name its version with `language 2`.
 
-    Exit code: 0 without errors (warnings are allowed), 1 with errors, 2 if a file cannot be read.
+    Exit code: 0 without errors (warnings and notes are allowed), 1 with errors, 2 if a file cannot be read.
 
     \b
     Example:
@@ -34,21 +35,27 @@ def command(files: tuple[str, ...], format_: str) -> None:
       colony check --format sarif behaviors/*.colony > check.sarif
     """
     with gc_paused():
+        from colony.dsl.language_version import version_notes
         from colony.dsl.load import check_file
-        from colony.text.diagnostics import has_errors
+        from colony.text.diagnostics import has_errors, in_order
 
         diagnostics: list[Diagnostic] = []
+        noted: set[str] = set()
         unreadable = False
         for file in files:
             checked = check_file(file)
-            diagnostics += checked.diagnostics
+            new_files = [parsed for parsed in checked.tree.files if parsed.key not in noted]
+            noted |= {parsed.key for parsed in new_files}
+            notes = version_notes((parsed.source, parsed.tree) for parsed in new_files)
+            found = in_order((*checked.diagnostics, *notes))
+            diagnostics += found
             is_missing = is_unreadable(checked.diagnostics)
             unreadable = unreadable or is_missing
             if format_ == "text":
                 if is_missing:
                     say(one_line(checked.diagnostics[0]))
                 else:
-                    report(checked.diagnostics)
+                    report(found)
                 if checked.program is not None:
                     click.echo(f"{file}: ok")
     if format_ != "text":

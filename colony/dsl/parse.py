@@ -52,10 +52,11 @@ def parse(source: Source) -> Parsed:
             from colony.dsl import recovery
             from colony.dsl.syntax_errors import describe
 
-            language = language or recovery.language_line(unexpected)
+            line = recovery.language_line(unexpected)
+            language = language or line
             complete = recovery.complete_declarations(unexpected)
             declarations += complete
-            declaration_start = complete[-1].end if complete else start
+            declaration_start = complete[-1].end if complete else line.end if line else start
             diagnostics.append(describe(source, unexpected, declaration_start))
             start = recovery.next_declaration(text, declaration_start, diagnostics[-1].span.start)
             lost |= recovery.lost_names(text[declaration_start:start])

@@ -1,0 +1,44 @@
+"""The line `language 2`: files of other versions are refused, and files without the line are noted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from colony.dsl import ast
+from colony.ir.version import LANGUAGE
+from colony.text.diagnostics import Diagnostic, error, note
+from colony.text.source import Source, Span
+
+VERSION_LINE = f"language {LANGUAGE}"
+"""The line that says the version of a file."""
+
+
+def version_error(source: Source, line: ast.LanguageDecl | None) -> Diagnostic | None:
+    """Return the error of a file whose `language` line names another version, None for any other file."""
+    if line is None or line.version == str(LANGUAGE):
+        return None
+    span = Span(source, line.start, line.end)
+    message = f"found version {line.version} of the language; this is version {LANGUAGE}"
+    return error("E008", span, message, _hint(line.version, source.name))
+
+
+def _hint(version: str, name: str) -> str:
+    if version == "1":
+        return f"`colony upgrade {name}` rewrites the file"
+    if version.isdecimal() and int(version) > LANGUAGE:
+        return "a newer colony reads it"
+    return f"write `{VERSION_LINE}`"
+
+
+def version_notes(files: Iterable[tuple[Source, ast.File]]) -> tuple[Diagnostic, ...]:
+    """Return a note for each of these files that does not name its version."""
+    return tuple(
+        note("N001", Span(source, 0, 1), f"read as version {LANGUAGE} of the language", _NOTE_HINT)
+        for source, tree in files
+        if tree.language is None
+    )
+
+
+_NOTE_HINT = (
+    f"write `{VERSION_LINE}` before the first declaration; `colony upgrade` rewrites files of version 1"
+)
