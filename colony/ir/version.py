@@ -13,3 +13,8 @@ SEMANTICS = 2
 Recordings, compiled programs and JSON output contain it. A recording or compiled program of another version
 is refused, because its decisions cannot be repeated or continued.
 """
+
+
+def semantics_mismatch(found: object) -> str:
+    """Return the predicate of a message about a recording or compiled program of another version."""
+    return f"is of version {str(found)[:20]} of the semantics; this is version {SEMANTICS}"
