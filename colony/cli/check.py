@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -14,6 +14,7 @@ from colony.cli.shipped_files import BEHAVIOR
 from colony.collector import gc_paused
 
 if TYPE_CHECKING:
+    from colony.dsl.load import Checked
     from colony.text.diagnostics import Diagnostic
 
 
@@ -35,7 +36,6 @@ def command(files: tuple[str, ...], format_: str) -> None:
       colony check --format sarif behaviors/*.colony > check.sarif
     """
     with gc_paused():
-        from colony.dsl.language_version import version_notes
         from colony.dsl.load import check_file
         from colony.text.diagnostics import has_errors, in_order
 
@@ -44,10 +44,7 @@ def command(files: tuple[str, ...], format_: str) -> None:
         unreadable = False
         for file in files:
             checked = check_file(file)
-            new_files = [parsed for parsed in checked.tree.files if parsed.key not in noted]
-            noted |= {parsed.key for parsed in new_files}
-            notes = version_notes((parsed.source, parsed.tree) for parsed in new_files)
-            found = in_order((*checked.diagnostics, *notes))
+            found = in_order((*checked.diagnostics, *_notes(checked, noted)))
             diagnostics += found
             is_missing = is_unreadable(checked.diagnostics)
             unreadable = unreadable or is_missing
@@ -64,6 +61,18 @@ def command(files: tuple[str, ...], format_: str) -> None:
         raise click.exceptions.Exit(EXIT_MISUSE)
     if has_errors(diagnostics):
         raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def _notes(checked: Checked, noted: set[str]) -> Iterator[Diagnostic]:
+    """Yield a note for each file without a version, unless it is in `noted`, or has syntax errors."""
+    from colony.dsl.language_version import version_note
+    from colony.dsl.parse import SYNTAX_CODES
+
+    misread = {id(d.span.source) for d in checked.diagnostics if d.code in SYNTAX_CODES}
+    for file in checked.tree.files:
+        if file.tree.language is None and file.key not in noted and id(file.source) not in misread:
+            yield version_note(file.source)
+        noted.add(file.key)
 
 
 def _formatted(diagnostics: Sequence[Diagnostic], format_: Format) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import os
+import re
 from difflib import unified_diff
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,8 @@ from colony.files import open_regular
 
 if TYPE_CHECKING:
     from colony.dsl.upgrade_files import FileUpgrade
+
+_LINES = re.compile(r"[^\n]*\n|[^\n]+")
 
 
 @click.command("upgrade", short_help="rewrite behavior files for this version of the language")
@@ -98,8 +101,8 @@ def _write(path: Path, text: str) -> None:
 
 def _diff(upgrade: FileUpgrade, new: str) -> str:
     lines = unified_diff(
-        upgrade.old.splitlines(keepends=True),
-        new.splitlines(keepends=True),
+        _LINES.findall(upgrade.old),
+        _LINES.findall(new),
         printable(upgrade.name),
         f"{printable(upgrade.name)} (version 2)",
     )

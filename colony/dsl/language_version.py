@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from colony.dsl import ast
 from colony.ir.version import LANGUAGE
 from colony.text.diagnostics import Diagnostic, error, note
@@ -30,15 +28,9 @@ def _hint(version: str, name: str) -> str:
     return f"write `{VERSION_LINE}`"
 
 
-def version_notes(files: Iterable[tuple[Source, ast.File]]) -> tuple[Diagnostic, ...]:
-    """Return a note for each of these files that does not name its version."""
-    return tuple(
-        note("N001", Span(source, 0, 1), f"read as version {LANGUAGE} of the language", _NOTE_HINT)
-        for source, tree in files
-        if tree.language is None
+def version_note(source: Source) -> Diagnostic:
+    """Return the note for a file that does not name its version."""
+    hint = (
+        f"write `{VERSION_LINE}` before the first declaration; `colony upgrade` rewrites files of version 1"
     )
-
-
-_NOTE_HINT = (
-    f"write `{VERSION_LINE}` before the first declaration; `colony upgrade` rewrites files of version 1"
-)
+    return note("N001", Span(source, 0, 1), f"read as version {LANGUAGE} of the language", hint)

@@ -20,6 +20,9 @@ from colony.text.source import Source, Span
 
 MAX_SYNTAX_ERRORS = 20
 
+SYNTAX_CODES = frozenset({"E004", "E005", "E006", "E007"})
+"""The codes of the errors that `parse` finds."""
+
 _BRACKETS = re.compile(r'"[^"\r\n]*"|#[^\r\n]*|[(){}\[\]]')
 
 

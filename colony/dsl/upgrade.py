@@ -16,18 +16,18 @@ from colony.dsl import ast
 from colony.dsl.check.program import check_program
 from colony.dsl.files import ParsedFile, SourceTree
 from colony.dsl.language_version import VERSION_LINE
-from colony.dsl.parse import parse
+from colony.dsl.parse import SYNTAX_CODES, parse
 from colony.ir.program import Program
 from colony.record import Record
 from colony.text.diagnostics import Diagnostic
 from colony.text.source import Source, Span
 
 _RENAMED_FUNCTIONS = {"held": "recently"}
-_HEADER = re.compile(r"(?:[ \t]*#[^\r\n]*(?:\r\n|\r|\n))+(?=[ \t\f]*(?:\r|\n))")
+_HEADER = re.compile(r"(?:[ \t]*#[^\r\n]*(?:\r\n|\r(?!\n)|\n))+(?=[ \t\f]*(?:\r|\n))")
 """The comment at the beginning of a file, if an empty line separates it from what follows."""
 
 _LINE_BREAK = re.compile(r"\r\n|\r|\n")
-_PARSE_CODES = frozenset({"E004", "E005", "E006", "E007", "E008"})
+_TEXT_CODES = SYNTAX_CODES | {"E008"}
 _REFUSED_SINCE = frozenset({"E305"})
 """Errors that version 1 did not have; decisions name them."""
 
@@ -117,9 +117,7 @@ def upgrade_tree(tree: SourceTree) -> UpgradedProgram:
         _upgrade_file(file) if is_version_1(file.tree) else UpgradedFile(file, file) for file in tree.files
     )
     parsed_again = {id(file.old.source) for file in files if file.edits}
-    kept = [
-        d for d in tree.diagnostics if d.code not in _PARSE_CODES or id(d.span.source) not in parsed_again
-    ]
+    kept = [d for d in tree.diagnostics if d.code not in _TEXT_CODES or id(d.span.source) not in parsed_again]
     found = [d for file in files for d in file.diagnostics]
     new_tree = SourceTree(files=tuple(file.new for file in files), diagnostics=(*kept, *found))
     program, diagnostics = check_program(new_tree, tolerated=_REFUSED_SINCE)
