@@ -64,24 +64,30 @@ def _can_contradict(one: Limit, other: Limit) -> bool:
     if not same_field or one.relation == other.relation:
         return False
     upper, lower = (one, other) if one.relation == "<=" else (other, one)
-    match upper.bound, lower.bound:
-        case ir.Constant(value=float(high)), ir.Constant(value=float(low)):
-            return low > high
-        case _:
-            return True
+    high, low = _constant(upper.bound), _constant(lower.bound)
+    return high is None or low is None or low > high
 
 
 def _beyond_range(limit: Limit, actuator: Actuator) -> str | None:
-    field = actuator.fields[limit.field_index]
-    match limit.bound:
-        case ir.Constant(value=float(bound)):
-            if limit.relation == "<=" and field.low is not None and bound < field.low:
-                return "below the range"
-            if limit.relation == ">=" and field.high is not None and bound > field.high:
-                return "above the range"
-        case _:
-            pass
+    field, bound = actuator.fields[limit.field_index], _constant(limit.bound)
+    if bound is None:
+        return None
+    if limit.relation == "<=" and field.low is not None and bound < field.low:
+        return "below the range"
+    if limit.relation == ">=" and field.high is not None and bound > field.high:
+        return "above the range"
     return None
+
+
+def _constant(bound: ir.Expression) -> float | None:
+    """Return the value of a bound that is a number, perhaps negative; None for any other."""
+    match bound:
+        case ir.Constant(value=float(value)):
+            return value
+        case ir.UnaryOperation(operator=ir.Unary.NEGATE, operand=ir.Constant(value=float(value))):
+            return -value
+        case _:
+            return None
 
 
 def _missing_bounds(program: Program, missing: Missing, source: Source) -> Iterator[Diagnostic]:
