@@ -116,7 +116,9 @@ def test_an_example_prints_what_the_page_shows(
     monkeypatch.chdir(tmp_path)
     stopped, printed = typed(make(files), monkeypatch)
     assert printed == shown
-    errors, warnings = (set(re.findall(rf"(?:{kinds})\[(\w+)\]", printed)) for kinds in ("error", "warning|note"))
+    errors, warnings = (
+        set(re.findall(rf"(?:{kinds})\[(\w+)\]", printed)) for kinds in ("error", "warning|note")
+    )
     assert errors == {code} or (not errors and warnings == {code})
     assert stopped == (1 if code in PARTLY else 2 if code in MISUSE else EXIT_CODES[code[0]] if errors else 0)
 
