@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, assert_never
 
 from colony.ir import expression as ir
-from colony.ir.frame import Decision, Outcome, Reading
+from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
 from colony.text.diagnostics import Diagnostic, error
@@ -23,7 +23,7 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.kleene import is_known
 from colony.verify.snapshot import Snapshot
 from colony.verify.source_text import source_text
-from colony.verify.testing.example_frames import assigned
+from colony.verify.testing.example_frames import GivenReadings
 
 FailureKind = Literal[
     "false", "says nothing", "contract broken", "contract untold", "no array to set an element in"
@@ -155,16 +155,15 @@ class _Run:
         self.program = program
         self.interpreter = Interpreter(program)
         self.sensors = {s.name: s for s in program.robot.sensors}
-        self.readings: dict[str, Value | None] = {}
+        self.readings = GivenReadings(program)
         self.failures: dict[object, ExampleFailure] = {}
         self.frames = 0
 
     def step(self, step: Step) -> None:
         for given in step.given:
-            self.give(given, step.times_ns[0] if step.times_ns else 0)
+            self.give(given, step.times_ns[0])
         for t_ns in step.times_ns:
-            readings: dict[str, Reading] = dict(self.readings)
-            outcome = self.interpreter.step_in_base_units(t_ns, readings)
+            outcome = self.interpreter.step_in_base_units(t_ns, self.readings.at(t_ns))
             self.frames += 1
             for contract in self.program.contracts:
                 if contract.name in outcome.breaches:
@@ -174,15 +173,14 @@ class _Run:
 
     def give(self, given: Given, t_ns: int) -> None:
         """Apply an assignment, which holds until the sensor is assigned again."""
+        if self.readings.give(given, t_ns):
+            return
         sensor = self.sensors[given.sensor]
-        before = self.readings.get(sensor.name)
-        self.readings[sensor.name] = assigned(sensor, given, before)
-        if given.index is not None and before is None:
-            has_default = default_of(sensor) is not None
-            hint = f"assign the whole array first: `{sensor.name} = ...`" + (
-                "; the sensor's default does not count" if has_default else ""
-            )
-            self.fail("no array to set an element in", given, given.span, t_ns, sensor.name, (hint,))
+        has_default = default_of(sensor) is not None
+        hint = f"assign the whole array first: `{sensor.name} = ...`" + (
+            "; the sensor's default does not count" if has_default else ""
+        )
+        self.fail("no array to set an element in", given, given.span, t_ns, sensor.name, (hint,))
 
     def expect(self, expectation: ir.Expression, key: object, t_ns: int, outcome: Outcome) -> None:
         value = self.interpreter.value_of(expectation)

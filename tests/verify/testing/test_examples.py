@@ -146,6 +146,66 @@ def test_an_element_can_be_set_only_in_an_array_that_is_there() -> None:
     assert "the sensor's default does not count" in render(last)
 
 
+AGING = """
+robot r {
+  sensor lidar : m from PServer.lidar within 300 ms
+  sensor sonar[3] : m from PServer.sonar within 300 ms
+  sensor bumper : bool default false from RServer.bumper within 300 ms
+  actuator drive { speed : m/s } to RServer.drive idle drive(speed = 0)
+}
+"""
+
+
+def test_a_reading_ages_from_when_it_was_taken_until_it_is_given_again() -> None:
+    [result] = results(
+        """
+      test "t" {
+        at 1 s            given lidar = 5 m taken 300 ms ago  expect lidar == 5 m
+        at 1.000000001 s                                      expect not fresh(lidar)
+        at 2 s            given lidar = 4 m                   expect lidar == 4 m
+        at 9 s                                                expect fresh(lidar)
+        from 10 s to 11 s every 1 ms
+          given lidar = 3 m taken 0 s ago, bumper = true taken 300 ms ago
+          expect fresh(lidar) == (now <= 9.3 s), bumper == (now == 9 s), fresh(bumper) == bumper
+        at 12 s           given lidar = missing               expect not fresh(lidar)
+        at 13 s           given lidar = 2 m                   expect fresh(lidar)
+      }
+    """,
+        AGING,
+    )
+    assert result.passed, result
+
+
+def test_the_age_of_an_element_is_the_age_of_its_array() -> None:
+    [result] = results(
+        """
+      test "t" {
+        at 0 s    given sonar = 5 m                                                expect fresh(sonar)
+        at 1 s    given sonar[1] = 1 m taken 200 ms ago                            expect sonar[1] == 1 m
+        at 1.1 s  given sonar[2] = 2 m                                             expect sonar[2] == 2 m
+        at 1.2 s                                                                   expect not fresh(sonar)
+        at 2 s    given sonar = [1, 2, 3] taken 100 ms ago, sonar[0] = 9           expect sonar[0] == 9 m
+        at 2.3 s                                                                   expect not fresh(sonar)
+        at 3 s    given sonar = [1, 2, 3] taken 1 s ago, sonar = 4                 expect sonar[0] == 4 m
+        at 9 s                                                                     expect fresh(sonar)
+      }
+    """,
+        AGING,
+    )
+    assert result.passed, result
+
+
+def test_no_element_can_be_set_in_an_array_that_is_too_old() -> None:
+    test = """
+      test "t" {
+        at 0 s  given sonar = 5 m taken 0 s ago
+        at 1 s  given sonar[1] = 1 m taken 0 s ago
+      }
+    """
+    [message] = failed(test, AGING)
+    assert message == ('error[T004]: in "t" at 1 s: `sonar` is missing, so none of its elements can be set')
+
+
 def test_records_are_told_where_an_expectation_fails() -> None:
     [message] = failed(
         """
