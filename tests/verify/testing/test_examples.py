@@ -87,7 +87,7 @@ def test_an_expectation_that_says_nothing_fails() -> None:
     assert message.startswith(
         'error[T002]: in "t" at 0 s: `ahead > 1 m` has no value: it reads something missing'
     )
-    assert message.endswith("found: ahead is missing")
+    assert message.endswith("found: `ahead` is missing since `sonar` is")
 
 
 def test_failures_of_one_step_are_counted() -> None:
@@ -232,3 +232,101 @@ def test_long_arrays_are_cut() -> None:
     behavior = "robot r { sensor many[24] : number from DServer.many }"
     [message] = failed('test "t" { at 0 s given many = 1 expect many[0] > 1 }', behavior)
     assert message.endswith("many = [1, 1, 1, 1, 1, 1, 1, 1, ...]")
+
+
+SILENT = """
+robot r {
+  sensor lidar : m from PServer.lidar within 300 ms
+  sensor sonar[4] : m from PServer.sonar
+  sensor bumper : bool from RServer.bumper
+  sensor spare : number default 3 from DServer.spare
+  sensor chance : number from Runtime.random
+  actuator drive { speed : m/s } to RServer.drive idle drive(speed = 0)
+  actuator lamp { on : bool } to DServer.lamp idle hold
+}
+let near = min(sonar)
+let ahead = min(near, lidar)
+module cruise { when true do drive(speed = 0.3 m/s) }
+module wander { let c = chance when c > 0.5 and bumper do drive(speed = 0.2 m/s) }
+failsafe module avoid { when ahead < 1 m and spare > 2 do drive(speed = 0.1 m/s) }
+module halt { when near < 0.1 m }
+module below { state n = 0 next n = n + chance when true do drive(speed = 0.1 m/s) }
+module beside { when chance > 0 do lamp(on = true) }
+network {
+  roam  = wander suppresses cruise suppresses below
+  drive = halt inhibits (avoid suppresses roam)
+  lamp  = beside
+}
+"""
+
+CLEAR = "sonar = 9, lidar = 5, bumper = false, chance = 0"
+WANDER = "`wander` is silent: `chance` is missing"
+AVOID = "`avoid` is blind: `ahead` is missing since `sonar` is"
+HALT = "`halt` is silent: `near` is missing since `sonar` is"
+
+
+@pytest.mark.parametrize(
+    ("given", "expected", "reasons"),
+    [
+        (CLEAR, "drive by wander", []),
+        # modules that are named, and those that would win, or keep the winner from winning
+        (f"{CLEAR}, chance = missing", "drive by wander", [WANDER]),
+        (f"{CLEAR}, chance = missing", "drive is idle", [WANDER]),
+        (f"{CLEAR}, chance = missing", "drive.speed < 0 m/s", [WANDER]),
+        (
+            f"{CLEAR}, chance = missing",
+            "drive by below",
+            ["`below` is silent: `chance` is missing", WANDER],
+        ),
+        (f"{CLEAR}, chance = missing", "not (roam is active)", []),
+        (f"{CLEAR}, sonar = missing", "drive by cruise", [AVOID, HALT]),
+        (f"{CLEAR}, sonar = missing", "not (avoid is active)", [AVOID]),
+        (f"{CLEAR}, sonar = missing", "lamp by beside", []),
+        (f"{CLEAR}, chance = missing", "lamp is commanded", ["`beside` is silent: `chance` is missing"]),
+        # down to the sensors
+        ("chance = 1", "wander is active", ["`wander` is silent: `bumper` is missing"]),
+        (
+            "bumper = true",
+            "avoid is active and bumper and false",
+            ["`avoid` is blind: `ahead` is missing since `sonar` and `lidar` are"],
+        ),
+        (
+            f"{CLEAR}, lidar = 5 taken 2 s ago",
+            "not (avoid is active)",
+            ["`avoid` is blind: `ahead` is missing since `lidar` is too old (2 s)"],
+        ),
+        (
+            f"{CLEAR}, sonar = missing, lidar = 5 taken 2 s ago",
+            "not (avoid is active)",
+            ["`avoid` is blind: `ahead` is missing since `sonar` is missing and `lidar` is too old (2 s)"],
+        ),
+    ],
+)
+def test_a_failure_says_why_modules_are_silent_or_blind(
+    given: str, expected: str, reasons: list[str]
+) -> None:
+    [message] = failed(f'test "t" {{ at 0 s given {given} expect {expected} }}', SILENT)
+    said = message.split("; found: ")[1].split("; ")
+    assert [part for part in said if part.startswith("`")] == reasons
+
+
+@pytest.mark.parametrize(
+    ("expected", "found"),
+    [
+        ("sonar[0] > 0 m", "`sonar` is missing"),
+        ("lidar > 0 m", "`lidar` is too old (400 ms)"),
+        ("ahead > 0 m", "`ahead` is missing since `sonar` is missing and `lidar` is too old (400 ms)"),
+        ("near > 0 m", "`near` is missing since `sonar` is"),
+        ("wander.c > 0", "wander.c is missing; `wander` is silent: `chance` and `bumper` are missing"),
+    ],
+)
+def test_an_expectation_that_says_nothing_says_which_name_is_missing(expected: str, found: str) -> None:
+    [message] = failed(f'test "t" {{ at 0 s given lidar = 5 taken 400 ms ago expect {expected} }}', SILENT)
+    assert message.endswith(f"; found: {found}")
+
+
+def test_a_winner_that_is_blind_is_shown() -> None:
+    [message] = failed(
+        f'test "t" {{ at 0 s given {CLEAR}, sonar = missing expect drive is commanded }}', SILENT
+    )
+    assert f"found: drive by avoid (missing), speed = 0 m/s; {AVOID}; {HALT}" in message
