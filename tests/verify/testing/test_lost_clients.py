@@ -24,13 +24,15 @@ def degrading(of: Program) -> Program:
 
 
 def check(of: Program, trace: tuple[Frame, ...], losses: Losses) -> None:
-    """In each frame exactly the winner is active by its own knowledge."""
+    """In each frame exactly the winner is active by its own knowledge; nobody hears a lost failsafe one."""
     interpreter, alone = Interpreter(of), clients(of)
+    failsafe = {m.name for m in of.modules if m.failsafe}
     for at, (frame, lost) in enumerate(zip(trace, losses, strict=True)):
         outcome = interpreter.step(frame, lost)
         told = {m.name: Answer((0.0,) * 8 if interpreter.is_active(m.name) else None) for m in of.modules}
         inside = frame_in_base_units(of, frame)
         active = {key for key, client in alone.items() if client.step(inside, told, lost).active}
+        active -= {key for key in active if key[1] in lost & failsafe}
         due = {(d.actuator, d.by) for d in outcome.decisions if d.by is not None}
         assert active == due, f"frame {at}, lost {sorted(lost)}"
 
@@ -50,6 +52,37 @@ def test_who_was_lost_did_not_dominate() -> None:
     )
     none = frozenset[str]()
     check(degrading(of), trace, (frozenset({"back"}), none, none, none))
+
+
+GUARDED = """
+failsafe module guard { when a do base(speed = 0.5 m/s, turn = 0) }
+module high { when b do base(speed = 0.9 m/s, turn = 0) }
+module cruise { when true do base(speed = 0.2 m/s, turn = 0) }
+network { base = high suppresses guard suppresses[100 ms] cruise }
+"""
+
+
+GUARDED_FRAMES = [
+    # a, b: the winner; with `guard` lost; with `guard` lost and an ordinary module
+    (True, False, "guard", None, "cruise"),
+    (False, False, None, None, "cruise"),  # its time constant
+    (None, False, "guard", None, "cruise"),  # blind
+    (None, True, "high", "high", "high"),  # dominated
+    (True, True, "high", "high", "high"),
+]
+
+
+@pytest.mark.parametrize(
+    ("word", "lost", "column"), [("failsafe", "", 2), ("failsafe", "guard", 3), ("", "guard", 4)]
+)
+def test_where_a_failsafe_module_is_lost_its_actuator_is_idle(word: str, lost: str, column: int) -> None:
+    of = degrading(program(GUARDED.replace("failsafe", word)))
+    trace = tuple(Frame(50 * i * MS, {"a": a, "b": b}) for i, (a, b, *_) in enumerate(GUARDED_FRAMES))
+    interpreter, names = Interpreter(of), frozenset({lost} - {""})
+    decisions = [interpreter.step(frame, names).commands["base"] for frame in trace]
+    assert [d.by for d in decisions] == [row[column] for row in GUARDED_FRAMES]
+    assert all(d.values == (0.0, 0.0) for d in decisions if d.by is None)
+    check(of, trace, (names,) * len(trace))
 
 
 @pytest.mark.parametrize("seed", range(60))
