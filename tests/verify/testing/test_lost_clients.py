@@ -8,6 +8,8 @@ from random import Random
 
 import pytest
 
+from colony.compile.lower.declarations import Declarations
+from colony.execute.code import Kind, Lost
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
@@ -83,6 +85,17 @@ def test_where_a_failsafe_module_is_lost_its_actuator_is_idle(word: str, lost: s
     assert [d.by for d in decisions] == [row[column] for row in GUARDED_FRAMES]
     assert all(d.values == (0.0, 0.0) for d in decisions if d.by is None)
     check(of, trace, (names,) * len(trace))
+
+
+def test_a_lost_failsafe_module_that_frees_the_others_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def active_unless_lost(self: Declarations, module: str) -> int:
+        lost = self.builder.add(Lost(module), Kind.BOOL)
+        return self.builder.both(self.module_active(module), self.builder.negation(lost))
+
+    monkeypatch.setattr(Declarations, "active_unless_lost", active_unless_lost)
+    with pytest.raises(AssertionError, match=r"frame 0, lost \['guard'\]"):
+        test_where_a_failsafe_module_is_lost_its_actuator_is_idle("failsafe", "guard", 3)
+    test_where_a_failsafe_module_is_lost_its_actuator_is_idle("", "guard", 4)
 
 
 @pytest.mark.parametrize("seed", range(60))
