@@ -8,6 +8,7 @@ from colony.dsl.load import load_text
 from colony.text.diagnostics import headline, render
 from colony.verify.testing.examples import ExampleResult, failures_as_diagnostics, run_examples
 from tests.programs import robot
+from tests.verify.scripted_modules import Scripted
 
 BEHAVIOR = """
 robot r {
@@ -328,3 +329,17 @@ def test_a_winner_that_is_blind_is_shown() -> None:
         f'test "t" {{ at 0 s given {CLEAR}, sonar = missing expect drive is commanded }}', SILENT
     )
     assert f"found: drive by avoid (missing), speed = 0 m/s; {AVOID}; {HALT}" in message
+
+
+def test_a_module_in_python_is_blind_until_it_answers() -> None:
+    guess = """
+      failsafe module guess from python "tests.verify.scripted_modules:Scripted" {
+        reads chance  commands lamp  rate 100 ms
+      }
+    """
+    behavior = SILENT.replace("module beside { when chance > 0 do lamp(on = true) }", guess)
+    Scripted.answers = [None]
+    [message] = failed(
+        f'test "t" {{ at 0 s given {CLEAR} expect lamp is commanded }}', behavior.replace("beside", "guess")
+    )
+    assert message.endswith("found: lamp by guess (missing); `guess` is blind: it has no answer")
