@@ -54,12 +54,14 @@ class GivenReadings:
         """
         name = given.sensor
         before = self.value_at(name, t_ns)
+        if given.index is not None and before is None:
+            return False
         self._values[name] = assigned(self._sensors[name], given, before)
         if given.age_ns is not None:
             self._taken_ns[name] = t_ns - given.age_ns
         elif given.index is None:
             self._taken_ns.pop(name, None)
-        return given.index is None or before is not None
+        return True
 
     def at(self, t_ns: int) -> dict[str, Value | None]:
         """Return the readings in a frame at `t_ns`; None for one that is missing, or too old."""
@@ -78,14 +80,13 @@ class GivenReadings:
 
 
 def assigned(sensor: Sensor, given: Given, before: Value | None) -> Value | None:
-    """Return a sensor's value after an assignment; setting an element of a missing array has no effect."""
+    """Return a sensor's value after an assignment; an element is set in the array `before`."""
     value = given.value
     if isinstance(value, tuple) or value is None:
         return value
     if given.index is None:
         return (value,) * sensor.type.size if isinstance(sensor.type, Array) else value
-    if not isinstance(before, tuple):
-        return before
+    assert isinstance(before, tuple)
     return (*before[: given.index], value, *before[given.index + 1 :])
 
 

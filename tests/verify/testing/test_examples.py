@@ -205,6 +205,14 @@ def test_no_element_can_be_set_in_an_array_that_is_too_old() -> None:
     assert message == ('error[T004]: in "t" at 1 s: `sonar` is missing, so none of its elements can be set')
 
 
+def test_an_element_that_cannot_be_set_leaves_no_age() -> None:
+    first, second = failed(
+        'test "t" { at 0 s given sonar[1] = 1 m taken 9 s ago expect sonar[0] > 0 m }', AGING
+    )
+    assert first.startswith("error[T004]")
+    assert second.endswith("found: `sonar` is missing")
+
+
 def test_records_are_told_where_an_expectation_fails() -> None:
     [message] = failed(
         """
