@@ -3,7 +3,7 @@
 Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
 when each occurs and how to fix it. E0xx is about text and files, E1xx about names, E2xx about types and
 constants, E3xx about the robot, E4xx about modules, E5xx about the network, E6xx about limits and tests;
-W0xx are warnings.
+W0xx are warnings and notes.
 """
 
 from __future__ import annotations
@@ -67,4 +67,6 @@ CODES: dict[str, str] = {
     "E604": "a step of a test is too long or has no period",
     "W001": "a module or wire reaches no actuator",
     "W002": "nothing drives an actuator",
+    "W010": "nothing leads to a phase",
+    "W011": "nothing leaves a phase",
 }

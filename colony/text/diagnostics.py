@@ -1,4 +1,4 @@
-"""Errors and warnings as data, and their rendering.
+"""Errors, warnings and notes as data, and their rendering.
 
 A stage that finds a problem appends a `Diagnostic` to a list and continues; if it cannot continue, it raises
 `DiagnosticError` with all findings so far.
@@ -12,7 +12,7 @@ from typing import Literal
 
 from colony.text.source import Span
 
-Severity = Literal["error", "warning"]
+Severity = Literal["error", "warning", "note"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +51,11 @@ def error(code: str, span: Span, message: str, hint: str | None = None, *labels:
 def warning(code: str, span: Span, message: str, hint: str | None = None) -> Diagnostic:
     """Return a warning at `span`."""
     return Diagnostic(code=code, span=span, message=message, hint=hint, severity="warning")
+
+
+def note(code: str, span: Span, message: str, hint: str | None = None) -> Diagnostic:
+    """Return a note at `span`: nothing is wrong, but the reader may not know it."""
+    return Diagnostic(code=code, span=span, message=message, hint=hint, severity="note")
 
 
 def headline(diagnostic: Diagnostic) -> str:
