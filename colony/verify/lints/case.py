@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 from colony.ir import expression as ir
-from colony.ir.program import Actuator, Let, Module, Program
+from colony.ir.program import Actuator, ActuatorField, Let, Module, Program
+from colony.ir.types import ScalarValue
+from colony.ir.walk import expressions_of
 from colony.text.source import Source, Span
 from colony.verify.difference.content import Contents, Table
+from colony.verify.lints.bounds import with_named_bounds
 from colony.verify.lints.network import NamedNetwork, network
 
 _READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fresh)
@@ -18,8 +22,8 @@ _READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fr
 class Case:
     """The subject of the lints.
 
-    `observed` is `program` without contracts and tests, but with a wire for each node and a let for each
-    field of a module's command (`command_of`), so that claims can name them.
+    `instrumented` is `program` without contracts and tests, but with a wire for each node and a let for each
+    field of a module's command (`command_of`) and each bound of a limit, so that claims can name them.
     """
 
     program: Program
@@ -56,6 +60,20 @@ class Case:
         """The modules of the main file, by name."""
         return {name: m for name, m in self.modules.items() if self.is_own(m.span)}
 
+    def reads(self, module: Module) -> Iterator[ir.Expression]:
+        """Yield the subexpressions of a module and of the file-level lets that it reads."""
+        pending, seen = list(expressions_of(module)), set[str]()
+        while pending:
+            for x in ir.subexpressions(pending.pop()):
+                yield x
+                if isinstance(x, ir.DerivedValue) and x.name not in seen:
+                    seen.add(x.name)
+                    pending.append(self._lets[x.name].expression)
+
+    @cached_property
+    def _lets(self) -> dict[str, Let]:
+        return {d.name: d for d in self.program.derived if isinstance(d, Let)}
+
     def has_inputs(self, module: Module) -> bool:
         """Return True if a module's predicate reads anything."""
         return any(isinstance(x, _READING) for x in ir.subexpressions(module.when))
@@ -66,6 +84,7 @@ def case_of(program: Program) -> Case:
     named_network = network(program)
     modules = tuple(_instrumented(m) if isinstance(m, Module) else m for m in program.modules)
     instrumented = replace(program, modules=modules, wires=named_network.wires, contracts=(), tests=())
+    instrumented = with_named_bounds(instrumented)
     return Case(program=program, instrumented=instrumented, network=named_network)
 
 
@@ -82,3 +101,8 @@ def _instrumented(module: Module) -> Module:
     field_lets = tuple(Let(name=f"{module.name}. {i}", expression=e) for i, e in enumerate(fields))
     values = tuple(command_of(module, i) for i in range(len(fields)))
     return replace(module, lets=(*module.lets, *field_lets), command=replace(module.command, fields=values))
+
+
+def value_text(x: ScalarValue, field: ActuatorField) -> str:
+    """Return a value of a field in its declared unit."""
+    return f"{x / field.factor:.6g}{f' {field.unit}' if field.unit else ''}"

@@ -47,6 +47,10 @@ class Prover:
     def _context(self) -> ProofContext:
         return ProofContext(encode(self._program))
 
+    def has(self, name: str) -> bool:
+        """Return True if there is a claim of this name."""
+        return any(c.name == name for c in self._program.contracts)
+
     def proved(self, names: Iterable[str]) -> frozenset[str]:
         """Return the claims that are proved for floats, rounding included."""
         return frozenset(
