@@ -14,7 +14,7 @@ from colony.ir import expression as ir
 from colony.ir.expression import Binary, Expression
 from colony.ir.program import Actuator, ActuatorField, Let, Limit, Program
 from colony.ir.types import BOOL
-from colony.verify.claims import FALSE, TRUE, all_of, any_of, binary, constant, implies, negation
+from colony.verify.claims import FALSE, TRUE, all_of, any_of, binary, constant, implies, negation, value_or
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +84,7 @@ def _of_limit(limit: Limit, number: int, actuator: Actuator) -> Bound:
     applies: Expression = TRUE
     if limit.condition is not None:
         asked = ir.DerivedValue(type=BOOL, name=_condition_name(number))
-        applies = ir.ValueOr(type=BOOL, expression=asked, other=TRUE)
+        applies = value_or(asked, TRUE)
     if isinstance(limit.bound, ir.Constant):
         known_value = float(limit.bound.value)  # type: ignore[arg-type]  # a limit bounds a scalar
         return Bound(is_upper=is_upper, applies=applies, value=limit.bound, constant=known_value, limit=limit)
@@ -92,11 +92,11 @@ def _of_limit(limit: Limit, number: int, actuator: Actuator) -> Bound:
     if applies is not TRUE:
         applies = any_of((negation(ir.Fresh(type=BOOL, name=name, derived=True)), applies))
     computed: Expression = ir.DerivedValue(type=limit.bound.type, name=name)
-    known = ir.ValueOr(type=BOOL, expression=is_finite(computed), other=FALSE)
+    known = value_or(is_finite(computed), FALSE)
     idle_value = 0.0 if actuator.idle is None else actuator.idle[limit.field_index]
     idle = constant(idle_value, actuator.fields[limit.field_index].type)
     finite = ir.Conditional(type=computed.type, condition=is_finite(computed), yes=computed, no=idle)
-    value = ir.ValueOr(type=computed.type, expression=finite, other=idle)
+    value = value_or(finite, idle)
     return Bound(
         is_upper=is_upper,
         applies=applies,

@@ -9,7 +9,6 @@ from functools import cached_property
 from colony.ir import expression as ir
 from colony.ir.program import Actuator, ActuatorField, Let, Module, Program
 from colony.ir.types import ScalarValue
-from colony.ir.walk import expressions_of
 from colony.text.source import Source, Span
 from colony.verify.difference.content import Contents, Table
 from colony.verify.lints.bounds import with_named_bounds
@@ -60,19 +59,21 @@ class Case:
         """The modules of the main file, by name."""
         return {name: m for name, m in self.modules.items() if self.is_own(m.span)}
 
-    def reads(self, module: Module) -> Iterator[ir.Expression]:
-        """Yield the subexpressions of a module and of the file-level lets that it reads."""
-        pending, seen = list(expressions_of(module)), set[str]()
+    def reads(self, *expressions: ir.Expression) -> Iterator[ir.Expression]:
+        """Yield the subexpressions of expressions and of the lets that they read."""
+        pending, seen = list(expressions), set[str]()
         while pending:
             for x in ir.subexpressions(pending.pop()):
                 yield x
-                if isinstance(x, ir.DerivedValue) and x.name not in seen:
+                if isinstance(x, ir.DerivedValue | ir.LocalValue) and x.name not in seen:
                     seen.add(x.name)
                     pending.append(self._lets[x.name].expression)
 
     @cached_property
     def _lets(self) -> dict[str, Let]:
-        return {d.name: d for d in self.program.derived if isinstance(d, Let)}
+        of_modules = (let for m in self.program.modules if isinstance(m, Module) for let in m.lets)
+        of_files = (d for d in self.program.derived if isinstance(d, Let))
+        return {let.name: let for let in (*of_files, *of_modules)}
 
     def has_inputs(self, module: Module) -> bool:
         """Return True if a module's predicate reads anything."""

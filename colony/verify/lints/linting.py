@@ -13,6 +13,7 @@ from colony.text.diagnostics import in_order
 from colony.verify.lints import (
     contracts,
     fail_open,
+    held_back,
     limits,
     never_blind,
     nodes,
@@ -20,6 +21,7 @@ from colony.verify.lints import (
     predicates,
     ranges,
     shadows,
+    stuck,
     synchronized,
     unused,
 )
@@ -43,7 +45,7 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Findi
     to_prove, to_refute = dict[str, Expression](), dict[str, Expression]()
     for lint_module in (predicates, shadows, nodes, contracts, synchronized):
         to_prove |= lint_module.claims(case)
-    for refuting_lint in (ranges, fail_open, pauses, limits):
+    for refuting_lint in (ranges, fail_open, held_back, stuck, pauses, limits):
         to_refute |= refuting_lint.claims(case)
     refuted = broken_claims(program, case.instrumented, to_prove)
     unbroken = {name: claim for name, claim in to_prove.items() if name not in refuted}
@@ -64,6 +66,8 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Findi
             *synchronized.findings(case, proved),
             *ranges.findings(case, prover),
             *fail_open.findings(case, prover),
+            *held_back.findings(case, prover),
+            *stuck.findings(case, prover),
             *pauses.findings(case, prover),
             *never_blind.findings(case),
             *runs,

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from colony.ir import expression as ir
 from colony.ir.program import Module
+from colony.ir.walk import expressions_of
 from colony.text.diagnostics import Diagnostic, note
 from colony.text.wording import quoted
 from colony.verify.lints.case import Case
@@ -38,7 +39,7 @@ def findings(case: Case) -> Iterator[Diagnostic]:
 def _hint(case: Case, module: Module) -> str:
     """Return advice on a module that needs no sensor."""
     with_default = {s.name for s in case.program.robot.sensors if s.default is not None}
-    read = {x.name for x in case.reads(module) if isinstance(x, ir.SensorValue)}
+    read = {x.name for x in case.reads(*expressions_of(module)) if isinstance(x, ir.SensorValue)}
     names = sorted(with_default & read)
     if not names:
         return "remove `failsafe`"

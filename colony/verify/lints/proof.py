@@ -37,11 +37,12 @@ class TimeBudget:
 
 
 class Prover:
-    """A prover of claims about one program. Stateful: encodes the program on first use."""
+    """A prover of claims about one program. Stateful: encodes the program on first use, remembers answers."""
 
     def __init__(self, program: Program, claims: Claims, time_budget: TimeBudget) -> None:
         self._program = with_claims(program, claims)
         self._time_budget = time_budget
+        self._answers: dict[str, bool] = {}
 
     @cached_property
     def _context(self) -> ProofContext:
@@ -59,9 +60,11 @@ class Prover:
 
     def proved_over_reals(self, name: str) -> bool:
         """Return True if a claim is proved over the reals, that is, without rounding."""
-        if self._time_budget.is_spent():
-            return False
-        return isinstance(Attempt(self._context, name, _budget()).run(), Proof)
+        if name not in self._answers:
+            if self._time_budget.is_spent():
+                return False
+            self._answers[name] = isinstance(Attempt(self._context, name, _budget()).run(), Proof)
+        return self._answers[name]
 
     def _depends_on_rounding(self, name: str) -> bool:
         return any(r.kind is Inexact.ROUNDING for r in self._context.claims[name].inexact)
