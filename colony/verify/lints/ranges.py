@@ -10,7 +10,7 @@ from colony.ir.frame import Record
 from colony.ir.program import ActuatorField, Module
 from colony.ir.types import ScalarValue
 from colony.text.diagnostics import Diagnostic, warning
-from colony.verify.claims import any_of, binary, constant, implies, negation, won
+from colony.verify.claims import FALSE, any_of, binary, constant, implies, negation, value_or, won
 from colony.verify.lints.case import Case, command_of, value_text
 from colony.verify.lints.proof import Prover
 from colony.verify.reference.boundary import clamp
@@ -48,7 +48,10 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
             outside.append(binary(Binary.LESS, value, constant(field.low, field.type)))
         if field.high is not None:
             outside.append(binary(Binary.GREATER, value, constant(field.high, field.type)))
-        yield _name(module, field), implies(won(actuator, module.name), negation(any_of(outside)))
+        yield (
+            _name(module, field),
+            implies(won(actuator, module.name), negation(value_or(any_of(outside), FALSE))),
+        )
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
