@@ -9,17 +9,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from colony.ir import expression as ir
 from colony.ir.expression import Expression
 from colony.ir.frame import Record
-from colony.ir.program import Actuator, Module
+from colony.ir.program import Actuator, AnyModule, PythonModule
+from colony.ir.types import Quantity
 from colony.text.diagnostics import Diagnostic, Label, Severity
 from colony.text.source import Span
 from colony.text.wording import counted
-from colony.verify.claims import FALSE, all_of, any_of, fresh, negation, won
+from colony.verify.claims import FALSE, all_of, any_of, fresh, negation, value_or, won
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.results import Trace
-from colony.verify.lints.bounds import Bound, all_known, bounds_of, contradiction, exclusion
-from colony.verify.lints.case import Case, value_text
+from colony.verify.lints.bounds import Bound, all_known, bounds_of, contradiction, exclusion, is_finite
+from colony.verify.lints.case import Case, command_of, value_text
 from colony.verify.lints.evidence import replay
 from colony.verify.lints.finding import Finding, Run
 from colony.verify.lints.proof import Prover
@@ -81,15 +83,21 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
 
 
 def _commanded(case: Case, actuator: Actuator) -> Expression:
-    """Return the condition that a module wins the actuator, and is not blind."""
+    """Return the condition that a module wins the actuator with a finite command."""
     modules = {m.name: m for m in case.program.modules}
-    wins = []
-    for name in case.network.modules_under(case.network.roots[actuator.name]):
-        module, needed = modules[name], list[str]()
-        if isinstance(module, Module) and module.failsafe:
-            needed = sorted(case.contents.needs(module))
-        wins.append(all_of((won(actuator.name, name), *(fresh(s) for s in needed))))
-    return any_of(wins)
+    reached = (modules[name] for name in case.network.modules_under(case.network.roots[actuator.name]))
+    return any_of(all_of((won(actuator.name, m.name), *_has_command(case, m))) for m in reached)
+
+
+def _has_command(case: Case, module: AnyModule) -> Iterator[Expression]:
+    """Yield the conditions that a module that wins is not blind and has a finite command."""
+    if isinstance(module, PythonModule) or module.command is None:
+        return
+    if module.failsafe:
+        yield from (fresh(s) for s in sorted(case.contents.needs(module)))
+    for i, field in enumerate(module.command.fields):
+        if isinstance(field.type, Quantity) and not isinstance(field, ir.Constant):
+            yield value_or(is_finite(command_of(module, i)), FALSE)
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Finding]:

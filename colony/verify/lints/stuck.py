@@ -38,6 +38,9 @@ from colony.verify.lints.proof import Prover
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
 
+_MAX_FRAMES = 8
+"""Maximum length of a run: a machine may come through several phases before a module drives."""
+
 
 class _Change(NamedTuple):
     """A change of `memory` that stops `module`, and the sensors without which it does not happen.
@@ -153,7 +156,7 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
     found: dict[tuple[str, str, Value | None], tuple[_Change, list[str]]] = {}
     for change in _changes(case):
         sensors = [s for s in change.sensors if may_win_without(change.module, s, prover)]
-        trace = prover.refuted(change.claim) if sensors else None
+        trace = prover.refuted(change.claim, _MAX_FRAMES) if sensors else None
         if trace is None:
             continue
         *first, last = trace.snapshots

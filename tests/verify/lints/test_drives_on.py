@@ -202,3 +202,20 @@ def test_memory_of_memory_functions_in_a_transition() -> None:
     assert [m for _, m in found(text)] == [
         "with `bumper` missing, `mode` cannot leave `going`, and `go` drives"
     ]
+
+
+def test_a_machine_that_comes_late_to_the_phase() -> None:
+    machine = """machine mode {
+  start off  off -> armed when level > 50  armed -> ready when level < 50  ready -> going when level > 60
+  going -> done when bumper
+}
+"""
+    text = machine + go("go", "mode == mode.going") + "network { drive = go }\n"
+    assert messages(text) == ["with `bumper` missing, `mode` cannot leave `going`, and `go` drives"]
+
+
+def test_a_state_that_counts() -> None:
+    text = "state bumps = 0 next bumps = if rising(bumper) then bumps + 1 else bumps\n"
+    text += go("retire", "bumps >= 2", "0") + go("cruise", "true")
+    text += "network { drive = retire suppresses cruise }\n"
+    assert messages(text) == ["with `bumper` missing, `bumps` stays as it is, and `cruise` drives"]

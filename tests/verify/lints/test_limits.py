@@ -97,6 +97,12 @@ def test_nothing_is_limited_where_no_module_wins() -> None:
     assert "V034" in codes(blind + "limit drive.velocity >= 100 mm/s when fresh(sonar)\n")
 
 
+def test_a_command_that_is_not_finite_does_not_hide_a_contradiction() -> None:
+    text = go("a", "true", "100 mm/s / level") + "network { drive = a }\nlimit drive.velocity >= 50 mm/s\n"
+    assert "V033" in codes(text + "limit drive.velocity <= -50 mm/s when level < 50\n")
+    assert "V033" not in codes(text + "limit drive.velocity <= -50 mm/s when level < 0 or level > 100\n")
+
+
 def test_a_contradiction_is_an_error_where_nothing_is_sent_then() -> None:
     [found] = of_lift("limit lift.height <= 1 m when level > 50\nlimit lift.height >= 1.5 m\n")
     assert (found.code, found.severity) == ("V033", "error")
