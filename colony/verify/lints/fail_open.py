@@ -10,7 +10,8 @@ fail open: it is active then too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple, Self
 
 from colony.ir.expression import Expression
 from colony.ir.program import Actuator, Module
@@ -31,25 +32,34 @@ from colony.verify.lints.driving import (
     without,
 )
 from colony.verify.lints.evidence import replay
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import Prover, TimeBudget
+
+_MAX_EAGER = 16
+"""Number of pairs and sensors up to which the claims about guards are encoded with all others."""
 
 
-def _guarded_claim(module: Module, guard: Module, sensor: str) -> str:
-    return f"guarded {module.name} {guard.name} {sensor}"
+class _Pair(NamedTuple):
+    """A module that moves the robot, and an ordinary dominator that needs further sensors."""
+
+    module: Module
+    actuator: Actuator
+    guard: Module
+    sensors: tuple[str, ...]
+
+    def claim(self, sensor: str) -> str:
+        return f"guarded {self.module.name} {self.guard.name} {sensor}"
+
+    def only(self, sensors: Iterable[str]) -> Self:
+        return self._replace(sensors=tuple(sensors))
 
 
-def _pairs(case: Case) -> Iterator[tuple[Module, Module, Actuator]]:
-    """Yield (module that moves the robot, ordinary dominator that needs a further sensor, actuator)."""
+def _pairs(case: Case) -> Iterator[_Pair]:
     for module, actuator in drivers(case):
         for name in dominators(case, module):
             guard = case.modules.get(name)
-            if guard is not None and not guard.failsafe and _own_needs(case, module, guard):
-                yield module, guard, actuator
-
-
-def _own_needs(case: Case, module: Module, guard: Module) -> tuple[str, ...]:
-    """Return the sensors that a guard needs and the module does not."""
-    return tuple(sorted(case.contents.needs(guard) - case.contents.needs(module)))
+            if guard is not None and not guard.failsafe:
+                sensors = case.contents.needs(guard) - case.contents.needs(module)
+                yield _Pair(module, actuator, guard, tuple(sorted(sensors)))
 
 
 def independent_dominators(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
@@ -62,40 +72,59 @@ def independent_dominators(case: Case, module: Module, sensor: str) -> tuple[str
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
+    """Yield the claims that a module never wins while only this sensor is missing, and a few more.
+
+    Those about guards take longer to encode, and few modules can win without a sensor of their guards: of a
+    large program they are encoded only where they are asked.
+    """
+    for pair in _pairs(case):
+        for sensor in pair.sensors:
+            yield open_claim(case, pair.module, pair.actuator, sensor)
+        if _is_small(case):
+            yield from _guard_claims(case, pair)
+
+
+def _is_small(case: Case) -> bool:
+    return sum(len(pair.sensors) for pair in _pairs(case)) <= _MAX_EAGER
+
+
+def _guard_claims(case: Case, pair: _Pair) -> Iterator[tuple[str, Expression]]:
     """Yield the claims behind a warning.
 
-    "Open": the module never wins while only this sensor is missing. "Guarded": with all sensors present, the
-    module is never kept from moving the robot only by guards that need the sensor. "Restrains": the guard
-    restrains a field of the module's command.
+    "Guarded": with all sensors present, the module is never kept from moving the robot only by guards that
+    need the sensor. "Restrains": the guard restrains a field of the module's command.
     """
-    for module, guard, actuator in _pairs(case):
-        held_back = (
-            *with_all_sensors(case),
-            active(module.name),
-            active(guard.name),
-            negation(won(actuator.name, module.name)),
-            drives(module, actuator),
-        )
-        for sensor in _own_needs(case, module, guard):
-            yield open_claim(case, module, actuator, sensor)
-            others = (negation(active(name)) for name in independent_dominators(case, module, sensor))
-            yield _guarded_claim(module, guard, sensor), negation(all_of((*held_back, *others)))
-        yield from restraint_claims(module, guard, actuator)
+    held_back = (
+        *with_all_sensors(case),
+        active(pair.module.name),
+        active(pair.guard.name),
+        negation(won(pair.actuator.name, pair.module.name)),
+        drives(pair.module, pair.actuator),
+    )
+    for sensor in pair.sensors:
+        others = (negation(active(name)) for name in independent_dominators(case, pair.module, sensor))
+        yield pair.claim(sensor), negation(all_of((*held_back, *others)))
+    yield from restraint_claims(pair.module, pair.guard, pair.actuator)
 
 
-def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
     """Yield the warnings about guards that fail open."""
     found: dict[tuple[str, str], list[str]] = {}
-    for module, guard, actuator in _pairs(case):
-        sensors = [s for s in _own_needs(case, module, guard) if may_win_without(module, s, prover)]
-        fields = guarded_fields(case, module, guard, actuator, prover) if sensors else frozenset[int]()
-        for sensor in sensors if fields else ():
-            trace = prover.refuted(_guarded_claim(module, guard, sensor))
+    all_pairs = list(_pairs(case))
+    pairs = [p.only(s for s in p.sensors if may_win_without(p.module, s, prover)) for p in all_pairs]
+    asked = prover
+    if not _is_small(case):
+        open_claims = (claim for p in pairs if p.sensors for claim in _guard_claims(case, p))
+        asked = Prover(case.instrumented, dict(open_claims), time_budget)
+    for pair in pairs:
+        fields = guarded_fields(case, pair.module, pair.guard, pair.actuator, asked) if pair.sensors else ()
+        for sensor in pair.sensors if fields else ():
+            trace = asked.refuted(pair.claim(sensor))
             if trace is None:
                 continue
             outcome = replay(case.program, without(trace.snapshots, sensor))[-1]
-            if fields & moving_fields(outcome, module, actuator):
-                found.setdefault((module.name, sensor), []).append(guard.name)
+            if moving_fields(outcome, pair.module, pair.actuator).intersection(fields):
+                found.setdefault((pair.module.name, sensor), []).append(pair.guard.name)
     yield from _warnings(case, found)
 
 

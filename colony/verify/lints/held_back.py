@@ -7,8 +7,8 @@ that fail open (`fail_open`): with the sensor, `carry` is not active and `avoid`
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple, Self
 
 from colony.ir.expression import Expression
 from colony.ir.program import Actuator, Module
@@ -29,7 +29,7 @@ from colony.verify.lints.driving import (
     without,
 )
 from colony.verify.lints.fail_open import independent_dominators
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import Prover, TimeBudget
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
 
@@ -45,6 +45,9 @@ class _Hold(NamedTuple):
 
     def claim(self, sensor: str) -> str:
         return f"held back {self.module.name} {self.guard.name} {self.holder.name} {sensor}"
+
+    def only(self, sensors: Iterable[str]) -> Self:
+        return self._replace(sensors=tuple(sensors))
 
 
 def _holds(case: Case) -> Iterator[_Hold]:
@@ -81,39 +84,48 @@ def _sensors(case: Case, module: Module, guard: Module, holder: Module) -> tuple
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
+    """Yield the claims that a module never wins while only this sensor is missing (`driving.open_claim`)."""
+    for hold in _holds(case):
+        for sensor in hold.sensors:
+            yield open_claim(case, hold.module, hold.actuator, sensor)
+
+
+def _hold_claims(case: Case, hold: _Hold) -> Iterator[tuple[str, Expression]]:
     """Yield the claims behind a warning.
 
     "Held back": with all sensors present, the guard never keeps the module from moving the robot while the
-    holder is not active. For the others see `fail_open`.
+    holder is not active. "Restrains": the guard restrains a field of the module's command.
     """
-    for hold in _holds(case):
-        wins = won(hold.actuator.name, hold.module.name)
-        for sensor in hold.sensors:
-            yield open_claim(case, hold.module, hold.actuator, sensor)
-            others = [
-                negation(active(name))
-                for name in independent_dominators(case, hold.module, sensor)
-                if name not in (hold.guard.name, hold.holder.name)
-            ]
-            guarded = (
-                *with_all_sensors(case),
-                active(hold.module.name),
-                active(hold.guard.name),
-                negation(active(hold.holder.name)),
-                negation(wins),
-                drives(hold.module, hold.actuator),
-            )
-            yield hold.claim(sensor), negation(all_of((*guarded, *others)))
-        if hold.sensors:
-            yield from restraint_claims(hold.module, hold.guard, hold.actuator)
+    guarded = (
+        *with_all_sensors(case),
+        active(hold.module.name),
+        active(hold.guard.name),
+        negation(active(hold.holder.name)),
+        negation(won(hold.actuator.name, hold.module.name)),
+        drives(hold.module, hold.actuator),
+    )
+    for sensor in hold.sensors:
+        others = (
+            negation(active(name))
+            for name in independent_dominators(case, hold.module, sensor)
+            if name not in (hold.guard.name, hold.holder.name)
+        )
+        yield hold.claim(sensor), negation(all_of((*guarded, *others)))
+    yield from restraint_claims(hold.module, hold.guard, hold.actuator)
 
 
-def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
     """Yield the warnings about failsafe modules that hold back a guard."""
+    holds = [h.only(s for s in h.sensors if may_win_without(h.module, s, prover)) for h in _holds(case)]
+    asked = Prover(
+        case.instrumented,
+        dict(claim for h in holds if h.sensors for claim in _hold_claims(case, h)),
+        time_budget,
+    )
     found: dict[tuple[str, str, str], list[str]] = {}
-    for hold in _holds(case):
+    for hold in holds:
         for sensor in hold.sensors:
-            if may_win_without(hold.module, sensor, prover) and _is_confirmed(case, hold, sensor, prover):
+            if _is_confirmed(case, hold, sensor, asked):
                 key = (hold.module.name, hold.holder.name, sensor)
                 found.setdefault(key, []).append(hold.guard.name)
     by_guards: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}

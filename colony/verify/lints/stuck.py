@@ -34,9 +34,11 @@ from colony.verify.lints.driving import (
     without,
 )
 from colony.verify.lints.fail_open import inhibitor_hint
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import Prover, TimeBudget
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
+
+_CLAIM = "change"
 
 _MAX_FRAMES = 8
 """Maximum length of a run: a machine may come through several phases before a module drives."""
@@ -57,10 +59,6 @@ class _Change(NamedTuple):
     memory: State | Machine
     phase: float | None
     sensors: tuple[str, ...]
-
-    @property
-    def claim(self) -> str:
-        return f"change {self.module.name} {self.memory.name} {self.phase}"
 
     @property
     def value(self) -> Expression:
@@ -107,30 +105,32 @@ def _needed(case: Case, memory: State | Machine) -> dict[float | None, frozenset
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a change of memory never stops a module that moved the robot in the frame before.
+    """Yield the claims that a module never wins while only this sensor is missing (`driving.open_claim`)."""
+    for change in _changes(case):
+        for sensor in change.sensors:
+            yield open_claim(case, change.module, change.actuator, sensor)
+
+
+def _change_claim(case: Case, change: _Change) -> Expression:
+    """Return the claim that a change of memory never stops a module that moved the robot in the frame before.
 
     All sensors are present in both frames, and no dominator is active that does not read the memory.
     """
-    free_cell = _free_cell(case)
-    for change in _changes(case):
-        wins = won(change.actuator.name, change.module.name)
-        drove = all_of((*with_all_sensors(case), wins, drives(change.module, change.actuator)))
-        conditions = [
-            *with_all_sensors(case),
-            _memory(ir.MemoryFunction.PREVIOUS, (value_or(drove, FALSE), FALSE), free_cell),
-            _memory(ir.MemoryFunction.CHANGED, (change.value,), free_cell + 1),
-            negation(wins),
-        ]
-        free_cell += 2
-        if change.phase is not None:
-            conditions.append(binary(Binary.EQUAL, change.value, constant(change.phase, change.memory.type)))
-        for name in dominators(case, change.module):
-            dominator = case.modules.get(name)
-            if dominator is None or change.memory.name not in _memories_read(case, dominator):
-                conditions.append(negation(active(name)))
-        yield change.claim, negation(all_of(conditions))
-        for sensor in change.sensors:
-            yield open_claim(case, change.module, change.actuator, sensor)
+    wins, free_cell = won(change.actuator.name, change.module.name), _free_cell(case)
+    drove = all_of((*with_all_sensors(case), wins, drives(change.module, change.actuator)))
+    conditions = [
+        *with_all_sensors(case),
+        _memory(ir.MemoryFunction.PREVIOUS, (value_or(drove, FALSE), FALSE), free_cell),
+        _memory(ir.MemoryFunction.CHANGED, (change.value,), free_cell + 1),
+        negation(wins),
+    ]
+    if change.phase is not None:
+        conditions.append(binary(Binary.EQUAL, change.value, constant(change.phase, change.memory.type)))
+    for name in dominators(case, change.module):
+        dominator = case.modules.get(name)
+        if dominator is None or change.memory.name not in _memories_read(case, dominator):
+            conditions.append(negation(active(name)))
+    return negation(all_of(conditions))
 
 
 def _free_cell(case: Case) -> int:
@@ -151,12 +151,18 @@ class _End(NamedTuple):
     after: Value | None
 
 
-def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
-    """Yield the warnings about memory that a missing sensor keeps as it is."""
+def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
+    """Yield the warnings about memory that a missing sensor keeps as it is.
+
+    Few modules can win without such a sensor, so only the claims about these are encoded.
+    """
     found: dict[tuple[str, str, Value | None], tuple[_Change, list[str]]] = {}
     for change in _changes(case):
         sensors = [s for s in change.sensors if may_win_without(change.module, s, prover)]
-        trace = prover.refuted(change.claim, _MAX_FRAMES) if sensors else None
+        if not sensors:
+            continue
+        asked = Prover(case.instrumented, {_CLAIM: _change_claim(case, change)}, time_budget)
+        trace = asked.refuted(_CLAIM, _MAX_FRAMES)
         if trace is None:
             continue
         *first, last = trace.snapshots

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from colony.dsl.load import load_text
@@ -95,6 +97,18 @@ def test_nothing_is_limited_where_no_module_wins() -> None:
     blind = "failsafe " + go("a", "sonar > 0") + "network { drive = a }\n"
     assert "V034" not in codes(blind + "limit drive.velocity >= 100 mm/s when not fresh(sonar)\n")
     assert "V034" in codes(blind + "limit drive.velocity >= 100 mm/s when fresh(sonar)\n")
+
+
+def test_a_limit_that_contradicts_one_of_an_imported_robot(tmp_path: Path) -> None:
+    (tmp_path / "robot.colony").write_text(ROBOT + "limit drive.velocity <= sonar / 2 s\n")
+    text = 'import "robot.colony"\n' + GO
+    assert lint(load_text(text, directory=tmp_path)) == ()
+    text += "limit drive.velocity >= 200 mm/s when bumper\n"
+    contradict, excluded = lint(load_text(text, directory=tmp_path))
+    assert contradict.diagnostic.code == "V033"
+    [other] = contradict.diagnostic.labels
+    assert other.span.source.name.endswith("robot.colony")
+    assert excluded.diagnostic.code == "V034"
 
 
 def test_a_command_that_is_not_finite_does_not_hide_a_contradiction() -> None:
