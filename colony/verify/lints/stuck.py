@@ -16,7 +16,7 @@ from colony.ir import expression as ir
 from colony.ir.expression import Binary, Expression
 from colony.ir.frame import Outcome
 from colony.ir.program import Actuator, Machine, Module, State
-from colony.ir.types import BOOL, Value
+from colony.ir.types import BOOL
 from colony.ir.walk import all_subexpressions
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
@@ -36,6 +36,7 @@ from colony.verify.lints.driving import (
 from colony.verify.lints.fail_open import inhibitor_hint
 from colony.verify.lints.proof import Prover, TimeBudget
 from colony.verify.reference.interpreter import Interpreter
+from colony.verify.reference.kleene import Known
 from colony.verify.snapshot import Snapshot
 
 _CLAIM = "change"
@@ -147,8 +148,8 @@ class _End(NamedTuple):
     """The last frame of a run, and the memory's values as the last two frames saw them."""
 
     outcome: Outcome
-    before: Value | None
-    after: Value | None
+    before: Known
+    after: Known
 
 
 def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
@@ -156,7 +157,7 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
 
     Few modules can win without such a sensor, so only the claims about these are encoded.
     """
-    found: dict[tuple[str, str, Value | None], tuple[_Change, list[str]]] = {}
+    found: dict[tuple[str, str, Known], tuple[_Change, list[str]]] = {}
     for change in _changes(case):
         sensors = [s for s in change.sensors if may_win_without(change.module, s, prover)]
         if not sensors:
@@ -193,7 +194,7 @@ def _end(case: Case, change: _Change, snapshots: tuple[Snapshot, ...]) -> _End:
     return _End(outcome, values[-2], values[-1])
 
 
-def _texts(change: _Change, before: Value | None, sensors: list[str]) -> tuple[str, str]:
+def _texts(change: _Change, before: Known, sensors: list[str]) -> tuple[str, str]:
     """Return the message and the hint."""
     missing, module = f"with {quoted(sensors, 'or')} missing", change.module.name
     inhibitor = inhibitor_hint(sensors, module)
