@@ -235,8 +235,8 @@ def test_a_python_module_alone() -> None:
     module = ModuleExecutor(compiled, "m")
     assert module.sensors == ("x", "a")
     for _ in range(2):
-        assert module.step(shot(0)) == Answer()
-        assert module.step(shot(100)) == Answer()
+        assert module.step(shot(0)) == Answer(blind=True)
+        assert module.step(shot(100)) == Answer(blind=True)
         assert module.step(shot(300)) == TOLD._replace(error=True)
         module.restart()
     with pytest.raises(KeyError):
