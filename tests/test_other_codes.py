@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from colony.cli.main import main
+from colony.dsl.errors import CODES as FRONT_END_CODES
 from colony.text.codes import CODES
 from tests.dsl.test_error_page import PAGE, ROBOT, Fence, examples
 from tests.paths import ROOT
@@ -49,7 +50,7 @@ def test_comments_tell_of_no_other_codes() -> None:
 
 
 def test_the_page_has_a_section_for_every_code_in_order() -> None:
-    headings = re.findall(r"^### ([^EW]\d{3}): (.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    headings = re.findall(r"^### ([^ENUW]\d{3}): (.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert headings == list(CODES.items())
 
 
@@ -105,7 +106,9 @@ def typed(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize(
-    ("code", "files", "shown"), examples(CODES), ids=lambda v: v if isinstance(v, str) and len(v) == 4 else ""
+    ("code", "files", "shown"),
+    examples([*CODES, *(code for code in FRONT_END_CODES if code[0] in "NU")]),
+    ids=lambda v: v if isinstance(v, str) and len(v) == 4 else "",
 )
 def test_an_example_prints_what_the_page_shows(
     code: str, files: list[Fence], shown: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -113,7 +116,9 @@ def test_an_example_prints_what_the_page_shows(
     monkeypatch.chdir(tmp_path)
     stopped, printed = typed(make(files), monkeypatch)
     assert printed == shown
-    errors, warnings = (set(re.findall(rf"{kind}\[(\w+)\]", printed)) for kind in ("error", "warning"))
+    errors, warnings = (
+        set(re.findall(rf"(?:{kinds})\[(\w+)\]", printed)) for kinds in ("error", "warning|note")
+    )
     assert errors == {code} or (not errors and warnings == {code})
     assert stopped == (1 if code in PARTLY else 2 if code in MISUSE else EXIT_CODES[code[0]] if errors else 0)
 

@@ -13,6 +13,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.reporting import PROGRESS_DELAY_S, load_program, refuse, report, say
 from colony.cli.shipped_files import BEHAVIOR
+from colony.ir.version import SEMANTICS
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
@@ -107,6 +108,7 @@ def _print_json(
         "recording": recording,
         "file": file,
         "program": run.program if run else None,
+        "semantics": SEMANTICS,
         "robot": program.robot.name,
         "seed": run.seed if run else None,
         "run": run.run if run else None,

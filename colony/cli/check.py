@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -14,6 +14,7 @@ from colony.cli.shipped_files import BEHAVIOR
 from colony.collector import gc_paused
 
 if TYPE_CHECKING:
+    from colony.dsl.load import Checked
     from colony.text.diagnostics import Diagnostic
 
 
@@ -23,9 +24,10 @@ if TYPE_CHECKING:
 def command(files: tuple[str, ...], format_: str) -> None:
     """Check behavior files and everything that they import: syntax, names, types, units, wiring.
 
-    All errors and warnings are reported, each with its location and a hint.
+    All errors and warnings are reported, each with its location and a hint. A note reports each file that
+    does not name its version with `language 2`.
 
-    Exit code: 0 without errors (warnings are allowed), 1 with errors, 2 if a file cannot be read.
+    Exit code: 0 without errors (warnings and notes are allowed), 1 with errors, 2 if a file cannot be read.
 
     \b
     Example:
@@ -35,20 +37,22 @@ def command(files: tuple[str, ...], format_: str) -> None:
     """
     with gc_paused():
         from colony.dsl.load import check_file
-        from colony.text.diagnostics import has_errors
+        from colony.text.diagnostics import has_errors, in_order
 
         diagnostics: list[Diagnostic] = []
+        noted: set[str] = set()
         unreadable = False
         for file in files:
             checked = check_file(file)
-            diagnostics += checked.diagnostics
+            found = in_order((*checked.diagnostics, *_notes(checked, noted)))
+            diagnostics += found
             is_missing = is_unreadable(checked.diagnostics)
             unreadable = unreadable or is_missing
             if format_ == "text":
                 if is_missing:
                     say(one_line(checked.diagnostics[0]))
                 else:
-                    report(checked.diagnostics)
+                    report(found)
                 if checked.program is not None:
                     click.echo(f"{file}: ok")
     if format_ != "text":
@@ -57,6 +61,18 @@ def command(files: tuple[str, ...], format_: str) -> None:
         raise click.exceptions.Exit(EXIT_MISUSE)
     if has_errors(diagnostics):
         raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def _notes(checked: Checked, noted: set[str]) -> Iterator[Diagnostic]:
+    """Yield a note for each file without a version, unless it is in `noted`, or has syntax errors."""
+    from colony.dsl.language_version import version_note
+    from colony.dsl.parse import SYNTAX_CODES
+
+    misread = {id(d.span.source) for d in checked.diagnostics if d.code in SYNTAX_CODES}
+    for file in checked.tree.files:
+        if file.tree.language is None and file.key not in noted and id(file.source) not in misread:
+            yield version_note(file.source)
+        noted.add(file.key)
 
 
 def _formatted(diagnostics: Sequence[Diagnostic], format_: Format) -> str:

@@ -12,6 +12,7 @@ from colony.cli.reporting import load_program, report
 from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import depth_option, timeout_option
 from colony.extras import expect_extras
+from colony.ir.version import SEMANTICS
 from colony.verify.interruption import reliable_interrupts
 
 
@@ -75,7 +76,8 @@ def command(
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     if format_ == "json":
-        click.echo(json.dumps({"a": a, "b": b, **row(program_a, program_b, result)}, indent=2))
+        compared = {"semantics": SEMANTICS, "a": a, "b": b, **row(program_a, program_b, result)}
+        click.echo(json.dumps(compared, indent=2))
     else:
         click.echo("\n".join((f"A is {a}, B is {b}", *lines(program_a, program_b, result))))
     code = EXIT_ERRORS if isinstance(result, Different) else EXIT_UNDECIDED

@@ -36,7 +36,7 @@ PROGRESS_DELAY_S = 1.5
 _CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f]")
 """Control characters of a terminal, except tabs and line breaks."""
 
-_COLORS = {"error": "red", "warning": "yellow"}
+_COLORS = {"error": "red", "warning": "yellow", "note": "cyan"}
 
 
 def say(text: str) -> None:

@@ -108,7 +108,7 @@ def _rules(used: Iterable[str]) -> dict[str, str]:
 
 
 def _descriptor(code: str, description: str) -> Object:
-    level = "warning" if code.startswith("W") else "error"
+    level = {"W": "warning", "N": "note"}.get(code[0], "error")
     return {
         "id": code,
         "shortDescription": {"text": _message(description)},

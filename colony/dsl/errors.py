@@ -3,7 +3,7 @@
 Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
 when each occurs and how to fix it. E0xx is about text and files, E1xx about names, E2xx about types and
 constants, E3xx about the robot, E4xx about modules, E5xx about the network, E6xx about limits and tests;
-W0xx are warnings.
+N0xx are notes, U0xx what a person has to decide in an upgrade, W0xx warnings.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ CODES: dict[str, str] = {
     "E005": "something else was expected here",
     "E006": "a bracket or a text is not closed",
     "E007": "too many syntax errors",
+    "E008": "the file is of another version of the language",
     "E010": "a number is too large",
     "E011": "an exponent or a unit is too large",
     "E101": "an unknown name",
@@ -65,6 +66,12 @@ CODES: dict[str, str] = {
     "E602": "the times of a test do not increase",
     "E603": "a value that cannot be given to a sensor",
     "E604": "a step of a test is too long or has no period",
+    "N001": "a file does not name its version",
+    "U001": "limits that can contradict each other",
+    "U002": "a bound that can be missing, with an idle command other than 0",
+    "U003": "a transition that can hold back those below it",
+    "U004": "a contract that can be unknown",
+    "U005": "`idle hold` of an actuator that moves the robot",
     "W001": "a module or wire reaches no actuator",
     "W002": "nothing drives an actuator",
 }

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from colony.dsl import ast
+from colony.dsl.language_version import version_error
 from colony.dsl.parse import parse
 from colony.files import COMPILED, read_file, reason, size_text
 from colony.record import Record, record
@@ -184,7 +185,8 @@ class _Loader:
         while queue:
             key, path, source = queue.pop()
             parsed = parse(source)
-            self.diagnostics += parsed.diagnostics
+            wrong_version = version_error(source, parsed.file.language)
+            self.diagnostics += parsed.diagnostics if wrong_version is None else (wrong_version,)
             imports = []
             for declaration in parsed.file.declarations:
                 if not isinstance(declaration, ast.ImportDecl):

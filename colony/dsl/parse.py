@@ -20,6 +20,9 @@ from colony.text.source import Source, Span
 
 MAX_SYNTAX_ERRORS = 20
 
+SYNTAX_CODES = frozenset({"E004", "E005", "E006", "E007"})
+"""The codes of the errors that `parse` finds."""
+
 _BRACKETS = re.compile(r'"[^"\r\n]*"|#[^\r\n]*|[(){}\[\]]')
 
 
@@ -52,10 +55,11 @@ def parse(source: Source) -> Parsed:
             from colony.dsl import recovery
             from colony.dsl.syntax_errors import describe
 
-            language = language or recovery.language_line(unexpected)
+            line = recovery.language_line(unexpected)
+            language = language or line
             complete = recovery.complete_declarations(unexpected)
             declarations += complete
-            declaration_start = complete[-1].end if complete else start
+            declaration_start = complete[-1].end if complete else line.end if line else start
             diagnostics.append(describe(source, unexpected, declaration_start))
             start = recovery.next_declaration(text, declaration_start, diagnostics[-1].span.start)
             lost |= recovery.lost_names(text[declaration_start:start])

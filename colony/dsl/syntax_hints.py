@@ -63,6 +63,8 @@ def hint_for(text: str, offset: int, found: str, accepted: frozenset[str]) -> st
     before = text[max(offset - 40, 0) : offset]
     if found == "%" and re.search(r"\d[ \t]*$", before) and not re.match(r"[ \t]*[\w(]", text[offset + 1 :]):
         return "there are no percentages: write `0.2` for 20 %"
+    if found == "language" and re.match(r"[ \t]*\d", text[offset + len(found) :]):
+        return "a file has this line once, before its first declaration"
     return (
         _did_you_mean(found, accepted)
         or _number_hint(before, found, text[offset + len(found) : offset + len(found) + 40], accepted)

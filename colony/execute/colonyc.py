@@ -1,9 +1,11 @@
 """A compiled program as bytes: in a file `*.colonyc`, and for the processes that run its clients.
 
-    "colonyc", one byte of version, the SHA-256 of the rest, the rest in MessagePack
+    "colonyc", the version of the format and that of the semantics in one byte each, the SHA-256 of the rest,
+    the rest in MessagePack
 
-Reading a file executes none of it, and checks all of it: size, version and checksum, then each value against
-its type (`shapes`), then each reference (`validity`). A damaged or forged program is rejected with C001.
+The format says how a program is laid out, the semantics (`colony.ir.version`) what it decides. Reading a
+file executes none of it, and checks all of it: size, versions and checksum, then each value against its type
+(`shapes`), then each reference (`validity`). A damaged or forged program is rejected with C001.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.shapes import SpanShape, from_shape, shape, to_shape
 from colony.execute.validity import InvalidProgramError, check
 from colony.files import COMPILED, StrPath, open_regular, read_file, reason
+from colony.ir.version import SEMANTICS, semantics_mismatch
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import NOWHERE, Source, Span
 
@@ -31,7 +34,7 @@ MAX_BYTES = 16 * 1024 * 1024
 """Maximum size in bytes of a compiled program, many times the size of one with ten thousand modules."""
 
 _HINT = "create one with `colony compile FILE -o NAME.colonyc`"
-_PREFIX = COMPILED + bytes([VERSION])
+_PREFIX = COMPILED + bytes([VERSION, SEMANTICS])
 _HEADER_SIZE = len(_PREFIX) + sha256().digest_size
 _decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(shape(Compiled))
 
@@ -87,7 +90,12 @@ def _decode(data: bytes) -> Compiled:
     if not data.startswith(COMPILED):
         raise InvalidProgramError("it does not begin with the header of a compiled program")
     if not data.startswith(_PREFIX):
-        raise InvalidProgramError(f"its format version is not {VERSION}; compile it again")
+        found = [*data[len(COMPILED) : len(_PREFIX)], 0, 0]
+        if found[0] != VERSION:
+            raise InvalidProgramError(
+                f"its format is version {found[0]}, this colony reads version {VERSION}; compile it again"
+            )
+        raise InvalidProgramError(f"it {semantics_mismatch(found[1])}; compile it again")
     body = memoryview(data)[_HEADER_SIZE:]
     if sha256(body).digest() != data[len(_PREFIX) : _HEADER_SIZE]:
         raise InvalidProgramError("it is damaged: its checksum does not match")

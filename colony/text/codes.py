@@ -67,6 +67,7 @@ CODES: dict[str, str] = {
     "A004": "the recording is of another program",
     "A005": "the program of a recording cannot be used",
     "A006": "the recording is damaged",
+    "A007": "the recording is of another version of the semantics",
     "V001": "the compiled form differs from the network",
     "V002": "the compiled form is neither proved nor refuted",
     "V010": "a contract can be broken",

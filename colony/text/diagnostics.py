@@ -12,7 +12,8 @@ from typing import Literal
 
 from colony.text.source import Span
 
-Severity = Literal["error", "warning"]
+Severity = Literal["error", "warning", "note"]
+"""Severity of a finding. A note is information: it never makes a command fail."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,11 @@ def error(code: str, span: Span, message: str, hint: str | None = None, *labels:
 def warning(code: str, span: Span, message: str, hint: str | None = None) -> Diagnostic:
     """Return a warning at `span`."""
     return Diagnostic(code=code, span=span, message=message, hint=hint, severity="warning")
+
+
+def note(code: str, span: Span, message: str, hint: str | None = None) -> Diagnostic:
+    """Return a note at `span`."""
+    return Diagnostic(code=code, span=span, message=message, hint=hint, severity="note")
 
 
 def headline(diagnostic: Diagnostic) -> str:

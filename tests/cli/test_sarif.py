@@ -16,7 +16,7 @@ from colony.text.diagnostics import Diagnostic, error, warning
 from colony.text.source import NOWHERE, Source, Span
 from tests.cli.conftest import Colony
 
-TEXT = "robot r { sensor sonar : mm from P.s }\nlet a = sonnar\n"
+TEXT = "language 2 robot r { sensor sonar : mm from P.s }\nlet a = sonnar\n"
 
 
 def run_of(text: str) -> dict[str, Any]:
@@ -74,6 +74,16 @@ def test_files_without_findings_give_an_empty_run(colony: Colony, behavior: Path
     assert run_of(out)["results"] == []
 
 
+def test_a_note_has_its_level(colony: Colony, tmp_path: Path) -> None:
+    (tmp_path / "b.colony").write_text("robot r { }\n")
+    code, out, _ = colony("check", "--format", "sarif", "b.colony")
+    assert code == 0
+    run = run_of(out)
+    (result,) = run["results"]
+    assert (result["ruleId"], result["level"]) == ("N001", "note")
+    assert run["tool"]["driver"]["rules"][result["ruleIndex"]]["defaultConfiguration"] == {"level": "note"}
+
+
 def test_a_file_that_cannot_be_read_is_a_notification(colony: Colony, tmp_path: Path) -> None:
     (tmp_path / "bad.colony").write_text(TEXT)
     code, out, _ = colony("check", "--format", "sarif", "none.colony", "bad.colony", tmp_path)
@@ -101,7 +111,7 @@ def test_odd_names_are_addresses(colony: Colony, tmp_path: Path) -> None:
 def test_a_file_that_two_import_is_told_of_once(colony: Colony, tmp_path: Path) -> None:
     (tmp_path / "bad.colony").write_text(TEXT)
     for name in ("one.colony", "two.colony"):
-        (tmp_path / name).write_text('import "bad.colony"\n')
+        (tmp_path / name).write_text('language 2\nimport "bad.colony"\n')
     _, out, _ = colony("check", "--format", "sarif", "one.colony", "two.colony")
     assert [place(r)["artifactLocation"]["uri"] for r in run_of(out)["results"]] == ["bad.colony"]
 

@@ -34,7 +34,7 @@ def folder(tmp_path: Path) -> Path:
 def check(text: str, folder: Path) -> list[str]:
     """The headlines of all errors, and of the failures of all tests."""
     path = folder / "example.colony"
-    robot = "" if re.search(r"^robot ", text, re.MULTILINE) else 'import "rome.colony"\n'
+    robot = "" if re.search(r"^(robot|language) ", text, re.MULTILINE) else 'import "rome.colony"\n'
     path.write_text(robot + text)
     checked = check_file(path)
     errors = [headline(d) for d in checked.diagnostics if d.severity == "error"]

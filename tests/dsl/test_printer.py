@@ -68,7 +68,7 @@ limit lamp.level >= 0 when s[0] > 0
 test "t" {
   at 0 s
   from 1 s to 2 s every 100 ms
-    given s = [1, 2, 3], s[1] = -4, s = missing expect lamp is commanded, d is active
+    given s = [1, 2, 3], s[1] = -4 taken 2 * 3 ms ago, s = missing expect lamp is commanded, d is active
 }
 """
     tree = read(text)

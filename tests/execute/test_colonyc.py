@@ -26,13 +26,14 @@ from colony.execute.compiled import Compiled
 from colony.execute.executor import ProgramExecutor
 from colony.execute.operators import Operator
 from colony.execute.shapes import SpanShape, to_shape
+from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError
 from colony.text.source import Span
 from colony.verify.testing.agreement import disagreement
 from colony.verify.testing.strategies import programs, traces
 from tests.paths import BEHAVIORS, ROOT
 
-HEAD = len(b"colonyc") + 1 + 32
+HEAD = len(b"colonyc") + 2 + 32
 
 
 def refused(data: bytes) -> str:
@@ -46,7 +47,7 @@ def refused(data: bytes) -> str:
 
 def signed(body: bytes) -> bytes:
     """Return a file with this content and its right sum, as a forger would make it."""
-    return b"colonyc" + bytes([VERSION]) + sha256(body).digest() + body
+    return b"colonyc" + bytes([VERSION, SEMANTICS]) + sha256(body).digest() + body
 
 
 @pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
@@ -125,7 +126,13 @@ def test_other_bytes_and_other_versions_are_refused(wander: Compiled, tmp_path: 
     data = encode(wander)
     assert "does not begin" in refused(b"")
     assert "does not begin" in refused(b"robot r {}")
-    assert f"version is not {VERSION}" in refused(data[:7] + bytes([VERSION + 1]) + data[8:])
+    other_format = refused(data[:7] + bytes([VERSION + 1]) + data[8:])
+    assert f"its format is version {VERSION + 1}, this colony reads version {VERSION}" in other_format
+    other_semantics = refused(data[:8] + bytes([SEMANTICS - 1]) + data[9:])
+    assert f"of version {SEMANTICS - 1} of the semantics; this is version {SEMANTICS}" in other_semantics
+    assert all("compile it again" in said for said in (other_format, other_semantics))
+    for length in (7, 8):
+        assert "compile it again" in refused(data[:length])
     assert "damaged" in refused(data[:-1])
     assert "damaged" in refused(data + b"\0")
     large = tmp_path / "large.colonyc"

@@ -184,6 +184,89 @@ def test_an_answer_takes_effect_when_the_next_is_asked() -> None:
     assert [bool(outcome.records) for outcome in found] == [False] * 7 + [True, False]
 
 
+# --- failsafe modules ------------------------------------------------------------------------------
+
+FAILSAFE = TEXT.replace("module m ", "failsafe module m ")
+BLIND = Outcome((Decision("out", "m", None, "missing"),), (Record("missing", "m"),))
+
+
+def test_a_failsafe_one_is_blind_where_something_that_it_reads_is_missing_and_is_not_called() -> None:
+    shots = [shot(0), shot(50, x=None), shot(100, a=[True]), shot(150)]
+    sent, blind, faulty, none = answered([GOOD, None], *shots, text=FAILSAFE)
+    assert (sent, blind, none) == (SENT, BLIND, Outcome((LOW,)))
+    assert faulty == BLIND._replace(records=(Record("sensor fault", "a"), Record("missing", "m")))
+    assert [t for t, _ in Scripted.seen] == [0.0, 0.15]
+
+
+@pytest.mark.parametrize("answer", [boom, {}, GOOD | {"more": 1}, GOOD | {"on": 1}, False, []])
+def test_a_failsafe_one_is_blind_without_a_good_answer(answer: Any) -> None:
+    [outcome] = answered([answer], shot(0), text=FAILSAFE)
+    assert outcome == BLIND._replace(records=(Record("python error", "m"), Record("missing", "m")))
+
+
+def test_a_failsafe_one_that_is_not_applicable_is_not_blind() -> None:
+    assert answered([None], shot(0), text=FAILSAFE) == (Outcome((LOW,)),)
+
+
+def test_a_failsafe_one_is_blind_until_its_first_answer_and_while_a_failed_one_stands() -> None:
+    found = answered([GOOD, boom, None, GOOD], *there(8), rate="rate 100 ms", text=FAILSAFE)
+    decided = [outcome.decisions[0] for outcome in found]
+    blind, sent = BLIND.decisions[0], SENT.decisions[0]
+    assert decided == [blind, blind, sent, sent, blind, blind, LOW, LOW]
+    assert [(i, r.kind) for i, outcome in enumerate(found) for r in outcome.records] == [
+        *((0, "missing"), (1, "missing")),
+        *((2, "python error"), (4, "missing"), (5, "missing")),
+    ]
+
+
+def test_a_failsafe_one_that_inhibits() -> None:
+    text = """
+      robot r {
+        sensor x : number from DServer.x
+        actuator base { speed : m/s } to RServer.drive idle base(speed = 0)
+      }
+      failsafe module m from python "tests.verify.scripted_modules:Scripted" { reads x }
+      module low { when true do base(speed = 1 m/s) }
+      network { base = m inhibits low }
+    """
+    shots = [Frame(i * MS, {"x": x}) for i, x in enumerate((0, 1, 2, None))]
+    idle, low = Decision("base", None, (0.0,)), Decision("base", "low", (1.0,))
+    found = answered([{}, None, boom], *shots, text=text)
+    assert [outcome.decisions[0] for outcome in found] == [idle, low, idle, idle]
+
+
+def test_one_that_is_derived_from_a_failsafe_one() -> None:
+    text = FAILSAFE.replace(
+        "network { out = m ", "module more = m(width = 1 m)\nnetwork { out = more suppresses m "
+    )
+    [outcome] = answered([boom], shot(0), text=text)
+    assert outcome.decisions == (Decision("out", "more", None, "missing"),)
+
+
+def test_clients_keep_away_from_a_failsafe_one_that_has_no_answer() -> None:
+    ordinary, failsafe = (
+        client(text.replace("Scripted", "Unbuildable").replace("RATE", ""), "out", "low")
+        for text in (TEXT, FAILSAFE)
+    )
+    for at, answer in enumerate((Answer(blind=True), Answer(error=True, blind=True))):
+        assert ordinary.step(Frame(at, {}), {"m": answer}).active
+        assert not failsafe.step(Frame(at, {}), {"m": answer}).active
+    assert failsafe.step(Frame(2, {}), {"m": Answer()}).active
+
+
+def test_the_client_of_a_failsafe_one_asks_for_the_idle_command_without_an_answer() -> None:
+    one = client(FAILSAFE.replace("Scripted", "Unbuildable").replace("RATE", ""), "out", "m")
+    step = one.step(shot(0), {"m": Answer(blind=True)})
+    assert (step.active, step.values, step.fault, step.records) == (
+        True,
+        None,
+        "missing",
+        (("missing", "m"),),
+    )
+    assert one.step(shot(50), {"m": TOLD}).values == TOLD.values
+    assert not one.step(shot(100), {"m": Answer()}).active
+
+
 # --- classes that cannot be built, clients, observers --------------------------------------------
 
 

@@ -11,6 +11,7 @@ import click
 
 from colony.cli.reporting import Format, is_unreadable, one_line, report, say
 from colony.cli.verify.work import Verified
+from colony.ir.version import SEMANTICS
 from colony.text.wording import counted
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def _json(verified_files: Sequence[Verified], interrupted: bool) -> str:
         files.append(
             {**entry, "left_open": verified.undecided_questions, "diagnostics": to_rows(verified.diagnostics)}
         )
-    return json.dumps({"interrupted": interrupted, "files": files}, indent=2)
+    return json.dumps({"semantics": SEMANTICS, "interrupted": interrupted, "files": files}, indent=2)
 
 
 def _sarif(verified_files: Sequence[Verified]) -> str:

@@ -1,6 +1,6 @@
 """Clients as JSON (`colony-clients/1`) for other programs; the runtime itself reads `.colonyc` files.
 
-    {"format": "colony-clients/1",
+    {"format": "colony-clients/1", "semantics": 2,
      "actuators": {"drive": {"clients": [
        {"priority": 2, "module": "back_off", "guard": 0, "exclusive": 0},
        {"priority": 1, "module": "cruise", "guard": 1, "exclusive": 3}]}},
@@ -11,9 +11,10 @@
        {"op": "not", "of": 0},
        {"op": "and", "of": [1, 2]}]}
 
-Actuators are in the order in which the robot declares them, clients highest priority first. Guards are
-references into `nodes`, and nodes refer only to earlier nodes, so one pass evaluates them all. A node's `op`
-is
+`format` says how the text is laid out, `semantics` is the version of what the program means
+(`colony.ir.version`). Actuators are in the order in which the robot declares them, clients highest priority
+first. Guards are references into `nodes`, and nodes refer only to earlier nodes, so one pass evaluates them
+all. A node's `op` is
 
     always, never    true, false
     active           true while the module `module` puts a command on its output
@@ -33,6 +34,7 @@ from typing import assert_never
 
 from colony.compile.clients import ActuatorClients, Client, ClientList
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
+from colony.ir.version import SEMANTICS
 
 FORMAT = "colony-clients/1"
 
@@ -43,7 +45,7 @@ def to_json(clients: ClientList) -> str:
     observed = json.dumps(dict(clients.observed))
     nodes = ",\n".join(f"    {json.dumps(_node_json(guard))}" for guard in clients.guards)
     return (
-        f'{{\n  "format": "{FORMAT}",\n  "actuators": {actuators},\n'
+        f'{{\n  "format": "{FORMAT}",\n  "semantics": {SEMANTICS},\n  "actuators": {actuators},\n'
         f'  "observed": {observed},\n  "nodes": [\n{nodes}\n  ]\n}}\n'
     )
 

@@ -19,7 +19,9 @@ from colony.execute.code import (
     ClientCode,
     Code,
     ContractCode,
+    Kind,
     LimitCode,
+    Lost,
     PythonCall,
     PythonField,
     PythonRead,
@@ -212,7 +214,9 @@ class _Lowering(Declarations):
                 self._actuator_codes[i] = replace(
                     actuator_code,
                     clients=tuple(
-                        _with_loss_aware_guards(c, guards[actuator_code.actuator.name, c.module], loss_aware)
+                        self._with_loss_aware_guards(
+                            c, guards[actuator_code.actuator.name, c.module], loss_aware
+                        )
                         for c in actuator_code.clients
                     ),
                 )
@@ -241,8 +245,16 @@ class _Lowering(Declarations):
                 holds = self._lowered_contracts.holds(contract.expression, label)
                 self._contracts[i] = replace(code, unsimplified=holds)
 
+    def _with_loss_aware_guards(self, code: ClientCode, client: Client, guards: GuardLowering) -> ClientCode:
+        """Return the client with guards in which lost clients are not active.
 
-def _with_loss_aware_guards(code: ClientCode, client: Client, guards: GuardLowering) -> ClientCode:
-    return replace(
-        code, loss_aware_guard=guards.guard(client.guard), loss_aware_exclusive=guards.guard(client.exclusive)
-    )
+        A lost failsafe one counts as active to others; it does not act itself.
+        """
+        here = self.builder.literal(True)
+        if self.modules[client.module].failsafe:
+            here = self.builder.negation(self.builder.add(Lost(client.module), Kind.BOOL))
+        return replace(
+            code,
+            loss_aware_guard=self.builder.both(guards.guard(client.guard), here),
+            loss_aware_exclusive=self.builder.both(guards.guard(client.exclusive), here),
+        )

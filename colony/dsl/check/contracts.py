@@ -113,7 +113,7 @@ def _times(checker: Checker, step: ast.StepDecl) -> tuple[int, ...] | None:
 
 
 def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
-    """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`."""
+    """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`, with or without its age."""
     symbol = checker.scope.robot.values.get(node.sensor.text)
     if not isinstance(symbol, SensorSymbol):
         if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(node.sensor.text):
@@ -132,6 +132,16 @@ def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
         index = checker.whole(node.index, "the index", 0, size - 1)
         if index is None:
             return None
+    given = _given_value(checker, node, sensor, index)
+    if node.taken_ago is None:
+        return given
+    age_ns = _age_ns(checker, node.taken_ago, sensor, isinstance(node.value, ast.Missing))
+    return None if given is None or age_ns is None else replace(given, age_ns=age_ns)
+
+
+def _given_value(
+    checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor, index: int | None
+) -> ir.Given | None:
     span = checker.span(node)
     if isinstance(node.value, ast.Missing):
         if index is not None:
@@ -143,6 +153,19 @@ def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
         return _given_elements(checker, node, node.value, sensor, index)
     value = _constant(checker, sensor, node.value)
     return None if value is None else ir.Given(sensor=sensor.name, index=index, value=value, span=span)
+
+
+def _age_ns(checker: Checker, node: ast.Expression, sensor: ir.Sensor, is_missing: bool) -> int | None:
+    """Check the duration after `taken`; only a reading of a sensor with `within` has an age."""
+    age_ns = checker.duration_ns(node, "the age of a reading")
+    if is_missing:
+        checker.error("E603", node, "what is missing has no age", f"write `{sensor.name} = missing`")
+        return None
+    if sensor.within_ns is None:
+        hint = f"declare `{sensor.name}` with `within`, or give it without `taken`"
+        checker.error("E603", node, f"`{sensor.name}` has no `within`: its readings do not age", hint)
+        return None
+    return age_ns
 
 
 def _given_elements(

@@ -45,12 +45,19 @@ from colony.text.diagnostics import Diagnostic, Label, has_errors, in_order, war
 _Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
 
-def check_program(tree: SourceTree) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:
-    """Return the program (None if there are errors), and all errors and warnings in order."""
+def check_program(
+    tree: SourceTree, *, tolerated: frozenset[str] = frozenset()
+) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:
+    """Return the program (None if there are errors), and all errors and warnings in order.
+
+    Errors with the codes `tolerated` are reported, but the program is returned.
+    """
     report = Report(diagnostics=list(tree.diagnostics))
-    program = _Check(tree, report).run() if tree.files else None
+    is_readable = bool(tree.files) and not any(d.code == "E008" for d in tree.diagnostics)
+    program = _Check(tree, report).run() if is_readable else None
     diagnostics = in_order(report.diagnostics)
-    return (None if has_errors(diagnostics) else program), diagnostics
+    fatal = has_errors(d for d in diagnostics if d.code not in tolerated)
+    return (None if fatal else program), diagnostics
 
 
 class _Check:

@@ -1,16 +1,18 @@
 """Recordings in JSON lines, one frame per line, which `colony trace --input` reads back.
 
-    {"t": 0.05, "@tick": 1, "sonar": [...], "drive": {"by": "avoid", "velocity": 80.0}, "@sum": "8a4f01c2"}
+    {"t": 0.05, "@tick": 1, "@semantics": 2, "sonar": [...], "drive": {"by": "avoid", "velocity": 80.0},
+     "@sum": "8a4f01c2"}
 
-`t` is in seconds and reads back to the same nanosecond; `@tick` is the number of the frame, `@restart` is
-true if all memory restarted, and `@skipped`, present if memory is unknown, is the number of frames before
-this one that could not be observed. Sensors have their published values in declared units, and are absent if
-missing; each actuator has its winner and the command sent. If the network did not decide alone, the actuator
-also has `fault`, `fates` with the clients that were late, lost, refused or overruled, `@outside` with the
-connection outside the network that commanded, or `@held_by` with the reason of a hold. Broken contracts are
-not written, because they follow from the rest. `@python` has the answers of modules in Python (`answers.py`).
-`@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least every half second, the
-memory from which a reader resumes after a damaged line (`keyframes.py`).
+`t` is in seconds and reads back to the same nanosecond; `@tick` is the number of the frame, `@semantics` the
+version of what the program means (`colony.ir.version`), in each line because any line may be lost.
+`@restart` is true if all memory restarted, and `@skipped`, present if memory is unknown, is the number of
+frames before this one that could not be observed. Sensors have their published values in declared units, and
+are absent if missing; each actuator has its winner and the command sent. If the network did not decide
+alone, the actuator also has `fault`, `fates` with the clients that were late, lost, refused or overruled,
+`@outside` with the connection outside the network that commanded, or `@held_by` with the reason of a hold.
+Broken contracts are not written, because they follow from the rest. `@python` has the answers of modules in
+Python (`answers.py`). `@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least
+every half second, the memory from which a reader resumes after a damaged line (`keyframes.py`).
 
 MCAP recordings (`mcap_writer.py`) contain more.
 """
@@ -24,6 +26,7 @@ from typing import Protocol
 
 from colony.execute.compiled import Compiled
 from colony.ir.program import Actuator
+from colony.ir.version import SEMANTICS
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Verdict
 from colony.runtime.recordings.answers import answers_text
@@ -73,13 +76,16 @@ class Recording:
         self._file.close()
 
 
+_SEMANTICS = f'"@semantics": {SEMANTICS}'
+
+
 def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
     """Return a function that encodes frames of a program: sensors, then actuators, in the order declared."""
     sensors = compiled.robot.sensors
     actuators = compiled.robot.actuators
 
     def encode(log: FrameLog) -> str:
-        parts = [f'"t": {seconds_text(log.frame.t_ns)}', f'"@tick": {log.tick.k}']
+        parts = [f'"t": {seconds_text(log.frame.t_ns)}', f'"@tick": {log.tick.k}', _SEMANTICS]
         if log.restart:
             parts.append('"@restart": true')
         if log.memory_unknown:

@@ -19,6 +19,7 @@ from colony.execute.compiled import SourceFile
 from colony.files import size_text
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
+from colony.ir.version import SEMANTICS, semantics_mismatch
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.recordings.answers import AnswerMessage, read_answers
@@ -41,6 +42,7 @@ from colony.runtime.recordings.mcap_writer import (
 )
 from colony.runtime.recordings.reader import BREAKS_OFF, command_values
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
+from colony.runtime.recordings.replay import RECORD_AGAIN
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
@@ -64,9 +66,13 @@ class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class _RunText(msgspec.Struct, frozen=True, kw_only=True):
-    """The metadata of the run; in the file, its numbers are strings."""
+    """The metadata of the run; in the file, its numbers are strings.
+
+    Recordings of version 1 of the semantics do not name their version.
+    """
 
     format: str
+    semantics: int = 1
     version: str
     robot: str
     program: str
@@ -80,7 +86,8 @@ class McapReader:
     """An MCAP recording; the constructor reads the part before the first frame. Stateful: keeps the position.
 
     Raises:
-        DiagnosticError: A002, the file is not a recording; A006, the part before the frames is damaged.
+        DiagnosticError: A002, the file is not a recording; A006, the part before the frames is damaged; A007,
+            it is of another version of the semantics.
     """
 
     def __init__(self, file: BinaryIO, name: str) -> None:
@@ -186,6 +193,10 @@ class McapReader:
             self._fail("A002", f"its format is `{run.format}`; expected `{FORMAT}`")
         if any(CHECKSUM not in metadata[name] for name in metadata if name.startswith(METADATA)):
             self._fail("A006", "it is damaged before its first frame (a checksum is missing)")
+        if run.semantics != SEMANTICS:
+            mismatch = semantics_mismatch(run.semantics)
+            hint = f"{RECORD_AGAIN}; it was recorded by colony {run.version}"
+            self._fail("A007", f"the recording {mismatch}", hint)
         return RunInfo(
             robot=run.robot,
             frame_ns=run.frame_ns,
@@ -198,8 +209,10 @@ class McapReader:
             started=run.started,
         )
 
-    def _fail(self, code: Literal["A002", "A004", "A006"], message: str) -> NoReturn:
-        raise DiagnosticError([error(code, Span(Source(self._name, ""), 0, 0), message)]) from None
+    def _fail(
+        self, code: Literal["A002", "A004", "A006", "A007"], message: str, hint: str | None = None
+    ) -> NoReturn:
+        raise DiagnosticError([error(code, Span(Source(self._name, ""), 0, 0), message, hint)]) from None
 
 
 def _source(attachment: Attachment) -> Iterator[SourceFile]:

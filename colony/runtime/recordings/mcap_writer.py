@@ -32,6 +32,7 @@ from colony.execute.compiled import Compiled
 from colony.ir.frame import Bid
 from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
+from colony.ir.version import SEMANTICS
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
 from colony.runtime.protocol.messages import Fate, Hold, Request, Verdict
 from colony.runtime.recordings.answers import answers_text
@@ -322,6 +323,7 @@ class _Buffer:
 def _metadata(run: RunInfo) -> dict[str, str]:
     return {
         "format": FORMAT,
+        "semantics": str(SEMANTICS),
         "version": run.version,
         "robot": run.robot,
         "program": run.program,

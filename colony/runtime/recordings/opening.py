@@ -32,7 +32,8 @@ def read_frames(file: BinaryIO, name: str) -> RecordingReader:
     """Return a reader of input frames from an MCAP recording or JSON lines, recorded or not.
 
     Raises:
-        DiagnosticError: A002, the file is not a recording; A006, the part before its frames is damaged.
+        DiagnosticError: A002, the file is not a recording; A006, the part before its frames is damaged; A007,
+            it is of another version of the semantics.
     """
     if isinstance(file, BufferedReader) and file.peek(len(MAGIC)).startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
@@ -49,7 +50,8 @@ def read_recording(file: BinaryIO, name: str) -> RecordingReader:
     """Return the reader of a recording in either format; the beginning of JSON lines may be damaged.
 
     Raises:
-        DiagnosticError: A001, the file cannot be read; A002, it is not a recording.
+        DiagnosticError: A001, the file cannot be read; A002, it is not a recording; A007, it is of another
+            version of the semantics.
     """
     try:
         head = file.read(_HEAD_BYTES)

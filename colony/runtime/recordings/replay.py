@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import Program
 from colony.ir.types import Array
+from colony.ir.version import SEMANTICS, semantics_mismatch
 from colony.runtime.recordings.json_text import seconds_text
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import Source, Span
@@ -59,7 +60,7 @@ class Rows:
     Raises:
         DiagnosticError: during iteration, at the first bad line. Codes: F001 not JSON, F002 not an object,
             F003 no valid time, F004 time does not increase, F005 unknown sensor, F006 wrong length, F007 not
-            text.
+            text; A007 of another version of the semantics.
     """
 
     def __init__(self, lines: Iterable[bytes], name: str, program: Program) -> None:
@@ -109,8 +110,12 @@ def has_valid_checksum(line: bytes) -> bool:
     return match is not None and int(match[1], 16) == zlib.crc32(line[:start].removeprefix(BOM_UTF8))
 
 
-RESERVED = frozenset({"t", "@tick", "@restart", "@skipped", "@keyframe", "@python", "@sum"})
+RESERVED = frozenset({"t", "@tick", "@semantics", "@restart", "@skipped", "@keyframe", "@python", "@sum"})
 """Members of a line that are not sensors or actuators; names in a program cannot contain `@`."""
+
+
+RECORD_AGAIN = "use the colony that recorded it, or record the run again"
+"""Hint for recordings of another version of the semantics."""
 
 
 class _RowParser:
@@ -148,6 +153,7 @@ class _RowParser:
             hint = 'a frame is an object: {"t": 0.05, "bumper": false}'
             message = f"a frame must be a JSON object, found {_kind(row)}"
             raise self._failure("F002", number, text, 0, message, hint)
+        self._check_semantics(number, text, row)
         t_ns = self._time(number, text, row)
         readings = {key: row[key] for key in row if self._is_reading(number, text, row, key)}
         return Row(number, text, Frame(t_ns, readings), row)
@@ -159,6 +165,14 @@ class _RowParser:
             text = data[: problem.start].decode()
             message = f"not UTF-8 text: found byte 0x{data[problem.start]:02x}"
             raise self._failure("F007", number, text, len(text), message) from None
+
+    def _check_semantics(self, number: int, text: str, row: dict[str, Any]) -> None:
+        """Check the version of a recorded line; one with a `@tick` but no version is of version 1."""
+        recorded = row.get("@semantics", 1 if "@tick" in row else SEMANTICS)
+        if recorded != SEMANTICS:
+            message = f"the recording {semantics_mismatch(recorded)}"
+            offset = self._offset(text, "@semantics" if "@semantics" in row else "@tick")
+            raise self._failure("A007", number, text, offset, message, RECORD_AGAIN)
 
     def _time(self, number: int, text: str, row: dict[str, Any]) -> int:
         t = row.get("t")

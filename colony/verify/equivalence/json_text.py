@@ -9,6 +9,7 @@ from typing import Any
 from colony.compile.backends.json import FORMAT
 from colony.compile.clients import ActuatorClients, Client, ClientList
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
+from colony.ir.version import SEMANTICS
 
 
 class EmittedFormError(Exception):
@@ -28,6 +29,7 @@ def read_json(text: str) -> ClientList:
     """
     try:
         document = json.loads(text)
+        semantics = document.get("semantics", SEMANTICS)
         if document["format"] != FORMAT:
             raise ValueError(f"the format is not {FORMAT}")
         nodes = tuple(_guard(node, index) for index, node in enumerate(document["nodes"]))
@@ -39,6 +41,9 @@ def read_json(text: str) -> ClientList:
         raise EmittedFormError(
             f"{type(problem).__name__}: {problem}", "clients in the format colony-clients/1"
         ) from None
+    if semantics != SEMANTICS:
+        found = f"clients of version {str(semantics)[:20]} of the semantics"
+        raise EmittedFormError(found, f"version {SEMANTICS}: compile them again")
     return ClientList(guards=nodes, actuators=actuators, observed=observed)
 
 

@@ -11,19 +11,20 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, assert_never
 
 from colony.ir import expression as ir
-from colony.ir.frame import Decision, Outcome, Reading
+from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Span
 from colony.text.units import parse_unit
-from colony.text.wording import counted
+from colony.text.wording import counted, duration_text
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.kleene import is_known
 from colony.verify.snapshot import Snapshot
 from colony.verify.source_text import source_text
-from colony.verify.testing.example_frames import assigned
+from colony.verify.testing.example_frames import GivenReadings
+from colony.verify.testing.silence import Silence
 
 FailureKind = Literal[
     "false", "says nothing", "contract broken", "contract untold", "no array to set an element in"
@@ -155,16 +156,15 @@ class _Run:
         self.program = program
         self.interpreter = Interpreter(program)
         self.sensors = {s.name: s for s in program.robot.sensors}
-        self.readings: dict[str, Value | None] = {}
+        self.readings = GivenReadings(program)
         self.failures: dict[object, ExampleFailure] = {}
         self.frames = 0
 
     def step(self, step: Step) -> None:
         for given in step.given:
-            self.give(given, step.times_ns[0] if step.times_ns else 0)
+            self.give(given, step.times_ns[0])
         for t_ns in step.times_ns:
-            readings: dict[str, Reading] = dict(self.readings)
-            outcome = self.interpreter.step_in_base_units(t_ns, readings)
+            outcome = self.interpreter.step_in_base_units(t_ns, self.readings.at(t_ns))
             self.frames += 1
             for contract in self.program.contracts:
                 if contract.name in outcome.breaches:
@@ -174,30 +174,30 @@ class _Run:
 
     def give(self, given: Given, t_ns: int) -> None:
         """Apply an assignment, which holds until the sensor is assigned again."""
+        if self.readings.give(given, t_ns):
+            return
         sensor = self.sensors[given.sensor]
-        before = self.readings.get(sensor.name)
-        self.readings[sensor.name] = assigned(sensor, given, before)
-        if given.index is not None and before is None:
-            has_default = default_of(sensor) is not None
-            hint = f"assign the whole array first: `{sensor.name} = ...`" + (
-                "; the sensor's default does not count" if has_default else ""
-            )
-            self.fail("no array to set an element in", given, given.span, t_ns, sensor.name, (hint,))
+        has_default = default_of(sensor) is not None
+        hint = f"assign the whole array first: `{sensor.name} = ...`" + (
+            "; the sensor's default does not count" if has_default else ""
+        )
+        self.fail("no array to set an element in", given, given.span, t_ns, sensor.name, (hint,))
 
     def expect(self, expectation: ir.Expression, key: object, t_ns: int, outcome: Outcome) -> None:
         value = self.interpreter.value_of(expectation)
         if value is not True:
             kind: FailureKind = "says nothing" if value is None else "false"
-            found = tuple(self.found(expectation, outcome))
+            found = self.found((key, kind), expectation, t_ns, outcome)
             self.fail(kind, (key, kind), expectation.span, t_ns, source_text(expectation), found)
 
     def broken(self, contract: Contract, t_ns: int, outcome: Outcome) -> None:
         text = source_text(contract.expression)
         expected = f"`{contract.name}: {text}`" if text else f"`{contract.name}`"
-        found = tuple(self.found(contract.expression, outcome))
         untold = self.interpreter.is_untold(contract.name)
         kind: FailureKind = "contract untold" if untold else "contract broken"
-        self.fail(kind, (contract.name, kind), contract.span, t_ns, expected, found)
+        key = (contract.name, kind)
+        found = self.found(key, contract.expression, t_ns, outcome)
+        self.fail(kind, key, contract.span, t_ns, expected, found)
 
     def fail(
         self, kind: FailureKind, key: object, span: Span, t_ns: int, expected: str, found: tuple[str, ...]
@@ -210,18 +210,40 @@ class _Run:
 
     # --- actual values ---------------------------------------------------------------------------
 
-    def found(self, expression: ir.Expression, outcome: Outcome) -> Iterator[str]:
-        """Yield a fact for each name in `expression`, each once, and for each record."""
-        facts = dict.fromkeys(
-            fact for leaf in ir.subexpressions(expression) for fact in self.fact(leaf, outcome) if fact
-        )
-        yield from facts
-        for record in outcome.records:
-            if record.kind not in ("limited", "command clamped"):
-                yield f"recorded: {record.kind} of {record.subject}"
+    def found(self, key: object, expression: ir.Expression, t_ns: int, outcome: Outcome) -> tuple[str, ...]:
+        """Return a fact for each name in `expression`, each once; reasons of silence; and a fact a record.
 
-    def fact(self, leaf: ir.Expression, outcome: Outcome) -> Iterator[str]:
+        A failure that is recorded already gets none.
+        """
+        if key in self.failures:
+            return ()
+        silence = Silence(self.program, self.interpreter, self.missing_sensors(t_ns))
+        facts = dict.fromkeys(
+            fact
+            for leaf in ir.subexpressions(expression)
+            for fact in self.fact(leaf, outcome, silence)
+            if fact
+        )
+        records = [
+            f"recorded: {record.kind} of {record.subject}"
+            for record in outcome.records
+            if record.kind not in ("limited", "command clamped", "missing")
+        ]
+        return (*facts, *silence.reasons(expression), *records)
+
+    def missing_sensors(self, t_ns: int) -> dict[str, str]:
+        """Return the missing sensors, each with its age if it is missing because it is too old."""
+        missing: dict[str, str] = {}
+        for sensor in self.program.robot.sensors:
+            if self.readings.value_at(sensor.name, t_ns) is None and default_of(sensor) is None:
+                age_ns = self.readings.age_if_old(sensor.name, t_ns)
+                missing[sensor.name] = "" if age_ns is None else f"too old ({duration_text(age_ns)})"
+        return missing
+
+    def fact(self, leaf: ir.Expression, outcome: Outcome, silence: Silence) -> Iterator[str]:
         match leaf:
+            case ir.SensorValue(name=name) | ir.DerivedValue(name=name) if text := silence.text(name):
+                yield text
             case (
                 ir.SentField(actuator=actuator)
                 | ir.WonBy(actuator=actuator)
@@ -263,7 +285,7 @@ class _Run:
 def _decider(decision: Decision) -> str:
     if decision.by is None:
         return "is idle"
-    return f"by {decision.by}" + (f", whose command is {decision.fault}" if decision.fault else "")
+    return f"by {decision.by}" + (f" ({decision.fault})" if decision.fault else "")
 
 
 # --- the text of values --------------------------------------------------------------------------

@@ -54,6 +54,7 @@ class _Text:
         self.probe_types: list[Quantity] = []  # what the probes send
         self.ports: list[Port] = []
         self.parts: list[Named] = []  # `module.name`, for contracts
+        self.phases: Sequence[str] = ()
         self.params: Constants = {}
         self.own_params: dict[str, Dimension] = {}  # `module.name`
 
@@ -202,6 +203,7 @@ class _Text:
         self.add("}")
         members = tuple((p, float(i)) for i, p in enumerate(phases))
         self.readable("phase", Enum("phase", members, "machine"))
+        self.phases = phases
 
     # --- modules ---------------------------------------------------------------------------------
 
@@ -304,7 +306,7 @@ class _Text:
 
     def limits(self) -> None:
         fields = [("drive.velocity", SPEED), ("drive.turn", TURN_RATE), ("drive.velocity", SPEED)]
-        fields += [("light.level", NUMBER)] * self.light
+        fields += [("light.level", NUMBER)] * (4 * self.light)
         for _ in range(self.choices.up_to(2)):
             field, dimension = self.choices.pick(fields)
             bound, relation = self.write(Quantity(dimension), 2), self.choices.pick(("<=", ">="))
@@ -312,6 +314,11 @@ class _Text:
             self.add(f"limit {field} {relation} {bound}{condition}")
 
     def contracts(self, wires: Sequence[str]) -> None:
+        self.drawn_contracts(wires)
+        for phase in self.phases[1:]:  # which phase it is shows in every frame, whatever reads it
+            self.add(f"contract not_{phase}: phase != phase.{phase}")
+
+    def drawn_contracts(self, wires: Sequence[str]) -> None:
         if not (count := self.choices.up_to(3)):
             return
         modules = [p.name for p in self.ports]
@@ -336,3 +343,5 @@ class _Text:
         )
         for i in range(count):
             self.add(f"contract k{i}: {self.write(BOOL, 3, scope)}")
+        if self.light and self.choices.one_in(2):
+            self.add(f"contract level: light.level <= {self.write(DIMENSIONLESS, 1, scope)} or light.on")

@@ -51,6 +51,7 @@ def test_what_other_tools_find() -> None:
     found = {m.name: m.metadata for m in reader.iter_metadata()}
     assert found["colony"] == {
         "format": "colony-recording/2",
+        "semantics": "2",
         "version": "1.2.3",
         "robot": "rome",
         "program": "b.colony",

@@ -150,7 +150,10 @@ def test_a_file_without_a_network_has_no_lints() -> None:
 
 # --- what ships ------------------------------------------------------------------------------------
 
-SHIPPED = sorted((*(ROOT / "behaviors").glob("*.colony"), *(ROOT / "examples").rglob("*.colony")))
+WARNED = ROOT / "examples" / "sensor_loss" / "ordinary.colony"
+"""Shows what V030 is about; docs/when-a-sensor-dies.md prints the warnings."""
+
+SHIPPED = sorted({*(ROOT / "behaviors").glob("*.colony"), *(ROOT / "examples").rglob("*.colony")} - {WARNED})
 
 
 @pytest.mark.parametrize("path", sampled(SHIPPED, every=3), ids=lambda p: p.stem)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from random import Random
 from typing import Any
 
@@ -11,12 +12,14 @@ import pytest
 import z3
 
 from colony.ir.frame import Frame, Reading
+from colony.ir.program import Machine, Module, Transition
 from colony.verify.symbolic import arithmetic, inputs, memory, modules, network, numbers, sending
 from colony.verify.symbolic.logic import FALSE, TRUE, both, either, integer, negation
 from colony.verify.symbolic.numbers import select_number
-from colony.verify.symbolic.system import Number
+from colony.verify.symbolic.system import ModuleTerms, Number
 from tests.verify.symbolic.programs import program
 from tests.verify.symbolic.trust import Trust
+from tests.verify.testing.bugs_in_failsafe import as_ordinary, kept_by_those_above, passed_over
 
 PROGRAM = """
 machine phase { start resting  resting -> going when p  any -> resting when x > 500 mm }
@@ -51,6 +54,32 @@ contract d: recently(m is active, 100 ms) or phase == phase.going or near
 """
 
 
+FAILSAFE = """
+machine phase {
+  start resting
+  failsafe resting -> going    when x > 500 mm
+           going   -> stuck    when x < 300 mm
+           going   -> resting  when p
+  failsafe going   -> stuck    when q
+           stuck   -> resting  when p and q
+}
+failsafe module m {
+  state n : number = 0
+  next n = n + 1
+  when x < 500 mm
+  do drive(v = -n * 1 mm/s)
+}
+module other { when true  do drive(v = 20 mm/s) }
+failsafe module guard { when p }
+module lamp { when phase == phase.going  do light(level = a / 1 mm) }
+network {
+  drive = m suppresses[100 ms] other
+  light = guard inhibits lamp
+}
+contract c: light.level < 4
+"""
+
+
 def trace(seed: int) -> list[Frame]:
     """Readings that matter to the program, infinite and missing ones among them."""
     random, t_ns, frames = Random(seed), 0, []
@@ -67,13 +96,14 @@ def trace(seed: int) -> list[Frame]:
     return frames
 
 
-def differences() -> list[str]:
-    trust = Trust(program(PROGRAM))
+def differences(text: str) -> list[str]:
+    trust = Trust(program(text))
     return [d for seed in range(12) for d in trust.run(trace(seed)).differences]
 
 
-def test_without_a_mistake_there_is_no_difference() -> None:
-    assert not differences()
+@pytest.mark.parametrize("text", [PROGRAM, FAILSAFE], ids=["program", "failsafe"])
+def test_without_a_mistake_there_is_no_difference(text: str) -> None:
+    assert not differences(text)
 
 
 # --- the mistakes --------------------------------------------------------------------------------
@@ -214,11 +244,59 @@ MISTAKES: list[Patch] = [
 ]
 
 
-@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda m: m.__name__)
-def test_the_mistake_is_noticed(mistake: Patch, monkeypatch: pytest.MonkeyPatch) -> None:
+def terms(change: Callable[[ModuleTerms], ModuleTerms]) -> Patch:
+    """`change` the terms of every module that is failsafe."""
+
+    def mistake(patch: pytest.MonkeyPatch) -> None:
+        original = modules.DeclarationEncoder._module
+
+        def module(self: modules.DeclarationEncoder, of: Module) -> ModuleTerms:
+            return change(original(self, of)) if of.failsafe else original(self, of)
+
+        patch.setattr(modules.DeclarationEncoder, "_module", module)
+
+    return mistake
+
+
+def without_blindness(of: ModuleTerms) -> ModuleTerms:
+    return replace(of, active=both(of.applicable, negation(of.silent)))
+
+
+def transitions(change: Callable[[Transition], Transition]) -> Patch:
+    """`change` the transitions of machines."""
+
+    def mistake(patch: pytest.MonkeyPatch) -> None:
+        original = modules.DeclarationEncoder._machine
+
+        def encoded(self: modules.DeclarationEncoder, machine: Machine) -> None:
+            original(self, replace(machine, transitions=tuple(map(change, machine.transitions))))
+
+        patch.setattr(modules.DeclarationEncoder, "_machine", encoded)
+
+    return mistake
+
+
+FAILSAFE_MISTAKES: dict[str, Patch] = {
+    "blind modules are silent": terms(lambda of: replace(without_blindness(of), blind=FALSE)),
+    "blind modules are not active": terms(without_blindness),
+    "blind modules send a command": terms(lambda of: replace(of, blind=FALSE)),
+    "transitions below a missing one are taken": transitions(passed_over),
+    "failsafe transitions are not taken where missing": transitions(as_ordinary),
+    "failsafe transitions are kept by a missing one": transitions(kept_by_those_above),
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "mistake"),
+    [
+        *(pytest.param(PROGRAM, mistake, id=mistake.__name__) for mistake in MISTAKES),
+        *(pytest.param(FAILSAFE, mistake, id=name) for name, mistake in FAILSAFE_MISTAKES.items()),
+    ],
+)
+def test_the_mistake_is_noticed(text: str, mistake: Patch, monkeypatch: pytest.MonkeyPatch) -> None:
     mistake(monkeypatch)
     try:
-        found = differences()
+        found = differences(text)
     except AssertionError as problem:
         found = [str(problem)]
     assert found

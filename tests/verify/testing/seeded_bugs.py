@@ -41,6 +41,22 @@ from tests.verify.testing.bugs_in_contracts import (
     strict_logic,
     unknown_holds,
 )
+from tests.verify.testing.bugs_in_failsafe import (
+    as_ordinary,
+    decisions,
+    error_is_not_applicable,
+    first_answer_is_not_applicable,
+    kept_by_those_above,
+    limits_hold,
+    machines,
+    moved_while_blind,
+    no_activity_when_blind,
+    nobody_wins,
+    not_active_when_blind,
+    passed_over,
+    placeholders_sent,
+    without_blindness,
+)
 from tests.verify.testing.bugs_in_passes import (
     Plant,
     after,
@@ -164,6 +180,18 @@ BUGS: tuple[Bug, ...] = (
     Bug(name="both branches of if in contracts", plant=lowered("_choice", both_branches)),
     Bug(name="contracts remember placeholders", plant=lowered("_memory", memory_of_placeholders)),
     Bug(name="contracts forget what is held", plant=lowered("_held", forgotten_commands)),
+    # failsafe modules and transitions
+    Bug(name="blind modules not active", plant=code(not_active_when_blind)),
+    Bug(name="memory of blind modules moved on", plant=code(moved_while_blind)),
+    Bug(name="blind frames do not count for time constants", plant=code(no_activity_when_blind)),
+    Bug(name="blind winners send placeholders", plant=code(placeholders_sent)),
+    Bug(name="blind winners count as nobody", plant=decisions(nobody_wins)),
+    Bug(name="limits hold for blind winners", plant=decisions(limits_hold)),
+    Bug(name="transitions below a missing one taken", plant=machines(passed_over)),
+    Bug(name="failsafe transitions not taken where missing", plant=machines(as_ordinary)),
+    Bug(name="failsafe transitions kept by a missing one", plant=machines(kept_by_those_above)),
+    Bug(name="errors of Python modules taken for None", plant=error_is_not_applicable),
+    Bug(name="Python modules not applicable before they answer", plant=first_answer_is_not_applicable),
     # what is sent
     Bug(name="the last of several limits only", plant=limits(lambda of: of[-1:])),
     Bug(
@@ -183,6 +211,7 @@ BUGS: tuple[Bug, ...] = (
         generated=True,
         plant=generated(lambda s: s.replace(" < ", " <= ")),
     ),
+    Bug(name="generated Python sends placeholders", generated=True, plant=generated(without_blindness)),
     # arithmetic
     Bug(name="NaN ignored by min", plant=operator(Operator.MIN, lambda *x: min(x))),
     Bug(name="NaN ignored by max", plant=operator(Operator.MAX, lambda *x: max(x))),

@@ -8,6 +8,7 @@ from colony.dsl.load import load_text
 from colony.text.diagnostics import headline, render
 from colony.verify.testing.examples import ExampleResult, failures_as_diagnostics, run_examples
 from tests.programs import robot
+from tests.verify.scripted_modules import Scripted
 
 BEHAVIOR = """
 robot r {
@@ -84,10 +85,8 @@ def test_values_that_an_expectation_reads_are_said() -> None:
 
 def test_an_expectation_that_says_nothing_fails() -> None:
     [message] = failed('test "t" { at 0 s expect ahead > 1 m }')
-    assert message.startswith(
-        'error[T002]: in "t" at 0 s: `ahead > 1 m` has no value: it reads something missing'
-    )
-    assert message.endswith("found: ahead is missing")
+    assert message.startswith('error[T002]: in "t" at 0 s: `ahead > 1 m` cannot be told')
+    assert message.endswith("found: `ahead` is missing since `sonar` is")
 
 
 def test_failures_of_one_step_are_counted() -> None:
@@ -104,7 +103,7 @@ def test_contracts_are_checked_in_every_frame() -> None:
     )
     assert message == (
         'error[T003]: in "t" at 0 s, and in 2 more frames: '
-        "contract `slow: drive.speed < 0.2 m/s` does not hold; found: drive by cruise, speed = 0.3 m/s"
+        "contract `slow: drive.speed < 0.2 m/s` is false; found: drive by cruise, speed = 0.3 m/s"
     )
 
 
@@ -120,7 +119,7 @@ def test_contracts_are_checked_in_every_frame() -> None:
 def test_conditions_are_quoted_with_all_of_their_parentheses(condition: str, quoted: str) -> None:
     behavior = f"{BEHAVIOR}contract c: {condition}\n"
     [message] = failed('test "t" { at 0 s given sonar = 3 m, bumper = false }', behavior)
-    assert f"contract `c: {quoted}` does not hold" in message
+    assert f"contract `c: {quoted}` is false" in message
 
 
 def test_an_element_can_be_set_only_in_an_array_that_is_there() -> None:
@@ -146,6 +145,74 @@ def test_an_element_can_be_set_only_in_an_array_that_is_there() -> None:
     assert "the sensor's default does not count" in render(last)
 
 
+AGING = """
+robot r {
+  sensor lidar : m from PServer.lidar within 300 ms
+  sensor sonar[3] : m from PServer.sonar within 300 ms
+  sensor bumper : bool default false from RServer.bumper within 300 ms
+  actuator drive { speed : m/s } to RServer.drive idle drive(speed = 0)
+}
+"""
+
+
+def test_a_reading_ages_from_when_it_was_taken_until_it_is_given_again() -> None:
+    [result] = results(
+        """
+      test "t" {
+        at 1 s            given lidar = 5 m taken 300 ms ago  expect lidar == 5 m
+        at 1.000000001 s                                      expect not fresh(lidar)
+        at 2 s            given lidar = 4 m                   expect lidar == 4 m
+        at 9 s                                                expect fresh(lidar)
+        from 10 s to 11 s every 1 ms
+          given lidar = 3 m taken 0 s ago, bumper = true taken 300 ms ago
+          expect fresh(lidar) == (now <= 9.3 s), bumper == (now == 9 s), fresh(bumper) == bumper
+        at 12 s           given lidar = missing               expect not fresh(lidar)
+        at 13 s           given lidar = 2 m                   expect fresh(lidar)
+      }
+    """,
+        AGING,
+    )
+    assert result.passed, result
+
+
+def test_the_age_of_an_element_is_the_age_of_its_array() -> None:
+    [result] = results(
+        """
+      test "t" {
+        at 0 s    given sonar = 5 m                                                expect fresh(sonar)
+        at 1 s    given sonar[1] = 1 m taken 200 ms ago                            expect sonar[1] == 1 m
+        at 1.1 s  given sonar[2] = 2 m                                             expect sonar[2] == 2 m
+        at 1.2 s                                                                   expect not fresh(sonar)
+        at 2 s    given sonar = [1, 2, 3] taken 100 ms ago, sonar[0] = 9           expect sonar[0] == 9 m
+        at 2.3 s                                                                   expect not fresh(sonar)
+        at 3 s    given sonar = [1, 2, 3] taken 1 s ago, sonar = 4                 expect sonar[0] == 4 m
+        at 9 s                                                                     expect fresh(sonar)
+      }
+    """,
+        AGING,
+    )
+    assert result.passed, result
+
+
+def test_no_element_can_be_set_in_an_array_that_is_too_old() -> None:
+    test = """
+      test "t" {
+        at 0 s  given sonar = 5 m taken 0 s ago
+        at 1 s  given sonar[1] = 1 m taken 0 s ago
+      }
+    """
+    [message] = failed(test, AGING)
+    assert message == ('error[T004]: in "t" at 1 s: `sonar` is missing, so none of its elements can be set')
+
+
+def test_an_element_that_cannot_be_set_leaves_no_age() -> None:
+    first, second = failed(
+        'test "t" { at 0 s given sonar[1] = 1 m taken 9 s ago expect sonar[0] > 0 m }', AGING
+    )
+    assert first.startswith("error[T004]")
+    assert second.endswith("found: `sonar` is missing")
+
+
 def test_records_are_told_where_an_expectation_fails() -> None:
     [message] = failed(
         """
@@ -154,7 +221,7 @@ def test_records_are_told_where_an_expectation_fails() -> None:
     """,
         BEHAVIOR.replace("back_off suppresses", "bad suppresses"),
     )
-    assert "drive by bad, whose command is not finite, speed = 0 m/s; recorded: not finite of bad" in message
+    assert "drive by bad (not finite), speed = 0 m/s; recorded: not finite of bad" in message
 
 
 def test_enumerators_and_idle_hold_are_shown() -> None:
@@ -172,3 +239,115 @@ def test_long_arrays_are_cut() -> None:
     behavior = "robot r { sensor many[24] : number from DServer.many }"
     [message] = failed('test "t" { at 0 s given many = 1 expect many[0] > 1 }', behavior)
     assert message.endswith("many = [1, 1, 1, 1, 1, 1, 1, 1, ...]")
+
+
+SILENT = """
+robot r {
+  sensor lidar : m from PServer.lidar within 300 ms
+  sensor sonar[4] : m from PServer.sonar
+  sensor bumper : bool from RServer.bumper
+  sensor spare : number default 3 from DServer.spare
+  sensor chance : number from Runtime.random
+  actuator drive { speed : m/s } to RServer.drive idle drive(speed = 0)
+  actuator lamp { on : bool } to DServer.lamp idle hold
+}
+let near = min(sonar)
+let ahead = min(near, lidar)
+module cruise { when true do drive(speed = 0.3 m/s) }
+module wander { let c = chance when c > 0.5 and bumper do drive(speed = 0.2 m/s) }
+failsafe module avoid { when ahead < 1 m and spare > 2 do drive(speed = 0.1 m/s) }
+module halt { when near < 0.1 m }
+module below { state n = 0 next n = n + chance when true do drive(speed = 0.1 m/s) }
+module beside { when chance > 0 do lamp(on = true) }
+network {
+  roam  = wander suppresses cruise suppresses below
+  drive = halt inhibits (avoid suppresses roam)
+  lamp  = beside
+}
+"""
+
+CLEAR = "sonar = 9, lidar = 5, bumper = false, chance = 0"
+WANDER = "`wander` is silent: `chance` is missing"
+AVOID = "`avoid` is blind: `ahead` is missing since `sonar` is"
+HALT = "`halt` is silent: `near` is missing since `sonar` is"
+
+
+@pytest.mark.parametrize(
+    ("given", "expected", "reasons"),
+    [
+        (CLEAR, "drive by wander", []),
+        # modules that are named, and those that would win, or keep the winner from winning
+        (f"{CLEAR}, chance = missing", "drive by wander", [WANDER]),
+        (f"{CLEAR}, chance = missing", "drive is idle", [WANDER]),
+        (f"{CLEAR}, chance = missing", "drive.speed < 0 m/s", [WANDER]),
+        (
+            f"{CLEAR}, chance = missing",
+            "drive by below",
+            ["`below` is silent: `chance` is missing", WANDER],
+        ),
+        (f"{CLEAR}, chance = missing", "not (roam is active)", []),
+        (f"{CLEAR}, sonar = missing", "drive by cruise", [AVOID, HALT]),
+        (f"{CLEAR}, sonar = missing", "not (avoid is active)", [AVOID]),
+        (f"{CLEAR}, sonar = missing", "lamp by beside", []),
+        (f"{CLEAR}, chance = missing", "lamp is commanded", ["`beside` is silent: `chance` is missing"]),
+        # down to the sensors
+        ("chance = 1", "wander is active", ["`wander` is silent: `bumper` is missing"]),
+        (
+            "bumper = true",
+            "avoid is active and bumper and false",
+            ["`avoid` is blind: `ahead` is missing since `sonar` and `lidar` are"],
+        ),
+        (
+            f"{CLEAR}, lidar = 5 taken 2 s ago",
+            "not (avoid is active)",
+            ["`avoid` is blind: `ahead` is missing since `lidar` is too old (2 s)"],
+        ),
+        (
+            f"{CLEAR}, sonar = missing, lidar = 5 taken 2 s ago",
+            "not (avoid is active)",
+            ["`avoid` is blind: `ahead` is missing since `sonar` is missing and `lidar` is too old (2 s)"],
+        ),
+    ],
+)
+def test_a_failure_says_why_modules_are_silent_or_blind(
+    given: str, expected: str, reasons: list[str]
+) -> None:
+    [message] = failed(f'test "t" {{ at 0 s given {given} expect {expected} }}', SILENT)
+    said = message.split("; found: ")[1].split("; ")
+    assert [part for part in said if part.startswith("`")] == reasons
+
+
+@pytest.mark.parametrize(
+    ("expected", "found"),
+    [
+        ("sonar[0] > 0 m", "`sonar` is missing"),
+        ("lidar > 0 m", "`lidar` is too old (400 ms)"),
+        ("ahead > 0 m", "`ahead` is missing since `sonar` is missing and `lidar` is too old (400 ms)"),
+        ("near > 0 m", "`near` is missing since `sonar` is"),
+        ("wander.c > 0", "wander.c is missing; `wander` is silent: `chance` and `bumper` are missing"),
+    ],
+)
+def test_an_expectation_that_says_nothing_says_which_name_is_missing(expected: str, found: str) -> None:
+    [message] = failed(f'test "t" {{ at 0 s given lidar = 5 taken 400 ms ago expect {expected} }}', SILENT)
+    assert message.endswith(f"; found: {found}")
+
+
+def test_a_winner_that_is_blind_is_shown() -> None:
+    [message] = failed(
+        f'test "t" {{ at 0 s given {CLEAR}, sonar = missing expect drive is commanded }}', SILENT
+    )
+    assert f"found: drive by avoid (missing), speed = 0 m/s; {AVOID}; {HALT}" in message
+
+
+def test_a_module_in_python_is_blind_until_it_answers() -> None:
+    guess = """
+      failsafe module guess from python "tests.verify.scripted_modules:Scripted" {
+        reads chance  commands lamp  rate 100 ms
+      }
+    """
+    behavior = SILENT.replace("module beside { when chance > 0 do lamp(on = true) }", guess)
+    Scripted.answers = [None]
+    [message] = failed(
+        f'test "t" {{ at 0 s given {CLEAR} expect lamp is commanded }}', behavior.replace("beside", "guess")
+    )
+    assert message.endswith("found: lamp by guess (missing); `guess` is blind: it has no answer")

@@ -6,12 +6,13 @@ from collections.abc import Callable, Hashable, Sequence
 from itertools import pairwise
 from random import Random
 
+from colony.dsl.load import load_text
 from colony.ir.expression import StateValue
 from colony.ir.frame import Frame
 from colony.ir.types import DIMENSIONLESS
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.drawing import Choices
-from colony.verify.testing.example_frames import frames_of
+from colony.verify.testing.example_frames import frames_of, snapshots_of
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.guided import MAX_PREFIX_FRAMES, Guide
 from tests.programs import MS, program
@@ -98,3 +99,12 @@ def test_a_test_block_as_frames() -> None:
     assert third.readings["bits"] == (False, False, True, False)
     assert [f.t_ns // MS for f in frames_of(of, of.tests[0])] == [0, 1000, 2000, 2500, 3000, 4000]
     assert last.readings["four"] is None
+
+
+def test_a_reading_that_is_too_old_is_missing_in_the_frames_of_a_test_block() -> None:
+    of = load_text(
+        "robot r { sensor x : m from PServer.x within 100 ms }\n"
+        'test "t" { from 0 s to 200 ms every 50 ms given x = 2 m taken 50 ms ago }'
+    )
+    assert [f.readings["x"] for f in frames_of(of, of.tests[0])] == [2.0, 2.0, None, None, None]
+    assert [s.readings.get("x") for s in snapshots_of(of, of.tests[0])] == [2000.0, 2000.0, None, None, None]

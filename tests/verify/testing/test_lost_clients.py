@@ -8,6 +8,8 @@ from random import Random
 
 import pytest
 
+from colony.compile.lower.declarations import Declarations
+from colony.execute.code import Kind, Lost
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
@@ -50,6 +52,48 @@ def test_who_was_lost_did_not_dominate() -> None:
     )
     none = frozenset[str]()
     check(degrading(of), trace, (frozenset({"back"}), none, none, none))
+
+
+GUARDED = """
+failsafe module guard { when a do base(speed = 0.5 m/s, turn = 0) }
+module high { when b do base(speed = 0.9 m/s, turn = 0) }
+module cruise { when true do base(speed = 0.2 m/s, turn = 0) }
+network { base = high suppresses guard suppresses[100 ms] cruise }
+"""
+
+
+GUARDED_FRAMES = [
+    # a, b: the winner; with `guard` lost; with `guard` lost and an ordinary module
+    (True, False, "guard", None, "cruise"),
+    (False, False, None, None, "cruise"),  # its time constant
+    (None, False, "guard", None, "cruise"),  # blind
+    (None, True, "high", "high", "high"),  # dominated
+    (True, True, "high", "high", "high"),
+]
+
+
+@pytest.mark.parametrize(
+    ("word", "lost", "column"), [("failsafe", "", 2), ("failsafe", "guard", 3), ("", "guard", 4)]
+)
+def test_where_a_failsafe_module_is_lost_its_actuator_is_idle(word: str, lost: str, column: int) -> None:
+    of = degrading(program(GUARDED.replace("failsafe", word)))
+    trace = tuple(Frame(50 * i * MS, {"a": a, "b": b}) for i, (a, b, *_) in enumerate(GUARDED_FRAMES))
+    interpreter, names = Interpreter(of), frozenset({lost} - {""})
+    decisions = [interpreter.step(frame, names).commands["base"] for frame in trace]
+    assert [d.by for d in decisions] == [row[column] for row in GUARDED_FRAMES]
+    assert all(d.values == (0.0, 0.0) for d in decisions if d.by is None)
+    check(of, trace, (names,) * len(trace))
+
+
+def test_a_lost_failsafe_module_that_frees_the_others_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def active_unless_lost(self: Declarations, module: str) -> int:
+        lost = self.builder.add(Lost(module), Kind.BOOL)
+        return self.builder.both(self.module_active(module), self.builder.negation(lost))
+
+    monkeypatch.setattr(Declarations, "active_unless_lost", active_unless_lost)
+    with pytest.raises(AssertionError, match=r"frame 0, lost \['guard'\]"):
+        test_where_a_failsafe_module_is_lost_its_actuator_is_idle("failsafe", "guard", 3)
+    test_where_a_failsafe_module_is_lost_its_actuator_is_idle("", "guard", 4)
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -27,6 +27,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.machine import field_types
 from colony.execute.sensors import age_limits
 from colony.execute.views import whole_view
+from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError, error
 
 __all__ = ["PythonExecutor", "generate", "load"]
@@ -65,7 +66,8 @@ class _Generator:
         constants = [line for line in self.constants if line.partition(" ")[0] in words]
         definitions, from_math = support(words | _words(constants))
         head = [
-            f'"""Clients of {_comment(self.title)}, by `colony compile`. Changes here will be lost."""',
+            f'"""Clients of {_comment(self.title)}, by `colony compile`, semantics version {SEMANTICS}. '
+            'Changes here will be lost."""',
             "",
         ]
         if from_math:

@@ -1,0 +1,195 @@
+"""What a person has to decide about a file of version 1: where version 2 decides differently.
+
+Each is a warning at its place in the upgraded text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from colony.dsl.missing import Missing
+from colony.ir import expression as ir
+from colony.ir.program import Actuator, Limit, Machine, Program, Transition
+from colony.text.diagnostics import Diagnostic, Label, warning
+from colony.text.source import Source
+from colony.text.wording import listed
+
+
+def decisions_about(program: Program, errors: tuple[Diagnostic, ...], source: Source) -> Iterator[Diagnostic]:
+    """Yield what has to be decided about `source`, a file of an upgraded program.
+
+    `errors` are those that version 1 did not have.
+    """
+    missing = Missing(program)
+    yield from _contradicting_limits(program, source)
+    yield from _missing_bounds(program, missing, source)
+    yield from _blind_transitions(program, missing, source)
+    yield from _unknown_contracts(program, missing, source)
+    for found in errors:
+        if found.code == "E305" and found.span.source is source:
+            message = "`idle hold` is refused for an actuator that moves the robot; version 1 accepted it"
+            yield warning("U005", found.span, message, found.hint)
+
+
+# --- limits ----------------------------------------------------------------------------------------
+
+
+def _contradicting_limits(program: Program, source: Source) -> Iterator[Diagnostic]:
+    actuators = {a.name: a for a in program.robot.actuators}
+    for i, limit in enumerate(program.limits):
+        beyond = _beyond_range(limit, actuators[limit.actuator])
+        if beyond is not None and limit.span.source is source:
+            message = f"this bound is {beyond}; version 1 used the range, now the idle command is sent"
+            yield warning("U001", limit.span, message, "choose a bound inside the range")
+        earlier = [other for other in program.limits[:i] if _can_contradict(other, limit)]
+        if earlier and _concerns(source, limit, earlier):
+            message = (
+                "this limit can contradict another one; version 1 used this one, the last, "
+                "now the idle command is sent"
+            )
+            hint = "make one of them apply only `when` the other does not, or keep their bounds apart"
+            labels = tuple(Label(other.span, "the other limit") for other in earlier)
+            yield replace(warning("U001", limit.span, message, hint), labels=labels)
+
+
+def _concerns(source: Source, limit: Limit, earlier: list[Limit]) -> bool:
+    """Return True if the limits are in this file, or meet only because it imports their files."""
+    sources = {limit.span.source, *(other.span.source for other in earlier)}
+    return source in sources or len(sources) > 1
+
+
+def _can_contradict(one: Limit, other: Limit) -> bool:
+    same_field = (one.actuator, one.field_index) == (other.actuator, other.field_index)
+    if not same_field or one.relation == other.relation:
+        return False
+    upper, lower = (one, other) if one.relation == "<=" else (other, one)
+    high, low = _constant(upper.bound), _constant(lower.bound)
+    return high is None or low is None or low > high
+
+
+def _beyond_range(limit: Limit, actuator: Actuator) -> str | None:
+    field, bound = actuator.fields[limit.field_index], _constant(limit.bound)
+    if bound is None:
+        return None
+    if limit.relation == "<=" and field.low is not None and bound < field.low:
+        return "below the range"
+    if limit.relation == ">=" and field.high is not None and bound > field.high:
+        return "above the range"
+    return None
+
+
+def _constant(bound: ir.Expression) -> float | None:
+    """Return the value of a bound that is a number, perhaps negative; None for any other."""
+    match bound:
+        case ir.Constant(value=float(value)):
+            return value
+        case ir.UnaryOperation(operator=ir.Unary.NEGATE, operand=ir.Constant(value=float(value))):
+            return -value
+        case _:
+            return None
+
+
+def _missing_bounds(program: Program, missing: Missing, source: Source) -> Iterator[Diagnostic]:
+    actuators = {a.name: a for a in program.robot.actuators}
+    for limit in program.limits:
+        actuator = actuators[limit.actuator]
+        idle = None if actuator.idle is None else actuator.idle[limit.field_index]
+        if limit.span.source is not source or idle == 0:
+            continue
+        needs = sorted(missing.needs(limit.bound))
+        if not needs and not _may_be_infinite(limit.bound):
+            continue
+        now = (
+            "nothing is sent" if idle is None else f"it is the idle command's {_value(limit, actuator, idle)}"
+        )
+        where = _without(needs) if needs else "it is not finite"
+        message = f"where {where}, this bound was 0 in version 1; now {now}"
+        yield warning("U002", limit.bound.span, message, "`value_or(BOUND, VALUE)` gives another bound")
+
+
+def _may_be_infinite(bound: ir.Expression) -> bool:
+    """Return True if a bound divides by something that is not constant."""
+    return any(
+        isinstance(e, ir.BinaryOperation)
+        and e.operator is ir.Binary.DIVIDE
+        and not isinstance(e.right, ir.Constant)
+        for e in ir.subexpressions(bound)
+    )
+
+
+def _value(limit: Limit, actuator: Actuator, idle: float | bool) -> str:
+    field = actuator.fields[limit.field_index]
+    return f"{idle / field.factor:g} {field.unit}".rstrip()
+
+
+def _without(sensors: list[str]) -> str:
+    names = listed([f"`{name}`" for name in sensors], "or")
+    return f"{names} is missing"
+
+
+# --- machines and contracts ------------------------------------------------------------------------
+
+
+def _blind_transitions(program: Program, missing: Missing, source: Source) -> Iterator[Diagnostic]:
+    for machine in program.derived:
+        if isinstance(machine, Machine) and machine.span.source is source:
+            for i, transition in enumerate(machine.transitions):
+                held_back = _held_back(machine, i, missing)
+                if held_back is not None:
+                    yield _blind_transition(transition, held_back, missing)
+
+
+def _blind_transition(transition: Transition, held_back: Transition, missing: Missing) -> Diagnostic:
+    lost = sorted(missing.needs(transition.condition) - missing.needs(held_back.condition))
+    message = (
+        f"where {_without(lost)}, no transition of the same phase below this one is taken; "
+        "in version 1 they were"
+    )
+    hint = (
+        "`failsafe` before a transition takes it where it reads something missing; "
+        f"`value_or({lost[0]}, VALUE)` decides this one there"
+    )
+    label = Label(held_back.span, "this one is held back")
+    return replace(warning("U003", transition.span, message, hint), labels=(label,))
+
+
+def _held_back(machine: Machine, i: int, missing: Missing) -> Transition | None:
+    """Return the first transition that transition `i` holds back where something is missing."""
+    transition = machine.transitions[i]
+    if transition.failsafe:
+        return None
+    needs = missing.needs(transition.condition)
+    for below in machine.transitions[i + 1 :]:
+        shares_phase = transition.sources & below.sources
+        if shares_phase and not below.failsafe and not needs <= missing.needs(below.condition):
+            return below
+    return None
+
+
+def _unknown_contracts(program: Program, missing: Missing, source: Source) -> Iterator[Diagnostic]:
+    for contract in program.contracts:
+        if contract.span.source is not source:
+            continue
+        sensors = missing.unknown_without(contract.expression)
+        if sensors is None:
+            continue
+        if not sensors:
+            message = (
+                f"`{contract.name}` reads an actuator on `idle hold`: where nothing is sent, it had no value "
+                "in version 1; now the field is what was sent last, and the contract is broken before that"
+            )
+            hint = "write `ACTUATOR is commanded implies (...)`"
+        else:
+            names = [f"`{name}`" for name in sensors]
+            verb = "is" if len(names) == 1 else "are"
+            message = (
+                f"`{contract.name}` can be broken where {listed(names, 'and')} {verb} missing; "
+                "in version 1 it had no value there"
+            )
+            first = sensors[0]
+            hint = (
+                f"write `fresh({first}) implies (...)` or `value_or({first}, VALUE)`, "
+                "or a second contract for the missing case"
+            )
+        yield warning("U004", contract.span, message, hint)
