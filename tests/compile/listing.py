@@ -3,7 +3,7 @@ are for. The variants of guards (`loss_aware_guard` and so on) are left out: in 
 
 20 number  select 18 11 13  # turned        value 20: 11 where 18 is true, else 13
 cell 3 `turned`: number 0.0, then 11 where 19
-3 first: present 23, active 37, guard 44, exclusive 44, sends 56 57
+3 first: present 23, known 5, active 37, guard 44, exclusive 44, sends 56 57
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _lines(code: Code) -> Iterator[str]:
     for actuator in code.actuators:
         yield from _actuator(actuator)
     for contract in code.contracts:
-        yield f"contract {contract.name}: {contract.value} where {contract.present}"
+        yield f"contract {contract.name}: {contract.holds}"
     yield f"sensors: {', '.join(sensor.name for sensor in code.sensors) or 'none'}"
 
 
@@ -80,7 +80,8 @@ def _python(call: PythonCall) -> Iterator[str]:
 def _actuator(of: ActuatorCode) -> Iterator[str]:
     yield f"actuator {of.actuator.name}"
     for one in of.clients:
-        guards = f"present {one.present}, active {one.active}, guard {one.guard}, exclusive {one.exclusive}"
+        guards = f"present {one.present}, known {one.known}, active {one.active}, "
+        guards += f"guard {one.guard}, exclusive {one.exclusive}"
         yield f"  {one.priority} {one.module}: {guards}, sends {' '.join(map(str, one.fields))}"
     for limit in of.limits:
         where = f"where {limit.applies}, known {limit.known}"

@@ -103,7 +103,7 @@ def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
 def test_a_module_that_fails_is_recorded_by_its_name() -> None:
     (call,) = lowered(load_text(MOODY)).python
     failing = replace(call, params=(("seed", 2.0),))
-    assert build(failing).step(0, {}, ())[2] == (("python error", "m"),)
+    assert build(failing).step(0, {}, ())[3] == (("python error", "m"),)
 
 
 # --- exclusive guards, contracts -----------------------------------------------------------------------

@@ -58,7 +58,7 @@ def test_a_snapshot_stays_as_it_is(change: Callable[[Snapshot], object]) -> None
 def test_where_something_is_missing_it_is_not_called() -> None:
     one, scripted = stepping()
     found = one.step(0, None, (("sensor fault", "x"),))
-    assert repr(found) == repr((False, (False, 0.0, 0.0), (("sensor fault", "x"),)))
+    assert repr(found) == repr((False, True, (False, 0.0, 0.0), (("sensor fault", "x"),)))
     assert scripted.given == []
 
 
@@ -79,29 +79,31 @@ def test_answers() -> None:
     for answer in wrong:
         one, _ = stepping(answer)
         records = (("a", "b"), ("python error", "m"))
-        assert repr(one.step(0, {}, (("a", "b"),))) == repr((False, nothing, records))
+        assert repr(one.step(0, {}, (("a", "b"),))) == repr((False, True, nothing, records))
     one, _ = stepping(None)
-    assert repr(one.step(0, {}, ())) == repr((False, nothing, ()))
+    assert repr(one.step(0, {}, ())) == repr((False, False, nothing, ()))
     for value, number in ((2, 2.0), (-0.0, -0.0), (math.nan, math.nan), (10**400, math.inf)):
         one, _ = stepping({**GOOD, "v": value})
-        assert repr(one.step(0, {}, ())) == repr((True, (True, number, 67.0), ()))
+        assert repr(one.step(0, {}, ())) == repr((True, False, (True, number, 67.0), ()))
 
 
 def test_an_answer_takes_effect_a_rate_later_and_stands() -> None:
     one, scripted = stepping(GOOD, None, {**GOOD, "v": 3}, None, rate=2 * S)
-    assert (one.due, one.pending, one.standing) == (0, None, None)
+    assert (one.due, one.pending, one.standing) == (0, None, False)
     calls = []
     for t in (5, 5 + 2 * S - 1, 5 + 2 * S, 5 + 4 * S, 5 + 6 * S - 1, 5 + 6 * S):
-        active, fields, _ = one.step(t, {}, ())
-        calls.append((len(scripted.given), active, fields[1]))
-    first, second, third, fourth = (1, False, 0.0), (2, True, 2.0), (3, False, 0.0), (4, True, 3.0)
+        active, blind, fields, _ = one.step(t, {}, ())
+        calls.append((len(scripted.given), active, blind, fields[1]))
+    first, second = (1, False, True, 0.0), (2, True, False, 2.0)
+    third, fourth = (3, False, False, 0.0), (4, True, False, 3.0)
     assert calls == [first, first, second, third, third, fourth]
 
 
 def test_with_a_rate_of_nothing_each_answer_takes_effect_at_once() -> None:
     one, scripted = stepping(GOOD, None, {**GOOD, "v": 3}, rate=0)
-    found = [one.step(t, {}, ())[:2] for t in (5, 5, 6)]
-    assert found == [(True, (True, 2.0, 67.0)), (False, (False, 0.0, 0.0)), (True, (True, 3.0, 67.0))]
+    found = [one.step(t, {}, ())[:3] for t in (5, 5, 6)]
+    second, third = (False, False, (False, 0.0, 0.0)), (True, False, (True, 3.0, 67.0))
+    assert found == [(True, False, (True, 2.0, 67.0)), second, third]
     assert len(scripted.given) == 3
     assert (one.due, one.pending) == (6, None)
 
@@ -109,5 +111,5 @@ def test_with_a_rate_of_nothing_each_answer_takes_effect_at_once() -> None:
 def test_a_wrong_answer_stands_as_silence() -> None:
     one, _ = stepping(GOOD, {}, GOOD, rate=S)
     found = [one.step(t * S, {}, ()) for t in range(3)]
-    assert [active for active, _, _ in found] == [False, True, False]
-    assert found[1][2] == (("python error", "m"),)
+    assert [(active, blind) for active, blind, _, _ in found] == [(False, True), (True, False), (False, True)]
+    assert found[1][3] == (("python error", "m"),)

@@ -46,7 +46,7 @@ def test_refuted_shows_the_run_and_the_place(colony: Colony, behavior: Path) -> 
         ["0 s", "all 0", "true"],
         ["0.05 s", "all 0", "false"],
     ]
-    assert "error[V010]: contract `lasts` is broken at 0.05 s of a run of 2 frames" in err
+    assert "error[V010]: contract `lasts` is false at 0.05 s of a run of 2 frames" in err
     assert f"hint: `colony verify --write-test {behavior}`" in err
     assert "1 proved, 1 refuted, 0 unknown" in out.splitlines()[-1]
 
@@ -219,10 +219,10 @@ def test_drawn_traces_come_from_the_seed(colony: Colony, behavior: Path) -> None
 
 
 def test_drawn_traces_break_what_could_not_be_decided(colony: Colony, behavior: Path) -> None:
-    add(behavior, "contract c: sin(rays[0] * 1 deg) * sin(rays[0] * 1 deg) < 0.9\n")
+    add(behavior, "contract c: fresh(rays) implies sin(rays[0] * 1 deg) * sin(rays[0] * 1 deg) < 0.9\n")
     code, _, err = colony("verify", "--examples", "60", behavior)
     assert code == 1
-    assert "error[V010]: contract `c` is broken" in err
+    assert "error[V010]: contract `c` is false" in err
 
 
 def test_faults_need_examples(colony: Colony, behavior: Path) -> None:

@@ -92,7 +92,8 @@ def test_zeros_of_either_sign_are_two() -> None:
 
 def test_constants_are_folded() -> None:
     code = lowered(ROBOT + "module m { when true  do out(v = x + min(3, 1 + 1)) }\nnetwork { out = m }")
-    assert [op.value for op in code.ops if isinstance(op, Literal)] == [2.0]
+    numbers = [op.value for op in code.ops if isinstance(op, Literal) and not isinstance(op.value, bool)]
+    assert numbers == [2.0]
 
 
 def test_what_nothing_needs_is_left_out() -> None:

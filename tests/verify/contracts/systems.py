@@ -51,7 +51,7 @@ def system(
         modules={},
         active={},
         actuators={},
-        claims=tuple(Claim(name=name, applies=TRUE, holds=holds) for name, holds in claims.items()),
+        claims=tuple(Claim(name=name, holds=holds) for name, holds in claims.items()),
     )
 
 

@@ -62,10 +62,18 @@ def test_answers_of_python_modules_cannot_be_written() -> None:
     assert example_block(program("contract c: true"), "c", made) is None
 
 
+def test_the_written_test_of_what_cannot_be_told_leaves_it_missing() -> None:
+    made = program("contract c: x < 1")
+    text = example_block(made, "c", trace({"x": 0.5}, {}))
+    assert text is not None
+    [result] = run_examples(program(f"contract c: x < 1\n{text}"))
+    assert [(f.kind, f.t_ns) for f in result.failures] == [("contract untold", 50_000_000)]
+
+
 @pytest.mark.parametrize(
     ("contract", "frames"),
     [
-        ("not (min(rays) < 2 m and bump)", [{"rays": RAYS}, {"rays": RAYS, "bump": True}]),
+        ("not (fresh(bump) and min(rays) < 2 m and bump)", [{"rays": RAYS}, {"rays": RAYS, "bump": True}]),
         ("not falling(bump)", [{"bump": True}, {"bump": False}]),
         ("want != goal.corner", [{"want": 67.0}]),
         ("fresh(x) or not previous(fresh(x), false)", [{"x": -0.1}, {}]),

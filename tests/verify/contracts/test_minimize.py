@@ -21,7 +21,7 @@ def least(text: str, *snapshots: Snapshot, patience: int = 1500) -> tuple[Progra
 
 def test_frames_that_are_not_needed_are_left_out() -> None:
     frames = [Snapshot(t_ns=i * 70 * MS + 3, readings={"bump": i == 1, "x": float(i)}) for i in range(6)]
-    _, trace = least("contract c: not latch(bump, stop) or bump", *frames)
+    _, trace = least("contract c: not fresh(bump) or not latch(bump, stop) or bump", *frames)
     assert [(s.t_ns, s.readings) for s in trace.snapshots] == [
         (0, {"bump": True}),
         (50 * MS, {"bump": False}),
@@ -36,20 +36,26 @@ def test_what_comes_after_the_breach_is_left_out() -> None:
 
 
 def test_numbers_become_round_in_the_declared_unit() -> None:
-    _, trace = least("contract c: far < 4.7 m", Snapshot(t_ns=0, readings={"far": 4781.234567}))
+    _, trace = least(
+        "contract c: not fresh(far) or far < 4.7 m", Snapshot(t_ns=0, readings={"far": 4781.234567})
+    )
     assert trace.snapshots[0].readings == {"far": 10_000.0}
     _, trace = least(
-        "contract c: not far in 4.7 m .. 4.85 m", Snapshot(t_ns=0, readings={"far": 4781.234567})
+        "contract c: not (fresh(far) and far in 4.7 m .. 4.85 m)",
+        Snapshot(t_ns=0, readings={"far": 4781.234567}),
     )
     assert trace.snapshots[0].readings == {"far": 4800.0}
 
 
 def test_elements_that_make_no_difference_are_all_the_same() -> None:
     rays = (1.5, 2.25, 700.123, 9000.0, 17.0, 3.0)
-    _, trace = least("contract c: not rays[2] in 650 mm .. 750 mm", Snapshot(t_ns=0, readings={"rays": rays}))
+    _, trace = least(
+        "contract c: not (fresh(rays) and rays[2] in 650 mm .. 750 mm)",
+        Snapshot(t_ns=0, readings={"rays": rays}),
+    )
     assert trace.snapshots[0].readings == {"rays": (700.0,) * 6}
     _, trace = least(
-        "contract c: not (rays[2] in 650 mm .. 750 mm and rays[3] > 8 m)",
+        "contract c: not (fresh(rays) and rays[2] in 650 mm .. 750 mm and rays[3] > 8 m)",
         Snapshot(t_ns=0, readings={"rays": rays}),
     )
     [value] = trace.snapshots[0].readings.values()
@@ -78,7 +84,7 @@ def test_without_patience_the_trace_stays_as_it_is() -> None:
 def test_a_simpler_value_that_breaks_the_contract_sooner() -> None:
     text = """let b = previous(x, 9)
 let a = previous(b, 9)
-contract c: not (b == 3 and x == 0 or a == 3 and b == 2 and x == 1)
+contract c: not (fresh(x) and (b == 3 and x == 0 or a == 3 and b == 2 and x == 1))
 """
     frames = [Snapshot(t_ns=50 * i * MS, readings={"x": x}) for i, x in enumerate((3.0, 2.0, 1.0))]
     _, trace = least(text, *frames)

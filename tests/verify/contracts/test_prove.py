@@ -27,7 +27,7 @@ MACHINE = """machine m {
 
 TRUE = {
     "one frame": "contract c: back is active and not (cruise is active) implies drive by back",
-    "a range": "contract c: far <= 10 m",
+    "a range": "contract c: fresh(far) implies far <= 10 m",
     "a clamped field": "contract c: drive.velocity in -1 m/s .. 1 m/s",
     "a missing sensor": "contract c: not fresh(far) implies not (cruise is active)",
     "a default": "contract c: not fresh(stop) implies not stop",
@@ -36,43 +36,50 @@ TRUE = {
     "phases": MACHINE + "contract c: m == m.rest or m == m.go or m == m.back",
     "memory of a machine": MACHINE
     + "contract c: elapsed(m == m.go) > 0 implies m == m.go and previous(m == m.go, false)",
-    "a latch": "let l = latch(bump, stop)\ncontract c: l implies not stop",
-    "a latch that was set": "let l = latch(bump, false)\ncontract c: previous(l, false) implies l",
-    "a held window": "contract c: recently(bump, 2 s) == (back is active)",
-    "a shorter window": "contract c: recently(bump, 1 s) implies back is active",
+    "a latch": "let l = latch(bump, stop)\ncontract c: fresh(bump) and l implies not stop",
+    "a latch that was set": "let l = latch(bump, false)\n"
+    "contract c: fresh(bump) implies (previous(l, false) implies l)",
+    "a held window": "contract c: fresh(bump) implies recently(bump, 2 s) == (back is active)",
+    "a shorter window": "contract c: fresh(bump) and recently(bump, 1 s) implies back is active",
     "a time constant": "contract c: drive by cruise implies not recently(back is active, 300 ms)",
     "time": "contract c: now >= previous(now, 0 s)",
-    "a window and its timer": "contract c: elapsed(bump) > 0 s implies bump",
-    "what was captured": "let k = captured(far, bump)\ncontract c: k in 0 m .. 10 m",
+    "a window and its timer": "contract c: fresh(bump) and elapsed(bump) > 0 s implies bump",
+    "what was captured": "let k = captured(far, bump)\n"
+    "contract c: fresh(far) and fresh(bump) implies k in 0 m .. 10 m",
     "a state that is clamped": "state drift = 0 deg  next drift = clamp(drift + slope, -45 deg, 45 deg)\n"
     "contract c: abs(drift) <= 45 deg",
     "two states in step": "state a = false  next a = bump\nstate b = false  next b = bump\n"
     "contract c: a == b",
     "a state of an enum": "state w : goal = goal.none  next w = want\n"
     "contract c: w == goal.none or w == goal.light or w == goal.corner",
-    "arrays": "contract c: count(rays < 2 m) <= 6 and min(rays) <= max(rays)",
-    "sine is bounded": "contract c: abs(slope) <= 720 deg implies sin(slope) <= 1",
-    "not a number": "contract c: x / x == 1 or x == 0 or x == 1 / 0 or x == -1 / 0",
+    "arrays": "contract c: fresh(rays) implies count(rays < 2 m) <= 6 and min(rays) <= max(rays)",
+    "sine is bounded": "contract c: fresh(slope) and abs(slope) <= 720 deg implies sin(slope) <= 1",
+    "not a number": "contract c: not fresh(x) or x / x == 1 or x == 0 or x == 1 / 0 or x == -1 / 0",
+    "a part that settles it": "contract c: (far > 11 m implies stop) or not fresh(far)",
+    "a value in place of what is missing": "contract c: value_or(far, 3 m) <= 10 m",
+    "a choice of what is known": "contract c: if fresh(far) then far <= 10 m else not (cruise is active)",
 }
 FALSE = {  # with the number of frames of the shortest trace
     "one frame": (1, "contract c: drive by back"),
-    "a range": (1, "contract c: far < 10 m"),
+    "a range": (1, "contract c: fresh(far) implies far < 10 m"),
     "a missing sensor": (1, "contract c: fresh(far)"),
     "a counter": (5, COUNTER + "contract c: n < 4"),
     "a machine": (3, MACHINE + "contract c: m != m.back"),
-    "a latch": (2, "contract c: latch(bump, stop) implies bump"),
-    "a held window": (2, "contract c: recently(bump, 2 s) implies bump"),
-    "a longer window": (2, "contract c: recently(bump, 3 s) implies back is active"),
+    "a latch": (2, "contract c: fresh(bump) and latch(bump, stop) implies bump"),
+    "a held window": (2, "contract c: fresh(bump) and recently(bump, 2 s) implies bump"),
+    "a longer window": (2, "contract c: fresh(bump) and recently(bump, 3 s) implies back is active"),
     "a time constant": (2, "contract c: drive is idle implies not (cruise is active)"),
     "time": (2, "contract c: now < 20 s"),
-    "what was captured": (2, "contract c: captured(far, bump) == far"),
+    "what was captured": (2, "contract c: fresh(far) and fresh(bump) implies captured(far, bump) == far"),
     "every": (2, "contract c: every(1 s)"),
-    "the sine of what is infinite": (1, "contract c: sin(slope) <= 1"),
-    "an enum": (1, "contract c: want != goal.light"),
-    "an index": (1, "contract c: index_of_min(rays) != 3"),
-    "arithmetic": (1, "contract c: 3 * x + 2 * y != 12.5 or x <= y"),
-    "infinite": (1, "contract c: x - x == 0"),
-    "a product": (1, "contract c: x * y != 12 or x < 3"),
+    "the sine of what is infinite": (1, "contract c: fresh(slope) implies sin(slope) <= 1"),
+    "an enum": (1, "contract c: fresh(want) implies want != goal.light"),
+    "an index": (1, "contract c: fresh(rays) implies index_of_min(rays) != 3"),
+    "arithmetic": (1, "contract c: fresh(x) and fresh(y) implies 3 * x + 2 * y != 12.5 or x <= y"),
+    "infinite": (1, "contract c: fresh(x) implies x - x == 0"),
+    "a product": (1, "contract c: fresh(x) and fresh(y) implies x * y != 12 or x < 3"),
+    "what cannot be told": (1, "contract c: far <= 10 m"),
+    "what cannot be told any more": (2, "contract c: not previous(fresh(far), false) or far <= 10 m"),
 }
 
 
@@ -92,12 +99,12 @@ def test_what_can_be_broken_is_refuted_by_a_shortest_trace(frames: int, text: st
 
 
 def test_what_holds_of_reals_only_says_so() -> None:
-    found = proved("contract c: x in 1 .. 2 implies x + 0.1 >= x")
+    found = proved("contract c: fresh(x) and x in 1 .. 2 implies x + 0.1 >= x")
     assert {r.span.text for r in found.over_reals} == {"x + 0.1"}
 
 
 def test_what_reals_keep_and_floats_break_is_refuted() -> None:
-    found = refuted("contract c: x in 1 .. 2 implies (x + 0.1) + 0.1 == x + 0.2")
+    found = refuted("contract c: fresh(x) and x in 1 .. 2 implies (x + 0.1) + 0.1 == x + 0.2")
     [snapshot] = found.trace.snapshots
     x = snapshot.readings["x"]
     assert isinstance(x, float)
@@ -105,7 +112,9 @@ def test_what_reals_keep_and_floats_break_is_refuted() -> None:
 
 
 def test_what_holds_of_floats_says_nothing_of_reals() -> None:
-    assert proved("contract c: x + 0.1 > 3 and bump implies bump").over_reals == ()
+    assert (
+        proved("contract c: fresh(x) and fresh(bump) and x + 0.1 > 3 and bump implies bump").over_reals == ()
+    )
 
 
 def test_what_follows_whatever_rounding_does_takes_one_question(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,19 +126,23 @@ def test_what_follows_whatever_rounding_does_takes_one_question(monkeypatch: pyt
         return check(solver, assumed)
 
     monkeypatch.setattr(Solver, "check", counted)
-    assert proved("contract c: x + 0.1 > 3 and bump implies bump").over_reals == ()
+    assert (
+        proved("contract c: fresh(x) and fresh(bump) and x + 0.1 > 3 and bump implies bump").over_reals == ()
+    )
     assert len(checked) == 1
 
 
 def test_an_abstracted_function_leaves_it_unknown() -> None:
-    found = unknown("contract c: sin(slope) < 2 * cos(slope) or abs(slope) > 10 deg")
+    found = unknown("contract c: fresh(slope) implies sin(slope) < 2 * cos(slope) or abs(slope) > 10 deg")
     assert any("`sin`" in line for line in found.because)
     assert found.trace is None
     assert "--examples" in found.hint
 
 
 def test_what_the_solver_cannot_see_is_refuted_by_drawing_runs() -> None:
-    found = refuted("contract c: sin(slope) < 0.9 or abs(slope) > 200 deg", Options(resources=1))
+    found = refuted(
+        "contract c: fresh(slope) implies sin(slope) < 0.9 or abs(slope) > 200 deg", Options(resources=1)
+    )
     [snapshot] = found.trace.snapshots
     assert set(snapshot.readings) == {"slope"}
 
@@ -150,7 +163,7 @@ def test_a_solver_that_may_do_nothing_gives_up_and_says_so() -> None:
 
 def test_no_time_is_no_proof() -> None:
     ticks = iter(range(10_000))
-    made = program("contract c: recently(bump, 1 s) implies back is active")
+    made = program("contract c: fresh(bump) and recently(bump, 1 s) implies back is active")
     [found] = prove_contracts(made, Options(seconds=0.5), clock=lambda: float(next(ticks)))
     assert not isinstance(found, Proved)
 
@@ -212,7 +225,7 @@ def python(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("python")
 def test_whatever_a_python_module_answers_the_network_holds() -> None:
-    proved("contract c: stop implies drive.velocity == 0 m/s")
+    proved("contract c: fresh(stop) and stop implies drive.velocity == 0 m/s")
     proved("contract c: drive.velocity <= 1 m/s")
 
 
@@ -228,7 +241,7 @@ def test_what_a_python_module_may_break_is_unknown_with_the_answer() -> None:
 
 @pytest.mark.usefixtures("python")
 def test_what_is_broken_without_asking_python_is_refuted() -> None:
-    found = refuted("contract c: drive by guess or stop")
+    found = refuted("contract c: drive by guess or not fresh(stop) or stop")
     assert [(s.readings, s.answers) for s in found.trace.snapshots] == [({"stop": False}, {})]
 
 
@@ -237,14 +250,15 @@ def test_what_rests_on_a_contract_that_holds_of_reals_does_too() -> None:
     phases = "\n".join(f"  p{i} -> p{i + 1} when true" for i in range(40))
     late = f"machine m {{\n  start p0\n{phases}\n}}\nlet z = far / 10 m\n"
     same = "(small * z) * slope / 1 deg == small * (z * slope) / 1 deg"
+    fresh = "fresh(small) and fresh(far) and fresh(slope) and fresh(bump)"
     found = proved(
-        f"{late}contract a: m == m.p40 and slope in 0 deg .. 1 deg implies {same}\n"
-        f"contract c: m == m.p40 and slope in 0 deg .. 1 deg and bump implies {same}\n"
+        f"{late}contract a: {fresh} and m == m.p40 and slope in 0 deg .. 1 deg implies {same}\n"
+        f"contract c: {fresh} and m == m.p40 and slope in 0 deg .. 1 deg and bump implies {same}\n"
     )
     assert any(reason.text.startswith("a product") for reason in found.over_reals)
 
 
 def test_the_sum_of_nothing_but_a_negative_zero_is_one() -> None:
     total = "1 / sum(-0 for k in 1 .. 2 if (k == 2) == bump)"
-    assert proved(f"contract c: {total} <= 0").over_reals == ()
-    refuted(f"contract c: {total} >= 0")
+    assert proved(f"contract c: fresh(bump) implies {total} <= 0").over_reals == ()
+    refuted(f"contract c: fresh(bump) implies {total} >= 0")

@@ -19,30 +19,41 @@ def test_what_holds_of_floats_is_proved_without_more() -> None:
 
 
 def test_what_holds_of_reals_names_the_lines() -> None:
-    text = "contract c: x in 1 .. 2 implies x + 0.1 >= x"
+    text = "contract c: fresh(x) and x in 1 .. 2 implies x + 0.1 >= x"
     [line] = lines(program(text), proved(text))
     assert line.startswith("proved   c  (over reals: floats may round at <text>:")
 
 
 def test_a_refuted_contract_is_an_error_at_its_place() -> None:
-    text = "contract c: drive by cruise implies not (far > 2 m and bump)  contract d: not falling(bump)"
+    text = "contract c: drive by cruise implies not (fresh(bump) and bump)  "
+    text += "contract d: fresh(bump) implies not falling(bump)"
     found = refuted(text)
     said = finding(found, "a b.colony")
     assert said is not None
     assert (said.code, said.severity, said.span.text) == ("V010", "error", "d")
-    assert "is broken at 0.05 s of a run of 2 frames; found: bump = false" in said.message
+    assert "`d` is false at 0.05 s of a run of 2 frames; found: bump is fresh; bump = false" in said.message
     assert said.hint == "`colony verify --write-test 'a b.colony'` adds the run to it as a test"
     assert finding(found, None) == replace(said, hint=None)
 
 
+def test_a_contract_that_cannot_be_told_says_what_is_missing() -> None:
+    said = finding(refuted("contract c: far <= 10 m and x == x"), "f.colony")
+    assert said is not None
+    found = "far is missing; x is missing"
+    assert said.message == f"contract `c` cannot be told at 0 s of a run of 1 frame; found: {found}"
+    assert said.hint is not None
+    assert "`fresh(X) implies ...`" in said.hint
+    assert "`value_or(X, ...)`" in said.hint
+
+
 def test_an_infinite_reading_wants_a_range() -> None:
-    said = finding(refuted("contract c: x - x == 0"), "f.colony")
+    said = finding(refuted("contract c: fresh(x) implies x - x == 0"), "f.colony")
     assert said is not None
     assert said.hint == "`x` is infinite there: give it a `range`, which bounds its readings"
 
 
 def test_an_unknown_contract_is_a_warning_that_says_why() -> None:
-    found = unknown("contract c: sin(slope) < 2 * cos(slope) or abs(slope) > 10 deg")
+    found = unknown("contract c: fresh(slope) implies sin(slope) < 2 * cos(slope) or abs(slope) > 10 deg")
     said = finding(found, "f.colony")
     assert said is not None
     assert (said.code, said.severity) == ("V011", "warning")
@@ -51,7 +62,7 @@ def test_an_unknown_contract_is_a_warning_that_says_why() -> None:
 
 
 def test_the_table_has_a_line_a_frame_and_tells_what_must_be_missing() -> None:
-    text = "contract c: not falling(bump) or fresh(far)"
+    text = "contract c: fresh(bump) and falling(bump) implies fresh(far)"
     found = refuted(text)
     assert table(program(text), found.contract, found.trace) == (
         "time    bump   drive",
@@ -59,12 +70,13 @@ def test_the_table_has_a_line_a_frame_and_tells_what_must_be_missing() -> None:
         "0.05 s  false  by back: velocity = -0.5 m/s, turn = 0 deg/s",
         "necessarily missing: far",
         "all other sensors: missing (their readings make no difference)",
-        "in the last frame: bump = false; far is not fresh",
+        "in the last frame: bump is fresh; bump = false; far is not fresh",
     )
 
 
 def test_enumerators_arrays_and_idle_commands_are_shown() -> None:
-    text = "contract c: want != goal.light or rays[2] < 7 m or drive is commanded"
+    text = "contract c: fresh(want) and fresh(rays) "
+    text += "implies want != goal.light or rays[2] < 7 m or drive is commanded"
     found = refuted(text)
     shown = "\n".join(table(program(text), found.contract, found.trace))
     assert "goal.light" in shown
@@ -73,7 +85,8 @@ def test_enumerators_arrays_and_idle_commands_are_shown() -> None:
 
 
 def test_results_come_in_the_order_written() -> None:
-    text = "contract a: bump  contract b: not bump or bump  contract c: far <= 10 m"
+    text = "contract a: bump  contract b: fresh(bump) implies not bump or bump  "
+    text += "contract c: value_or(far, 0 m) <= 10 m"
     made = program(text)
     found = list(prove_contracts(made))
     assert [r.contract.name for r in found] == ["a", "b", "c"]
@@ -82,7 +95,7 @@ def test_results_come_in_the_order_written() -> None:
 
 
 def test_a_row_has_the_frames_as_trace_takes_them() -> None:
-    text = "contract c: not (far > 2 m and bump)"
+    text = "contract c: fresh(far) and fresh(bump) implies not (far > 2 m and bump)"
     made = row(program(text), refuted(text))
     assert made["verdict"] == "refuted"
     steps = made["trace"]

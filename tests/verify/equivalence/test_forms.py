@@ -62,19 +62,19 @@ def changed_text(change: Callable[[str], str]) -> Result:
 @pytest.mark.parametrize(
     ("what", "instead"),
     [
-        (" and v360:  # runaway", ":  # runaway"),
-        ("if travel_active and v332:", "if v332:"),
+        (" and v344:  # runaway", ":  # runaway"),
+        ("if travel_active and v316:", "if v316:"),
         ("if collide_active and sensing:", "if sensing and not collide_active:"),
         ("t < self.guard_10_until", "t <= self.guard_10_until"),
         ("self.guard_10_until = t + 300_000_000", "self.guard_10_until = t + 300_000_001"),
         (
             "if travel_active:\n            self.guard_10",
-            "if travel_active and v332:\n            self.guard_10",
+            "if travel_active and v316:\n            self.guard_10",
         ),
         ("self.guard_10_until = 0", "self.guard_10_until = 1"),
         ("drive_by = 'travel'", "drive_by = 'wander'"),
-        ("v332 = v331 and sensing", "v332 = v331 or sensing"),
-        ("v332 = v331 and sensing", "v332 = v331"),
+        ("v316 = v315 and sensing", "v316 = v315 or sensing"),
+        ("v316 = v315 and sensing", "v316 = v315"),
     ],
 )
 def test_a_change_in_generated_python_is_found(what: str, instead: str) -> None:
@@ -86,7 +86,7 @@ def test_a_change_in_generated_python_is_found(what: str, instead: str) -> None:
 
 def test_a_change_that_changes_no_winner_is_proved() -> None:
     """Who comes after `travel` is only asked where `travel` is not active, or inhibited like themselves."""
-    what, instead = "v359 = not (travel_active or", "v359 = not (collide_active or"
+    what, instead = "v343 = not (travel_active or", "v343 = not (collide_active or"
     assert isinstance(changed_text(lambda text: text.replace(what, instead)), Proved)
 
 

@@ -24,9 +24,9 @@ from tests.verify.symbolic.programs import broken, claim_of, program
 BEHAVIORS = ROOT / "behaviors"
 
 OF_REALS = [
-    "x in 1 mm .. 2 mm implies (x + 0.1 mm) + 0.1 mm == x + 0.2 mm",
+    "fresh(x) and x in 1 mm .. 2 mm implies (x + 0.1 mm) + 0.1 mm == x + 0.2 mm",
     "a - x + x == a or not (fresh(a) and fresh(x))",
-    "x / 3 * 3 == x",
+    "fresh(x) implies x / 3 * 3 == x",
 ]
 
 
@@ -40,15 +40,15 @@ def test_what_holds_of_reals_only_is_not_proved(text: str) -> None:
 
 
 OF_FLOATS = [
-    "x * 0.1 <= 100 mm",
-    "x * 0.1 >= 0 mm",
-    "x + 0.1 mm == x + 0.1 mm",
-    "x * x >= 0 mm * 1 mm",
-    "min(x * 0.3, 50 mm) <= 50 mm",
-    "mod(a / 1 mm, 7) in 0 .. 7 or not (a - a == 0 mm)",
-    "elapsed(p) >= 0 s",
-    "sqrt(x / 1 mm) <= 32",
-    "angle_difference(a / 1 mm * 1 deg, 0 deg) <= 180 deg or not (a - a == 0 mm)",
+    "fresh(x) implies x * 0.1 <= 100 mm",
+    "fresh(x) implies x * 0.1 >= 0 mm",
+    "fresh(x) implies x + 0.1 mm == x + 0.1 mm",
+    "fresh(x) implies x * x >= 0 mm * 1 mm",
+    "fresh(x) implies min(x * 0.3, 50 mm) <= 50 mm",
+    "fresh(a) implies mod(a / 1 mm, 7) in 0 .. 7 or not (a - a == 0 mm)",
+    "fresh(p) implies elapsed(p) >= 0 s",
+    "fresh(x) implies sqrt(x / 1 mm) <= 32",
+    "fresh(a) implies angle_difference(a / 1 mm * 1 deg, 0 deg) <= 180 deg or not (a - a == 0 mm)",
 ]
 
 
@@ -60,7 +60,7 @@ def test_what_rounding_cannot_break_is_proved(text: str) -> None:
 
 
 def test_a_number_beyond_all_floats_is_infinite() -> None:
-    text = "contract c: abs(a) < 1e308 mm implies (a * 10) - (a * 10) == 0 mm"
+    text = "contract c: fresh(a) and abs(a) < 1e308 mm implies (a * 10) - (a * 10) == 0 mm"
     system = encode(program(text))
     assert broken(system, "c").check() == z3.unsat
     assert broken(generalize(system), "c").check() == z3.sat

@@ -49,13 +49,13 @@ def test_a_module_that_never_commands_is_named() -> None:
 
 
 def test_the_same_seed_gives_the_same() -> None:
-    of = program(BACKS_OFF + "contract slow: out.v <= 50\n")
+    of = program(BACKS_OFF + "contract slow: out is commanded implies out.v <= 50\n")
     assert repr(last(of, 20)) == repr(last(of, 20))
     assert repr(last(of, 20)) != repr(last(of, 20, seed=2))
 
 
 def test_every_report_adds_one_trace_or_shrinks_one() -> None:
-    of = program(BACKS_OFF + "contract slow: out.v <= 50\n")
+    of = program(BACKS_OFF + "contract slow: out is commanded implies out.v <= 50\n")
     drawn = [report.drawn for report in try_traces(of, 5, 1)]
     assert sorted(set(drawn)) == [1, 2, 3, 4, 5]
     assert len(drawn) == 6  # one more, as the breach is shrunk
@@ -70,7 +70,7 @@ def test_none_are_asked_for() -> None:
 
 
 def test_a_breach_is_shrunk_to_what_it_takes() -> None:
-    of = program(BACKS_OFF + "contract never_back: out.v >= 0\n")
+    of = program(BACKS_OFF + "contract never_back: out is commanded implies out.v >= 0\n")
     (breach,) = last(of).breaches
     assert breach.contract.name == "never_back"
     assert breach.frames > 1
@@ -91,7 +91,10 @@ def test_a_breach_of_two_frames_keeps_its_times() -> None:
 
 
 def test_contracts_that_hold_are_not_told_of() -> None:
-    assert last(program(BACKS_OFF + "contract bounded: out.v in -1 .. 100\n")).breaches == ()
+    assert (
+        last(program(BACKS_OFF + "contract bounded: out is commanded implies out.v in -1 .. 100\n")).breaches
+        == ()
+    )
 
 
 # --- executors -------------------------------------------------------------------------------------

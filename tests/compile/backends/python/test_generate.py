@@ -123,7 +123,7 @@ def test_it_runs_without_colony(tmp_path: Path) -> None:
     assert done.stdout.splitlines() == [
         "((('drive', 'cruise', (300.0, 0.0), None),), (), ())",
         "((('drive', 'avoid', (80.0, 30.0), None),), (('sensor clamped', 'sonar'),), ())",
-        "((('drive', 'cruise', (300.0, 0.0), None),), (), ())",
+        "((('drive', 'cruise', (300.0, 0.0), None),), (), ('never_ram',))",  # nobody knows of the bumper
         "False",
     ]
 
