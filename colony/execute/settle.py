@@ -8,6 +8,26 @@ from __future__ import annotations
 from math import isfinite
 
 
+def bounds_of(
+    field: int,
+    low: float | None,
+    high: float | None,
+    limits: tuple[tuple[int, bool, float | None], ...],
+    idle: tuple[float | bool, ...] | None,
+) -> tuple[float | None, float | None]:
+    """Return the greatest lower and the least upper bound of a field, given its range and the limits."""
+    for at, above, bound in limits:
+        if at == field:
+            if bound is None:
+                bound = idle[field]  # type: ignore[index]
+            if above:
+                if high is None or bound < high:
+                    high = bound
+            elif low is None or bound > low:
+                low = bound
+    return low, high
+
+
 def settle(
     actuator: str,
     by: str,
@@ -24,18 +44,16 @@ def settle(
     """
     if not all(map(isfinite, command)):
         return "not finite", idle, (*records, ("not finite", by))
-    bounds = [[low, high] for _, _, low, high in fields]
-    for at, above, bound in limits:
-        if bound is None:
-            if idle is None:
+    if idle is None:
+        for at, _, bound in limits:
+            if bound is None:
                 return "bound missing", None, (*records, ("bound missing", f"{actuator}.{fields[at][0]}"))
-            bound = idle[at]
-        former = bounds[at][above]
-        if former is None or (bound < former if above else bound > former):
-            bounds[at][above] = bound
     sent = []
     found: tuple[tuple[str, str], ...] = ()
-    for value, (low, high), (name, _, least, most) in zip(command, bounds, fields, strict=True):
+    is_sendable = True
+    for i, value in enumerate(command):
+        name, factor, least, most = fields[i]
+        low, high = bounds_of(i, least, most, limits, idle)
         if low is not None and high is not None and low > high:
             return "limits contradict", idle, (*records, ("limits contradict", f"{actuator}.{name}"))
         if low is not None and value < low:
@@ -44,9 +62,9 @@ def settle(
         elif high is not None and value > high:
             found += (("command clamped" if high == most else "limited", f"{actuator}.{name}"),)
             value = high
+        # in a unit smaller than the base unit a field may be too large for a double
+        is_sendable = is_sendable and (factor >= 1.0 or isfinite(value / factor))
         sent.append(value)
-    # in a unit smaller than the base unit a field may be too large for a double
-    declared = [x / factor for x, (_, factor, _, _) in zip(sent, fields, strict=True) if factor < 1.0]
-    if not all(map(isfinite, declared)):
+    if not is_sendable:
         return "not finite", idle, (*records, ("not finite", by))
     return None, tuple(sent), records + found

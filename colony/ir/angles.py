@@ -252,8 +252,8 @@ def direction_of_extremes(y: float, x: float) -> float:
     """Return `direction(y, x)`, whatever the size of its arguments."""
     if y != y or x != x:
         return nan
-    if y == 0.0 and x == 0.0:
-        return 0.0
+    if y == 0.0:
+        return 0.0 if x == 0.0 else copysign(180.0 if x < 0.0 else 0.0, y)
     if isinf(x) or isinf(y):
         return copysign(
             (135.0 if x < 0.0 else 45.0)
