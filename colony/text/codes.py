@@ -78,7 +78,6 @@ CODES: dict[str, str] = {
     "V023": "an inhibitor changes nothing",
     "V024": "a time constant changes nothing",
     "V025": "a command can leave its range",
-    "V026": "a contract never has a value",
     "V027": "a contract is vacuous",
     "V028": "nothing reads a sensor",
     "V029": "modules are always active together",

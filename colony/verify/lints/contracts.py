@@ -8,13 +8,9 @@ from colony.ir import expression as ir
 from colony.ir.expression import Expression
 from colony.ir.program import Contract
 from colony.text.diagnostics import Diagnostic, warning
-from colony.verify.claims import FALSE, all_of, negation
+from colony.verify.claims import all_of, negation
 from colony.verify.lints.case import Case
 from colony.verify.source_text import source_text
-
-
-def _missing(contract: Contract) -> str:
-    return f"missing {contract.name}"
 
 
 def _vacuous(contract: Contract) -> str:
@@ -22,16 +18,14 @@ def _vacuous(contract: Contract) -> str:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a contract has no value, or that the left side of its `implies` is false."""
+    """Yield the claims that the left side of a contract's `implies` is false."""
     for contract in case.program.contracts:
         if not case.is_own(contract.span):
             continue
         e = contract.expression
         has_memory = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(e))
-        if not has_memory:  # a second claim would need to share its memory
-            yield _missing(contract), all_of((e, FALSE))
-            if (left := _premise(e)) is not None:
-                yield _vacuous(contract), all_of((e, negation(left)))
+        if not has_memory and (left := _premise(e)) is not None:  # a claim would need to share its memory
+            yield _vacuous(contract), all_of((e, negation(left)))
 
 
 def _premise(e: Expression) -> Expression | None:
@@ -45,14 +39,7 @@ def _premise(e: Expression) -> Expression | None:
 def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
     """Yield the warnings about contracts that constrain nothing."""
     for contract in case.program.contracts:
-        if _missing(contract) in proved:
-            yield warning(
-                "V026",
-                contract.span,
-                f"contract `{contract.name}` never has a value: something that it reads is always missing",
-                "read what is missing with `value_or`, or remove the contract",
-            )
-        elif _vacuous(contract) in proved and (left := _premise(contract.expression)) is not None:
+        if _vacuous(contract) in proved and (left := _premise(contract.expression)) is not None:
             yield warning(
                 "V027",
                 left.span,
