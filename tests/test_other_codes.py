@@ -63,7 +63,7 @@ def test_codes_of_a_part_are_in_order() -> None:
 
 
 def test_every_code_has_an_example() -> None:
-    assert [code for code, _, _ in examples(CODES)] == list(CODES)
+    assert list(dict.fromkeys(code for code, _, _ in examples(CODES))) == list(CODES)
 
 
 def make(files: list[Fence]) -> list[str]:

@@ -3,7 +3,7 @@
 Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
 when each occurs and how to fix it. E0xx is about text and files, E1xx about names, E2xx about types and
 constants, E3xx about the robot, E4xx about modules, E5xx about the network, E6xx about limits and tests;
-N0xx are notes, U0xx what a person has to decide in an upgrade, W0xx warnings.
+N0xx are notes, U0xx what a person has to decide in an upgrade, W0xx warnings and notes.
 """
 
 from __future__ import annotations
@@ -74,4 +74,6 @@ CODES: dict[str, str] = {
     "U005": "`idle hold` of an actuator that moves the robot",
     "W001": "a module or wire reaches no actuator",
     "W002": "nothing drives an actuator",
+    "W010": "nothing leads to a phase",
+    "W011": "nothing leaves a phase",
 }

@@ -1,4 +1,4 @@
-"""Errors and warnings as data, and their rendering.
+"""Errors, warnings and notes as data, and their rendering.
 
 A stage that finds a problem appends a `Diagnostic` to a list and continues; if it cannot continue, it raises
 `DiagnosticError` with all findings so far.
@@ -55,7 +55,7 @@ def warning(code: str, span: Span, message: str, hint: str | None = None) -> Dia
 
 
 def note(code: str, span: Span, message: str, hint: str | None = None) -> Diagnostic:
-    """Return a note at `span`."""
+    """Return a note at `span`: nothing is wrong, but the reader may not know it."""
     return Diagnostic(code=code, span=span, message=message, hint=hint, severity="note")
 
 

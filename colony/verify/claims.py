@@ -33,6 +33,11 @@ def constant(value: ScalarValue, type_: Scalar) -> ir.Expression:
     return ir.Constant(type=type_, value=value)
 
 
+def value_or(e: ir.Expression, other: ir.Expression) -> ir.Expression:
+    """Return `e`, or `other` where `e` reads something missing."""
+    return ir.ValueOr(type=e.type, expression=e, other=other)
+
+
 def negation(e: ir.Expression) -> ir.Expression:
     """Return the negation of an expression."""
     return ir.UnaryOperation(type=BOOL, operator=ir.Unary.NOT, operand=e)

@@ -44,19 +44,21 @@ network { roam = avoid suppresses cruise  drive = blind inhibits roam  lamp = sh
 
 
 def findings(text: str, robot: str = ROBOT) -> list[str]:
-    """`line:column code` of each error and warning, in order; the warnings of unused modules are left out."""
+    """`line:column code` of each error and warning, in order; notes and unused modules are left out."""
     found = []
     for d in check_text(text + robot).diagnostics:
         line, column = d.span.source.position(d.span.start)
-        if d.code not in ("W001", "W002"):
+        if d.severity != "note" and d.code not in ("W001", "W002"):
             found.append(f"{line}:{column} {d.code}")
     return found
 
 
 def messages(text: str, robot: str = ROBOT) -> str:
-    """Everything as a person reads it, warnings of unused modules left out."""
+    """Everything as a person reads it, notes and warnings of unused modules left out."""
     diagnostics = check_text(text + robot).diagnostics
-    return "\n".join(render(d) for d in diagnostics if d.code not in ("W001", "W002"))
+    return "\n".join(
+        render(d) for d in diagnostics if d.severity != "note" and d.code not in ("W001", "W002")
+    )
 
 
 def program(text: str, robot: str = ROBOT) -> Program:

@@ -13,6 +13,7 @@ from colony.text.diagnostics import (
     has_errors,
     headline,
     in_order,
+    note,
     render,
     to_json,
     warning,
@@ -26,6 +27,14 @@ BAD = Span(SOURCE, 21, 28)
 def test_the_headline() -> None:
     assert headline(error("E101", BAD, "unknown name")) == "a.colony:2:12: error[E101]: unknown name"
     assert headline(warning("W001", BAD, "unused")) == "a.colony:2:12: warning[W001]: unused"
+    assert headline(note("W011", BAD, "the end")) == "a.colony:2:12: note[W011]: the end"
+
+
+def test_notes_are_no_errors() -> None:
+    assert not has_errors([note("W011", BAD, "the end"), warning("W001", BAD, "unused")])
+    assert has_errors([note("W011", BAD, "the end"), error("E101", BAD, "unknown name")])
+    [row] = json.loads(to_json([note("W011", BAD, "the end")]))
+    assert row["severity"] == "note"
 
 
 def test_the_source_line_has_a_caret_and_the_hint_follows() -> None:

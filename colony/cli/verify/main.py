@@ -57,8 +57,8 @@ def command(
     stated reason. Warnings about modules that can never act, and about other likely mistakes, follow. The
     proofs allow modules in Python any answer.
 
-    Exit code: 0 if nothing is refuted (warnings are allowed), 1 if a contract is refuted or a file has
-    errors, 2 if a file cannot be read.
+    Exit code: 0 if nothing is refuted (warnings are allowed), 1 if a contract is refuted, a file has errors,
+    or limits contradict each other on `idle hold`, 2 if a file cannot be read.
 
     \b
     Example:

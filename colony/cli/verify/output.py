@@ -16,7 +16,10 @@ from colony.text.wording import counted
 
 if TYPE_CHECKING:
     from colony.cli.sarif import TraceStep
+    from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
+    from colony.text.source import Span
+    from colony.verify.contracts.results import Trace
 
 
 def show(verified: Verified) -> None:
@@ -29,6 +32,7 @@ def show(verified: Verified) -> None:
         return
     from colony.verify.contracts.prove import in_order
     from colony.verify.contracts.report import lines
+    from colony.verify.lints.report import run_lines
 
     if not verified.program.contracts:
         click.echo(f"{verified.file}: no contracts found")
@@ -37,6 +41,9 @@ def show(verified: Verified) -> None:
         click.echo(f"{verified.file}: {head}")
         for line in below:
             click.echo(f"  {line}")
+    for finding in verified.findings:
+        for line in run_lines(verified.program, finding):
+            click.echo(f"{verified.file}: {line}" if not line.startswith(" ") else f"  {line}")
     if verified.report is not None:
         from colony.cli.verify.examples import lines as example_lines
 
@@ -78,7 +85,6 @@ def _summary(verified_files: Sequence[Verified], interrupted: bool) -> None:
 
 
 def _json(verified_files: Sequence[Verified], interrupted: bool) -> str:
-    from colony.text.diagnostics import to_rows
     from colony.verify.contracts.prove import in_order
     from colony.verify.contracts.report import row
 
@@ -92,9 +98,23 @@ def _json(verified_files: Sequence[Verified], interrupted: bool) -> str:
 
             entry["examples"] = example_row(verified.program, verified.report)
         files.append(
-            {**entry, "left_open": verified.undecided_questions, "diagnostics": to_rows(verified.diagnostics)}
+            {**entry, "left_open": verified.undecided_questions, "diagnostics": _diagnostic_rows(verified)}
         )
     return json.dumps({"semantics": SEMANTICS, "interrupted": interrupted, "files": files}, indent=2)
+
+
+def _diagnostic_rows(verified: Verified) -> list[dict[str, object]]:
+    """Return an object for each diagnostic, with the run that shows it as `trace` if there is one."""
+    from colony.text.diagnostics import to_rows
+    from colony.verify.contracts.report import trace_rows
+
+    runs = {f.diagnostic: f.run for f in verified.findings}
+    rows = to_rows(verified.diagnostics)
+    for diagnostic, row in zip(verified.diagnostics, rows, strict=True):
+        run = runs.get(diagnostic)
+        if run is not None and verified.program is not None:
+            row["trace"] = trace_rows(verified.program, run.trace)
+    return rows
 
 
 def _sarif(verified_files: Sequence[Verified]) -> str:
@@ -110,9 +130,8 @@ def _sarif(verified_files: Sequence[Verified]) -> str:
 
 def _traces(verified: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
     """Return the frames that lead to each finding of a file."""
-    from colony.cli.sarif import TraceStep
     from colony.cli.verify import examples
-    from colony.verify.contracts.report import finding, readable_frames
+    from colony.verify.contracts.report import finding
     from colony.verify.contracts.results import Proved
 
     traces: dict[Diagnostic, Sequence[TraceStep]] = {}
@@ -121,15 +140,22 @@ def _traces(verified: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
     for result in verified.results:
         diagnostic = finding(result, verified.suggested_file)
         if diagnostic is not None and not isinstance(result, Proved) and result.trace is not None:
-            span = result.contract.span
-            traces[diagnostic] = [
-                TraceStep(span, event, values)
-                for event, values in readable_frames(
-                    verified.program, result.trace.snapshots, result.trace.outcomes
-                )
-            ]
+            traces[diagnostic] = _steps(verified.program, result.contract.span, result.trace)
+    for lint_finding in verified.findings:
+        if lint_finding.run is not None:
+            span, trace = lint_finding.diagnostic.span, lint_finding.run.trace
+            traces[lint_finding.diagnostic] = _steps(verified.program, span, trace)
     if verified.report is not None:
         traces |= examples.findings(
             verified.program, verified.report, verified.suggested_file, verified.refuted_names
         )
     return traces
+
+
+def _steps(program: Program, span: Span, trace: Trace) -> list[TraceStep]:
+    """Return the frames of a run that shows a finding at `span`."""
+    from colony.cli.sarif import TraceStep
+    from colony.verify.contracts.report import readable_frames
+
+    frames = readable_frames(program, trace.snapshots, trace.outcomes)
+    return [TraceStep(span, event, values) for event, values in frames]

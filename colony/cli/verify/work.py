@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
     from colony.verify.contracts.results import Refuted, Result
+    from colony.verify.lints.finding import Finding
     from colony.verify.testing.differential import Report
 
 _LINT_TIMEOUT_FACTOR = 2
@@ -31,6 +32,7 @@ class Verified:
     program: Program | None
     diagnostics: list[Diagnostic]
     results: list[Result] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     report: Report | None = None
     undecided_questions: int = 0  # questions about modules that can never act
     writes_tests: bool = False
@@ -113,7 +115,8 @@ class Work:
         from colony.verify.lints import TimeBudget, lint
 
         time_budget = TimeBudget(time.monotonic, _LINT_TIMEOUT_FACTOR * self.timeout)
-        verified.diagnostics += lint(program, time_budget=time_budget)
+        verified.findings += lint(program, time_budget=time_budget)
+        verified.diagnostics += [f.diagnostic for f in verified.findings]
         verified.undecided_questions = time_budget.questions_skipped
 
     def _examples(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:

@@ -25,6 +25,7 @@ from colony.dsl.check.derived import (
 )
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.modules import PendingModule, check_modules
+from colony.dsl.check.phases import phase_findings
 from colony.dsl.check.robot import check_enum, check_robot
 from colony.dsl.check.scope import (
     BrokenSymbol,
@@ -83,6 +84,7 @@ class _Check:
         if robot is None:
             return None
         self._warn_unused(robot, modules, wires)
+        self._look_at_phases(derived)
         return ir.Program(
             robot=robot,
             derived=tuple(derived),
@@ -257,6 +259,16 @@ class _Check:
                 message = f"nothing drives actuator `{actuator.name}`"
                 hint = f"assign to it: `network {{ {actuator.name} = ... }}`"
                 self.report.diagnostics.append(warning("W002", actuator.span, message, hint))
+
+    def _look_at_phases(self, derived: list[ir.Derived]) -> None:
+        """Report the phases of the main file's machines that nothing leads to, or that nothing leaves."""
+        if has_errors(self.report.diagnostics):
+            return
+        machines = {d.name: d for d in derived if isinstance(d, ir.Machine)}
+        for checker, node in self._each(ast.MachineDecl):
+            if checker.scope is self.root:
+                machine = machines[checker.scope.full_name(node.name.text)]
+                self.report.diagnostics += phase_findings(checker, node, machine)
 
     def _wires_anything(self) -> bool:
         """Return True if the main file has modules or a network; otherwise no actuator need be driven."""

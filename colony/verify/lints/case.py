@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 from colony.ir import expression as ir
-from colony.ir.program import Actuator, Let, Module, Program
+from colony.ir.program import Actuator, ActuatorField, Let, Module, Program
+from colony.ir.types import ScalarValue
 from colony.text.source import Source, Span
 from colony.verify.difference.content import Contents, Table
+from colony.verify.lints.bounds import with_named_bounds
 from colony.verify.lints.network import NamedNetwork, network
 
 _READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fresh)
@@ -18,8 +21,8 @@ _READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fr
 class Case:
     """The subject of the lints.
 
-    `observed` is `program` without contracts and tests, but with a wire for each node and a let for each
-    field of a module's command (`command_of`), so that claims can name them.
+    `instrumented` is `program` without contracts and tests, but with a wire for each node and a let for each
+    field of a module's command (`command_of`) and each bound of a limit, so that claims can name them.
     """
 
     program: Program
@@ -56,6 +59,22 @@ class Case:
         """The modules of the main file, by name."""
         return {name: m for name, m in self.modules.items() if self.is_own(m.span)}
 
+    def reads(self, *expressions: ir.Expression) -> Iterator[ir.Expression]:
+        """Yield the subexpressions of expressions and of the lets that they read."""
+        pending, seen = list(expressions), set[str]()
+        while pending:
+            for x in ir.subexpressions(pending.pop()):
+                yield x
+                if isinstance(x, ir.DerivedValue | ir.LocalValue) and x.name not in seen:
+                    seen.add(x.name)
+                    pending.append(self._lets[x.name].expression)
+
+    @cached_property
+    def _lets(self) -> dict[str, Let]:
+        of_modules = (let for m in self.program.modules if isinstance(m, Module) for let in m.lets)
+        of_files = (d for d in self.program.derived if isinstance(d, Let))
+        return {let.name: let for let in (*of_files, *of_modules)}
+
     def has_inputs(self, module: Module) -> bool:
         """Return True if a module's predicate reads anything."""
         return any(isinstance(x, _READING) for x in ir.subexpressions(module.when))
@@ -66,6 +85,7 @@ def case_of(program: Program) -> Case:
     named_network = network(program)
     modules = tuple(_instrumented(m) if isinstance(m, Module) else m for m in program.modules)
     instrumented = replace(program, modules=modules, wires=named_network.wires, contracts=(), tests=())
+    instrumented = with_named_bounds(instrumented)
     return Case(program=program, instrumented=instrumented, network=named_network)
 
 
@@ -82,3 +102,8 @@ def _instrumented(module: Module) -> Module:
     field_lets = tuple(Let(name=f"{module.name}. {i}", expression=e) for i, e in enumerate(fields))
     values = tuple(command_of(module, i) for i in range(len(fields)))
     return replace(module, lets=(*module.lets, *field_lets), command=replace(module.command, fields=values))
+
+
+def value_text(x: ScalarValue, field: ActuatorField) -> str:
+    """Return a value of a field in its declared unit."""
+    return f"{x / field.factor:.6g}{f' {field.unit}' if field.unit else ''}"

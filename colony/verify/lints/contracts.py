@@ -1,4 +1,4 @@
-"""Lint of contracts that constrain nothing."""
+"""Lint of contracts that constrain nothing: what they are about never happens."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def _vacuous(contract: Contract) -> str:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that the left side of a contract's `implies` is false."""
+    """Yield the claims that the left side of a contract's `implies` is never true."""
     for contract in case.program.contracts:
         if not case.is_own(contract.span):
             continue
         e = contract.expression
         has_memory = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(e))
-        if not has_memory and (left := _premise(e)) is not None:  # a claim would need to share its memory
+        if not has_memory and (left := _premise(e)) is not None:  # the claim would have to share its memory
             yield _vacuous(contract), all_of((e, negation(left)))
 
 

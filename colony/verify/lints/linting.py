@@ -9,27 +9,32 @@ from __future__ import annotations
 
 from colony.ir.expression import Expression
 from colony.ir.program import Program
-from colony.text.diagnostics import Diagnostic, in_order
+from colony.text.diagnostics import in_order
 from colony.verify.lints import (
     contracts,
     fail_open,
+    held_back,
+    limits,
+    never_blind,
     nodes,
     pauses,
     predicates,
     ranges,
     shadows,
+    stuck,
     synchronized,
     unused,
 )
 from colony.verify.lints.case import Case, case_of
 from colony.verify.lints.evidence import broken_claims
+from colony.verify.lints.finding import Finding
 from colony.verify.lints.proof import Prover, TimeBudget
 
 _MAX_CANDIDATES = 12
 
 
-def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Diagnostic, ...]:
-    """Return all findings as warnings V020 to V031, in source order.
+def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Finding, ...]:
+    """Return all findings, V020 to V034, in source order.
 
     Findings that need more time than `time_budget` allows are left out.
     """
@@ -40,7 +45,7 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Diagn
     to_prove, to_refute = dict[str, Expression](), dict[str, Expression]()
     for lint_module in (predicates, shadows, nodes, contracts, synchronized):
         to_prove |= lint_module.claims(case)
-    for refuting_lint in (ranges, fail_open, pauses):
+    for refuting_lint in (ranges, fail_open, held_back, stuck, pauses, limits):
         to_refute |= refuting_lint.claims(case)
     refuted = broken_claims(program, case.instrumented, to_prove)
     unbroken = {name: claim for name, claim in to_prove.items() if name not in refuted}
@@ -49,7 +54,9 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Diagn
     dominators = {
         m: _minimal_dominators(case, m, time_budget) for m in case.modules if shadows.shadowed(m) in proved
     }
-    return in_order(
+    with_runs = tuple(limits.findings(case, prover))
+    runs = {f.diagnostic: f.run for f in with_runs}
+    diagnostics = in_order(
         [
             *unused.findings(case),
             *predicates.findings(case, proved),
@@ -58,10 +65,15 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Diagn
             *contracts.findings(case, proved),
             *synchronized.findings(case, proved),
             *ranges.findings(case, prover),
-            *fail_open.findings(case, prover),
+            *fail_open.findings(case, prover, time_budget),
+            *held_back.findings(case, prover, time_budget),
+            *stuck.findings(case, prover, time_budget),
             *pauses.findings(case, prover),
+            *never_blind.findings(case),
+            *runs,
         ]
     )
+    return tuple(Finding(d, runs.get(d)) for d in diagnostics)
 
 
 def _minimal_dominators(case: Case, module: str, time_budget: TimeBudget) -> tuple[str, ...]:

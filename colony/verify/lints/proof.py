@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cached_property
 
 from colony.ir.program import Program
@@ -37,15 +38,20 @@ class TimeBudget:
 
 
 class Prover:
-    """A prover of claims about one program. Stateful: encodes the program on first use."""
+    """A prover of claims about one program. Stateful: encodes the program on first use, remembers answers."""
 
     def __init__(self, program: Program, claims: Claims, time_budget: TimeBudget) -> None:
         self._program = with_claims(program, claims)
         self._time_budget = time_budget
+        self._answers: dict[str, bool] = {}
 
     @cached_property
     def _context(self) -> ProofContext:
         return ProofContext(encode(self._program))
+
+    def has(self, name: str) -> bool:
+        """Return True if there is a claim of this name."""
+        return any(c.name == name for c in self._program.contracts)
 
     def proved(self, names: Iterable[str]) -> frozenset[str]:
         """Return the claims that are proved for floats, rounding included."""
@@ -55,20 +61,21 @@ class Prover:
 
     def proved_over_reals(self, name: str) -> bool:
         """Return True if a claim is proved over the reals, that is, without rounding."""
-        if self._time_budget.is_spent():
-            return False
-        return isinstance(Attempt(self._context, name, _budget()).run(), Proof)
+        if name not in self._answers:
+            if self._time_budget.is_spent():
+                return False
+            self._answers[name] = isinstance(
+                Attempt(self._context, name, Budget(_OPTIONS, lambda: 0.0)).run(), Proof
+            )
+        return self._answers[name]
 
     def _depends_on_rounding(self, name: str) -> bool:
         return any(r.kind is Inexact.ROUNDING for r in self._context.claims[name].inexact)
 
-    def refuted(self, name: str) -> Trace | None:
+    def refuted(self, name: str, max_frames: int = _OPTIONS.max_frames) -> Trace | None:
         """Return a run of the reference interpreter that breaks a claim, if one is found."""
         if self._time_budget.is_spent():
             return None
-        found = Attempt(self._context, name, _budget(), Refuter(self._program, name)).run()
+        budget = Budget(replace(_OPTIONS, max_frames=max_frames), lambda: 0.0)
+        found = Attempt(self._context, name, budget, Refuter(self._program, name)).run()
         return found if isinstance(found, Trace) else None
-
-
-def _budget() -> Budget:
-    return Budget(_OPTIONS, lambda: 0.0)

@@ -10,8 +10,8 @@ from colony.ir.frame import Record
 from colony.ir.program import ActuatorField, Module
 from colony.ir.types import ScalarValue
 from colony.text.diagnostics import Diagnostic, warning
-from colony.verify.claims import any_of, binary, constant, implies, negation, won
-from colony.verify.lints.case import Case, command_of
+from colony.verify.claims import FALSE, any_of, binary, constant, implies, negation, value_or, won
+from colony.verify.lints.case import Case, command_of, value_text
 from colony.verify.lints.proof import Prover
 from colony.verify.reference.boundary import clamp
 from colony.verify.reference.interpreter import Interpreter
@@ -48,7 +48,10 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
             outside.append(binary(Binary.LESS, value, constant(field.low, field.type)))
         if field.high is not None:
             outside.append(binary(Binary.GREATER, value, constant(field.high, field.type)))
-        yield _name(module, field), implies(won(actuator, module.name), negation(any_of(outside)))
+        yield (
+            _name(module, field),
+            implies(won(actuator, module.name), negation(value_or(any_of(outside), FALSE))),
+        )
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
@@ -58,7 +61,7 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
         clamped = Record("command clamped", f"{actuator}.{field.name}")
         if trace is None or clamped not in trace.outcomes[-1].records:
             continue
-        interpreter = Interpreter(case.instrumented)
+        interpreter = Interpreter(case.instrumented, answers_given=True)
         for snapshot in trace.snapshots:
             interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
         value = interpreter.value_of(command_of(module, i))
@@ -85,4 +88,4 @@ def _warning(module: str, actuator: str, field: ActuatorField, value: float, e: 
 
 def _text(x: ScalarValue | None, field: ActuatorField) -> str:
     """Return a value in the declared unit."""
-    return "" if x is None else f"{x / field.factor:.6g}{f' {field.unit}' if field.unit else ''}"
+    return "" if x is None else value_text(x, field)

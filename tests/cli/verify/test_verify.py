@@ -264,6 +264,44 @@ def test_sarif_has_the_run_as_a_code_flow(colony: Colony, behavior: Path) -> Non
     assert len(flow["threadFlows"][0]["locations"]) == 2
 
 
+CONTRADICTING = "limit drive.velocity <= 100 mm/s limit drive.velocity >= 200 mm/s when recently(bumper, 1 s)"
+
+
+def test_a_run_that_shows_a_lint_is_shown_like_that_of_a_contract(colony: Colony, behavior: Path) -> None:
+    code, out, err = colony("verify", add(behavior, CONTRADICTING))
+    assert (code, err.count("warning[V033]")) == (0, 1)
+    assert f"{behavior}: V033     drive.velocity\n    time" in out
+    assert "(limits contradict): velocity = 0 mm/s" in out
+    code, out, _ = colony("verify", "--format", "json", behavior)
+    [found] = [d for d in json.loads(out)["files"][0]["diagnostics"] if d["code"] == "V033"]
+    lines = "".join(json.dumps(step["frame"]) + "\n" for step in found["trace"])
+    _, out, _ = colony("trace", behavior, "--input", "-", stdin=lines)
+    decided = [json.loads(line)["drive"] for line in out.splitlines()]
+    assert decided[-1].pop("fault") == "limits contradict"
+    assert decided == [step["sent"]["drive"] for step in found["trace"]]
+    _, out, _ = colony("verify", "--format", "sarif", behavior)
+    [result] = [r for r in json.loads(out)["runs"][0]["results"] if r["ruleId"] == "V033"]
+    assert len(result["codeFlows"][0]["threadFlows"][0]["locations"]) == len(lines.splitlines())
+
+
+LIFT = """robot r {
+  sensor   level : number default 0 from DServer.Level
+  actuator lift { height : mm } to DServer.Lift idle hold
+}
+module reach { when level > 0 do lift(height = 1 m) }
+network { lift = reach }
+limit lift.height <= 1 m
+limit lift.height >= 2 m when level > 50
+"""
+
+
+def test_limits_that_contradict_on_hold_fail(colony: Colony, behavior: Path) -> None:
+    behavior.write_text(LIFT)
+    code, out, err = colony("verify", behavior)
+    assert (code, err.count("error[V033]")) == (1, 1)
+    assert "by reach (limits contradict): nothing is sent" in out
+
+
 # --- interruption ----------------------------------------------------------------------------------
 
 ENDLESS = ["--depth", "64", "--timeout", "1000"]

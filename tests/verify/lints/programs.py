@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from colony.dsl.load import load_text
+from colony.text.diagnostics import Diagnostic
 from colony.verify.lints import lint
 from tests.verify.small_robot import robot
 
@@ -14,8 +15,13 @@ USES = "contract uses: fresh(sonar) or fresh(bumper) or level >= 0 or level < 0\
 
 
 def found(text: str, robot: str = ROBOT) -> list[tuple[str, str]]:
-    """Code and message of every warning."""
-    return [(d.code, d.message) for d in lint(load_text(robot + text + USES))]
+    """Code and message of every finding."""
+    return [(d.code, d.message) for d in linted(robot + text + USES)]
+
+
+def linted(text: str) -> list[Diagnostic]:
+    """All that is said of a program."""
+    return [finding.diagnostic for finding in lint(load_text(text))]
 
 
 def codes(text: str) -> list[str]:

@@ -10,7 +10,7 @@ from colony.dsl.load import load_file, load_text
 from colony.verify.lints import lint
 from tests.paths import ROOT
 from tests.sampling import sampled
-from tests.verify.lints.programs import ROBOT, USES, codes, found
+from tests.verify.lints.programs import ROBOT, USES, codes, found, linted
 from tests.verify.small_robot import go
 
 BLIND = "module blind { when not (fresh(sonar) and fresh(bumper)) }\n"
@@ -49,6 +49,12 @@ def test_what_a_limit_always_brings_back_is_in_range() -> None:
 def test_a_module_that_never_wins_beyond_the_range() -> None:
     text = go("a", "level > 80", "level * 7 mm/s") + "module i { when level > 85 }\n"
     assert codes(text + "network { drive = i inhibits a }") == []
+
+
+def test_a_run_beyond_the_range_needs_no_module_in_python() -> None:
+    text = 'module p from python "nowhere:Nothing" { reads sonar commands drive }\n'
+    text += go("a", "true", "level * 7 mm/s") + "network { drive = p suppresses a }\n"
+    assert codes(text) == ["V025"]
 
 
 # --- missing sensors -------------------------------------------------------------------------------
@@ -131,8 +137,8 @@ def test_a_pause_that_holds_all_is_good() -> None:
 
 
 def test_sensors_that_nothing_reads() -> None:
-    program = load_text(ROBOT + go("a", "bumper") + "network { drive = a }")
-    assert [(d.code, d.message) for d in lint(program)] == [
+    text = ROBOT + go("a", "bumper") + "network { drive = a }"
+    assert [(d.code, d.message) for d in linted(text)] == [
         ("V028", "nothing reads the sensor `sonar`"),
         ("V028", "nothing reads the sensor `level`"),
     ]
@@ -180,6 +186,6 @@ def test_a_guard_that_commands_another_actuator_restrains_by_inhibiting_only() -
 module signal { when level > 5 do lamp(on = true) }
 module go { when sure do drive(velocity = 100 mm/s) }
 """
-    warned = lint(load_text(robot + "network { lamp = signal  drive = signal inhibits go }"))
+    warned = linted(robot + "network { lamp = signal  drive = signal inhibits go }")
     assert [w.code for w in warned] == ["V030"]
     assert lint(load_text(robot + "network { lamp = signal  drive = go }")) == ()

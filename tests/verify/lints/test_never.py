@@ -117,6 +117,7 @@ def test_a_time_constant_for_what_never_ends_or_never_follows() -> None:
         ("lamp.on or level >= 0", []),
         ("sonar > 10 m implies drive.velocity == 0", ["V027"]),
         ("value_or(lamp.on, false) or level >= 0", []),
+        ("level > 100 implies lamp.on", ["V027"]),
     ],
 )
 def test_contracts_that_promise_nothing(contract: str, expected: list[str]) -> None:

@@ -1,0 +1,191 @@
+"""Lints of limits: bounds that contradict each other, and bounds that turn a stop into motion.
+
+The bounds of a field are those of its range and of all limits that apply. Both findings come with a run in
+which a module wins: nothing is limited otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from colony.ir import expression as ir
+from colony.ir.expression import Expression
+from colony.ir.frame import Record
+from colony.ir.program import Actuator, AnyModule, PythonModule
+from colony.ir.types import Quantity
+from colony.text.diagnostics import Diagnostic, Label, Severity
+from colony.text.source import Span
+from colony.text.wording import counted
+from colony.verify.claims import FALSE, all_of, any_of, fresh, negation, value_or, won
+from colony.verify.contracts.decimals import seconds
+from colony.verify.contracts.results import Trace
+from colony.verify.lints.bounds import Bound, all_known, bounds_of, contradiction, exclusion, is_finite
+from colony.verify.lints.case import Case, command_of, value_text
+from colony.verify.lints.evidence import replay
+from colony.verify.lints.finding import Finding, Run
+from colony.verify.lints.proof import Prover
+from colony.verify.reference.interpreter import Interpreter
+
+
+class _Field(NamedTuple):
+    """A field that limits bound: field `i` of `actuator`."""
+
+    actuator: Actuator
+    i: int
+    bounds: tuple[Bound, ...]
+
+    @property
+    def name(self) -> str:
+        return f"{self.actuator.name}.{self.actuator.fields[self.i].name}"
+
+    @property
+    def contradiction_claim(self) -> str:
+        return f"contradict {self.name}"
+
+    @property
+    def exclusion_claim(self) -> str:
+        return f"exclude {self.name}"
+
+    def text(self, x: float) -> str:
+        return value_text(x, self.actuator.fields[self.i])
+
+
+def _fields(case: Case) -> Iterator[_Field]:
+    for actuator in case.program.robot.actuators:
+        if actuator.name in case.network.roots:
+            for i in range(len(actuator.fields)):
+                bounds = bounds_of(case.program, actuator, i)
+                if any(b.limit is not None for b in bounds):
+                    yield _Field(actuator, i, bounds)
+
+
+def claims(case: Case) -> Iterator[tuple[str, Expression]]:
+    """Yield the claims that a field's bounds never contradict, or exclude idle's value, in a module's way."""
+    for field in _fields(case):
+        contradicts = contradiction(field.bounds)
+        if contradicts is not FALSE:
+            known = all_known(
+                [
+                    b
+                    for i in range(len(field.actuator.fields))
+                    for b in bounds_of(case.program, field.actuator, i)
+                ]
+            )
+            broken = all_of((_commanded(case, field.actuator), known, contradicts))
+            yield field.contradiction_claim, negation(broken)
+        if field.actuator.idle is not None:
+            idle = float(field.actuator.idle[field.i])
+            excludes = exclusion(field.bounds, idle, field.actuator.fields[field.i])
+            if excludes is not FALSE:
+                sent = (_commanded(case, field.actuator), negation(contradicts), excludes)
+                yield field.exclusion_claim, negation(all_of(sent))
+
+
+def _commanded(case: Case, actuator: Actuator) -> Expression:
+    """Return the condition that a module wins the actuator with a finite command."""
+    modules = {m.name: m for m in case.program.modules}
+    reached = (modules[name] for name in case.network.modules_under(case.network.roots[actuator.name]))
+    return any_of(all_of((won(actuator.name, m.name), *_has_command(case, m))) for m in reached)
+
+
+def _has_command(case: Case, module: AnyModule) -> Iterator[Expression]:
+    """Yield the conditions that a module that wins is not blind and has a finite command."""
+    if isinstance(module, PythonModule) or module.command is None:
+        return
+    if module.failsafe:
+        yield from (fresh(s) for s in sorted(case.contents.needs(module)))
+    for i, field in enumerate(module.command.fields):
+        if isinstance(field.type, Quantity) and not isinstance(field, ir.Constant):
+            yield value_or(is_finite(command_of(module, i)), FALSE)
+
+
+def findings(case: Case, prover: Prover) -> Iterator[Finding]:
+    """Yield the findings, each with its run."""
+    for field in _fields(case):
+        if prover.has(field.contradiction_claim):
+            trace = prover.refuted(field.contradiction_claim)
+            if trace is not None:
+                yield from _contradiction(case, field, trace)
+        if prover.has(field.exclusion_claim):
+            trace = prover.refuted(field.exclusion_claim)
+            if trace is not None:
+                yield from _exclusion(case, field, trace)
+
+
+def _contradiction(case: Case, field: _Field, trace: Trace) -> Iterator[Finding]:
+    """Yield the finding if the program records a contradiction in the last frame."""
+    outcomes = replay(case.program, trace.snapshots)
+    if Record("limits contradict", field.name) not in outcomes[-1].records:
+        return
+    (low, lower), (high, upper) = _tightest(case, field, trace)
+    bounds = f"at least {field.text(low)}, at most {field.text(high)}"
+    is_hold = field.actuator.idle is None
+    sent = "nothing is sent" if is_hold else "the idle command is sent"
+    message = f"the limits of `{field.name}` contradict each other {_at(trace)}: {bounds}; {sent}"
+    hint = "change a bound, or add a `when`, so that the lower bound never exceeds the upper one"
+    spans = [b.limit.span for b in (lower, upper) if b.limit is not None]
+    diagnostic = _diagnostic("V033", "error" if is_hold else "warning", spans, message, hint)
+    found = Trace(
+        snapshots=trace.snapshots,
+        outcomes=outcomes,
+        needed_missing=trace.needed_missing,
+        found=(f"{field.name}: {bounds}",),
+    )
+    yield Finding(diagnostic, Run(field.name, field.actuator.name, found))
+
+
+def _exclusion(case: Case, field: _Field, trace: Trace) -> Iterator[Finding]:
+    """Yield the finding, with the nearest value to idle's that the bounds let through."""
+    assert field.actuator.idle is not None
+    idle = float(field.actuator.idle[field.i])
+    (low, lower), (high, upper) = _tightest(case, field, trace)
+    if low <= idle <= high or low > high:
+        return
+    nearest, bound, what = (low, lower, "at least") if idle < low else (high, upper, "at most")
+    outcomes = replay(case.program, trace.snapshots)
+    message = (
+        f"`{field.name}` is {what} {field.text(nearest)} {_at(trace)}: a module that commands "
+        f"{field.text(idle)}, as the idle command does, gets {field.text(nearest)} instead"
+    )
+    hint = f"let {field.text(idle)} through, or add a `when` that is false where a module may stop"
+    spans = [b.limit.span for b in (bound,) if b.limit is not None]
+    found = Trace(
+        snapshots=trace.snapshots,
+        outcomes=outcomes,
+        needed_missing=trace.needed_missing,
+        found=(f"{field.name}: {what} {field.text(nearest)}",),
+    )
+    diagnostic = _diagnostic("V034", "warning", spans, message, hint)
+    yield Finding(diagnostic, Run(field.name, field.actuator.name, found))
+
+
+def _tightest(case: Case, field: _Field, trace: Trace) -> tuple[tuple[float, Bound], tuple[float, Bound]]:
+    """Return the greatest lower and the least upper bound in the last frame of a run, each with its value.
+
+    A side without bounds is infinite, and has the bound of the other side.
+    """
+    interpreter = Interpreter(case.instrumented, answers_given=True)
+    for snapshot in trace.snapshots:
+        interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
+    applying = [
+        (float(value), b)
+        for b in field.bounds
+        if interpreter.value_of(b.applies) and isinstance(value := interpreter.value_of(b.value), float)
+    ]
+    lower = [x for x in applying if not x[1].is_upper]
+    upper = [x for x in applying if x[1].is_upper]
+    low = max(lower, key=lambda x: x[0]) if lower else (float("-inf"), upper[0][1])
+    high = min(upper, key=lambda x: x[0]) if upper else (float("inf"), lower[0][1])
+    return low, high
+
+
+def _at(trace: Trace) -> str:
+    length = counted(len(trace.snapshots), "frame")
+    return f"at {seconds(trace.snapshots[-1].t_ns)} of a run of {length}"
+
+
+def _diagnostic(code: str, severity: Severity, spans: list[Span], message: str, hint: str) -> Diagnostic:
+    first, *others = spans
+    labels = tuple(Label(span, "the other limit") for span in others)
+    return Diagnostic(code=code, span=first, message=message, hint=hint, severity=severity, labels=labels)

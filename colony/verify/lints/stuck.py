@@ -1,0 +1,208 @@
+"""Lint of memory that a missing sensor keeps as it is, while a module drives that it would stop.
+
+With `going -> turning when bumper` and `go` active in `going`, a missing `bumper` keeps the machine in
+`going`, and `go` drives. The evidence is a pair of runs that end with two frames of the same readings. With
+all sensors present, the module drives in the first of them, the memory changes, and in the second one the
+module does not win and the robot is restrained (`driving`). With one sensor missing in both frames, the
+memory stays as it is, and the module drives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from colony.ir import expression as ir
+from colony.ir.expression import Binary, Expression
+from colony.ir.frame import Outcome
+from colony.ir.program import Actuator, Machine, Module, State
+from colony.ir.types import BOOL
+from colony.ir.walk import all_subexpressions
+from colony.text.diagnostics import Diagnostic, warning
+from colony.text.wording import quoted
+from colony.verify.claims import FALSE, active, all_of, binary, constant, negation, value_or, won
+from colony.verify.lints.case import Case
+from colony.verify.lints.driving import (
+    dominators,
+    drivers,
+    drives,
+    is_held_back,
+    may_win_without,
+    moving_fields,
+    open_claim,
+    with_all_sensors,
+    without,
+)
+from colony.verify.lints.fail_open import inhibitor_hint
+from colony.verify.lints.proof import Prover, TimeBudget
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.reference.kleene import Known
+from colony.verify.snapshot import Snapshot
+
+_CLAIM = "change"
+
+_MAX_FRAMES = 8
+"""Maximum length of a run: a machine may come through several phases before a module drives."""
+
+
+class _Change(NamedTuple):
+    """A change of `memory` that stops `module`, and the sensors without which it does not happen.
+
+    Attributes:
+        module, actuator: The module that moves the robot, and what it commands.
+        memory: A state or machine on which the predicate of the module, or of a dominator, depends.
+        phase: The machine's new phase; None for a state.
+        sensors: Sensors that the module does not need.
+    """
+
+    module: Module
+    actuator: Actuator
+    memory: State | Machine
+    phase: float | None
+    sensors: tuple[str, ...]
+
+    @property
+    def value(self) -> Expression:
+        return ir.StateValue(type=self.memory.type, name=self.memory.name)
+
+
+def _changes(case: Case) -> Iterator[_Change]:
+    memories = {d.name: d for d in case.program.derived if isinstance(d, State | Machine)}
+    for module, actuator in drivers(case) if memories else ():
+        needs = case.contents.needs(module)
+        read = dict.fromkeys(name for m in _relevant(case, module) for name in _memories_read(case, m))
+        for memory in (memories[name] for name in read if name in memories):
+            for phase, needed in _needed(case, memory).items():
+                if sensors := needed - needs:
+                    yield _Change(module, actuator, memory, phase, tuple(sorted(sensors)))
+
+
+def _relevant(case: Case, module: Module) -> Iterator[Module]:
+    """Yield a module and its dominators in the language."""
+    yield module
+    yield from (case.modules[name] for name in dominators(case, module) if name in case.modules)
+
+
+def _memories_read(case: Case, module: Module) -> frozenset[str]:
+    """Return the states and machines on which a module's predicate depends."""
+    return frozenset(x.name for x in case.reads(module.when) if isinstance(x, ir.StateValue))
+
+
+def _needed(case: Case, memory: State | Machine) -> dict[float | None, frozenset[str]]:
+    """Return the sensors without which memory stays as it is; of a machine, by the phase that it comes to.
+
+    A transition needs also what those above it of the same phase read. A failsafe one needs nothing.
+    """
+    if isinstance(memory, State):
+        return {} if memory.next is None else {None: case.contents.needed_sensors(memory.next)}
+    needed: dict[float | None, frozenset[str]] = {}
+    above: list[tuple[frozenset[float], frozenset[str]]] = []
+    for transition in memory.transitions:
+        if not transition.failsafe:
+            above.append((transition.sources, case.contents.needed_sensors(transition.condition)))
+            own = [sensors for sources, sensors in above if sources & transition.sources]
+            needed[transition.target] = needed.get(transition.target, frozenset()).union(*own)
+    return needed
+
+
+def claims(case: Case) -> Iterator[tuple[str, Expression]]:
+    """Yield the claims that a module never wins while only this sensor is missing (`driving.open_claim`)."""
+    for change in _changes(case):
+        for sensor in change.sensors:
+            yield open_claim(case, change.module, change.actuator, sensor)
+
+
+def _change_claim(case: Case, change: _Change) -> Expression:
+    """Return the claim that a change of memory never stops a module that moved the robot in the frame before.
+
+    All sensors are present in both frames, and no dominator is active that does not read the memory.
+    """
+    wins, free_cell = won(change.actuator.name, change.module.name), _free_cell(case)
+    drove = all_of((*with_all_sensors(case), wins, drives(change.module, change.actuator)))
+    conditions = [
+        *with_all_sensors(case),
+        _memory(ir.MemoryFunction.PREVIOUS, (value_or(drove, FALSE), FALSE), free_cell),
+        _memory(ir.MemoryFunction.CHANGED, (change.value,), free_cell + 1),
+        negation(wins),
+    ]
+    if change.phase is not None:
+        conditions.append(binary(Binary.EQUAL, change.value, constant(change.phase, change.memory.type)))
+    for name in dominators(case, change.module):
+        dominator = case.modules.get(name)
+        if dominator is None or change.memory.name not in _memories_read(case, dominator):
+            conditions.append(negation(active(name)))
+    return negation(all_of(conditions))
+
+
+def _free_cell(case: Case) -> int:
+    """Return a number above those of all memory functions."""
+    cells = (x.cell for x in all_subexpressions(case.program) if isinstance(x, ir.MemoryCall))
+    return max(cells, default=-1) + 1
+
+
+def _memory(function: ir.MemoryFunction, arguments: tuple[Expression, ...], cell: int) -> Expression:
+    return ir.MemoryCall(type=BOOL, function=function, arguments=arguments, cell=cell)
+
+
+class _End(NamedTuple):
+    """The last frame of a run, and the memory's values as the last two frames saw them."""
+
+    outcome: Outcome
+    before: Known
+    after: Known
+
+
+def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
+    """Yield the warnings about memory that a missing sensor keeps as it is.
+
+    Few modules can win without such a sensor, so only the claims about these are encoded.
+    """
+    found: dict[tuple[str, str, Known], tuple[_Change, list[str]]] = {}
+    for change in _changes(case):
+        sensors = [s for s in change.sensors if may_win_without(change.module, s, prover)]
+        if not sensors:
+            continue
+        asked = Prover(case.instrumented, {_CLAIM: _change_claim(case, change)}, time_budget)
+        trace = asked.refuted(_CLAIM, _MAX_FRAMES)
+        if trace is None:
+            continue
+        *first, last = trace.snapshots
+        steady = (*first, last._replace(readings=first[-1].readings))
+        stopped = _end(case, change, steady)
+        for sensor in sensors if stopped.before != stopped.after else ():
+            driving = _end(case, change, without(steady, sensor, 2))
+            if driving.before == driving.after == stopped.before and _drives_on(change, stopped, driving):
+                key = (change.module.name, change.memory.name, stopped.before)
+                found.setdefault(key, (change, []))[1].append(sensor)
+    for (module, _, before), (change, names) in found.items():
+        sensors = list(dict.fromkeys(names))
+        yield warning("V030", case.modules[module].span, *_texts(change, before, sensors))
+
+
+def _drives_on(change: _Change, stopped: _End, driving: _End) -> bool:
+    """Return True if the module drives in one run, and is held back in the other."""
+    moves = moving_fields(driving.outcome, change.module, change.actuator)
+    return bool(moves) and is_held_back(stopped.outcome, driving.outcome, change.module, change.actuator)
+
+
+def _end(case: Case, change: _Change, snapshots: tuple[Snapshot, ...]) -> _End:
+    interpreter = Interpreter(case.program, answers_given=True)
+    values = []
+    for snapshot in snapshots:
+        outcome = interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
+        values.append(interpreter.value_of(change.value))
+    return _End(outcome, values[-2], values[-1])
+
+
+def _texts(change: _Change, before: Known, sensors: list[str]) -> tuple[str, str]:
+    """Return the message and the hint."""
+    missing, module = f"with {quoted(sensors, 'or')} missing", change.module.name
+    inhibitor = inhibitor_hint(sensors, module)
+    match change.memory:
+        case Machine(name=name, type=type_):
+            names = {number: phase for phase, number in type_.members}
+            old, new = (names[x] for x in (before, change.phase) if isinstance(x, float))
+            message = f"{missing}, `{name}` cannot leave `{old}`, and `{module}` drives"
+            return message, f"write `failsafe {old} -> {new} when ...`, or {inhibitor}"
+        case State(name=name):
+            return f"{missing}, `{name}` stays as it is, and `{module}` drives", inhibitor
