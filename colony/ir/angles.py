@@ -80,34 +80,62 @@ def cosine_of_rest(x: float) -> tuple[float, float]:
     return rounded, (value - rounded) + series
 
 
+def sine_near_zero(x: float) -> float:
+    """Return the sine of at most 45 degrees.
+
+    The linear term is exact but for its last part: its factor and the high part of `x` have 26 bits each.
+    """
+    scaled = 134217729.0 * x
+    high = scaled - (scaled - x)
+    z = x * x
+    series = -1.1467754740637923e-27 + z * 2.2197180143346243e-33
+    series = -9.788384859392164e-17 + z * (4.141266948173571e-22 + z * series)
+    series = -8.860961557012979e-07 + z * (1.3496016231628688e-11 + z * series)
+    low = (x - high) * 0.01745329238474369 + x * 1.3519960527851425e-10
+    return high * 0.01745329238474369 + (low + x * (z * series))
+
+
+def cosine_near_zero(x: float) -> float:
+    """Return the cosine of at most 45 degrees."""
+    z = x * x
+    series = 1.6679335411070536e-30 + z * -2.770293977358139e-36
+    series = 2.1354943033520361e-19 + z * (-7.227874651622457e-25 + z * series)
+    series = 3.866323851562994e-09 + z * (-3.9258319857426733e-14 + z * series)
+    square = z * 0.0001523087098933543
+    value = 1.0 - square
+    return value + (((1.0 - value) - square) + z * (1.1881525421101212e-20 + z * series))
+
+
 def sine(x: float) -> float:
     """Return the sine of an angle in degrees; NaN of an infinite one. A zero has the sign of the angle."""
-    if not isfinite(x):
+    if x - x != 0.0:
         return nan
-    quarter, rest = quarters_and_rest(x)
-    if quarter & 1:
-        value, error = cosine_of_rest(rest)
+    turned = fmod(x, 360.0)
+    quarters = round(turned / 90.0)
+    rest = turned - 90.0 * quarters
+    if quarters & 1:
+        value = cosine_near_zero(rest)
     elif rest == 0.0:
         return copysign(0.0, x)
-    elif abs(rest) < 1e-200:
+    elif -1e-200 < rest < 1e-200:
         return scaled_to_radians(rest)  # so small an angle is its own rest
     else:
-        value, error = sine_of_rest(rest)
-    return -(value + error) if quarter & 2 else value + error
+        value = sine_near_zero(rest)
+    return -value if quarters & 2 else value
 
 
 def cosine(x: float) -> float:
     """Return the cosine of an angle in degrees; NaN of an infinite one. Zeros are positive."""
-    if not isfinite(x):
+    if x - x != 0.0:
         return nan
-    quarter, rest = quarters_and_rest(x)
-    if quarter & 1:
+    turned = fmod(x, 360.0)
+    quarters = round(turned / 90.0)
+    rest = turned - 90.0 * quarters
+    if quarters & 1:
         if rest == 0.0:
             return 0.0
-        value, error = sine_of_rest(rest)
-    else:
-        value, error = cosine_of_rest(rest)
-    return -(value + error) if quarter in (1, 2) else value + error
+        return -sine_near_zero(rest) if (quarters & 2) == 0 else sine_near_zero(rest)
+    return -cosine_near_zero(rest) if quarters & 2 else cosine_near_zero(rest)
 
 
 def tangent(x: float) -> float:
@@ -138,14 +166,27 @@ def scaled_to_radians(x: float) -> float:
 
 def quotient(x: float, x_error: float, y: float, y_error: float) -> tuple[float, float]:
     """Return the quotient of two sums of two floats, as one; neither is near the ends of the floats."""
+    value, error, _ = quotient_and_high(x, x_error, y, y_error)
+    return value, error
+
+
+def quotient_and_high(x: float, x_error: float, y: float, y_error: float) -> tuple[float, float, float]:
+    """Return the quotient of two sums of two floats, as one, and the high half of its first float."""
     value = x / y
-    product, product_error = product_and_error(value, y)
-    return value, ((x - product) - product_error + x_error - value * y_error) / y
+    scaled = 134217729.0 * value
+    high = scaled - (scaled - value)
+    low = value - high
+    scaled = 134217729.0 * y
+    y_high = scaled - (scaled - y)
+    y_low = y - y_high
+    product = value * y
+    product_error = low * y_low - (((product - high * y_high) - low * y_high) - high * y_low)
+    return value, ((x - product) - product_error + x_error - value * y_error) / y, high
 
 
 def arc(y: float, y_error: float, x: float, x_error: float) -> tuple[float, float]:
     """Return the angle of the direction (x, y), 0 <= y <= x, 0 < x, in degrees as a sum of two floats."""
-    t, t_error = quotient(y, y_error, x, x_error)
+    t, t_error, t_high = quotient_and_high(y, y_error, x, x_error)
     sixteenths = round(16.0 * t)
     part = 0.0625 * sixteenths
     begin, begin_error = (
@@ -167,12 +208,13 @@ def arc(y: float, y_error: float, x: float, x_error: float) -> tuple[float, floa
         (43.1523897340054, 8.502900827062482e-16),
         (45.0, 0.0),
     )[sixteenths]
-    product, product_error = product_and_error(part, t)
-    below = 1.0 + product
-    below_error = (product - (below - 1.0)) + product_error + part * t_error
-    u, u_error = quotient(
-        t - part, t_error, below, below_error
-    )  # atan(t) = atan(part) + atan(u), |u| <= 1/32
+    product = part * t_high  # exact: `part` has few bits
+    rough = 1.0 + product
+    rest = (product - (rough - 1.0)) + part * (t - t_high + t_error)
+    below = rough + rest
+    below_error = (rough - below) + rest
+    # atan(t) = atan(part) + atan(u), and u is at most 1/32
+    u, u_error, u_high = quotient_and_high(t - part, t_error, below, below_error)
     z = u * u
     series = 0.07692307692307693
     series = -0.09090909090909091 + z * series
@@ -181,10 +223,11 @@ def arc(y: float, y_error: float, x: float, x_error: float) -> tuple[float, floa
     series = 0.2 + z * series
     series = -0.3333333333333333 + z * series
     rest_error = u * (z * series) + u_error * (1.0 - z)
-    rest, degrees_error = product_and_error(u, 57.29577951308232)
-    degrees_error += rest_error * 57.29577951308232 - u * 1.9878495670576283e-15
+    rest = u_high * 57.29577922821045  # exact: both have 26 bits
+    degrees_error = (u - u_high) * 57.29577922821045 + u * 2.8487187165804814e-07
     value = begin + rest
-    return value, (rest - (value - begin)) + begin_error + degrees_error
+    error = (rest - (value - begin)) + begin_error
+    return value, error + (degrees_error + rest_error * 57.29577951308232)
 
 
 def direction(y: float, x: float) -> float:
@@ -192,6 +235,21 @@ def direction(y: float, x: float) -> float:
 
     NaN if either is.
     """
+    above, beside = abs(y), abs(x)
+    if not (1e-100 < above < 1e100 and 1e-100 < beside < 1e100):
+        return direction_of_extremes(y, x)
+    if above <= beside:
+        value, error = arc(above, 0.0, beside, 0.0)
+    else:
+        value, error = arc(beside, 0.0, above, 0.0)
+        value, error = supplement(90.0, value, error)
+    if x < 0.0:
+        value, error = supplement(180.0, value, error)
+    return copysign(value + error, y)
+
+
+def direction_of_extremes(y: float, x: float) -> float:
+    """Return `direction(y, x)`, whatever the size of its arguments."""
     if y != y or x != x:
         return nan
     if y == 0.0 and x == 0.0:

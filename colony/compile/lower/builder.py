@@ -118,6 +118,13 @@ class Builder:
             return op.arguments[0]
         return self.apply(Operator.NOT, condition)
 
+    def conjuncts(self, condition: int) -> frozenset[int]:
+        """Return the conditions whose conjunction a condition is: itself, if it is no conjunction."""
+        op = self.ops[condition]
+        if isinstance(op, Apply) and op.operator is Operator.AND:
+            return frozenset(op.arguments)
+        return frozenset() if self.is_true(condition) else frozenset({condition})
+
     def is_true(self, value: int) -> bool:
         """Return True if the value is the constant `true`."""
         op = self.ops[value]

@@ -43,8 +43,26 @@ class ContractLowering:
 
     def holds(self, e: ir.Expression, label: str) -> int:
         """Return the condition that a contract is known to be true; `label` is the prefix of its cells."""
-        (result,) = self._lower(e, label, ())
-        return self.builder.both(result.known, result.value)
+        return self._is(e, True, label)
+
+    def _is(self, e: ir.Expression, wanted: bool, label: str) -> int:
+        """Return the condition that a condition is known to be `wanted`.
+
+        That takes fewer ops than its value and whether it is known: `A implies B` is true if `A` is known to
+        be false, or `B` to be true.
+        """
+        match e:
+            case ir.UnaryOperation(operator=Unary.NOT, operand=operand):
+                return self._is(operand, not wanted, label)
+            case ir.BinaryOperation(operator=(Binary.AND | Binary.OR | Binary.IMPLIES) as operator):
+                left = self._is(e.left, wanted is not (operator is Binary.IMPLIES), label)
+                right = self._is(e.right, wanted, label)
+                takes_both = wanted is (operator is Binary.AND)
+                return self.builder.both(left, right) if takes_both else self.builder.either(left, right)
+            case _:
+                (result,) = self._lower(e, label, ())
+                value = result.value if wanted else self.builder.negation(result.value)
+                return self.builder.both(result.known, value)
 
     # --- expressions -----------------------------------------------------------------------------
 

@@ -32,6 +32,19 @@ class _OwnedState:
     module: ir.Module | None
 
 
+@dataclass(frozen=True, slots=True)
+class _Undecided:
+    """A transition from `sources` that reads something missing, under `condition`, unless `needs` hold."""
+
+    sources: frozenset[float]
+    needs: frozenset[int]
+    condition: int
+
+    def can_block(self, sources: frozenset[float], needs: frozenset[int]) -> bool:
+        """Return True if it can keep a transition below it, which has all that it needs, from being taken."""
+        return bool(self.sources & sources) and not self.needs <= needs
+
+
 class Declarations:
     """The lets, states and modules of a program, each lowered on first use. Mutable.
 
@@ -191,7 +204,7 @@ class Declarations:
         builder, old = self.builder, self._states[machine.name]
         phases = frozenset(number for _, number in machine.type.members)
         transitions: list[tuple[int, int]] = []
-        unknown = builder.literal(False)
+        above: list[_Undecided] = []
         for i, transition in enumerate(machine.transitions):
             self.prepare(transition.condition)
             scope = self.file_scope(f"{machine.name} {i}", (transition.condition,))
@@ -201,9 +214,11 @@ class Declarations:
             if transition.failsafe:
                 applies = builder.both(in_source, builder.either(missing, condition))
             else:
-                known = builder.negation(unknown)
-                applies = builder.both(in_source, scope.ready, condition, known)
-                unknown = builder.either(unknown, builder.both(in_source, missing))
+                needs = builder.conjuncts(scope.ready)
+                blocking = (x.condition for x in above if x.can_block(transition.sources, needs))
+                applies = builder.both(in_source, scope.ready, condition, *map(builder.negation, blocking))
+                undecided = builder.both(in_source, missing)
+                above.append(_Undecided(transition.sources, needs, undecided))
             transitions.append((applies, builder.literal(transition.target)))
         next_phase = old
         for applies, target in reversed(transitions):
