@@ -33,7 +33,7 @@ robot toy {
 module cruise   { when near > 0.5 m do drive(velocity = 400 mm/s) }
 module back_off { when bumper       do drive(velocity = -100 mm/s) }
 network { drive = back_off suppresses cruise }
-contract never_ram: bumper implies drive.velocity <= 0 mm/s
+contract never_ram: fresh(bumper) and bumper implies drive.velocity <= 0 mm/s
 """
 PROGRAM = colony.loads(TEXT, name="toy.colony")
 

@@ -68,11 +68,13 @@ def test_of_what_came_before_its_first_tick_it_knows_nothing() -> None:
 def test_the_answers_of_modules_are_handed_on_once_and_kept() -> None:
     relay = ActivityRelay("D", ("pulse",), frames_kept=2)
     name = "D/activity/pulse"
-    for k, answer in ((0, Answer((50.0, True))), (2, Answer()), (1, Answer((), error=True))):
+    answers = {0: Answer((50.0, True)), 3: Answer(blind=True), 2: Answer(), 1: Answer((), error=True)}
+    for k, answer in answers.items():
         told = Announcement(k=k, module="pulse", answer=answer)
         (sent,) = relay.announce(told, 7)
         command = None if answer.values is None else Sample(answer.values, 7)
-        frame = ServerFrame(server=name, k=k, fields={"command": command, "error": Sample(answer.error, 7)})
+        flags = {"error": Sample(answer.error, 7), "blind": Sample(answer.blind, 7)}
+        frame = ServerFrame(server=name, k=k, fields={"command": command, **flags})
         assert sent == Send("D/activity/pulse/frames", frame)
         assert relay.announce(told, 8) == ()
     assert relay.announce(Announcement(k=0, module="stranger", answer=Answer((300.0, 5.0))), 7) == ()

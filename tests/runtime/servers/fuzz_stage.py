@@ -45,6 +45,7 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
+from colony.runtime.protocol.plausibility import check_plausible
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.pserver import PServer
@@ -167,10 +168,11 @@ class Stage:
             self.frame(topics.TICKS, codec.encode(Tick(k=self.k, t_ns=self.now_ns, run=self.run)))
 
     def frame(self, topic: str, data: bytes) -> None:
-        """Bytes on a topic that is not one of calls."""
+        """Bytes on a topic that is not one of calls; checked as a host does before it hands them on."""
         message: Message
         try:
             message = codec.decode(data)
+            check_plausible(message, self.now_ns)
         except MessageFormatError as problem:
             message = Malformed(topic=topic, connection=None, reason=str(problem))
         if self._tame and isinstance(getattr(message, "k", 0), int) and getattr(message, "k", 0) > self.k:

@@ -114,6 +114,9 @@ def test_a_time_constant_for_what_never_ends_or_never_follows() -> None:
         ("level > 100 implies drive.velocity == 0", ["V027"]),
         ("level > 99 implies drive.velocity == 0 or true", []),
         ("not (level > 100)", []),
+        ("lamp.on or level >= 0", []),
+        ("sonar > 10 m implies drive.velocity == 0", ["V027"]),
+        ("value_or(lamp.on, false) or level >= 0", []),
         ("level > 100 implies lamp.on", ["V027"]),
     ],
 )
