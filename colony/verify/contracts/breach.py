@@ -22,7 +22,7 @@ def refutation(program: Program, breach: Breach) -> Refuted:
     trace = Trace(
         snapshots=snapshots,
         outcomes=reference(program, frames),
-        untold=facts.untold,
+        unknown=facts.unknown,
         found=facts.found,
     )
     return Refuted(contract=breach.contract, trace=trace)

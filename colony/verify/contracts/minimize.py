@@ -37,7 +37,7 @@ def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PAT
         snapshots=shrinker.trace,
         outcomes=replay.run(shrinker.trace),
         needed_missing=tuple(_needed_missing(replay, shrinker.trace)),
-        untold=facts.untold,
+        unknown=facts.unknown,
         found=facts.found,
     )
 

@@ -87,7 +87,7 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             time = time_of_breach(trace)
             found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
             length = counted(len(trace.snapshots), "frame")
-            how = "cannot be told" if trace.untold else "is false"
+            how = "cannot be told" if trace.unknown else "is false"
             message = f"contract `{contract.name}` {how} at {time} of a run of {length}{found}"
             return error("V010", contract.span, message, _hint(trace, file))
         case Unknown(because=because, hint=hint):
@@ -109,7 +109,7 @@ def _hint(trace: Trace, file: str | None) -> str | None:
     name = next(infinite, None)
     if name is not None:
         return f"`{name}` is infinite there: give it a `range`, which bounds its readings"
-    if trace.untold:
+    if trace.unknown:
         return (
             "what reads something missing is unknown, and a contract must be true: write "
             "`fresh(X) implies ...` or `value_or(X, ...)`, and a second contract for X missing"

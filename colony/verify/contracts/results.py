@@ -51,14 +51,14 @@ class Options:
 class Trace:
     """A run of the reference interpreter whose last frame breaks the contract.
 
-    It is false there or, if `untold`, unknown because it reads something missing. `needed_missing` are the
+    It is false there or, if `unknown`, unknown because it reads something missing. `needed_missing` are the
     sensors that must be missing for the contract to break. `found` has the values of the contract's names in
     the last frame.
     """
 
     snapshots: tuple[Snapshot, ...]
     outcomes: tuple[Outcome, ...]
-    untold: bool = False
+    unknown: bool = False
     needed_missing: tuple[str, ...] = ()
     found: tuple[str, ...] = ()
 

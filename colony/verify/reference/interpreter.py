@@ -58,7 +58,7 @@ class Interpreter:
         self._lost: frozenset[str] = frozenset()
         self._silent: set[str] = set()
         self._blind: set[str] = set()
-        self._untold: set[str] = set()
+        self._unknown: set[str] = set()
 
     def resume(self, memory: ProgramMemory) -> None:
         """Continue from the memory of another executor; call it only before the first frame.
@@ -105,9 +105,9 @@ class Interpreter:
         assert self._moment is not None, "no frame yet"
         return known_value(expression, self._moment, self._memory)
 
-    def is_untold(self, contract: str) -> bool:
+    def is_unknown(self, contract: str) -> bool:
         """Return True if a contract was unknown in the last frame, not false, which breaks it as well."""
-        return contract in self._untold
+        return contract in self._unknown
 
     def is_active(self, name: str) -> bool:
         """Return True if a module or wire put a command on its output in the last frame."""
@@ -143,7 +143,7 @@ class Interpreter:
         decisions = [self._decide(a, frame_values, limits, records) for a in self.program.robot.actuators]
         values = {c.name: self.value_of(c.expression) for c in self.program.contracts}
         breaches = [name for name, value in values.items() if value is not True]
-        self._untold = {name for name, value in values.items() if value is None}
+        self._unknown = {name for name, value in values.items() if value is None}
         self._states = self._states | self._next_states
         return Outcome(tuple(decisions), tuple(records), tuple(breaches))
 

@@ -1,6 +1,6 @@
 """Execution of a program's examples (its `test` blocks) in the reference interpreter.
 
-An example fails if an expectation is false, if an expectation has no value because it reads something
+An example fails if an expectation is false, if an expectation is unknown because it reads something
 missing, or if a contract is broken in any frame.
 """
 
@@ -27,14 +27,14 @@ from colony.verify.testing.example_frames import GivenReadings
 from colony.verify.testing.silence import Silence
 
 FailureKind = Literal[
-    "false", "says nothing", "contract broken", "contract untold", "no array to set an element in"
+    "false", "unknown", "contract broken", "contract unknown", "no array to set an element in"
 ]
 
 _CODES: dict[FailureKind, str] = {
     "false": "T001",
-    "says nothing": "T002",
+    "unknown": "T002",
     "contract broken": "T003",
-    "contract untold": "T003",
+    "contract unknown": "T003",
     "no array to set an element in": "T004",
 }
 
@@ -93,11 +93,11 @@ def run_example(program: Program, example: Example) -> ExampleResult:
 class BreachFacts(NamedTuple):
     """The frame of a run that breaks a contract.
 
-    The contract is false there or, if `untold`, unknown because it reads something missing. `found` has the
+    The contract is false there or, if `unknown`, unknown because it reads something missing. `found` has the
     values that it reads, one fact each.
     """
 
-    untold: bool = False
+    unknown: bool = False
     found: tuple[str, ...] = ()
 
 
@@ -114,7 +114,7 @@ def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapsho
     )
     alone = replace(program, contracts=tuple(c for c in program.contracts if c.name == contract))
     failures = run_example(alone, Example(name=contract, steps=steps)).failures
-    broken = {"contract broken": False, "contract untold": True}
+    broken = {"contract broken": False, "contract unknown": True}
     facts = (BreachFacts(broken[f.kind], f.found) for f in failures if f.kind in broken)
     return next(facts, BreachFacts())
 
@@ -133,11 +133,11 @@ def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
     match failure.kind:
         case "false":
             message = f"{when}{repeated}: expected `{failure.expected}`"
-        case "says nothing":
+        case "unknown":
             message = f"{when}{repeated}: `{failure.expected}` cannot be told"
         case "contract broken":
             message = f"{when}{repeated}: contract {failure.expected} is false"
-        case "contract untold":
+        case "contract unknown":
             message = f"{when}{repeated}: contract {failure.expected} cannot be told"
         case "no array to set an element in":
             message = f"{when}: `{failure.expected}` is missing, so none of its elements can be set"
@@ -186,15 +186,15 @@ class _Run:
     def expect(self, expectation: ir.Expression, key: object, t_ns: int, outcome: Outcome) -> None:
         value = self.interpreter.value_of(expectation)
         if value is not True:
-            kind: FailureKind = "says nothing" if value is None else "false"
+            kind: FailureKind = "unknown" if value is None else "false"
             found = self.found((key, kind), expectation, t_ns, outcome)
             self.fail(kind, (key, kind), expectation.span, t_ns, source_text(expectation), found)
 
     def broken(self, contract: Contract, t_ns: int, outcome: Outcome) -> None:
         text = source_text(contract.expression)
         expected = f"`{contract.name}: {text}`" if text else f"`{contract.name}`"
-        untold = self.interpreter.is_untold(contract.name)
-        kind: FailureKind = "contract untold" if untold else "contract broken"
+        unknown = self.interpreter.is_unknown(contract.name)
+        kind: FailureKind = "contract unknown" if unknown else "contract broken"
         key = (contract.name, kind)
         found = self.found(key, contract.expression, t_ns, outcome)
         self.fail(kind, key, contract.span, t_ns, expected, found)

@@ -67,7 +67,7 @@ def test_the_written_test_of_what_cannot_be_told_leaves_it_missing() -> None:
     text = example_block(made, "c", trace({"x": 0.5}, {}))
     assert text is not None
     [result] = run_examples(program(f"contract c: x < 1\n{text}"))
-    assert [(f.kind, f.t_ns) for f in result.failures] == [("contract untold", 50_000_000)]
+    assert [(f.kind, f.t_ns) for f in result.failures] == [("contract unknown", 50_000_000)]
 
 
 @pytest.mark.parametrize(
