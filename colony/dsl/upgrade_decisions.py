@@ -108,14 +108,27 @@ def _missing_bounds(program: Program, missing: Missing, source: Source) -> Itera
         yield warning("U002", limit.bound.span, message, "`value_or(BOUND, VALUE)` gives another bound")
 
 
+_PARTIAL = frozenset({ir.Function.SQRT, ir.Function.MOD, ir.Function.TAN, ir.Function.ASIN, ir.Function.ACOS})
+"""Functions that are NaN or infinite for some finite arguments."""
+
+
 def _may_be_infinite(bound: ir.Expression) -> bool:
-    """Return True if a bound divides by something that is not constant."""
-    return any(
-        isinstance(e, ir.BinaryOperation)
-        and e.operator is ir.Binary.DIVIDE
-        and not isinstance(e.right, ir.Constant)
-        for e in ir.subexpressions(bound)
-    )
+    """Return True if a bound may be NaN or infinite though what it reads is finite, overflow left aside."""
+    return any(map(_makes_infinite, ir.subexpressions(bound)))
+
+
+def _makes_infinite(e: ir.Expression) -> bool:
+    match e:
+        case ir.BinaryOperation(operator=ir.Binary.DIVIDE, right=right):
+            return not isinstance(right, ir.Constant)
+        case ir.Call(function=function):
+            return function in _PARTIAL
+        case ir.Reduce(function=function, condition=condition):  # of nothing
+            return condition is not None and function in (ir.Function.MIN, ir.Function.MAX, ir.Function.MEAN)
+        case ir.Element(index=index) | ir.Window(center=index):
+            return _may_be_infinite(index)
+        case _:
+            return False
 
 
 def _value(limit: Limit, actuator: Actuator, idle: float | bool) -> str:

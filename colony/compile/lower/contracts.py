@@ -195,14 +195,12 @@ class ContractLowering:
         return tuple(Known(i, center.known) for i in indices)
 
     def _pick(self, array: KnownValues, index: Known) -> Known:
-        """Return an element; one at an index that is not finite is known to be NaN or false."""
+        """Return an element; at an index that is not finite it is NaN or false, and known if all are."""
         value = self.expressions.pick(tuple(x.value for x in array), index.value)
-        if all(x.known == array[0].known for x in array):
-            element_known = array[0].known
-        else:
-            element_known = self.expressions.pick(tuple(x.known for x in array), index.value)
-        is_finite = self.builder.apply(Operator.FINITE, index.value)
-        known = self.builder.either(element_known, self.builder.negation(is_finite))
+        known = array[0].known
+        if not all(x.known == known for x in array):
+            picked = self.expressions.pick(tuple(x.known for x in array), index.value)  # false if not finite
+            known = self.builder.either(picked, self._all_known(array))
         return Known(value, self.builder.both(index.known, known))
 
     # --- functions -------------------------------------------------------------------------------

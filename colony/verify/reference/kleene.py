@@ -170,11 +170,16 @@ def scalar(value: Known) -> Scalar:
 
 
 def element(e: ir.Element | ir.Window, whole: tuple[Scalar, ...], index: Scalar) -> Scalar:
-    """Return the element at `index` (see `functions.element_at`), unknown if the index is."""
+    """Return the element at `index` (see `functions.element_at`), unknown if the index is.
+
+    At an index that is not finite it is NaN or false, unknown if an element is.
+    """
     if index is None:
         return None
     position = element_at(tuple(map(float, range(len(whole)))), index)
     if position != position:  # NaN: the index is not finite
+        if None in whole:
+            return None
         of = e.array.type
         return False if isinstance(of, Array) and isinstance(of.element, Bool) else NAN
     return whole[int(position)]

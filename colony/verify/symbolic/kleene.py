@@ -28,7 +28,7 @@ from colony.verify.symbolic.expressions import (
 )
 from colony.verify.symbolic.frame_values import missing
 from colony.verify.symbolic.functions import apply, binary, boolean, index_of, number, reduction, unary
-from colony.verify.symbolic.logic import TRUE, all_of, any_of, both, either, implied, negation, same
+from colony.verify.symbolic.logic import TRUE, all_of, any_of, both, either, negation, same
 from colony.verify.symbolic.memory import recall
 from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import Scalar
@@ -230,9 +230,13 @@ def _reduction(function: Function, items: Sequence[tuple[Known, Known]], arithme
 
 
 def _element(array: Sequence[Known], positions: Positions, index_known: z3.BoolRef, offset: int) -> Known:
-    """Return the element `offset` after the selected one; at an index that is not finite, NaN or false."""
+    """Return the element `offset` after the selected one.
+
+    At an index that is not finite it is NaN or false, and known if all elements are.
+    """
     value = element_of([x.value for x in array], positions, offset)
     known = array[0].known
     if not all(same(x.known, known) for x in array):
-        known = boolean(element_of([x.known for x in array], positions, offset))
-    return Known(value, both(index_known, implied(positions.is_finite, known)))
+        selected = boolean(element_of([x.known for x in array], positions, offset))  # false if not finite
+        known = either(selected, all_of(x.known for x in array))
+    return Known(value, both(index_known, known))
