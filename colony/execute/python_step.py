@@ -63,10 +63,11 @@ class PythonStep:
         """Return whether the module has a command, whether it is blind, the fields, and the records.
 
         It is blind without an answer: `values` is None, something that it reads is missing (it is then not
-        called), its last call failed, or it has not answered yet. The fields are placeholders if it has no
-        command.
+        called, and no former answer counts any more), its last call failed, or it has not answered yet. The
+        fields are placeholders if it has no command.
         """
         if values is None:
+            self.pending, self.standing = None, False
             return False, True, self._nothing, records
         if self._rate is None:
             answer, records = self._call(t, values, records)

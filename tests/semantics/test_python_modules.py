@@ -148,10 +148,11 @@ def test_a_rate_between_frames() -> None:
     assert by(found) == ["low"] * 3 + ["m", "m", "m", "low"]  # None, asked at 150, from 270 on
 
 
-def test_a_missing_frame_is_silent_and_the_answer_stands_afterwards() -> None:
-    shots = there(5)
+def test_no_answer_outlives_a_missing_frame() -> None:
+    shots = there(8)
     shots[3] = shot(150, a=None)
-    assert by(answered([GOOD] * 3, *shots, rate="rate 100 ms")) == ["low", "low", "m", "low", "m"]
+    found = answered([GOOD] * 4, *shots, rate="rate 100 ms")
+    assert by(found) == ["low", "low", "m", "low", "low", "low", "m", "m"]
 
 
 def test_an_error_is_recorded_when_it_happens_and_silent_when_it_is_due() -> None:
@@ -171,7 +172,7 @@ def test_an_answer_takes_effect_when_the_next_is_asked() -> None:
         shot(2000, x=1.0),  # called
         shot(2200, x=9.0),
         shot(2300, x=2.0),  # in effect, called
-        shot(2400, x=None),  # silent, but the answer stands
+        shot(2400, x=None),  # silent, and the answers so far are forgotten
         shot(2500, x=9.0),
         shot(2700, x=3.0),  # called
         shot(3000, x=4.0),  # called
@@ -179,7 +180,7 @@ def test_an_answer_takes_effect_when_the_next_is_asked() -> None:
     ]
     found = answered([answer] * 5, *shots, rate="rate 300 ms")
     sent = [d.values[0] if d.by == "m" and d.values else None for d in (o.decisions[0] for o in found)]
-    assert sent == [None, None, None, 1000.0, None, 1000.0, 2000.0, None, None]
+    assert sent == [None, None, None, 1000.0, None, None, None, None, None]
     assert [t for t, _ in Scripted.seen] == [1.0, 1.3, 1.7, 2.0, 2.3]
     assert [bool(outcome.records) for outcome in found] == [False] * 7 + [True, False]
 

@@ -112,7 +112,8 @@ def _hint(trace: Trace, file: str | None) -> str | None:
     if trace.unknown:
         return (
             "what reads something missing is unknown, and a contract must be true: write "
-            "`fresh(X) implies ...` or `value_or(X, ...)`, and a second contract for X missing"
+            "`fresh(X) implies ...` or `value_or(X, ...)`, and a second contract for X missing; of a field "
+            "that may never have been sent, `ACTUATOR is commanded implies ...`"
         )
     if file is None:
         return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
+from typing import Any
 
 from colony.ir.frame import Answer, Frame, Reading, RecordKind
 from colony.ir.program import Actuator, PythonModule, Sensor
@@ -183,6 +184,10 @@ class PythonRunner:
         self._last_call: int | None = None
         self._answers: list[tuple[int, Answer]] = []  # each with the time from which it applies
 
+    def miss(self) -> None:
+        """Forget all answers: something that the module reads is missing."""
+        self._answers.clear()
+
     def step(self, t_ns: int, frame: ModuleFrame) -> Answer:
         """Return the module's answer in a frame; its `error` is of a call in this frame.
 
@@ -198,8 +203,8 @@ class PythonRunner:
             self._last_call = t_ns
         while len(self._answers) > 1 and self._answers[1][0] <= t_ns:
             del self._answers[0]
-        since, answer = self._answers[0]
-        return (answer if since <= t_ns else Answer(blind=True))._replace(error=failed)
+        stands = bool(self._answers) and self._answers[0][0] <= t_ns
+        return (self._answers[0][1] if stands else Answer(blind=True))._replace(error=failed)
 
     def _call(self, frame: ModuleFrame) -> Answer:
         try:
@@ -207,10 +212,10 @@ class PythonRunner:
         except Exception:
             return Answer(error=True, blind=True)
 
-    def _command(self, result: object) -> Command:
+    def _command(self, result: Any) -> Command:
         if result is None:
             return None
-        if not isinstance(result, Mapping) or set(result) != {f.name for f in self._fields}:
+        if not hasattr(result, "keys") or set(result) != {f.name for f in self._fields}:
             raise InvalidValueError
         return tuple(self._field(f.type, result[f.name]) for f in self._fields)
 

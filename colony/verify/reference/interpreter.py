@@ -253,12 +253,14 @@ class Interpreter:
     def _run_python_module(
         self, module: ir.PythonModule, frame_values: FrameValues, records: list[Record]
     ) -> tuple[ScalarValue, ...] | None:
+        runner = self._python.get(module.name)
         if any(missing(r.expression, frame_values) for r in module.reads):
+            if runner is not None:
+                runner.miss()
             self._go_blind(module)
             return None
         values = {r.name: evaluate(r.expression, frame_values, self._memory) for r in module.reads}
         frame = ModuleFrame((frame_values.t_ns - frame_values.first_ns) / 1e9, values)
-        runner = self._python.get(module.name)
         answer = self._answers[module.name] if runner is None else runner.step(frame_values.t_ns, frame)
         if answer.error:
             records.append(Record("python error", module.name))

@@ -280,6 +280,8 @@ class _Run:
             )
             if is_known(value):
                 yield f"{field.name} = {shown(value, field.type, field.unit)}"
+            else:
+                yield f"no {field.name} was sent yet"
 
 
 def _decider(decision: Decision) -> str:
