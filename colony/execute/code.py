@@ -302,7 +302,7 @@ class ActuatorCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContractCode:
-    """A contract, broken in a frame in which `holds` is false: it is false, or cannot be told.
+    """A contract, broken in a frame in which `holds` is false: it is false or unknown.
 
     `unsimplified` is the same condition, computed with the guards before simplification.
     """

@@ -45,9 +45,13 @@ def settle(
     if not all(map(isfinite, command)):
         return "not finite", idle, (*records, ("not finite", by))
     if idle is None:
-        for at, _, bound in limits:
-            if bound is None:
-                return "bound missing", None, (*records, ("bound missing", f"{actuator}.{fields[at][0]}"))
+        missing = [at for at, _, bound in limits if bound is None]
+        if missing:
+            return (
+                "bound missing",
+                None,
+                (*records, ("bound missing", f"{actuator}.{fields[min(missing)][0]}")),
+            )
     sent = []
     found: tuple[tuple[str, str], ...] = ()
     is_sendable = True

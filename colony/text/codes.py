@@ -57,7 +57,7 @@ CODES: dict[str, str] = {
     "P001": "a class in Python cannot be imported and built",
     "P002": "a module in Python is not deterministic",
     "T001": "an expectation is false",
-    "T002": "an expectation cannot be told",
+    "T002": "an expectation is unknown",
     "T003": "a contract is broken in a test",
     "T004": "an element of a missing array is set",
     "C001": "a compiled program cannot be run",

@@ -62,7 +62,7 @@ def verdicts(seed: int) -> Findings:
             case Proved(over_reals=()):
                 proved.add(name)
             case Refuted(trace=trace):
-                counts["cannot be told"] += trace.unknown
+                counts["refuted by an unknown value"] += trace.unknown
                 if Replay(program, name).breach(trace.snapshots) is None:
                     findings.append(f"seed {seed}: the run that refutes {name} does not break it")
             case _:

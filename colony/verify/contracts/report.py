@@ -87,7 +87,7 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             time = time_of_breach(trace)
             found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
             length = counted(len(trace.snapshots), "frame")
-            how = "cannot be told" if trace.unknown else "is false"
+            how = "is unknown" if trace.unknown else "is false"
             message = f"contract `{contract.name}` {how} at {time} of a run of {length}{found}"
             return error("V010", contract.span, message, _hint(trace, file))
         case Unknown(because=because, hint=hint):

@@ -134,11 +134,11 @@ def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
         case "false":
             message = f"{when}{repeated}: expected `{failure.expected}`"
         case "unknown":
-            message = f"{when}{repeated}: `{failure.expected}` cannot be told"
+            message = f"{when}{repeated}: `{failure.expected}` is unknown"
         case "contract broken":
             message = f"{when}{repeated}: contract {failure.expected} is false"
         case "contract unknown":
-            message = f"{when}{repeated}: contract {failure.expected} cannot be told"
+            message = f"{when}{repeated}: contract {failure.expected} is unknown"
         case "no array to set an element in":
             message = f"{when}: `{failure.expected}` is missing, so none of its elements can be set"
         case _:
@@ -281,7 +281,8 @@ class _Run:
             if is_known(value):
                 yield f"{field.name} = {shown(value, field.type, field.unit)}"
             else:
-                yield f"no {field.name} was sent yet"
+                yield "nothing sent so far"
+                return
 
 
 def _decider(decision: Decision) -> str:

@@ -78,8 +78,8 @@ FALSE = {  # with the number of frames of the shortest trace
     "arithmetic": (1, "contract c: fresh(x) and fresh(y) implies 3 * x + 2 * y != 12.5 or x <= y"),
     "infinite": (1, "contract c: fresh(x) implies x - x == 0"),
     "a product": (1, "contract c: fresh(x) and fresh(y) implies x * y != 12 or x < 3"),
-    "what cannot be told": (1, "contract c: far <= 10 m"),
-    "what cannot be told any more": (2, "contract c: not previous(fresh(far), false) or far <= 10 m"),
+    "what is unknown": (1, "contract c: far <= 10 m"),
+    "what is unknown only later": (2, "contract c: not previous(fresh(far), false) or far <= 10 m"),
 }
 
 

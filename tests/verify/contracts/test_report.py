@@ -40,7 +40,7 @@ def test_a_contract_that_cannot_be_told_says_what_is_missing() -> None:
     said = finding(refuted("contract c: far <= 10 m and x == x"), "f.colony")
     assert said is not None
     found = "`far` is missing; `x` is missing"
-    assert said.message == f"contract `c` cannot be told at 0 s of a run of 1 frame; found: {found}"
+    assert said.message == f"contract `c` is unknown at 0 s of a run of 1 frame; found: {found}"
     assert said.hint is not None
     assert "`fresh(X) implies ...`" in said.hint
     assert "`value_or(X, ...)`" in said.hint

@@ -23,7 +23,7 @@ def lowered(method: str, change: Callable[..., Any]) -> Plant:
 
 
 def unknown_holds(_: object, lowering: ContractLowering, e: Any, label: str) -> int:
-    """A contract that cannot be told is not broken."""
+    """A contract that is unknown is not broken."""
     (result,) = lowering._lower(e, label, ())
     return lowering.builder.either(lowering.builder.negation(result.known), result.value)
 

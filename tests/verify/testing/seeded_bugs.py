@@ -175,7 +175,7 @@ BUGS: tuple[Bug, ...] = (
     Bug(name="sensors not clamped", plant=sensors_changed(lambda s: replace(s, low=None, high=None))),
     Bug(name="units of sensors ignored", plant=sensors_changed(lambda s: replace(s, factor=1.0))),
     # contracts
-    Bug(name="contracts that cannot be told hold", plant=lowered("holds", unknown_holds)),
+    Bug(name="unknown contracts hold", plant=lowered("holds", unknown_holds)),
     Bug(name="unknown and false is unknown", plant=lowered("_connected", strict_logic)),
     Bug(name="both branches of if in contracts", plant=lowered("_choice", both_branches)),
     Bug(name="contracts remember placeholders", plant=lowered("_memory", memory_of_placeholders)),

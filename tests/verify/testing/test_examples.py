@@ -85,7 +85,7 @@ def test_values_that_an_expectation_reads_are_said() -> None:
 
 def test_an_expectation_that_says_nothing_fails() -> None:
     [message] = failed('test "t" { at 0 s expect ahead > 1 m }')
-    assert message.startswith('error[T002]: in "t" at 0 s: `ahead > 1 m` cannot be told')
+    assert message.startswith('error[T002]: in "t" at 0 s: `ahead > 1 m` is unknown')
     assert message.endswith("found: `ahead` is missing since `sonar` is")
 
 
@@ -232,7 +232,7 @@ def test_enumerators_and_idle_hold_are_shown() -> None:
         robot(),
     )
     assert first.endswith("found: feel = mood.alert")
-    assert second.endswith("found: out is idle")
+    assert second.endswith("found: out is idle, nothing sent so far")
 
 
 def test_long_arrays_are_cut() -> None:
@@ -350,4 +350,4 @@ def test_a_module_in_python_is_blind_until_it_answers() -> None:
     [message] = failed(
         f'test "t" {{ at 0 s given {CLEAR} expect lamp is commanded }}', behavior.replace("beside", "guess")
     )
-    assert message.endswith("found: lamp by guess (missing); `guess` is blind: it has no answer")
+    assert message.endswith("found: lamp by guess (missing), nothing sent so far; `guess` is blind: it has no answer")
