@@ -350,4 +350,6 @@ def test_a_module_in_python_is_blind_until_it_answers() -> None:
     [message] = failed(
         f'test "t" {{ at 0 s given {CLEAR} expect lamp is commanded }}', behavior.replace("beside", "guess")
     )
-    assert message.endswith("found: lamp by guess (missing), nothing sent so far; `guess` is blind: it has no answer")
+    assert message.endswith(
+        "found: lamp by guess (missing), nothing sent so far; `guess` is blind: it has no answer"
+    )
