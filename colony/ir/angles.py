@@ -4,11 +4,13 @@ The functions of C libraries take radians, so that `sin(180 deg)` is not zero, a
 library. These use the basic operations of IEEE 754 alone (`+ - * /`, `sqrt`, and the exact `fmod`, `frexp`,
 `ldexp`).
 
-An angle is reduced exactly, modulo 360 degrees and then to at most 45 degrees from a multiple of 90. The rest
-is converted to radians as a sum of two floats, a value and its rounding error ("double-double": T. J. Dekker,
-A floating-point technique for extending the available precision, 1971), and goes into a Taylor series. The
-inverse functions look up the arc tangent of the nearest sixteenth and add a series for the difference. All
-errors before the last rounding together stay below half a unit.
+An angle is reduced exactly, modulo 360 degrees and then to at most 45 degrees from a multiple of 90. Sine and
+cosine of the rest are polynomials in degrees, fitted to them, with leading terms exact or compensated. The
+tangent is the quotient of Taylor series in radians, each a sum of two floats, a value and its rounding error
+("double-double": T. J. Dekker, A floating-point technique for extending the available precision, 1971).
+The inverse functions look up the arc tangent of the nearest sixteenth and add a series for the difference.
+All errors before the last rounding together stay below half a unit. `sine` and `cosine`, which behaviors use
+most, repeat the reduction of `quarters_and_rest` in place: the call would add a seventh to their time.
 
 Pure functions without constants of the module: the Python backend copies the text of those that a program
 uses.

@@ -7,7 +7,8 @@ module drives.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple, Self
 
 from colony.ir.expression import Binary, Expression
 from colony.ir.frame import Decision, Outcome
@@ -83,6 +84,86 @@ def may_win_without(module: Module, sensor: str, prover: Prover) -> bool:
 
 def _open_name(module: Module, sensor: str) -> str:
     return f"open {module.name} {sensor}"
+
+
+def independent_dominators(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
+    """Return the modules that dominate a module somewhere and do not need `sensor`."""
+    return tuple(
+        name
+        for name in dominators(case, module)
+        if name not in case.modules or sensor not in case.contents.needs(case.modules[name])
+    )
+
+
+class Guarded(NamedTuple):
+    """A module that moves the robot, and a dominator that fails to prevent it without one of `sensors`.
+
+    It fails by itself, silent without the sensor, or is held back by a failsafe `holder`, blind without it.
+    """
+
+    module: Module
+    actuator: Actuator
+    guard: Module
+    sensors: tuple[str, ...]
+    holder: Module | None = None
+
+    def only(self, sensors: Iterable[str]) -> Self:
+        """Return the same of these sensors alone."""
+        return self._replace(sensors=tuple(sensors))
+
+    def claim(self, sensor: str) -> str:
+        """Return the name of the claim that the guard alone, with the sensor, holds the module back."""
+        names = [x.name for x in (self.module, self.guard, self.holder) if x is not None]
+        return f"guarded {' '.join(names)} {sensor}"
+
+    def open_claims(self, case: Case) -> Iterator[tuple[str, Expression]]:
+        """Yield the claims that the module never wins while only one of the sensors is missing."""
+        for sensor in self.sensors:
+            yield open_claim(case, self.module, self.actuator, sensor)
+
+    def claims(self, case: Case) -> Iterator[tuple[str, Expression]]:
+        """Yield the claims behind a warning.
+
+        "Guarded": with all sensors present, and the holder not active, the module is never kept from moving
+        the robot only by guards that need the sensor. "Restrains": the guard restrains a field of the
+        module's command.
+        """
+        guarded = (
+            *with_all_sensors(case),
+            active(self.module.name),
+            active(self.guard.name),
+            *(() if self.holder is None else (negation(active(self.holder.name)),)),
+            negation(won(self.actuator.name, self.module.name)),
+            drives(self.module, self.actuator),
+        )
+        own = {x.name for x in (self.guard, self.holder) if x is not None}
+        for sensor in self.sensors:
+            names = independent_dominators(case, self.module, sensor)
+            others = (negation(active(name)) for name in names if name not in own)
+            yield self.claim(sensor), negation(all_of((*guarded, *others)))
+        yield from restraint_claims(self.module, self.guard, self.actuator)
+
+
+# --- findings --------------------------------------------------------------------------------------------
+
+Found = dict[tuple[tuple[str, ...], str], list[str]]
+"""The guards that were found to fail, by the modules that a finding is about and the sensor that is lost."""
+
+
+def by_guards(found: Found) -> Iterator[tuple[tuple[str, ...], tuple[str, ...], list[str]]]:
+    """Yield the modules of each finding, its guards, and all sensors that they fail without."""
+    grouped: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}
+    for (modules, sensor), guards in found.items():
+        grouped.setdefault((modules, tuple(guards)), []).append(sensor)
+    for (modules, guards_together), sensors in grouped.items():
+        yield modules, guards_together, sensors
+
+
+def inhibitor_hint(sensors: list[str], module: str) -> str:
+    """Return the advice to wire a module that inhibits while a sensor is missing."""
+    present = " and ".join(f"fresh({s})" for s in sensors)
+    condition = f"not {present}" if len(sensors) == 1 else f"not ({present})"
+    return f"wire a module `when {condition}` that inhibits `{module}`"
 
 
 # --- safeguards ----------------------------------------------------------------------------------------

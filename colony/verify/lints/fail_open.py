@@ -10,25 +10,22 @@ fail open: it is active then too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple, Self
+from collections.abc import Iterator
 
 from colony.ir.expression import Expression
-from colony.ir.program import Actuator, Module
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
-from colony.verify.claims import active, all_of, negation, won
 from colony.verify.lints.case import Case
 from colony.verify.lints.driving import (
+    Found,
+    Guarded,
+    by_guards,
     dominators,
     drivers,
-    drives,
     guarded_fields,
+    inhibitor_hint,
     may_win_without,
     moving_fields,
-    open_claim,
-    restraint_claims,
-    with_all_sensors,
     without,
 )
 from colony.verify.lints.evidence import replay
@@ -38,37 +35,14 @@ _MAX_EAGER = 16
 """Number of pairs and sensors up to which the claims about guards are encoded with all others."""
 
 
-class _Pair(NamedTuple):
-    """A module that moves the robot, and an ordinary dominator that needs further sensors."""
-
-    module: Module
-    actuator: Actuator
-    guard: Module
-    sensors: tuple[str, ...]
-
-    def claim(self, sensor: str) -> str:
-        return f"guarded {self.module.name} {self.guard.name} {sensor}"
-
-    def only(self, sensors: Iterable[str]) -> Self:
-        return self._replace(sensors=tuple(sensors))
-
-
-def _pairs(case: Case) -> Iterator[_Pair]:
+def _pairs(case: Case) -> Iterator[Guarded]:
+    """Yield each module that moves the robot with each ordinary dominator that needs further sensors."""
     for module, actuator in drivers(case):
         for name in dominators(case, module):
             guard = case.modules.get(name)
             if guard is not None and not guard.failsafe:
                 sensors = case.contents.needs(guard) - case.contents.needs(module)
-                yield _Pair(module, actuator, guard, tuple(sorted(sensors)))
-
-
-def independent_dominators(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
-    """Return the modules that dominate a module somewhere and do not need `sensor`."""
-    return tuple(
-        name
-        for name in dominators(case, module)
-        if name not in case.modules or sensor not in case.contents.needs(case.modules[name])
-    )
+                yield Guarded(module, actuator, guard, tuple(sorted(sensors)))
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
@@ -78,43 +52,23 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     large program they are encoded only where they are asked.
     """
     for pair in _pairs(case):
-        for sensor in pair.sensors:
-            yield open_claim(case, pair.module, pair.actuator, sensor)
+        yield from pair.open_claims(case)
         if _is_small(case):
-            yield from _guard_claims(case, pair)
+            yield from pair.claims(case)
 
 
 def _is_small(case: Case) -> bool:
     return sum(len(pair.sensors) for pair in _pairs(case)) <= _MAX_EAGER
 
 
-def _guard_claims(case: Case, pair: _Pair) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims behind a warning.
-
-    "Guarded": with all sensors present, the module is never kept from moving the robot only by guards that
-    need the sensor. "Restrains": the guard restrains a field of the module's command.
-    """
-    held_back = (
-        *with_all_sensors(case),
-        active(pair.module.name),
-        active(pair.guard.name),
-        negation(won(pair.actuator.name, pair.module.name)),
-        drives(pair.module, pair.actuator),
-    )
-    for sensor in pair.sensors:
-        others = (negation(active(name)) for name in independent_dominators(case, pair.module, sensor))
-        yield pair.claim(sensor), negation(all_of((*held_back, *others)))
-    yield from restraint_claims(pair.module, pair.guard, pair.actuator)
-
-
 def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
     """Yield the warnings about guards that fail open."""
-    found: dict[tuple[str, str], list[str]] = {}
+    found: Found = {}
     all_pairs = list(_pairs(case))
     pairs = [p.only(s for s in p.sensors if may_win_without(p.module, s, prover)) for p in all_pairs]
     asked = prover
     if not _is_small(case):
-        open_claims = (claim for p in pairs if p.sensors for claim in _guard_claims(case, p))
+        open_claims = (claim for p in pairs if p.sensors for claim in p.claims(case))
         asked = Prover(case.instrumented, dict(open_claims), time_budget)
     for pair in pairs:
         fields = guarded_fields(case, pair.module, pair.guard, pair.actuator, asked) if pair.sensors else ()
@@ -124,16 +78,13 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
                 continue
             outcome = replay(case.program, without(trace.snapshots, sensor))[-1]
             if moving_fields(outcome, pair.module, pair.actuator).intersection(fields):
-                found.setdefault((pair.module.name, sensor), []).append(pair.guard.name)
+                found.setdefault(((pair.module.name,), sensor), []).append(pair.guard.name)
     yield from _warnings(case, found)
 
 
-def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterator[Diagnostic]:
+def _warnings(case: Case, found: Found) -> Iterator[Diagnostic]:
     """Yield a warning for each module and set of guards."""
-    by_guards: dict[tuple[str, tuple[str, ...]], list[str]] = {}
-    for (module, sensor), guards in found.items():
-        by_guards.setdefault((module, tuple(guards)), []).append(sensor)
-    for (module, names), sensors in by_guards.items():
+    for (module,), names, sensors in by_guards(found):
         is_single = len(names) == 1
         what = "them" if len(sensors) > 1 else "it"
         silent = (
@@ -146,10 +97,3 @@ def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterato
             f"with {quoted(sensors, 'or')} missing, `{module}` can drive: {quoted(names)}, {silent}",
             f"{cure}, or {inhibitor_hint(sensors, module)}",
         )
-
-
-def inhibitor_hint(sensors: list[str], module: str) -> str:
-    """Return the advice to wire a module that inhibits while a sensor is missing."""
-    present = " and ".join(f"fresh({s})" for s in sensors)
-    condition = f"not {present}" if len(sensors) == 1 else f"not ({present})"
-    return f"wire a module `when {condition}` that inhibits `{module}`"

@@ -7,50 +7,31 @@ that fail open (`fail_open`): with the sensor, `carry` is not active and `avoid`
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import NamedTuple, Self
+from collections.abc import Iterator
 
 from colony.ir.expression import Expression
-from colony.ir.program import Actuator, Module
+from colony.ir.program import Module
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
-from colony.verify.claims import active, all_of, negation, won
 from colony.verify.lints.case import Case
 from colony.verify.lints.driving import (
+    Found,
+    Guarded,
+    by_guards,
     dominators,
     drivers,
-    drives,
     guarded_fields,
     may_win_without,
     moving_fields,
-    open_claim,
-    restraint_claims,
-    with_all_sensors,
     without,
 )
-from colony.verify.lints.fail_open import independent_dominators
 from colony.verify.lints.proof import Prover, TimeBudget
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
 
 
-class _Hold(NamedTuple):
-    """A failsafe `holder` that inhibits a dominator of `module` where one of `sensors` is missing."""
-
-    module: Module
-    actuator: Actuator
-    guard: Module
-    holder: Module
-    sensors: tuple[str, ...]
-
-    def claim(self, sensor: str) -> str:
-        return f"held back {self.module.name} {self.guard.name} {self.holder.name} {sensor}"
-
-    def only(self, sensors: Iterable[str]) -> Self:
-        return self._replace(sensors=tuple(sensors))
-
-
-def _holds(case: Case) -> Iterator[_Hold]:
+def _holds(case: Case) -> Iterator[Guarded]:
+    """Yield each module that moves the robot with each dominator that a failsafe module inhibits."""
     failsafe = {name: m for name, m in case.modules.items() if m.failsafe}
     if not failsafe:
         return
@@ -62,7 +43,7 @@ def _holds(case: Case) -> Iterator[_Hold]:
             for holder in _inhibitors(case, guard):
                 if holder in failsafe and holder != module.name:
                     sensors = _sensors(case, module, guard, failsafe[holder])
-                    yield _Hold(module, actuator, guard, failsafe[holder], sensors)
+                    yield Guarded(module, actuator, guard, sensors, failsafe[holder])
 
 
 def _inhibitors(case: Case, guard: Module) -> tuple[str, ...]:
@@ -86,32 +67,7 @@ def _sensors(case: Case, module: Module, guard: Module, holder: Module) -> tuple
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims that a module never wins while only this sensor is missing (`driving.open_claim`)."""
     for hold in _holds(case):
-        for sensor in hold.sensors:
-            yield open_claim(case, hold.module, hold.actuator, sensor)
-
-
-def _hold_claims(case: Case, hold: _Hold) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims behind a warning.
-
-    "Held back": with all sensors present, the guard never keeps the module from moving the robot while the
-    holder is not active. "Restrains": the guard restrains a field of the module's command.
-    """
-    guarded = (
-        *with_all_sensors(case),
-        active(hold.module.name),
-        active(hold.guard.name),
-        negation(active(hold.holder.name)),
-        negation(won(hold.actuator.name, hold.module.name)),
-        drives(hold.module, hold.actuator),
-    )
-    for sensor in hold.sensors:
-        others = (
-            negation(active(name))
-            for name in independent_dominators(case, hold.module, sensor)
-            if name not in (hold.guard.name, hold.holder.name)
-        )
-        yield hold.claim(sensor), negation(all_of((*guarded, *others)))
-    yield from restraint_claims(hold.module, hold.guard, hold.actuator)
+        yield from hold.open_claims(case)
 
 
 def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
@@ -119,19 +75,17 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
     holds = [h.only(s for s in h.sensors if may_win_without(h.module, s, prover)) for h in _holds(case)]
     asked = Prover(
         case.instrumented,
-        dict(claim for h in holds if h.sensors for claim in _hold_claims(case, h)),
+        dict(claim for h in holds if h.sensors for claim in h.claims(case)),
         time_budget,
     )
-    found: dict[tuple[str, str, str], list[str]] = {}
+    found: Found = {}
     for hold in holds:
+        assert hold.holder is not None
         for sensor in hold.sensors:
-            if _is_confirmed(case, hold, sensor, asked):
-                key = (hold.module.name, hold.holder.name, sensor)
+            if _is_confirmed(case, hold, hold.holder, sensor, asked):
+                key = (hold.module.name, hold.holder.name), sensor
                 found.setdefault(key, []).append(hold.guard.name)
-    by_guards: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}
-    for (module, holder, sensor), guards in found.items():
-        by_guards.setdefault((module, holder, tuple(guards)), []).append(sensor)
-    for (module, holder, names), sensors in by_guards.items():
+    for (module, holder), names, sensors in by_guards(found):
         yield warning(
             "V030",
             case.modules[module].span,
@@ -141,17 +95,17 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
         )
 
 
-def _is_confirmed(case: Case, hold: _Hold, sensor: str, prover: Prover) -> bool:
+def _is_confirmed(case: Case, hold: Guarded, holder: Module, sensor: str, prover: Prover) -> bool:
     """Return True if a pair of runs shows it."""
     fields = guarded_fields(case, hold.module, hold.guard, hold.actuator, prover)
     trace = prover.refuted(hold.claim(sensor)) if fields else None
-    return trace is not None and bool(fields & _moving(case, hold, without(trace.snapshots, sensor)))
+    return trace is not None and bool(fields & _moving(case, hold, holder, without(trace.snapshots, sensor)))
 
 
-def _moving(case: Case, hold: _Hold, snapshots: tuple[Snapshot, ...]) -> set[int]:
+def _moving(case: Case, hold: Guarded, holder: Module, snapshots: tuple[Snapshot, ...]) -> set[int]:
     """Return the fields that move in the last frame, in which the holder is blind and the guard active."""
     interpreter = Interpreter(case.program, answers_given=True)
     outcomes = [interpreter.step_in_base_units(s.t_ns, s.readings) for s in snapshots]
-    if not (interpreter.is_blind(hold.holder.name) and interpreter.is_active(hold.guard.name)):
+    if not (interpreter.is_blind(holder.name) and interpreter.is_active(hold.guard.name)):
         return set()
     return moving_fields(outcomes[-1], hold.module, hold.actuator)

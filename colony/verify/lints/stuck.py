@@ -26,6 +26,7 @@ from colony.verify.lints.driving import (
     dominators,
     drivers,
     drives,
+    inhibitor_hint,
     is_held_back,
     may_win_without,
     moving_fields,
@@ -33,7 +34,6 @@ from colony.verify.lints.driving import (
     with_all_sensors,
     without,
 )
-from colony.verify.lints.fail_open import inhibitor_hint
 from colony.verify.lints.proof import Prover, TimeBudget
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.kleene import Known
