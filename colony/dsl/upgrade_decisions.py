@@ -28,7 +28,7 @@ def decisions_about(program: Program, errors: tuple[Diagnostic, ...], source: So
     yield from _unknown_contracts(program, missing, source)
     for found in errors:
         if found.code == "E305" and found.span.source is source:
-            message = "`idle hold` is refused for an actuator that moves the robot; version 1 accepted it"
+            message = "`idle hold` is refused for an actuator with a speed or rate; version 1 accepted it"
             yield warning("U005", found.span, message, found.hint)
 
 

@@ -78,6 +78,11 @@ def element_type(type_: Type) -> Scalar:
     return type_.element if isinstance(type_, Array) else type_
 
 
+def is_rate(type_: Scalar) -> bool:
+    """Return True for speeds and rates: time is in the denominator of the unit."""
+    return isinstance(type_, Quantity) and type_.dimension.time < 0
+
+
 def in_shape_of(element: Scalar, like: Type) -> Type:
     """Return `element`, or an array of it with the size of `like` if that is an array."""
     return Array(element, like.size) if isinstance(like, Array) else element

@@ -8,7 +8,7 @@ from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.constants import unit_of
 from colony.dsl.check.scope import ActuatorSymbol, BrokenSymbol, EnumSymbol, SensorSymbol
 from colony.ir import program as ir
-from colony.ir.types import BOOL, DIMENSIONLESS, Array, Enum, Quantity, Scalar, ScalarValue
+from colony.ir.types import BOOL, DIMENSIONLESS, Array, Enum, Quantity, Scalar, ScalarValue, is_rate
 from colony.text.units import UnitError
 
 MAX_ELEMENTS = 4096
@@ -197,11 +197,6 @@ def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
     )
 
 
-def _is_rate(type_: Scalar) -> bool:
-    """Return True for speeds and rates: time is in the denominator of the unit."""
-    return isinstance(type_, Quantity) and type_.dimension.time < 0
-
-
 def _idle(
     checker: Checker, item: ast.ActuatorDecl, fields: list[ir.ActuatorField]
 ) -> tuple[bool, tuple[ScalarValue, ...] | None]:
@@ -212,12 +207,13 @@ def _idle(
             hint = f"write `idle {name}(FIELD = CONSTANT, ...)` or `idle hold`"
             checker.error("E306", node, f"found `{node.name.text}`, expected a command of `{name}`", hint)
             return True, None
-        if item.server.text == "RServer" or any(_is_rate(field.type) for field in fields):
-            hint = (
-                f"give the command that stops the robot: `idle {name}({item.fields[0].name.text} = 0, ...)`"
-            )
+        if item.server.text == "RServer" or any(is_rate(field.type) for field in fields):
+            safe = ", ".join(f"{f.name} = {'0' if is_rate(f.type) else '...'}" for f in fields)
             checker.error(
-                "E305", node, "an actuator that moves the robot needs an idle command, not `hold`", hint
+                "E305",
+                node,
+                "an actuator with a speed or rate, or of RServer, needs an idle command, not `hold`",
+                f"give a command that is safe: `idle {name}({safe})`",
             )
         return True, None
     if node.name.text != name:

@@ -22,6 +22,7 @@ from colony.verify.contracts.explain import explain_unknown
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Options, Proved, Refuted, Result, Trace, Unknown
+from colony.verify.contracts.search import called_modules
 from colony.verify.contracts.solver import Budget, Clock
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
@@ -98,7 +99,7 @@ class Prover:
         if float_proof is not None:
             return self._record_proved(contract, self._usual, *float_proof)
         budget = Budget(self._options, self._clock)
-        refuter = Refuter(self._program, contract.name)
+        refuter = Refuter(self._program, contract.name, called_modules(self._usual.cones[contract.name]))
         attempt = Attempt(self._usual, contract.name, budget, refuter)
         context, found = self._usual, attempt.run()
         frames_searched = attempt.frames_searched

@@ -6,9 +6,9 @@ a comparison often breaks the contract once its numbers are rounded.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
-from colony.ir.program import Program, Sensor
+from colony.ir.program import Program, PythonModule, Sensor
 from colony.ir.types import Bool, Enum, Value, element_type
 from colony.verify.contracts.decimals import rounded
 from colony.verify.contracts.minimize import minimize
@@ -26,22 +26,24 @@ _MAX_MODELS = 16
 class Refuter:
     """Replays models of one contract. Stateful: counts the models tried, by length.
 
-    `spurious` is the number of models that do not break the contract in the interpreter.
+    `uncalled` are the modules in Python that a run must not call to break the contract whatever they answer:
+    those in the contract's cone (`search.called_modules`), by default all. `spurious_models` is the number of
+    models that do not break the contract in the interpreter.
     """
 
-    def __init__(self, program: Program, contract: str) -> None:
+    def __init__(self, program: Program, contract: str, uncalled: Collection[str] | None = None) -> None:
         self._program = program
-        self._replays = {
-            without_python: Replay(program, contract, without_python) for without_python in (False, True)
-        }
+        self._replay = Replay(program, contract)
+        if uncalled is None:
+            uncalled = [m.name for m in program.modules if isinstance(m, PythonModule)]
+        self._replay_without_python = Replay(program, contract, uncalled)
         self._sensors = {s.name: s for s in program.robot.sensors}
         self._models_tried: dict[int, int] = {}
         self.spurious_models = 0
 
     def confirm(self, candidate: CandidateTrace, search: Search) -> Trace | None:
         """Return a minimal trace from a model, None if the model is spurious."""
-        without_python = candidate.without_python and bool(search.frames.cone.system.python)
-        replay = self._replays[without_python]
+        replay = self._replay_without_python if candidate.without_python else self._replay
         exact = snapshots(candidate.model, search.frames, candidate.frames)
         for variant in self._variants(exact):
             if replay.breaks(variant):
@@ -52,7 +54,7 @@ class Refuter:
 
     def search_random_runs(self) -> Trace | None:
         """Return a minimal trace from random runs that call no Python module, None if none breaks it."""
-        replay = self._replays[True]
+        replay = self._replay_without_python
         found = random_counterexample(self._program, replay)
         return None if found is None else minimize(replay, found)
 

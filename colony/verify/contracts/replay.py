@@ -6,7 +6,7 @@ additional sensors. So the interpreter needs no change, and none of the user's c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from colony.ir.expression import SensorValue
@@ -33,11 +33,11 @@ _SMALL_PROGRAM = 60
 class Replay:
     """Replays traces of `program` for one of its contracts.
 
-    With `without_python`, a trace breaks the contract only if no Python module is called in any frame.
+    A trace breaks the contract only if none of the modules in Python `uncalled` is called in any frame.
     """
 
-    def __init__(self, program: Program, contract: str, without_python: bool = False) -> None:
-        self._contract, self._without_python = contract, without_python
+    def __init__(self, program: Program, contract: str, uncalled: Collection[str] = ()) -> None:
+        self._contract, self._uncalled = contract, uncalled
         self.program = replace(
             _with_stand_ins(program), contracts=tuple(c for c in program.contracts if c.name == contract)
         )
@@ -62,7 +62,7 @@ class Replay:
     def breach(self, snapshots: Sequence[Snapshot]) -> int | None:
         """Return the index of the first frame that breaks the contract, None if none does."""
         outcomes, was_called = self._run(snapshots)
-        broken = bool(outcomes) and bool(outcomes[-1].breaches) and not (self._without_python and was_called)
+        broken = bool(outcomes) and bool(outcomes[-1].breaches) and not was_called
         return len(outcomes) - 1 if broken else None
 
     def facts(self, snapshots: Sequence[Snapshot]) -> BreachFacts:
@@ -71,28 +71,30 @@ class Replay:
         return facts_of_breach(self.program, self._contract, with_answers)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
-        """Return the outcomes, and True if a stand-in was active.
-
-        With `without_python`, every stand-in that is called is active.
-        """
-        interpreter = Interpreter(self.program)
+        """Return the outcomes, and True if one of `uncalled` was called; its stand-in is active then."""
         outcomes, was_called = [], False
-        for snapshot in snapshots:
-            outcomes.append(interpreter.step_in_base_units(snapshot.t_ns, self._readings(snapshot)))
+        for outcome, interpreter in self.frames(snapshots):
+            outcomes.append(outcome)
             was_called = was_called or any(
-                interpreter.is_active(m) and not interpreter.is_blind(m) for m in self._fields
+                interpreter.is_active(m) and not interpreter.is_blind(m) for m in self._uncalled
             )
-            if outcomes[-1].breaches:
+            if outcome.breaches:
                 break
         return tuple(outcomes), was_called
+
+    def frames(self, snapshots: Sequence[Snapshot]) -> Iterator[tuple[Outcome, Interpreter]]:
+        """Yield the outcome of each frame, with the interpreter as it is after that frame."""
+        interpreter = Interpreter(self.program)
+        for snapshot in snapshots:
+            yield interpreter.step_in_base_units(snapshot.t_ns, self._readings(snapshot)), interpreter
 
     def _readings(self, snapshot: Snapshot) -> dict[str, Value]:
         readings = dict(snapshot.readings)
         for module, fields in self._fields.items():
             answer = snapshot.answers.get(module)
             is_blind = answer is None and module in snapshot.answers
-            if self._without_python or not is_blind:
-                readings[_activation_sensor_name(module)] = self._without_python or answer is not None
+            if module in self._uncalled or not is_blind:
+                readings[_activation_sensor_name(module)] = module in self._uncalled or answer is not None
             for i, field in enumerate(fields):
                 readings[_field_sensor_name(module, i)] = (
                     any_value(field.type) if answer is None else answer[i]

@@ -49,10 +49,7 @@ class Search:
         self._lemmas = lemmas
         self._solver = Solver(budget)
         self._solver.add(*self.frames.initial())
-        python_inputs = cone.system.python.items()
-        self._python = [
-            cone.system.modules[m].silent for m, inputs in python_inputs if within(cone, inputs.answers)
-        ]
+        self._python = [cone.system.modules[m].silent for m in called_modules(cone)]
 
     @property
     def length(self) -> int:
@@ -125,6 +122,11 @@ class Search:
                 present = self.frames.at(frame, sensor_input.present)
                 differences.append(present != model.eval(present, model_completion=True))
         return z3.Or(*differences) if differences else z3.BoolVal(False)
+
+
+def called_modules(cone: Cone) -> tuple[str, ...]:
+    """Return the modules in Python whose answers make a difference to a cone."""
+    return tuple(m for m, inputs in cone.system.python.items() if within(cone, inputs.answers))
 
 
 def _differs(

@@ -194,7 +194,7 @@ class Contents:
 
     # --- needed sensors --------------------------------------------------------------------------
 
-    def needs(self, module: Module) -> frozenset[str]:
+    def needs(self, module: AnyModule) -> frozenset[str]:
         """Return the sensors without which a module is silent, or blind if it is failsafe."""
         return frozenset[str]().union(*(self.needed_sensors(e) for e in expressions_of(module)))
 

@@ -8,7 +8,7 @@ from colony.ir.program import Program
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Options, Trace
-from colony.verify.contracts.search import Search
+from colony.verify.contracts.search import Search, called_modules
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.encode import encode
 
@@ -21,7 +21,7 @@ def shortest_trace(
         return known_trace
     context, budget = ProofContext(encode(program)), Budget(options, clock)
     search = Search(context.cones[contract], context.claims[contract], budget)
-    refuter = Refuter(program, contract)
+    refuter = Refuter(program, contract, called_modules(context.cones[contract]))
     for _ in range(len(known_trace.snapshots) - 1):
         for candidate in search.search_next_length(allow_python=False):
             trace = refuter.confirm(candidate, search)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from colony.ir import expression as ir
-from colony.ir.program import Actuator, ActuatorField, Let, Module, Program
-from colony.ir.types import ScalarValue
+from colony.ir.program import Actuator, ActuatorField, AnyModule, Derived, Let, Machine, Module, Program
+from colony.ir.types import BOOL, ScalarValue
 from colony.text.source import Source, Span
 from colony.verify.difference.content import Contents, Table
 from colony.verify.lints.bounds import with_named_bounds
@@ -22,7 +22,8 @@ class Case:
     """The subject of the lints.
 
     `instrumented` is `program` without contracts and tests, but with a wire for each node and a let for each
-    field of a module's command (`command_of`) and each bound of a limit, so that claims can name them.
+    field of a module's command (`command_of`), each condition of a machine (`condition_of`) and each bound of
+    a limit, so that claims can name them.
     """
 
     program: Program
@@ -40,10 +41,15 @@ class Case:
         return {a.name: a for a in self.program.robot.actuators}
 
     @cached_property
-    def modules(self) -> dict[str, Module]:
-        """The modules in the language that reach an actuator."""
+    def wired_modules(self) -> dict[str, AnyModule]:
+        """The modules that reach an actuator, by name."""
         wired = {m for root in self.network.roots.values() for m in self.network.modules_under(root)}
-        return {m.name: m for m in self.program.modules if isinstance(m, Module) and m.name in wired}
+        return {m.name: m for m in self.program.modules if m.name in wired}
+
+    @cached_property
+    def modules(self) -> dict[str, Module]:
+        """Those of `wired_modules` that are written in the language."""
+        return {name: m for name, m in self.wired_modules.items() if isinstance(m, Module)}
 
     @cached_property
     def main_file(self) -> Source | None:
@@ -85,7 +91,7 @@ def case_of(program: Program) -> Case:
     named_network = network(program)
     modules = tuple(_instrumented(m) if isinstance(m, Module) else m for m in program.modules)
     instrumented = replace(program, modules=modules, wires=named_network.wires, contracts=(), tests=())
-    instrumented = with_named_bounds(instrumented)
+    instrumented = with_named_bounds(_with_named_conditions(instrumented))
     return Case(program=program, instrumented=instrumented, network=named_network)
 
 
@@ -93,6 +99,24 @@ def command_of(module: Module, i: int) -> ir.Expression:
     """Return field `i` of a module's command, as claims refer to it; missing where the module is silent."""
     assert module.command is not None
     return ir.LocalValue(type=module.command.fields[i].type, name=f"{module.name}. {i}")
+
+
+def condition_of(machine: Machine, i: int) -> ir.DerivedValue:
+    """Return the condition of transition `i` of a machine, as claims refer to it."""
+    return ir.DerivedValue(type=BOOL, name=f"{machine.name}. {i}")
+
+
+def _with_named_conditions(program: Program) -> Program:
+    """Return the program with a let for the condition of each transition, which the transition reads."""
+    derived: list[Derived] = []
+    for item in program.derived:
+        if isinstance(item, Machine):
+            conditions = tuple(condition_of(item, i) for i in range(len(item.transitions)))
+            pairs = tuple(zip(item.transitions, conditions, strict=True))
+            derived += (Let(name=c.name, expression=t.condition) for t, c in pairs)
+            item = replace(item, transitions=tuple(replace(t, condition=c) for t, c in pairs))
+        derived.append(item)
+    return replace(program, derived=tuple(derived))
 
 
 def _instrumented(module: Module) -> Module:

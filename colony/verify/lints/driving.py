@@ -7,14 +7,16 @@ module drives.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple, Self
 
 from colony.ir.expression import Binary, Expression
 from colony.ir.frame import Decision, Outcome
-from colony.ir.program import Actuator, Module, in_declared_units
+from colony.ir.program import Actuator, AnyModule, Module, in_declared_units
 from colony.ir.types import Quantity, Scalar, ScalarValue
+from colony.text.diagnostics import Diagnostic
 from colony.text.units import LENGTH, TIME
+from colony.text.wording import quoted
 from colony.verify.claims import (
     active,
     all_of,
@@ -28,6 +30,7 @@ from colony.verify.claims import (
     won,
 )
 from colony.verify.lints.case import Case, command_of
+from colony.verify.lints.finding import undecided
 from colony.verify.lints.proof import Prover
 from colony.verify.snapshot import Snapshot
 
@@ -91,7 +94,7 @@ def independent_dominators(case: Case, module: Module, sensor: str) -> tuple[str
     return tuple(
         name
         for name in dominators(case, module)
-        if name not in case.modules or sensor not in case.contents.needs(case.modules[name])
+        if sensor not in case.contents.needs(case.wired_modules[name])
     )
 
 
@@ -103,9 +106,9 @@ class Guarded(NamedTuple):
 
     module: Module
     actuator: Actuator
-    guard: Module
+    guard: AnyModule
     sensors: tuple[str, ...]
-    holder: Module | None = None
+    holder: AnyModule | None = None
 
     def only(self, sensors: Iterable[str]) -> Self:
         """Return the same of these sensors alone."""
@@ -159,6 +162,24 @@ def by_guards(found: Found) -> Iterator[tuple[tuple[str, ...], tuple[str, ...], 
         yield modules, guards_together, sensors
 
 
+def undecided_without(
+    case: Case, undecided_sensors: Mapping[str, Iterable[str]], found: Iterable[tuple[str, str]]
+) -> Iterator[Diagnostic]:
+    """Yield a note for each module of which it is unknown whether it can drive without a sensor.
+
+    `undecided_sensors` are the sensors by module, `found` the pairs of module and sensor that are known.
+    """
+    known = set(found)
+    for module, names in undecided_sensors.items():
+        sensors = [s for s in dict.fromkeys(names) if (module, s) not in known]
+        if sensors:
+            what = f"`{module}` can drive with {quoted(sensors, 'or')} missing"
+            contract = (
+                f"contract still: not fresh({sensors[0]}) implies {case.modules[module].actuator} is idle"
+            )
+            yield undecided(case.modules[module].span, what, f"state it: `{contract}`")
+
+
 def inhibitor_hint(sensors: list[str], module: str) -> str:
     """Return the advice to wire a module that inhibits while a sensor is missing."""
     present = " and ".join(f"fresh({s})" for s in sensors)
@@ -169,28 +190,32 @@ def inhibitor_hint(sensors: list[str], module: str) -> str:
 # --- safeguards ----------------------------------------------------------------------------------------
 
 
-def restraint_claims(module: Module, guard: Module, actuator: Actuator) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a guard restrains a field of a module's command whenever both are active."""
-    if guard.actuator == actuator.name:
+def restraint_claims(
+    module: Module, guard: AnyModule, actuator: Actuator
+) -> Iterator[tuple[str, Expression]]:
+    """Yield the claims that a guard restrains a field of a module's command whenever both are active.
+
+    Nothing is known of the commands of a guard in Python.
+    """
+    if isinstance(guard, Module) and guard.actuator == actuator.name:
         for i in range(len(actuator.fields)):
             yield _restraint_name(module, guard, i), _restrained(module, guard, actuator, i)
 
 
-def _restraint_name(module: Module, guard: Module, i: int) -> str:
+def _restraint_name(module: Module, guard: AnyModule, i: int) -> str:
     return f"restrains {module.name} {guard.name} {i}"
 
 
 def guarded_fields(
-    case: Case, module: Module, guard: Module, actuator: Actuator, prover: Prover
+    case: Case, module: Module, guard: AnyModule, actuator: Actuator, prover: Prover
 ) -> frozenset[int]:
     """Return the fields against which `guard` is a safeguard of `module`."""
     fields = range(len(actuator.fields))
     for node in case.network.nodes_above(module.name):
         if node.relation == "inhibits" and guard.name in case.network.modules_under(node.dominant):
             return frozenset(fields)
-    if guard.actuator != actuator.name:
-        return frozenset()
-    return frozenset(i for i in fields if prover.proved([_restraint_name(module, guard, i)]))
+    names = {i: _restraint_name(module, guard, i) for i in fields}
+    return frozenset(i for i in fields if prover.has(names[i]) and prover.proved([names[i]]))
 
 
 def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Expression:

@@ -75,4 +75,9 @@ def _breaches(program: Program, trace: Sequence[Snapshot]) -> set[str]:
 
 def replay(program: Program, snapshots: Iterable[Snapshot]) -> tuple[Outcome, ...]:
     """Return the reference interpreter's outcomes."""
-    return Replay(program, "").run(tuple(snapshots))
+    return tuple(outcome for outcome, _ in frames(program, snapshots))
+
+
+def frames(program: Program, snapshots: Iterable[Snapshot]) -> Iterator[tuple[Outcome, Interpreter]]:
+    """Yield the outcome of each frame, with the reference interpreter as it is after that frame."""
+    return Replay(program, "").frames(tuple(snapshots))

@@ -26,6 +26,7 @@ from colony.verify.lints.driving import (
     inhibitor_hint,
     may_win_without,
     moving_fields,
+    undecided_without,
     without,
 )
 from colony.verify.lints.evidence import replay
@@ -39,8 +40,8 @@ def _pairs(case: Case) -> Iterator[Guarded]:
     """Yield each module that moves the robot with each ordinary dominator that needs further sensors."""
     for module, actuator in drivers(case):
         for name in dominators(case, module):
-            guard = case.modules.get(name)
-            if guard is not None and not guard.failsafe:
+            guard = case.wired_modules[name]
+            if not guard.failsafe:
                 sensors = case.contents.needs(guard) - case.contents.needs(module)
                 yield Guarded(module, actuator, guard, tuple(sorted(sensors)))
 
@@ -64,6 +65,7 @@ def _is_small(case: Case) -> bool:
 def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
     """Yield the warnings about guards that fail open."""
     found: Found = {}
+    undecided: dict[str, list[str]] = {}
     all_pairs = list(_pairs(case))
     pairs = [p.only(s for s in p.sensors if may_win_without(p.module, s, prover)) for p in all_pairs]
     asked = prover
@@ -75,11 +77,14 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
         for sensor in pair.sensors if fields else ():
             trace = asked.refuted(pair.claim(sensor))
             if trace is None:
+                if asked.is_undecided(pair.claim(sensor)):
+                    undecided.setdefault(pair.module.name, []).append(sensor)
                 continue
             outcome = replay(case.program, without(trace.snapshots, sensor))[-1]
             if moving_fields(outcome, pair.module, pair.actuator).intersection(fields):
                 found.setdefault(((pair.module.name,), sensor), []).append(pair.guard.name)
     yield from _warnings(case, found)
+    yield from undecided_without(case, undecided, ((module, sensor) for (module,), sensor in found))
 
 
 def _warnings(case: Case, found: Found) -> Iterator[Diagnostic]:

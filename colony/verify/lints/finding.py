@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from colony.text.diagnostics import Diagnostic
+from colony.text.diagnostics import Diagnostic, note
+from colony.text.source import Span
 from colony.verify.contracts.results import Trace
+from colony.verify.lints.proof import MAX_FRAMES
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,3 +25,9 @@ class Finding:
 
     diagnostic: Diagnostic
     run: Run | None = None
+
+
+def undecided(span: Span, what: str, hint: str) -> Diagnostic:
+    """Return the note that neither a run nor a proof decides whether `what` happens."""
+    because = f"no run of up to {MAX_FRAMES} frames shows it, and no proof rules it out"
+    return note("V035", span, f"whether {what} is unknown: {because}", hint)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from colony.ir.expression import Expression
-from colony.ir.program import Module
+from colony.ir.program import AnyModule, Module
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
 from colony.verify.lints.case import Case
@@ -23,30 +23,29 @@ from colony.verify.lints.driving import (
     guarded_fields,
     may_win_without,
     moving_fields,
+    undecided_without,
     without,
 )
+from colony.verify.lints.evidence import frames
 from colony.verify.lints.proof import Prover, TimeBudget
-from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
 
 
 def _holds(case: Case) -> Iterator[Guarded]:
     """Yield each module that moves the robot with each dominator that a failsafe module inhibits."""
-    failsafe = {name: m for name, m in case.modules.items() if m.failsafe}
+    failsafe = {name: m for name, m in case.wired_modules.items() if m.failsafe}
     if not failsafe:
         return
     for module, actuator in drivers(case):
         for name in dominators(case, module):
-            guard = case.modules.get(name)
-            if guard is None:
-                continue
+            guard = case.wired_modules[name]
             for holder in _inhibitors(case, guard):
                 if holder in failsafe and holder != module.name:
                     sensors = _sensors(case, module, guard, failsafe[holder])
                     yield Guarded(module, actuator, guard, sensors, failsafe[holder])
 
 
-def _inhibitors(case: Case, guard: Module) -> tuple[str, ...]:
+def _inhibitors(case: Case, guard: AnyModule) -> tuple[str, ...]:
     """Return the modules that inhibit a module somewhere."""
     return tuple(
         dict.fromkeys(
@@ -58,7 +57,7 @@ def _inhibitors(case: Case, guard: Module) -> tuple[str, ...]:
     )
 
 
-def _sensors(case: Case, module: Module, guard: Module, holder: Module) -> tuple[str, ...]:
+def _sensors(case: Case, module: Module, guard: AnyModule, holder: AnyModule) -> tuple[str, ...]:
     """Return the sensors that the holder needs, while the module and the guard are active without them."""
     needed = case.contents.needs(holder) - case.contents.needs(module)
     return tuple(sorted(needed if guard.failsafe else needed - case.contents.needs(guard)))
@@ -79,12 +78,15 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
         time_budget,
     )
     found: Found = {}
+    undecided: dict[str, list[str]] = {}
     for hold in holds:
         assert hold.holder is not None
         for sensor in hold.sensors:
             if _is_confirmed(case, hold, hold.holder, sensor, asked):
                 key = (hold.module.name, hold.holder.name), sensor
                 found.setdefault(key, []).append(hold.guard.name)
+            elif asked.is_undecided(hold.claim(sensor)):
+                undecided.setdefault(hold.module.name, []).append(sensor)
     for (module, holder), names, sensors in by_guards(found):
         yield warning(
             "V030",
@@ -93,19 +95,19 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
             f"is active then and holds back {quoted(names)}",
             f"wire `{holder}` so that it inhibits `{module}` too",
         )
+    yield from undecided_without(case, undecided, ((module, sensor) for (module, _), sensor in found))
 
 
-def _is_confirmed(case: Case, hold: Guarded, holder: Module, sensor: str, prover: Prover) -> bool:
+def _is_confirmed(case: Case, hold: Guarded, holder: AnyModule, sensor: str, prover: Prover) -> bool:
     """Return True if a pair of runs shows it."""
     fields = guarded_fields(case, hold.module, hold.guard, hold.actuator, prover)
     trace = prover.refuted(hold.claim(sensor)) if fields else None
     return trace is not None and bool(fields & _moving(case, hold, holder, without(trace.snapshots, sensor)))
 
 
-def _moving(case: Case, hold: Guarded, holder: Module, snapshots: tuple[Snapshot, ...]) -> set[int]:
+def _moving(case: Case, hold: Guarded, holder: AnyModule, snapshots: tuple[Snapshot, ...]) -> set[int]:
     """Return the fields that move in the last frame, in which the holder is blind and the guard active."""
-    interpreter = Interpreter(case.program, answers_given=True)
-    outcomes = [interpreter.step_in_base_units(s.t_ns, s.readings) for s in snapshots]
+    *_, (outcome, interpreter) = frames(case.program, snapshots)
     if not (interpreter.is_blind(holder.name) and interpreter.is_active(hold.guard.name)):
         return set()
-    return moving_fields(outcomes[-1], hold.module, hold.actuator)
+    return moving_fields(outcome, hold.module, hold.actuator)

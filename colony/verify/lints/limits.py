@@ -1,4 +1,4 @@
-"""Lints of limits: bounds that contradict each other, and bounds that turn a stop into motion.
+"""Lints of limits: bounds that contradict each other, and bounds that exclude the idle command's value.
 
 The bounds of a field are those of its range and of all limits that apply. Both findings come with a run in
 which a module wins: nothing is limited otherwise.
@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 from colony.ir import expression as ir
 from colony.ir.expression import Expression
-from colony.ir.frame import Record
-from colony.ir.program import Actuator, AnyModule, PythonModule
-from colony.ir.types import Quantity
+from colony.ir.program import Actuator, AnyModule, Limit, PythonModule
+from colony.ir.types import Quantity, is_rate
 from colony.text.diagnostics import Diagnostic, Label, Severity
 from colony.text.source import Span
 from colony.text.wording import counted
@@ -22,10 +21,11 @@ from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.results import Trace
 from colony.verify.lints.bounds import Bound, all_known, bounds_of, contradiction, exclusion, is_finite
 from colony.verify.lints.case import Case, command_of, value_text
-from colony.verify.lints.evidence import replay
-from colony.verify.lints.finding import Finding, Run
+from colony.verify.lints.evidence import frames, replay
+from colony.verify.lints.finding import Finding, Run, undecided
 from colony.verify.lints.proof import Prover
-from colony.verify.reference.interpreter import Interpreter
+
+_UNDECIDED_HINT = "give a `range` to what the limits read, or bound it by `min` and `max`"
 
 
 class _Field(NamedTuple):
@@ -46,6 +46,10 @@ class _Field(NamedTuple):
     @property
     def exclusion_claim(self) -> str:
         return f"exclude {self.name}"
+
+    @property
+    def first_limit(self) -> Limit:
+        return next(b.limit for b in self.bounds if b.limit is not None)
 
     def text(self, x: float) -> str:
         return value_text(x, self.actuator.fields[self.i])
@@ -101,24 +105,27 @@ def _has_command(case: Case, module: AnyModule) -> Iterator[Expression]:
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Finding]:
-    """Yield the findings, each with its run."""
+    """Yield the findings, each with its run, and what is undecided."""
     for field in _fields(case):
-        if prover.has(field.contradiction_claim):
-            trace = prover.refuted(field.contradiction_claim)
+        for claim, found, what in (
+            (field.contradiction_claim, _contradiction, "contradict each other"),
+            (field.exclusion_claim, _exclusion, "exclude the idle command's value"),
+        ):
+            trace = prover.refuted(claim) if prover.has(claim) else None
             if trace is not None:
-                yield from _contradiction(case, field, trace)
-        if prover.has(field.exclusion_claim):
-            trace = prover.refuted(field.exclusion_claim)
-            if trace is not None:
-                yield from _exclusion(case, field, trace)
+                yield from found(case, field, trace)
+            elif prover.is_undecided(claim):
+                question = f"limits of `{field.name}` can {what}"
+                yield Finding(undecided(field.first_limit.span, question, _UNDECIDED_HINT))
 
 
 def _contradiction(case: Case, field: _Field, trace: Trace) -> Iterator[Finding]:
-    """Yield the finding if the program records a contradiction in the last frame."""
+    """Yield the finding if the bounds contradict each other in the last frame, and the program says so."""
     outcomes = replay(case.program, trace.snapshots)
-    if Record("limits contradict", field.name) not in outcomes[-1].records:
-        return
     (low, lower), (high, upper) = _tightest(case, field, trace)
+    decision = next(d for d in outcomes[-1].decisions if d.actuator == field.actuator.name)
+    if decision.fault != "limits contradict" or low <= high:
+        return
     bounds = f"at least {field.text(low)}, at most {field.text(high)}"
     is_hold = field.actuator.idle is None
     sent = "nothing is sent" if is_hold else "the idle command is sent"
@@ -148,7 +155,11 @@ def _exclusion(case: Case, field: _Field, trace: Trace) -> Iterator[Finding]:
         f"`{field.name}` is {what} {field.text(nearest)} {_at(trace)}: a module that commands "
         f"{field.text(idle)}, as the idle command does, gets {field.text(nearest)} instead"
     )
-    hint = f"let {field.text(idle)} through, or add a `when` that is false where a module may stop"
+    kind = field.actuator.fields[field.i].type
+    cure = (
+        "add a `when` that is false where a module may stop" if is_rate(kind) else "idle at a value within it"
+    )
+    hint = f"let {field.text(idle)} through, or {cure}"
     spans = [b.limit.span for b in (bound,) if b.limit is not None]
     found = Trace(
         snapshots=trace.snapshots,
@@ -165,9 +176,7 @@ def _tightest(case: Case, field: _Field, trace: Trace) -> tuple[tuple[float, Bou
 
     A side without bounds is infinite, and has the bound of the other side.
     """
-    interpreter = Interpreter(case.instrumented, answers_given=True)
-    for snapshot in trace.snapshots:
-        interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
+    *_, (_, interpreter) = frames(case.instrumented, trace.snapshots)
     applying = [
         (float(value), b)
         for b in field.bounds

@@ -34,7 +34,7 @@ _MAX_CANDIDATES = 12
 
 
 def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Finding, ...]:
-    """Return all findings, V020 to V034, in source order.
+    """Return all findings, V020 to V035, in source order.
 
     Findings that need more time than `time_budget` allows are left out.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import cached_property
 
 from colony.ir.program import Program
@@ -11,12 +10,16 @@ from colony.verify.contracts.attempt import Attempt, Proof
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, Options, Trace
+from colony.verify.contracts.search import called_modules
 from colony.verify.contracts.solver import Budget, Clock
 from colony.verify.lints.evidence import Claims, with_claims
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import Inexact
 
-_OPTIONS = Options(depth=1, max_frames=3, resources=RESOURCES_PER_SECOND // 2)
+MAX_FRAMES = 8
+"""Maximum length of a run: a machine may come through several phases before what is looked for happens."""
+
+_OPTIONS = Options(depth=1, max_frames=MAX_FRAMES, resources=RESOURCES_PER_SECOND // 2)
 
 
 class TimeBudget:
@@ -44,6 +47,7 @@ class Prover:
         self._program = with_claims(program, claims)
         self._time_budget = time_budget
         self._answers: dict[str, bool] = {}
+        self._undecided: set[str] = set()
 
     @cached_property
     def _context(self) -> ProofContext:
@@ -72,10 +76,23 @@ class Prover:
     def _depends_on_rounding(self, name: str) -> bool:
         return any(r.kind is Inexact.ROUNDING for r in self._context.claims[name].inexact)
 
-    def refuted(self, name: str, max_frames: int = _OPTIONS.max_frames) -> Trace | None:
-        """Return a run of the reference interpreter that breaks a claim, if one is found."""
+    def refuted(self, name: str) -> Trace | None:
+        """Return a run of the reference interpreter that breaks a claim, if one is found.
+
+        Modules in Python answer in it as suits the run.
+        """
         if self._time_budget.is_spent():
             return None
-        budget = Budget(replace(_OPTIONS, max_frames=max_frames), lambda: 0.0)
-        found = Attempt(self._context, name, budget, Refuter(self._program, name)).run()
-        return found if isinstance(found, Trace) else None
+        refuter = Refuter(self._program, name, called_modules(self._context.cones[name]))
+        attempt = Attempt(self._context, name, Budget(_OPTIONS, lambda: 0.0), refuter)
+        found = attempt.run()
+        if isinstance(found, Proof):
+            return None
+        trace = found or attempt.python_trace or refuter.search_random_runs()
+        if trace is None:
+            self._undecided.add(name)
+        return trace
+
+    def is_undecided(self, name: str) -> bool:
+        """Return True if a claim was asked to be refuted, and was neither refuted nor proved."""
+        return name in self._undecided

@@ -21,7 +21,7 @@ from colony.ir.walk import all_subexpressions
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
 from colony.verify.claims import FALSE, active, all_of, binary, constant, negation, value_or, won
-from colony.verify.lints.case import Case
+from colony.verify.lints.case import Case, condition_of
 from colony.verify.lints.driving import (
     dominators,
     drivers,
@@ -31,18 +31,16 @@ from colony.verify.lints.driving import (
     may_win_without,
     moving_fields,
     open_claim,
+    undecided_without,
     with_all_sensors,
     without,
 )
+from colony.verify.lints.evidence import frames
 from colony.verify.lints.proof import Prover, TimeBudget
-from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.kleene import Known
 from colony.verify.snapshot import Snapshot
 
 _CLAIM = "change"
-
-_MAX_FRAMES = 8
-"""Maximum length of a run: a machine may come through several phases before a module drives."""
 
 
 class _Change(NamedTuple):
@@ -51,15 +49,22 @@ class _Change(NamedTuple):
     Attributes:
         module, actuator: The module that moves the robot, and what it commands.
         memory: A state or machine on which the predicate of the module, or of a dominator, depends.
-        phase: The machine's new phase; None for a state.
+        transition: The number of the machine's transition; None for a state.
         sensors: Sensors that the module does not need.
     """
 
     module: Module
     actuator: Actuator
     memory: State | Machine
-    phase: float | None
+    transition: int | None
     sensors: tuple[str, ...]
+
+    @property
+    def phase(self) -> float | None:
+        """The machine's new phase; None for a state."""
+        if self.transition is None or isinstance(self.memory, State):
+            return None
+        return self.memory.transitions[self.transition].target
 
     @property
     def value(self) -> Expression:
@@ -72,9 +77,9 @@ def _changes(case: Case) -> Iterator[_Change]:
         needs = case.contents.needs(module)
         read = dict.fromkeys(name for m in _relevant(case, module) for name in _memories_read(case, m))
         for memory in (memories[name] for name in read if name in memories):
-            for phase, needed in _needed(case, memory).items():
+            for transition, needed in _needed(case, memory):
                 if sensors := needed - needs:
-                    yield _Change(module, actuator, memory, phase, tuple(sorted(sensors)))
+                    yield _Change(module, actuator, memory, transition, tuple(sorted(sensors)))
 
 
 def _relevant(case: Case, module: Module) -> Iterator[Module]:
@@ -88,21 +93,26 @@ def _memories_read(case: Case, module: Module) -> frozenset[str]:
     return frozenset(x.name for x in case.reads(module.when) if isinstance(x, ir.StateValue))
 
 
-def _needed(case: Case, memory: State | Machine) -> dict[float | None, frozenset[str]]:
-    """Return the sensors without which memory stays as it is; of a machine, by the phase that it comes to.
+def _needed(case: Case, memory: State | Machine) -> Iterator[tuple[int | None, frozenset[str]]]:
+    """Yield the sensors without which memory stays as it is; of a machine, for each of its transitions.
 
     A transition needs also what those above it of the same phase read. A failsafe one needs nothing.
     """
     if isinstance(memory, State):
-        return {} if memory.next is None else {None: case.contents.needed_sensors(memory.next)}
-    needed: dict[float | None, frozenset[str]] = {}
-    above: list[tuple[frozenset[float], frozenset[str]]] = []
-    for transition in memory.transitions:
+        if memory.next is not None:
+            yield None, case.contents.needed_sensors(memory.next)
+        return
+    for i, transition in enumerate(memory.transitions):
         if not transition.failsafe:
-            above.append((transition.sources, case.contents.needed_sensors(transition.condition)))
-            own = [sensors for sources, sensors in above if sources & transition.sources]
-            needed[transition.target] = needed.get(transition.target, frozenset()).union(*own)
-    return needed
+            ordinary = [memory.transitions[j] for j in (*_above(memory, i), i)]
+            needed = (case.contents.needed_sensors(t.condition) for t in ordinary if not t.failsafe)
+            yield i, frozenset[str]().union(*needed)
+
+
+def _above(machine: Machine, i: int) -> Iterator[int]:
+    """Yield the transitions that come before transition `i` in one of its phases."""
+    sources = machine.transitions[i].sources
+    return (j for j, t in enumerate(machine.transitions[:i]) if t.sources & sources)
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
@@ -118,7 +128,8 @@ def _change_claim(case: Case, change: _Change) -> Expression:
     All sensors are present in both frames, and no dominator is active that does not read the memory.
     """
     wins, free_cell = won(change.actuator.name, change.module.name), _free_cell(case)
-    drove = all_of((*with_all_sensors(case), wins, drives(change.module, change.actuator)))
+    drives_now = (*with_all_sensors(case), wins, drives(change.module, change.actuator))
+    drove = all_of((*drives_now, *_is_taken(change)))
     conditions = [
         *with_all_sensors(case),
         _memory(ir.MemoryFunction.PREVIOUS, (value_or(drove, FALSE), FALSE), free_cell),
@@ -132,6 +143,15 @@ def _change_claim(case: Case, change: _Change) -> Expression:
         if dominator is None or change.memory.name not in _memories_read(case, dominator):
             conditions.append(negation(active(name)))
     return negation(all_of(conditions))
+
+
+def _is_taken(change: _Change) -> Iterator[Expression]:
+    """Yield the conditions that the transition is the one that the machine takes."""
+    if change.transition is None or isinstance(change.memory, State):
+        return
+    yield condition_of(change.memory, change.transition)
+    for i in _above(change.memory, change.transition):
+        yield negation(condition_of(change.memory, i))
 
 
 def _free_cell(case: Case) -> int:
@@ -157,14 +177,17 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
 
     Few modules can win without such a sensor, so only the claims about these are encoded.
     """
-    found: dict[tuple[str, str, Known], tuple[_Change, list[str]]] = {}
+    found: dict[tuple[str, str, Known, float | None], tuple[_Change, list[str]]] = {}
+    undecided: dict[str, list[str]] = {}
     for change in _changes(case):
         sensors = [s for s in change.sensors if may_win_without(change.module, s, prover)]
         if not sensors:
             continue
         asked = Prover(case.instrumented, {_CLAIM: _change_claim(case, change)}, time_budget)
-        trace = asked.refuted(_CLAIM, _MAX_FRAMES)
+        trace = asked.refuted(_CLAIM)
         if trace is None:
+            if asked.is_undecided(_CLAIM):
+                undecided.setdefault(change.module.name, []).extend(sensors)
             continue
         *first, last = trace.snapshots
         steady = (*first, last._replace(readings=first[-1].readings))
@@ -172,11 +195,13 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
         for sensor in sensors if stopped.before != stopped.after else ():
             driving = _end(case, change, without(steady, sensor, 2))
             if driving.before == driving.after == stopped.before and _drives_on(change, stopped, driving):
-                key = (change.module.name, change.memory.name, stopped.before)
+                key = (change.module.name, change.memory.name, stopped.before, change.phase)
                 found.setdefault(key, (change, []))[1].append(sensor)
-    for (module, _, before), (change, names) in found.items():
+    for (module, _, before, _), (change, names) in found.items():
         sensors = list(dict.fromkeys(names))
         yield warning("V030", case.modules[module].span, *_texts(change, before, sensors))
+    pairs = ((module, s) for (module, *_), (_, names) in found.items() for s in names)
+    yield from undecided_without(case, undecided, pairs)
 
 
 def _drives_on(change: _Change, stopped: _End, driving: _End) -> bool:
@@ -186,12 +211,9 @@ def _drives_on(change: _Change, stopped: _End, driving: _End) -> bool:
 
 
 def _end(case: Case, change: _Change, snapshots: tuple[Snapshot, ...]) -> _End:
-    interpreter = Interpreter(case.program, answers_given=True)
-    values = []
-    for snapshot in snapshots:
-        outcome = interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
-        values.append(interpreter.value_of(change.value))
-    return _End(outcome, values[-2], values[-1])
+    run = frames(case.program, snapshots)
+    *_, (_, before), (outcome, after) = ((x, interpreter.value_of(change.value)) for x, interpreter in run)
+    return _End(outcome, before, after)
 
 
 def _texts(change: _Change, before: Known, sensors: list[str]) -> tuple[str, str]:

@@ -245,6 +245,12 @@ def test_what_is_broken_without_asking_python_is_refuted() -> None:
     assert [(s.readings, s.answers) for s in found.trace.snapshots] == [({"stop": False}, {})]
 
 
+@pytest.mark.usefixtures("python")
+def test_what_no_answer_of_python_can_mend_is_refuted_though_python_is_asked() -> None:
+    found = refuted("contract c: value_or(far < 5 m, true)")
+    assert [sorted(s.readings) for s in found.trace.snapshots] == [["far"]]
+
+
 def test_what_rests_on_a_contract_that_holds_of_reals_does_too() -> None:
     """The first is proved of exact products; the second follows from it, and needs nothing of products."""
     phases = "\n".join(f"  p{i} -> p{i + 1} when true" for i in range(40))

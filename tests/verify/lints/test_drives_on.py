@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.verify.lints.programs import ROBOT, USES, codes, found, linted
-from tests.verify.small_robot import go
+from tests.verify.small_robot import go, robot
 
 AVOID = go("cruise", "true") + go("avoid", "sonar < 1 m", "80 mm/s", "30 deg/s")
 AVOIDING = "network { drive = avoid suppresses cruise }\n"
@@ -219,3 +219,63 @@ def test_a_state_that_counts() -> None:
     text += go("retire", "bumps >= 2", "0") + go("cruise", "true")
     text += "network { drive = retire suppresses cruise }\n"
     assert messages(text) == ["with `bumper` missing, `bumps` stays as it is, and `cruise` drives"]
+
+
+# --- modules in Python -----------------------------------------------------------------------------
+
+LAMP = robot("actuator lamp { on : bool } to RServer.lamp idle lamp(on = false)")
+PYTHON = 'module p from python "behaviors:P" { reads sonar }\n'
+
+
+def test_a_safeguard_in_python_is_silent_without_its_sensor() -> None:
+    text = go("cruise", "true") + PYTHON + "network { drive = p inhibits cruise }\n"
+    assert messages(text) == ["with `sonar` missing, `cruise` can drive: `p`, which reads it, is silent then"]
+    assert hints(text.replace("module p", "failsafe module p")) == []
+
+
+def test_a_module_in_python_does_not_hide_what_others_do() -> None:
+    expected = "with `sonar` missing, `cruise` can drive: `avoid`, which reads it, is silent then"
+    elsewhere = PYTHON.replace("sonar }", "sonar commands lamp }")
+    lit = "network { drive = avoid suppresses cruise\n lamp = p }\n"
+    assert [m for code, m in found(AVOID + elsewhere + lit, LAMP) if code == "V030"] == [expected]
+    above = PYTHON.replace("sonar }", "sonar commands drive }")
+    network = "network { drive = p suppresses avoid suppresses cruise }\n"
+    assert messages(AVOID + above + network) == [expected]
+
+
+def test_a_failsafe_module_in_python_holds_a_safeguard_back() -> None:
+    text = AVOID.replace("module avoid", "failsafe module avoid")
+    text += "failsafe " + PYTHON.replace("sonar", "bumper")
+    [message] = messages(text + "network { drive = (p inhibits avoid) suppresses cruise }\n")
+    assert message.endswith(": `p`, which is failsafe, is active then and holds back `avoid`")
+
+
+# --- how far is looked -----------------------------------------------------------------------------
+
+
+def test_a_module_that_drives_in_a_late_phase() -> None:
+    phases = "A -> B when level > 1  B -> C when level > 2  C -> D when level > 3"
+    text = f"machine m {{ start A  {phases} }}\n" + go("cruise", "m == m.D") + go("stop", "bumper", "0")
+    assert len(messages(text + "network { drive = stop suppresses cruise }\n")) == 1
+
+
+def test_each_of_two_transitions_to_one_phase() -> None:
+    stops = "go -> stop when sonar < 1 m  go -> stop when bumper"
+    machine = f"machine m {{ start go  {stops}  stop -> go when level > 5 }}\n"
+    text = go("move", "m == m.go") + "network { drive = move }\n"
+    assert messages(machine + text) == [
+        "with `sonar` or `bumper` missing, `m` cannot leave `go`, and `move` drives"
+    ]
+    half = machine.replace("go -> stop when sonar", "failsafe go -> stop when sonar")
+    assert messages(half + text) == ["with `bumper` missing, `m` cannot leave `go`, and `move` drives"]
+
+
+def test_what_is_too_far_away_is_said_to_be_undecided() -> None:
+    late = "state n : number = 0\nnext n = if rising(level > 50) then n + 1 else n\n" + go("cruise", "n > 7")
+    text = late + go("stop", "bumper", "0") + "network { drive = stop suppresses cruise }\n"
+    [undecided] = [d for d in linted(ROBOT + text + USES) if d.code == "V035"]
+    assert undecided.severity == "note"
+    assert undecided.message.startswith(
+        "whether `cruise` can drive with `bumper` missing is unknown: no run of "
+    )
+    assert undecided.hint == "state it: `contract still: not fresh(bumper) implies drive is idle`"

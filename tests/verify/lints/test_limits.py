@@ -156,3 +156,29 @@ def test_a_run_needs_no_module_in_python() -> None:
     text = 'module p from python "nowhere:Nothing" { reads sonar commands drive }\n' + go("a", "true")
     text += "network { drive = p suppresses a }\nlimit drive.velocity >= 1 mm/s\n"
     assert codes(text) == ["V034"]
+
+
+def test_two_fields_of_one_actuator_that_contradict() -> None:
+    limits = "limit drive.velocity <= 5 mm/s\nlimit drive.velocity >= level * 1 mm/s\n"
+    limits += "limit drive.turn <= 5 deg/s\nlimit drive.turn >= level * 1 deg/s\n"
+    assert codes(GO + limits).count("V033") == 2
+
+
+def test_a_contradiction_of_products() -> None:
+    assert [d.code for d in of_lift("limit lift.height >= wish * level\n")] == ["V033"]
+
+
+def test_a_contradiction_in_a_late_phase() -> None:
+    phases = "A -> B when level > 1  B -> C when level > 2  C -> D when level > 3  D -> E when level > 4"
+    machine = f"machine m {{ start A  {phases} }}\n"
+    limits = "limit lift.height <= 1 m when m == m.E\nlimit lift.height >= 1.5 m when level > 50\n"
+    assert [(d.code, d.severity) for d in of_lift(machine + limits)] == [("V033", "error")]
+
+
+def test_limits_that_are_undecided() -> None:
+    count = "state n : number = 0\nnext n = if rising(level > 50) then n + 1 else n\n"
+    [undecided] = of_lift(count + "limit lift.height <= (6 - n) * 1 m\n")
+    assert (undecided.code, undecided.severity) == ("V035", "note")
+    assert undecided.message.startswith(
+        "whether limits of `lift.height` can contradict each other is unknown: "
+    )
