@@ -158,7 +158,7 @@ class Build:
         """Return the clients in the form `colony-clients/1`."""
         from colony.compile.backends.json import to_json
 
-        return to_json(self.compilation.clients)
+        return to_json(self.compilation.clients, self.compilation.network.failsafe_modules)
 
     def to_python(self) -> str:
         """Return the source of a Python module; see `CompiledProgram.to_python`."""

@@ -70,10 +70,20 @@ def test_a_file_is_loaded_and_errors_have_places(tmp_path: Path) -> None:
     assert "toy.colony:7:" in str(caught.value)
 
 
+def test_every_form_names_the_failsafe_modules() -> None:
+    build = colony.build(colony.loads(TEXT.replace("module back_off", "failsafe module back_off")))
+    assert build.table().endswith(
+        "\nFailsafe, active also where something that they read is missing: back_off"
+    )
+    assert '"failsafe": ["back_off"]' in build.to_json()
+    assert "double border: failsafe" in build.graph()
+
+
 def test_every_form_of_a_build() -> None:
     build = colony.build(PROGRAM)
     assert "back_off" in build.table()
     assert '"format": "colony-clients/1"' in build.to_json()
+    assert '"failsafe": []' in build.to_json()
     assert build.graph().lstrip().startswith("<svg")
     frame = colony.Frame(t_ns=10**9, readings={"bumper": True, "near": 5}, taken_ns={"bumper": 7 * 10**8})
     outcome = build.executor().step(frame)

@@ -134,7 +134,7 @@ def _text(compilation: Compilation, format_: str, explain: bool) -> str:
     if format_ == "json":
         from colony.compile.backends.json import to_json
 
-        return to_json(compilation.clients)
+        return to_json(compilation.clients, compilation.network.failsafe_modules)
     from colony.compile.backends.explain import explain as explanation
     from colony.compile.backends.table import client_table
 

@@ -39,6 +39,7 @@ def command(files: tuple[str, ...], check_only: bool, show_diff: bool) -> None:
 
     A file that has the line already is not changed, and neither is one with errors. Imported files are
     rewritten only if they are named. Name a file that needs names of another one together with that one.
+    Decisions are printed when a file is rewritten, and never again: --diff shows them before.
 
     Exit code: 0 without errors (warnings are allowed), 1 with errors or, with --check, if a file would
     change, 2 if a file cannot be read or written.
@@ -72,6 +73,8 @@ def _process(upgrade: FileUpgrade, *, check_only: bool, show_diff: bool) -> int:
             click.echo(f"{name}: already version 2")
         return 0
     report(upgrade.diagnostics)
+    for left in upgrade.left_behind:
+        say(f"{name}: imports {printable(left)}, which is still version 1; upgrade it too")
     if show_diff:
         click.echo(_diff(upgrade, upgrade.new), nl=False)
     if check_only or show_diff:

@@ -12,9 +12,13 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModuleLeaf:
-    """A module's output. A network has one leaf per module, however often it is used."""
+    """A module's output. A network has one leaf per module, however often it is used.
+
+    A `failsafe` module's output is active also where something that the module reads is missing.
+    """
 
     module: str
+    failsafe: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,3 +64,8 @@ class Network:
     outputs: tuple[tuple[str, int], ...]
     wires: tuple[tuple[str, int], ...] = ()
     observed: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def failsafe_modules(self) -> tuple[str, ...]:
+        """The failsafe modules among the leaves, by name."""
+        return tuple(n.module for n in self.nodes if isinstance(n, ModuleLeaf) and n.failsafe)

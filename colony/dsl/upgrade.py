@@ -64,24 +64,22 @@ class UpgradedProgram(NamedTuple):
 
     def errors_before(self) -> tuple[Diagnostic, ...]:
         """Return the errors that version 1 had too, at places of the old texts."""
-        files = {id(file.new.source): file for file in self.files}
+        errors = (d for d in self.diagnostics if d.severity == "error" and d.code not in _REFUSED_SINCE)
+        return tuple(self.with_old_places(d, self.files) for d in errors)
+
+    def with_old_places(self, diagnostic: Diagnostic, files: Iterable[UpgradedFile]) -> Diagnostic:
+        """Return a diagnostic whose places in these files are those in their old texts."""
+        by_source = {id(file.new.source): file for file in files}
 
         def old_span(span: Span) -> Span:
-            file = files.get(id(span.source))
+            file = by_source.get(id(span.source))
             if file is None:
                 return span
             start, end = (_offset_before(file.edits, offset) for offset in (span.start, span.end))
             return Span(file.old.source, start, max(start, end))
 
-        return tuple(
-            replace(
-                d,
-                span=old_span(d.span),
-                labels=tuple(replace(label, span=old_span(label.span)) for label in d.labels),
-            )
-            for d in self.diagnostics
-            if d.severity == "error" and d.code not in _REFUSED_SINCE
-        )
+        labels = tuple(replace(label, span=old_span(label.span)) for label in diagnostic.labels)
+        return replace(diagnostic, span=old_span(diagnostic.span), labels=labels)
 
 
 def is_version_1(file: ast.File) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from colony.dsl.files import ParsedFile, SourceTree, load_tree
@@ -21,12 +21,14 @@ class FileUpgrade(Record):
         old: its text; empty if it cannot be read.
         new: its text as version 2, equal to `old` if it has the line already; None if it has errors.
         diagnostics: what a person has to decide, at places of the new text; or the errors.
+        left_behind: the names of files of version 1 that it imports and that are not upgraded with it.
     """
 
     name: str
     old: str = ""
     new: str | None
     diagnostics: tuple[Diagnostic, ...] = ()
+    left_behind: tuple[str, ...] = ()
 
 
 def upgrade_files(names: Sequence[str]) -> tuple[FileUpgrade, ...]:
@@ -45,14 +47,18 @@ def upgrade_files(names: Sequence[str]) -> tuple[FileUpgrade, ...]:
             found.append(FileUpgrade(name=name, new=None, diagnostics=tree.diagnostics))
     programs = [upgrade_tree(tree) for _, tree in trees.values()]
     upgrades = [
-        _upgrade_file(name, tree.files[-1], program, programs)
+        _upgrade_file(name, tree.files[-1], program, programs, written=trees.keys())
         for (name, tree), program in zip(trees.values(), programs, strict=True)
     ]
     return (*found, *upgrades)
 
 
 def _upgrade_file(
-    name: str, file: ParsedFile, own: UpgradedProgram, programs: Sequence[UpgradedProgram]
+    name: str,
+    file: ParsedFile,
+    own: UpgradedProgram,
+    programs: Sequence[UpgradedProgram],
+    written: Collection[str],
 ) -> FileUpgrade:
     old = file.source.text
     if not is_version_1(file.tree):
@@ -61,8 +67,15 @@ def _upgrade_file(
     for upgraded in (own, *programs):
         if upgraded.program is None:
             continue
-        for _, new, _, _ in upgraded.files:
+        unwritten = [f for f in upgraded.files if f.new.key not in written and is_version_1(f.old.tree)]
+        for new in (f.new for f in upgraded.files):
             if new.key == file.key:
                 decisions = decisions_about(upgraded.program, upgraded.diagnostics, new.source)
-                return FileUpgrade(name=name, old=old, new=new.source.text, diagnostics=in_order(decisions))
+                return FileUpgrade(
+                    name=name,
+                    old=old,
+                    new=new.source.text,
+                    diagnostics=in_order([upgraded.with_old_places(d, unwritten) for d in decisions]),
+                    left_behind=tuple(f.old.source.name for f in unwritten),
+                )
     return FileUpgrade(name=name, old=old, new=None, diagnostics=own.errors_before())

@@ -113,9 +113,26 @@ def test_mode_and_link_stay(colony: Colony, old: Path) -> None:
 
 def test_imports_are_rewritten_only_where_they_are_named(colony: Colony, old: Path) -> None:
     Path("b.colony").write_text('import "a.colony"\nlet again = bumped\n')
-    assert colony("upgrade", "b.colony").code == 0
+    ran = colony("upgrade", "b.colony")
+    assert ran.code == 0
+    assert "b.colony: imports a.colony, which is still version 1; upgrade it too\n" in ran.err
     assert Path("b.colony").read_text().startswith("language 2\n\nimport")
     assert old.read_text() == OLD
+    assert "still version 1" not in colony("upgrade", "b.colony", "a.colony").err
+
+
+def test_places_in_files_that_are_not_named_are_those_on_disk(colony: Colony) -> None:
+    robot = "robot r { actuator d { v : mm/s } to RServer.d idle d(v = 0) }\n"
+    Path("base.colony").write_text(f"{robot}limit d.v <= 5 mm/s\n")
+    drive = "module m { when true do d(v = 1 mm/s) }\nnetwork { d = m }\n"
+    Path("top.colony").write_text(f'import "base.colony"\n{drive}limit d.v >= 8 mm/s\n')
+    [place] = [
+        x for x in colony("upgrade", "--diff", "top.colony").err.splitlines() if "the other limit" in x
+    ]
+    assert "base.colony:2:" in place
+    together = colony("upgrade", "--diff", "top.colony", "base.colony").err.splitlines()
+    [place] = [x for x in together if "the other limit" in x]
+    assert "base.colony:4:" in place
 
 
 def test_files_of_one_command_do_not_hold_up_each_other(colony: Colony, old: Path) -> None:

@@ -38,8 +38,9 @@ def made_of(path: Path) -> dict[str, str]:
     program = load_text(path.read_text(), path.name)
     compilation = compile_program(program)
     clients = compilation.clients
+    as_json = to_json(clients, compilation.network.failsafe_modules)
     texts = {
-        ".explained.txt": f"{explain(compilation)}\n\n{client_table(compilation)}\n\n{to_json(clients)}",
+        ".explained.txt": "\n\n".join((explain(compilation), client_table(compilation), as_json)),
         ".generated.txt": generate(lower(program, clients)),
     }
     code = lower(program, clients).code

@@ -1,6 +1,6 @@
 """Clients as JSON (`colony-clients/1`) for other programs; the runtime itself reads `.colonyc` files.
 
-    {"format": "colony-clients/1", "semantics": 2,
+    {"format": "colony-clients/1", "semantics": 2, "failsafe": ["back_off"],
      "actuators": {"drive": {"clients": [
        {"priority": 2, "module": "back_off", "guard": 0, "exclusive": 0},
        {"priority": 1, "module": "cruise", "guard": 1, "exclusive": 3}]}},
@@ -12,7 +12,8 @@
        {"op": "and", "of": [1, 2]}]}
 
 `format` says how the text is laid out, `semantics` is the version of what the program means
-(`colony.ir.version`). Actuators are in the order in which the robot declares them, clients highest priority
+(`colony.ir.version`). The modules in `failsafe` are active, with the idle command, also where something that
+they read is missing. Actuators are in the order in which the robot declares them, clients highest priority
 first. Guards are references into `nodes`, and nodes refer only to earlier nodes, so one pass evaluates them
 all. A node's `op` is
 
@@ -29,7 +30,7 @@ all. A node's `op` is
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import assert_never
 
 from colony.compile.clients import ActuatorClients, Client, ClientList
@@ -39,13 +40,15 @@ from colony.ir.version import SEMANTICS
 FORMAT = "colony-clients/1"
 
 
-def to_json(clients: ClientList) -> str:
+def to_json(clients: ClientList, failsafe_modules: Sequence[str] = ()) -> str:
     """Return a client list as `colony-clients/1`, one client or node per line."""
+    failsafe = json.dumps(failsafe_modules)
     actuators = _braced((actuator.actuator, _actuator_json(actuator)) for actuator in clients.actuators)
     observed = json.dumps(dict(clients.observed))
     nodes = ",\n".join(f"    {json.dumps(_node_json(guard))}" for guard in clients.guards)
     return (
-        f'{{\n  "format": "{FORMAT}",\n  "semantics": {SEMANTICS},\n  "actuators": {actuators},\n'
+        f'{{\n  "format": "{FORMAT}",\n  "semantics": {SEMANTICS},\n  "failsafe": {failsafe},\n'
+        f'  "actuators": {actuators},\n'
         f'  "observed": {observed},\n  "nodes": [\n{nodes}\n  ]\n}}\n'
     )
 

@@ -27,8 +27,14 @@ def client_table(compilation: Compilation) -> str:
     idle = [a.name for a in compilation.program.robot.actuators if a.name not in driven]
     blocks += [f"{name}\n{_GAP}nothing drives it" for name in idle]
     if compilation.clients.actuators:
-        blocks.append(legend(guards))
+        blocks.append("\n".join((legend(guards), *_failsafe_line(compilation))))
     return "\n\n".join(blocks)
+
+
+def _failsafe_line(compilation: Compilation) -> tuple[str, ...]:
+    """Return a line on the failsafe modules, if there are any."""
+    names = ", ".join(compilation.network.failsafe_modules)
+    return (f"Failsafe, active also where something that they read is missing: {names}",) if names else ()
 
 
 def rows(actuator: ActuatorClients, guards: GuardText, limit: int | None = None) -> str:

@@ -43,7 +43,7 @@ class _Elaboration:
     """Mutable. Recursion over a wiring is safe, as it is only as deep as the nesting of parentheses."""
 
     def __init__(self, program: Program) -> None:
-        self.modules = {module.name for module in program.modules}
+        self.modules = {module.name: module for module in program.modules}
         self.nodes: list[NetworkNode] = []
         self.leaves: dict[str, int] = {}
         self.wires: dict[str, int] = {}
@@ -65,7 +65,7 @@ class _Elaboration:
         if node is None:
             if name not in self.modules:
                 raise ValueError(f"`{name}` is neither a module nor a wire declared above")
-            node = self.leaves[name] = self.add(ModuleLeaf(module=name))
+            node = self.leaves[name] = self.add(ModuleLeaf(module=name, failsafe=self.modules[name].failsafe))
         return node
 
     def chain(self, chain: Chain, wire: str, path: tuple[int, ...]) -> int:

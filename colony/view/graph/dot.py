@@ -11,7 +11,10 @@ _HEAD = """  rankdir=LR; fontname="Helvetica"; ranksep=0.5; nodesep=0.3;
 
 
 def to_dot(network: Network, title: str = "") -> str:
-    """Return a DOT digraph: dominant wires enter their node from above, inferior ones from the left."""
+    """Return a DOT digraph: dominant wires enter their node from above, inferior ones from the left.
+
+    Failsafe modules have a double border.
+    """
     lines = ["digraph network {", _HEAD]
     if title:
         lines.append(f"  label={_quoted(title)}; labelloc=t;")
@@ -20,8 +23,9 @@ def to_dot(network: Network, title: str = "") -> str:
         names.setdefault(index, []).append(name)
     for index, node in enumerate(network.nodes):
         match node:
-            case ModuleLeaf(module=module):
-                lines.append(f"  n{index} [shape=box, style=rounded, label={_quoted(module)}];")
+            case ModuleLeaf(module=module, failsafe=failsafe):
+                border = ", peripheries=2" if failsafe else ""
+                lines.append(f"  n{index} [shape=box, style=rounded{border}, label={_quoted(module)}];")
             case Suppressor() | Inhibitor():
                 lines += _node_lines(index, node, names.get(index, []))
     for i, (actuator, index) in enumerate(network.outputs):

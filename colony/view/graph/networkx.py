@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 def to_networkx(program_or_network: Program | Network) -> networkx.MultiDiGraph:
     """Return a directed multigraph along the flow of commands, from modules to actuators.
 
-    Nodes have `kind` (module, suppressor, inhibitor, actuator) and `label`; suppressors and inhibitors also
-    have `window_ns`. Edges have `side` (dominant, inferior, or output into an actuator).
+    Nodes have `kind` (module, suppressor, inhibitor, actuator) and `label`; modules also have `failsafe`,
+    suppressors and inhibitors `window_ns`. Edges have `side` (dominant, inferior, or output into an
+    actuator).
     """
     import networkx
 
@@ -25,8 +26,8 @@ def to_networkx(program_or_network: Program | Network) -> networkx.MultiDiGraph:
     graph = networkx.MultiDiGraph()
     for index, node in enumerate(network.nodes):
         match node:
-            case ModuleLeaf(module=module):
-                graph.add_node(f"n{index}", kind="module", label=module)
+            case ModuleLeaf(module=module, failsafe=failsafe):
+                graph.add_node(f"n{index}", kind="module", label=module, failsafe=failsafe)
             case Suppressor() | Inhibitor():
                 kind = "suppressor" if isinstance(node, Suppressor) else "inhibitor"
                 graph.add_node(f"n{index}", kind=kind, label=names.get(index, ""), window_ns=node.window_ns)

@@ -17,6 +17,8 @@ MARGIN = 28.0
 ROW = 54.0
 BETWEEN_DIAGRAMS = 26.0
 BOX_HEIGHT = 34.0
+INNER_BORDER = 3.0
+"""Distance between the two borders of a failsafe module."""
 RADIUS = 15.0
 BEND = 10.0
 MIN_PITCH = 66.0
@@ -107,6 +109,7 @@ class _Picture:
         legend = [
             text for kind, text in _LEGEND.items() if any(isinstance(n, kind) for n in self.network.nodes)
         ]
+        legend += [_FAILSAFE_LEGEND] if self.network.failsafe_modules else []
         legend_width = max((text_width(text, 10) for text in legend), default=0)
         width = max(self._end_x() + self.end_width + MARGIN, legend_width + 2 * MARGIN)
         height = bottom + len(legend) * LEGEND_LINE + MARGIN / 2
@@ -170,18 +173,21 @@ class _Picture:
         if vertex.is_reference:
             return _flag("reference", point.x - self.box_width, point.y, self.box_width, vertex.name)
         match node:
-            case ModuleLeaf(module=module):
-                return self._module(point, module)
+            case ModuleLeaf():
+                return self._module(point, node)
             case Suppressor() | Inhibitor():
                 return self._node_symbol(point, node, vertex)
 
-    def _module(self, point: _Point, module: str) -> str:
+    def _module(self, point: _Point, leaf: ModuleLeaf) -> str:
         left, top = point.x - self.box_width, point.y - BOX_HEIGHT / 2
-        return (
-            f'<g class="module" data-module={quoteattr(module)}><rect x="{_n(left)}" y="{_n(top)}" '
-            f'width="{_n(self.box_width)}" height="{_n(BOX_HEIGHT)}" rx="5"/>'
-            f"{_text(left + self.box_width / 2, point.y + 4.5, module)}</g>"
+        borders = (0, INNER_BORDER) if leaf.failsafe else (0,)
+        boxes = "".join(
+            f'<rect x="{_n(left + d)}" y="{_n(top + d)}" width="{_n(self.box_width - 2 * d)}" '
+            f'height="{_n(BOX_HEIGHT - 2 * d)}" rx="5"/>'
+            for d in borders
         )
+        text = _text(left + self.box_width / 2, point.y + 4.5, leaf.module)
+        return f'<g class="module" data-module={quoteattr(leaf.module)}>{boxes}{text}</g>'
 
     def _node_symbol(self, point: _Point, node: Suppressor | Inhibitor, vertex: Vertex) -> str:
         kind, letter = ("suppressor", "S") if isinstance(node, Suppressor) else ("inhibitor", "I")
@@ -199,6 +205,7 @@ _LEGEND = {
     Suppressor: "S: the dominant wire (from above) where it is active, otherwise the inferior one",
     Inhibitor: "I: the inferior wire where the dominant one (from above) is not active",
 }
+_FAILSAFE_LEGEND = "double border: failsafe, active also where something that it reads is missing"
 
 
 def _n(value: float) -> str:

@@ -27,6 +27,7 @@ def test_the_form() -> None:
     assert json.loads(TEXT) == {
         "format": "colony-clients/1",
         "semantics": 2,
+        "failsafe": [],
         "actuators": {
             "drive": {
                 "clients": [
