@@ -37,7 +37,7 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
 
 def _notes(program: Program, trace: Trace, sensors_shown: int) -> Iterator[str]:
     if trace.needed_missing:
-        yield f"necessarily missing: {', '.join(trace.needed_missing)}"
+        yield f"missing, which matters: {', '.join(trace.needed_missing)}"
     if sensors_shown + len(trace.needed_missing) < len(program.robot.sensors):
         yield "all other sensors: missing (their readings make no difference)"
     if trace.found:

@@ -87,7 +87,7 @@ def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
         )
     yield from aligned(rows)
     if result.needed_missing:
-        yield f"necessarily missing: {', '.join(result.needed_missing)}"
+        yield f"missing, which matters: {', '.join(result.needed_missing)}"
     if len(shown_sensors) + len(result.needed_missing) < len(sensors):
         yield "all other sensors: missing (their readings make no difference)"
 

@@ -221,7 +221,7 @@ class Interpreter:
             lost = module.actuator is not None and module.name in self._lost and not module.failsafe
             frame_values.outputs[module.name] = module.name if active and not lost else None
 
-    def _go_blind(self, module: ir.AnyModule) -> None:
+    def _record_no_answer(self, module: ir.AnyModule) -> None:
         """Record that a module has no answer: it is silent or, if failsafe, active without a command."""
         (self._blind if module.failsafe else self._silent).add(module.name)
 
@@ -240,7 +240,7 @@ class Interpreter:
         ]
         own = {let.name for let in module.lets}
         if any(missing(e, frame_values, own) for e in evaluated):
-            self._go_blind(module)
+            self._record_no_answer(module)
             return None
         for let in module.lets:
             frame_values.locals[let.name] = evaluate(let.expression, frame_values, self._memory)
@@ -257,7 +257,7 @@ class Interpreter:
         if any(missing(r.expression, frame_values) for r in module.reads):
             if runner is not None:
                 runner.miss()
-            self._go_blind(module)
+            self._record_no_answer(module)
             return None
         values = {r.name: evaluate(r.expression, frame_values, self._memory) for r in module.reads}
         frame = ModuleFrame((frame_values.t_ns - frame_values.first_ns) / 1e9, values)
@@ -265,7 +265,7 @@ class Interpreter:
         if answer.error:
             records.append(Record("python error", module.name))
         if answer.blind and module.failsafe:
-            self._go_blind(module)
+            self._record_no_answer(module)
         return answer.values
 
     # --- network ---------------------------------------------------------------------------------

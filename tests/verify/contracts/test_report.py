@@ -68,7 +68,7 @@ def test_the_table_has_a_line_a_frame_and_tells_what_must_be_missing() -> None:
         "time    bump   drive",
         "0 s     true   by back: velocity = -0.5 m/s, turn = 0 deg/s",
         "0.05 s  false  by back: velocity = -0.5 m/s, turn = 0 deg/s",
-        "necessarily missing: far",
+        "missing, which matters: far",
         "all other sensors: missing (their readings make no difference)",
         "in the last frame: bump is fresh; bump = false; far is not fresh",
     )
