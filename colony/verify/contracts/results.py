@@ -52,8 +52,8 @@ class Trace:
     """A run of the reference interpreter whose last frame breaks the contract.
 
     It is false there or, if `unknown`, unknown because it reads something missing. `needed_missing` are the
-    missing sensors of which no value that was tried breaks the contract. `found` has the values of the contract's names in
-    the last frame.
+    missing sensors of which no value that was tried breaks the contract. `found` has the values of the
+    contract's names in the last frame.
     """
 
     snapshots: tuple[Snapshot, ...]
