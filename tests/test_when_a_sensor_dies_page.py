@@ -19,11 +19,13 @@ EXAMPLES = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "example
 
 
 def page(monkeypatch: pytest.MonkeyPatch) -> str:
-    """The page with what the commands print."""
+    """The page with what the commands print; of what the page cuts off with `...`, the lines above."""
     monkeypatch.chdir(ROOT)
 
     def run(block: re.Match[str]) -> str:
         [printed] = [typed(line, monkeypatch, errors=True) for line in block[1].splitlines()]
+        if block[2].endswith("\n...\n"):
+            printed = "".join(printed.splitlines(keepends=True)[: block[2].count("\n") - 1]) + "...\n"
         return f"```sh\n{block[1]}```\n\n```text\n{printed}```"
 
     return COMMANDS.sub(run, PAGE)
