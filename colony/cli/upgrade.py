@@ -34,8 +34,8 @@ def command(files: tuple[str, ...], check_only: bool, show_diff: bool) -> None:
 
     A file that does not name its version is taken for version 1. Where the new text means the same, it is
     rewritten: `held` becomes `recently`, and `language 2` is added below the comment that begins the file, if
-    an empty line ends that comment, and otherwise first. Comments and layout are kept. Where version 2 decides
-    differently, a warning asks for your decision; its place is that in the new text.
+    an empty line ends that comment, and otherwise first. Comments and layout are kept. Where version 2
+    decides differently, a warning asks for your decision; its place is that in the new text.
 
     A file that has the line already is not changed, and neither is one with errors. Imported files are
     rewritten only if they are named. Name a file that needs names of another one together with that one.
