@@ -103,6 +103,14 @@ def test_a_let_of_a_module_is_never_missing_to_it() -> None:
     assert findings("module m { let a = sonar[0] when fresh(a) }") == ["1:40 E202"]
 
 
+def test_fresh_of_what_only_contracts_can_name_is_an_error_and_loses_nothing() -> None:
+    module = "module m { let near = sonar[0] > 1 mm when near }\nmachine goal { start a a -> b when true }\n"
+    assert findings(f"{module}contract c: fresh(m.near) and false") == ["3:19 E202"]
+    assert findings(f"{module}contract c: fresh(drive.velocity) and false") == ["3:19 E202"]
+    assert findings(f"{module}module n {{ when fresh(goal.a) }}") == ["3:23 E202"]
+    assert findings(f"{module}limit drive.velocity <= 0 when fresh(goal.b)") == ["3:38 E202"]
+
+
 # --- where memory may stand ----------------------------------------------------------------------
 
 

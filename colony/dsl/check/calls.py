@@ -310,14 +310,13 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
             return ir.Fresh(type=BOOL, name=name, derived=True, span=checker.span(node))
         case BrokenSymbol():
             return None
-        case None:
-            checker.visit(argument)  # reports the unknown name
-            return None
-        case _:
+        case _ if symbol is not None or checker.visit(argument) is not None:  # it reports an unknown name
             hint = "only sensors and file-level `let`s can be missing"
             checker.error(
                 "E202", argument, f"`{argument.text}` is neither a sensor nor a derived value", hint
             )
+            return None
+        case _:
             return None
 
 

@@ -83,6 +83,8 @@ class _Check:
         tests = [check_test(root_checker, n) for c, n in self._each(ast.TestDecl) if c.scope is self.root]
         if robot is None:
             return None
+        lost = None in limits or None in tests or len(contracts) < len(list(self._each(ast.ContractDecl)))
+        assert not lost or has_errors(self.report.diagnostics), "a declaration was left out without an error"
         self._warn_unused(robot, modules, wires)
         self._look_at_phases(derived)
         return ir.Program(
