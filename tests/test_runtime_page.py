@@ -231,7 +231,7 @@ def test_people_set_and_delete_variables(rome: Machine) -> None:
 @pytest.mark.parametrize(
     ("program", "printed"),
     [
-        ("client.py", r"now at 0 mm/s\nturned by (89|90|91) degrees, heading \d+\n"),
+        ("client.py", r"now at 0 mm/s\nturned by \d+ degrees, heading \d+\n"),
         ("halves.py", r"at -?\d+, -?\d+; bumpers 0; \d+ mm ahead\n"),
         ("awaited.py", r"Greeting is hello\n"),
         ("shared.py", r"107 103\n0\n"),

@@ -83,8 +83,13 @@ class _Check:
         tests = [check_test(root_checker, n) for c, n in self._each(ast.TestDecl) if c.scope is self.root]
         if robot is None:
             return None
-        lost = None in limits or None in tests or len(contracts) < len(list(self._each(ast.ContractDecl)))
-        assert not lost or has_errors(self.report.diagnostics), "a declaration was left out without an error"
+        assert has_errors(self.report.diagnostics) or not (
+            None in limits
+            or None in tests
+            or len(contracts) < self._count(ast.ContractDecl)
+            or len(modules) < self._count(*MODULE_DECLARATIONS)
+            or len(derived) < self._count(ast.LetDecl, ast.StateDecl, ast.MachineDecl)
+        ), "a declaration was left out without an error"
         self._warn_unused(robot, modules, wires)
         self._look_at_phases(derived)
         return ir.Program(
@@ -104,6 +109,10 @@ class _Check:
             for node in scope.file.tree.declarations:
                 if isinstance(node, kind):
                     yield checker, node
+
+    def _count(self, *kinds: type[ast.SyntaxNode]) -> int:
+        """Return the number of declarations of these kinds in all files."""
+        return sum(isinstance(d, kinds) for scope in self.scopes for d in scope.file.tree.declarations)
 
     def _constants(self) -> None:
         """Check enums and params; each may use those above it."""
