@@ -41,6 +41,6 @@ def command(context: click.Context, topic: str | None) -> None:
     section = sections.get(topic.upper())
     if section is None:
         hint = did_you_mean(topic.upper(), sections) or did_you_mean(topic, COMMANDS)
-        message = f"no code or command `{topic}`" + (f"; {hint}" if hint else "")
+        message = f"no code or command `{topic}`; {hint or 'for words of the language see docs/language.md'}"
         raise click.UsageError(message, context)
     click.echo(section.rstrip())

@@ -127,7 +127,7 @@ def _word_hint(before: str, found: str, accepted: frozenset[str]) -> str | None:
     if found == "when" and "DO" in accepted:
         return "a module has one `when`: join conditions with `and` or `or`"
     if found in ("not", "by") and "COMMANDED" in accepted:
-        return "write `drive by module`" if found == "by" else "write `not (drive is idle)`"
+        return "write `ACTUATOR by MODULE`" if found == "by" else "write `not (drive is idle)`"
     if found in ("suppresses", "inhibits") and "AND" in accepted:
         return "modules are wired in a `network { ... }` block"
     if found in ("suppresses", "inhibits") and accepted == {"ASSIGN"}:

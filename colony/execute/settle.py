@@ -16,11 +16,11 @@ def bounds_of(
     idle: tuple[float | bool, ...] | None,
 ) -> tuple[float | None, float | None]:
     """Return the greatest lower and the least upper bound of a field, given its range and the limits."""
-    for at, above, bound in limits:
+    for at, is_upper, bound in limits:
         if at == field:
             if bound is None:
                 bound = idle[field]  # type: ignore[index]
-            if above:
+            if is_upper:
                 if high is None or bound < high:
                     high = bound
             elif low is None or bound > low:

@@ -57,7 +57,7 @@ SLIPS = [
     ('test "x { }', "the text that begins here is not closed on its line", "add the missing `\"`"),
     ('test "x" { at 0 s, given bumper = true }', "found `,`", "there is no comma before `given`"),
     ('test "x" { at 0 s given bumper == true }', "found `==`, expected `=`", "a single `=`"),
-    ("contract c: drive is by avoid", "found `by`", "write `drive by module`"),
+    ("contract c: drive is by avoid", "found `by`", "write `ACTUATOR by MODULE`"),
     ("contract c: drive is not idle", "found `not`", "write `not (drive is idle)`"),
     ("contract c: drive is comanded", "found `comanded`", "did you mean `commanded`?"),
     ("contract c = bumper", "found `=`, expected `:`", ""),

@@ -63,7 +63,7 @@ def _condition_name(i: int) -> str:
     return f"limit {i} when"
 
 
-def bounds_of(program: Program, actuator: Actuator, i: int) -> tuple[Bound, ...]:
+def all_bounds(program: Program, actuator: Actuator, i: int) -> tuple[Bound, ...]:
     """Return the bounds of field `i` of an actuator: of its range, then of its limits as written."""
     of_limits = (
         _of_limit(limit, number, actuator)

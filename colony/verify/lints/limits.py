@@ -19,7 +19,7 @@ from colony.text.wording import counted
 from colony.verify.claims import FALSE, all_of, any_of, fresh, negation, value_or, won
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.results import Trace
-from colony.verify.lints.bounds import Bound, all_known, bounds_of, contradiction, exclusion, is_finite
+from colony.verify.lints.bounds import Bound, all_bounds, all_known, contradiction, exclusion, is_finite
 from colony.verify.lints.case import Case, command_of, value_text
 from colony.verify.lints.evidence import frames, replay
 from colony.verify.lints.finding import Finding, Run, undecided
@@ -59,7 +59,7 @@ def _fields(case: Case) -> Iterator[_Field]:
     for actuator in case.program.robot.actuators:
         if actuator.name in case.network.roots:
             for i in range(len(actuator.fields)):
-                bounds = bounds_of(case.program, actuator, i)
+                bounds = all_bounds(case.program, actuator, i)
                 if any(b.limit is not None for b in bounds):
                     yield _Field(actuator, i, bounds)
 
@@ -73,7 +73,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
                 [
                     b
                     for i in range(len(field.actuator.fields))
-                    for b in bounds_of(case.program, field.actuator, i)
+                    for b in all_bounds(case.program, field.actuator, i)
                 ]
             )
             broken = all_of((_commanded(case, field.actuator), known, contradicts))

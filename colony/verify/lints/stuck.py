@@ -216,6 +216,14 @@ def _end(case: Case, change: _Change, snapshots: tuple[Snapshot, ...]) -> _End:
     return _End(outcome, before, after)
 
 
+def _is_from_any(change: _Change) -> bool:
+    """Return True if the transition is written `any -> ...`."""
+    assert change.transition is not None
+    assert isinstance(change.memory, Machine)
+    span = change.memory.transitions[change.transition].span
+    return span.source.text[span.start : span.end].removeprefix("failsafe").split()[:1] == ["any"]
+
+
 def _texts(change: _Change, before: Known, sensors: list[str]) -> tuple[str, str]:
     """Return the message and the hint."""
     missing, module = f"with {quoted(sensors, 'or')} missing", change.module.name
@@ -225,6 +233,7 @@ def _texts(change: _Change, before: Known, sensors: list[str]) -> tuple[str, str
             names = {number: phase for phase, number in type_.members}
             old, new = (names[x] for x in (before, change.phase) if isinstance(x, float))
             message = f"{missing}, `{name}` cannot leave `{old}`, and `{module}` drives"
-            return message, f"write `failsafe {old} -> {new} when ...`, or {inhibitor}"
+            source = "any" if _is_from_any(change) else old
+            return message, f"write `failsafe {source} -> {new} when ...`, or {inhibitor}"
         case State(name=name):
             return f"{missing}, `{name}` stays as it is, and `{module}` drives", inhibitor

@@ -279,3 +279,10 @@ def test_what_is_too_far_away_is_said_to_be_undecided() -> None:
         "whether `cruise` can drive with `bumper` missing is unknown: no run of "
     )
     assert undecided.hint == "state it: `contract still: not fresh(bumper) implies drive is idle`"
+
+
+def test_the_cure_is_the_transition_as_it_is_written() -> None:
+    machine = "machine m { start go  any -> stop when bumper  stop -> go when level > 5 }\n"
+    [hint] = hints(machine + go("move", "m == m.go") + "network { drive = move }\n")
+    assert hint is not None
+    assert hint.startswith("write `failsafe any -> stop when ...`, or ")
