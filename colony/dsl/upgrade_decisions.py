@@ -40,12 +40,12 @@ def _contradicting_limits(program: Program, source: Source) -> Iterator[Diagnost
     for i, limit in enumerate(program.limits):
         beyond = _beyond_range(limit, actuators[limit.actuator])
         if beyond is not None and limit.span.source is source:
-            message = f"this bound is {beyond}; version 1 used the range, now the idle command is sent"
+            message = f"this bound is {beyond}; version 1 used the range; now the idle command is sent"
             yield warning("U001", limit.span, message, "choose a bound inside the range")
         earlier = [other for other in program.limits[:i] if _can_contradict(other, limit)]
         if earlier and _concerns(source, limit, earlier):
             message = (
-                "this limit can contradict another one; version 1 used this one, the last, "
+                "this limit can contradict another one; version 1 used this one, the last; "
                 "now the idle command is sent"
             )
             hint = "make one of them apply only `when` the other does not, or keep their bounds apart"
