@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from enum import IntEnum
@@ -181,7 +182,15 @@ async def keep(robot: str) -> None:
 
 
 async def main() -> None:
-    """The entry of the program: it begins anew whenever a connection could not be had, or ended."""
+    """The entry of the program: it begins anew whenever a connection could not be had, or ended.
+
+    Ctrl-C cancels it, as often as it is pressed: a KeyboardInterrupt in the middle of asyncio's loop could
+    leave tasks that never end.
+    """
+    task = asyncio.current_task()
+    assert task is not None
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        asyncio.get_running_loop().add_signal_handler(signal.SIGINT, task.cancel)
     parser = argparse.ArgumentParser(description="The keeper of a robot: it gets the corridor for it.")
     parser.add_argument("--robot", required=True, help="the robot's name")
     robot = parser.parse_args().robot
@@ -198,5 +207,5 @@ async def main() -> None:
 
 
 if __name__ == "__main__":
-    with suppress(KeyboardInterrupt):
+    with suppress(asyncio.CancelledError):
         asyncio.run(main())

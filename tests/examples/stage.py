@@ -78,7 +78,8 @@ class Process:
         try:
             return self._process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
-            self.kill()
+            self._process.send_signal(signal.SIGABRT)  # prints where each thread is
+            self._process.wait()
             raise AssertionError(f"{self.command} did not end:\n{self.printed()}") from None
 
 
@@ -98,6 +99,7 @@ class Machine:
             "XDG_STATE_HOME": str(scratch / "state"),
             "PYTHONPATH": str(ROOT),
             "PYTHONUNBUFFERED": "1",
+            "PYTHONFAULTHANDLER": "1",
         }
 
     def start(self, command: str) -> Process:
