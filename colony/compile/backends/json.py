@@ -12,8 +12,8 @@
        {"op": "and", "of": [1, 2]}]}
 
 `format` says how the text is laid out, `semantics` is the version of what the program means
-(`colony.ir.version`). The modules in `failsafe` are active, with the idle command, also where something that
-they read is missing. Actuators are in the order in which the robot declares them, clients highest priority
+(`colony.ir.version`). The modules in `failsafe` are active, without a command, also where something that they
+read is missing. Actuators are in the order in which the robot declares them, clients highest priority
 first. Guards are references into `nodes`, and nodes refer only to earlier nodes, so one pass evaluates them
 all. A node's `op` is
 

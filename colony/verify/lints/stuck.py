@@ -217,11 +217,11 @@ def _end(case: Case, change: _Change, snapshots: tuple[Snapshot, ...]) -> _End:
 
 
 def _is_from_any(change: _Change) -> bool:
-    """Return True if the transition is written `any -> ...`."""
+    """Return True if the transition, which is not failsafe, is written `any -> ...`."""
     assert change.transition is not None
     assert isinstance(change.memory, Machine)
     span = change.memory.transitions[change.transition].span
-    return span.source.text[span.start : span.end].removeprefix("failsafe").split()[:1] == ["any"]
+    return span.source.text[span.start : span.end].split()[:1] == ["any"]
 
 
 def _texts(change: _Change, before: Known, sensors: list[str]) -> tuple[str, str]:
