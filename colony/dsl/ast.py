@@ -462,7 +462,7 @@ class Elements(SyntaxNode):
 class GivenDecl(SyntaxNode):
     """`sensor[index] = value taken age ago`, after `given`."""
 
-    sensor: Name
+    sensor: Reference
     index: Expression | None
     value: Expression | Missing | Elements
     taken_ago: Expression | None = None

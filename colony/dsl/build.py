@@ -286,9 +286,7 @@ class Builder:
     def assignment(self, c: Children) -> ast.GivenDecl:
         """Build the value that a step gives to a sensor or to an element of it."""
         sensor, index, _, value, taken_ago = c
-        return ast.GivenDecl(
-            sensor=_name(sensor), index=index, value=value, taken_ago=taken_ago, **_extent(c)
-        )
+        return ast.GivenDecl(sensor=sensor, index=index, value=value, taken_ago=taken_ago, **_extent(c))
 
     def taken(self, c: Children) -> ast.Expression:
         """Return the age of a value that a step gives."""

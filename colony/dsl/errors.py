@@ -27,6 +27,7 @@ CODES: dict[str, str] = {
     "E106": "a name refers to something of the wrong kind",
     "E107": "an unknown function",
     "E108": "there is no such member",
+    "E109": "a name is reserved",
     "E201": "the types of the operands do not match",
     "E202": "a value has the wrong type",
     "E203": "the wrong number of arguments",

@@ -50,11 +50,14 @@ class ProgramExecutor:
     ) -> None:
         self.code = whole_view(compiled.code) if simplified else unsimplified_view(compiled.code)
         self._exclusive, self._answers_given = exclusive, answers_given
+        self._sent = tuple((s.name, *s.sent) for s in self.code.sensors if s.sent is not None)
         self.restart()
 
     def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
         """Execute one frame; return the decision for each actuator, the records and the broken contracts."""
         machine, code = self._machine, self.code
+        if self._sent:
+            frame = frame._replace(readings={**self._last, **frame.readings})
         machine.begin(frame, answers)
         machine.run()
         decisions = tuple(self._decide(actuator) for actuator in code.actuators)
@@ -62,6 +65,8 @@ class ProgramExecutor:
         values = machine.values
         breaches = tuple(c.name for c in code.contracts if not values[c.holds])
         machine.commit()
+        if self._sent:
+            self._remember_sent(decisions)
         return Outcome(decisions, machine.records(), breaches)
 
     def restart(self) -> None:
@@ -71,6 +76,15 @@ class ProgramExecutor:
             DiagnosticError: one of them cannot be built.
         """
         self._machine = OpMachine(self.code, answers_given=self._answers_given)
+        self._last: dict[str, ScalarValue] = {}  # values of `last.ACTUATOR.FIELD`, in declared units
+
+    def _remember_sent(self, decisions: tuple[Decision, ...]) -> None:
+        """Remember what is `last.ACTUATOR.FIELD` in the next frame, unless a reading says otherwise."""
+        values = {decision.actuator: decision.values for decision in decisions}
+        for name, actuator, index in self._sent:
+            sent = values[actuator]
+            if sent is not None:
+                self._last[name] = sent[index]
 
     @property
     def memory(self) -> ProgramMemory | None:
@@ -82,7 +96,7 @@ class ProgramExecutor:
         if machine.python:
             return None
         cells = {name: machine.cells[i] for name, i in self.code.memory_cells.items()}
-        return ProgramMemory(first_ns=machine.first_ns, cells=cells)
+        return ProgramMemory(first_ns=machine.first_ns, cells=cells, last=dict(self._last))
 
     def resume(self, memory: ProgramMemory) -> None:
         """Continue from the memory of another executor.
@@ -99,6 +113,7 @@ class ProgramExecutor:
         for i, value in restored.items():
             self._machine.cells[i] = value
         self._machine.first_ns = memory.first_ns
+        self._last = dict(memory.last)
 
     def _decide(self, actuator: ActuatorCode) -> Decision:
         winner = self._winner(actuator)

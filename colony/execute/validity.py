@@ -88,6 +88,8 @@ class _Check:
         self._names()
         for sensor in code.sensors:
             _check_sensor(sensor)
+            if sensor.sent is not None:
+                self._check_sent(sensor, *sensor.sent)
         for position, op in enumerate(code.ops):
             _expect(
                 self._result_kind(position, op) is code.kinds[position],
@@ -118,6 +120,13 @@ class _Check:
             all(0 <= i < len(code.cells) for i in code.memory_cells.values()),
             "a name of memory refers to no cell",
         )
+
+    def _check_sent(self, sensor: Sensor, actuator: str, index: int) -> None:
+        """Check that a sensor is a field of an actuator, of one type."""
+        found = self.actuators.get(actuator)
+        fields = () if found is None else found.actuator.fields
+        _expect(0 <= index < len(fields), f"{sensor.name} is no field of an actuator")
+        _expect(fields[index].type == sensor.type, f"{sensor.name} is not of its field's type")
 
     def _names(self) -> None:
         code = self.code

@@ -7,7 +7,9 @@ of another.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from colony.ir.types import ScalarValue
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,11 +33,13 @@ class ProgramMemory:
         field of an actuator that holds   `value`, the last one sent; `known`, true once there was one
 
     `changed`, `captured` and `previous` also have `started`: true after the first frame in which they were
-    evaluated.
+    evaluated. `last` has the values of `last.ACTUATOR.FIELD` in the next frame by these names, in declared
+    units; without those of fields to which nothing was sent.
     """
 
     first_ns: int | None
     cells: Mapping[str, float | bool | int]
+    last: Mapping[str, ScalarValue] = field(default_factory=dict)
 
 
 def state_cell(name: str) -> str:

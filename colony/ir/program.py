@@ -34,7 +34,7 @@ class Sensor(Declared):
 
     `unit` is the declared unit, if any, and `factor` its size in base units: a reading is multiplied by it.
     `low` and `high` (inclusive; readings are clamped to them) and `default`, which fills an array, are in
-    base units.
+    base units. `sent` is not None for `last.ACTUATOR.FIELD` (see `sent_sensor`).
     """
 
     type: Type
@@ -46,6 +46,7 @@ class Sensor(Declared):
     server: str
     field: str
     within_ns: int | None = None
+    sent: tuple[str, int] | None = None
 
 
 @record
@@ -71,6 +72,32 @@ class Actuator(Declared):
     command: str
     idle: tuple[ScalarValue, ...] | None
     on_loss: Literal["stop", "degrade"] = "stop"
+
+
+def sent_sensor(actuator: Actuator, index: int) -> Sensor:
+    """Return `last.ACTUATOR.FIELD`: what a field of the actuator was given in the frame before.
+
+    It is a sensor of the program that its server publishes, or that an executor alone knows from its own last
+    frame, in the declared unit. Where nothing was sent, the idle command's value stands in as its default; on
+    `idle hold` it is the last value sent, and missing before the first.
+    """
+    field = actuator.fields[index]
+    idle = None if actuator.idle is None else actuator.idle[index]
+    if idle is not None and not isinstance(idle, bool) and field.factor != 1.0:
+        idle = idle / field.factor * field.factor  # as it is read back
+    return Sensor(
+        name=f"last.{actuator.name}.{field.name}",
+        span=field.span,
+        type=field.type,
+        unit=field.unit,
+        factor=field.factor,
+        low=field.low,
+        high=field.high,
+        default=idle,
+        server=actuator.server,
+        field=f"last.{actuator.name}.{field.name}",
+        sent=(actuator.name, index),
+    )
 
 
 class HasFactor(Protocol):
@@ -106,6 +133,10 @@ class Robot(Declared):
     frame_ns: int = DEFAULT_FRAME_NS
     sensors: tuple[Sensor, ...] = ()
     actuators: tuple[Actuator, ...] = ()
+
+    def indices_read(self, actuator: str) -> tuple[int, ...]:
+        """Return the indices of the fields of an actuator that the program reads as `last.ACTUATOR.FIELD`."""
+        return tuple(s.sent[1] for s in self.sensors if s.sent is not None and s.sent[0] == actuator)
 
 
 def robot_in_base_units(robot: Robot) -> Robot:

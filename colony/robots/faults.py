@@ -20,7 +20,7 @@ from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, Program, in_declared_units
-from colony.robots.scripted import SENSOR_SERVERS, ScriptedRobot, SentCommand
+from colony.robots.scripted import SCRIPTED_SERVERS, ScriptedRobot, SentCommand
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Message, ServerFrame, Tick
 from colony.runtime.protocol.topics import activity, module_of
@@ -70,7 +70,7 @@ class _Traffic:
             case Tick():
                 self.ticks.setdefault(message.k, message)
                 self.void.update(message.void)
-            case ServerFrame() if message.server in SENSOR_SERVERS:
+            case ServerFrame() if message.server in SCRIPTED_SERVERS:
                 self.frames.setdefault((message.server, message.k), message)
             case _:
                 pass
@@ -154,7 +154,7 @@ def _first_disagreement(program: Program, faulty_run: _FaultyRun) -> Disagreemen
         if any(
             (s, t.k) in faulty_run.traffic.void & faulty_run.traffic.frames.keys()
             for t in epoch
-            for s in SENSOR_SERVERS
+            for s in SCRIPTED_SERVERS
         ):
             candidates.append(_reference_run(program, faulty_run.traffic, epoch, void_counts=False))
         unpredictable = _unpredictable_actuators(faulty_run, actuators.values(), epoch)
@@ -214,10 +214,11 @@ def _reference_run(
     """Return the reference's outcomes in an epoch; with `void_counts`, void frames are "no value"."""
     interpreter = Interpreter(program)
     degrading = any(a.on_loss == "degrade" for a in program.robot.actuators)
+    sent = [sensor.name for sensor in program.robot.sensors if sensor.sent is not None]
     frames, outcomes = [], []
     for tick in epoch:
-        readings: dict[str, Reading] = {}
-        for server in SENSOR_SERVERS:
+        readings: dict[str, Reading] = dict.fromkeys(sent)
+        for server in SCRIPTED_SERVERS:
             key = (server, tick.k)
             if (
                 server not in tick.down

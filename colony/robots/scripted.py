@@ -41,6 +41,7 @@ from colony.runtime.transport.virtual import Link, VirtualClock, deliver_immedia
 
 SENSOR_SERVERS = ("Sensors0", "Sensors1")
 ACTUATOR_SERVER = "Actuators"
+SCRIPTED_SERVERS = (*SENSOR_SERVERS, ACTUATOR_SERVER)
 
 Readings = Callable[[Tick], Mapping[str, Reading]]
 """A function that returns the readings of the sensors in the frame of a tick."""
@@ -85,10 +86,18 @@ class ActuatorServer(QuietNode):
 
     address = ACTUATOR_SERVER
 
-    def __init__(self, deployed: Deployment, frames_kept: int, sent: list[SentCommand]) -> None:
+    def __init__(
+        self, deployed: Deployment, readings: Readings, frames_kept: int, sent: list[SentCommand]
+    ) -> None:
         self._run = deployed.run
-        self._publisher = Publisher(ACTUATOR_SERVER, lambda tick: {}, frames_kept=frames_kept)
+        self._readings = readings
+        self._publisher = Publisher(ACTUATOR_SERVER, self._read, frames_kept=frames_kept)
         commanded = actuators_of(deployed, ACTUATOR_SERVER)
+        self._fields = {
+            f"last.{spec.name}.{spec.fields[i].name}": spec.fields[i]
+            for spec in commanded
+            for i in spec.reported
+        }
         self._commands = CommandDispatcher(
             commanded, timing(deployed.frame_ns), lambda *_: None, on_dispatch=self._on_dispatch
         )
@@ -99,6 +108,7 @@ class ActuatorServer(QuietNode):
         """Arbitrate the requests of each frame."""
         match message:
             case Tick():
+                yield from self._commands.end_before(message, now_ns)
                 yield from self._publisher.handle(message)
                 if message.run == self._run:
                     yield from self._commands.tick(message, now_ns)
@@ -112,6 +122,26 @@ class ActuatorServer(QuietNode):
                 yield from self._commands.wake(now_ns)
             case _:
                 pass
+
+    def _read(self, tick: Tick) -> Fields:
+        """Return what the actuators were given last, in declared units, unless the readings say otherwise.
+
+        With the epoch, what they were given begins anew.
+        """
+        readings, sent = (
+            self._readings(tick),
+            {} if tick.k == tick.start else self._commands.fields(tick.t_ns),
+        )
+        fields: dict[str, Sample | None] = {}
+        for name, spec in self._fields.items():
+            sample = sent.get(name)
+            if name in readings:
+                value = readings[name]
+                fields[name] = None if value is None else Sample(value, tick.t_ns)  # type: ignore[arg-type]
+            elif sample is not None:
+                declared = in_declared_units((sample.value,), (spec,))  # type: ignore[arg-type]
+                fields[name] = Sample(declared[0], tick.t_ns)  # type: ignore[index]
+        return fields
 
     def _on_dispatch(self, actuator: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
         values = in_declared_units(dispatch.values, actuator.fields)
@@ -165,7 +195,7 @@ class ScriptedRobot(VirtualRobot):
 
         def servers(deployed: Deployment, frames_kept: int) -> Builders:
             builders: dict[str, Callable[[], Node]] = {
-                ACTUATOR_SERVER: lambda: ActuatorServer(deployed, frames_kept, self.sent),
+                ACTUATOR_SERVER: lambda: ActuatorServer(deployed, readings, frames_kept, self.sent),
                 DSERVER.name: lambda: DServer(deployment=deployed, frames_kept=frames_kept, store=store),
             }
             for server in SENSOR_SERVERS:
@@ -193,11 +223,12 @@ def _bindings(robot: Robot) -> Bindings:
         sensors=tuple(
             SensorBinding(
                 sensor=s.name,
-                server=SENSOR_SERVERS[i % len(SENSOR_SERVERS)],
+                server=ACTUATOR_SERVER if s.sent else SENSOR_SERVERS[i % len(SENSOR_SERVERS)],
                 field=s.name,
                 max_age_ns=None,
                 factor=s.factor,
                 declared=True,
+                sent=s.sent is not None,
             )
             for i, s in enumerate(robot.sensors)
         ),

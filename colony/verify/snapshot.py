@@ -31,6 +31,9 @@ class Snapshot(NamedTuple):
 
 
 def snapshot_of(program: Program, frame: Frame) -> Snapshot:
-    """Return a frame as the interpreter sees it: clamped to ranges, without faulty readings."""
+    """Return a frame as the interpreter sees it: clamped to ranges, without faulty readings.
+
+    Without a reading of what an actuator was given last, it is what the program itself sent.
+    """
     sensed = {s.name: sense(s, frame.readings.get(s.name), s.factor)[0] for s in program.robot.sensors}
     return Snapshot(frame.t_ns, {name: value for name, value in sensed.items() if value is not None})

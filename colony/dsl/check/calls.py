@@ -9,6 +9,7 @@ from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import unify, with_article, with_articles
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol
+from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
 from colony.ir.types import (
     BOOL,
@@ -299,6 +300,11 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
             "E203", node, "`fresh` takes the name of one sensor or derived value", "use: fresh(sonar)"
         )
         return None
+    if argument.path[0] == "last":
+        sent = sent_field(checker, argument)
+        if sent is None:
+            return None
+        return ir.Fresh(type=BOOL, name=sent.name, derived=False, span=checker.span(node))
     scope, path = checker.scope.resolve(argument.path)
     symbol = scope.value(path[0]) if len(path) == 1 else None
     if path[0] in checker.local:

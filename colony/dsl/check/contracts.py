@@ -9,6 +9,7 @@ from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.references import actuator_named
 from colony.dsl.check.scope import BrokenSymbol, SensorSymbol
+from colony.dsl.check.sent import sent_field
 from colony.ir import program as ir
 from colony.ir.expression import Expression
 from colony.ir.types import BOOL, Array, Quantity, ScalarValue, element_type
@@ -114,6 +115,9 @@ def _times(checker: Checker, step: ast.StepDecl) -> tuple[int, ...] | None:
 
 def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
     """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`, with or without its age."""
+    if node.sensor.path[0] == "last":
+        sent = sent_field(checker, node.sensor)
+        return None if sent is None else _given_to(checker, node, sent)
     symbol = checker.scope.robot.values.get(node.sensor.text)
     if not isinstance(symbol, SensorSymbol):
         if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(node.sensor.text):
@@ -122,7 +126,11 @@ def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
                 hint = "tests give values only to sensors; derived values are computed from them"
             checker.error("E603", node.sensor, f"unknown sensor `{node.sensor.text}`", hint)
         return None
-    sensor = symbol.sensor
+    return _given_to(checker, node, symbol.sensor)
+
+
+def _given_to(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor) -> ir.Given | None:
+    """Check the value, and the age, that a step gives to a sensor."""
     size = sensor.type.size if isinstance(sensor.type, Array) else None
     index: int | None = None
     if node.index is not None:

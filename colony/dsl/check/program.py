@@ -8,6 +8,7 @@ imported files come before their importers.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TypeVar
 
 from colony.dsl import ast
@@ -26,7 +27,7 @@ from colony.dsl.check.derived import (
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.modules import PendingModule, check_modules
 from colony.dsl.check.phases import phase_findings
-from colony.dsl.check.robot import check_enum, check_robot
+from colony.dsl.check.robot import check_enum, check_robot, literal_frame_period
 from colony.dsl.check.scope import (
     BrokenSymbol,
     EnumSymbol,
@@ -92,8 +93,9 @@ class _Check:
         ), "a declaration was left out without an error"
         self._warn_unused(robot, modules, wires)
         self._look_at_phases(derived)
+        sent = sorted(self.robot.sent.values(), key=lambda sensor: _place(robot, sensor))
         return ir.Program(
-            robot=robot,
+            robot=replace(robot, sensors=(*robot.sensors, *sent)),
             derived=tuple(derived),
             modules=tuple(modules),
             wires=tuple(wires),
@@ -116,6 +118,8 @@ class _Check:
 
     def _constants(self) -> None:
         """Check enums and params; each may use those above it."""
+        for checker, robot in self._each(ast.RobotDecl):
+            self.robot.frame_ns = self.robot.frame_ns or literal_frame_period(checker, robot)
         for scope in self.scopes:
             checker = ExpressionChecker(scope=scope, report=self.report)
             for node in scope.file.tree.declarations:
@@ -285,6 +289,12 @@ class _Check:
         """Return True if the main file has modules or a network; otherwise no actuator need be driven."""
         kinds = (*MODULE_DECLARATIONS, ast.NetworkDecl)
         return any(isinstance(d, kinds) for d in self.root.file.tree.declarations)
+
+
+def _place(robot: ir.Robot, sensor: ir.Sensor) -> tuple[int, int]:
+    """Return the place of the field `last.ACTUATOR.FIELD` among all fields of the robot."""
+    assert sensor.sent is not None
+    return [a.name for a in robot.actuators].index(sensor.sent[0]), sensor.sent[1]
 
 
 _UNREADABLE_CODES = frozenset({"E002", "E003", "E004", "E005", "E006", "E007", "E103"})

@@ -22,6 +22,7 @@ from colony.dsl.check.scope import (
     ValueSymbol,
     WireSymbol,
 )
+from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
 from colony.ir.types import BOOL, DIMENSIONLESS, DURATION, Enum
@@ -30,6 +31,8 @@ from colony.ir.types import BOOL, DIMENSIONLESS, DURATION, Enum
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
     """Return the typed expression that a name refers to, or None after reporting an error."""
     head = node.path[0]
+    if head == "last":
+        return _sent_before(checker, node)
     if len(node.path) == 1:
         if head in checker.loops:
             return ir.LoopIndex(type=DIMENSIONLESS, name=checker.loops[head], span=checker.span(node))
@@ -38,6 +41,8 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
             return _value(checker, node, symbol)
         if head == "now":  # `now` is `now()`, unless something else has that name
             return ir.Now(type=DURATION, span=checker.span(node))
+        if head == "frame_period":  # likewise
+            return _frame_period(checker, node)
         _unknown(checker, node, checker.scope, head)
         return None
     if head in checker.local:
@@ -58,6 +63,28 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
         return _member(checker, node, symbol, path[1:])
     _unknown(checker, node, scope, path[0])
     return None
+
+
+def _sent_before(checker: Checker, node: ast.Reference) -> ir.Expression | None:
+    """Return the typed expression `last.ACTUATOR.FIELD`, or None after reporting an error."""
+    if checker.constants_only:
+        checker.error("E204", node, f"`{node.text}` is not constant", _CONSTANTS)
+        return None
+    sensor = sent_field(checker, node)
+    if sensor is None:
+        return None
+    return ir.SensorValue(type=sensor.type, name=sensor.name, span=checker.span(node))
+
+
+def _frame_period(checker: Checker, node: ast.Reference) -> ir.Expression | None:
+    """Return the robot's frame period, a constant, or None after reporting an error."""
+    frame_ns = checker.scope.robot.frame_ns
+    if frame_ns is None:
+        if not checker.scope.may_be_lost("frame_period"):
+            message = "`frame_period` is used before it is known: the robot's frame period reads names itself"
+            checker.error("E105", node, message, "write the period in place of its names: `frame 50 ms`")
+        return None
+    return ir.Constant(type=DURATION, value=frame_ns / 1e9, span=checker.span(node))
 
 
 def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Expression | None:
@@ -170,9 +197,7 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
         checker.error("E106", node, f"`{name}` is {_with_article(kind)}, not a value", status_hint)
         return
     if checker.constants_only and _declared_but_not_constant(scope, name):
-        checker.error(
-            "E204", node, f"`{name}` is not constant", "use literals, params and arithmetic on them"
-        )
+        checker.error("E204", node, f"`{name}` is not constant", _CONSTANTS)
         return
     if name in scope.visible_values or name in checker.module_names:
         checker.error("E105", node, f"`{name}` is used before it is declared", _DECLARE_ABOVE)
@@ -187,6 +212,7 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
     checker.error("E101", node, f"unknown name `{name}`", hint)
 
 
+_CONSTANTS = "use literals, params and arithmetic on them"
 _DECLARE_ABOVE = "declare it above the line that reads it"
 _WORD_HINTS = {
     "True": "write `true`",

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.constants import unit_of
-from colony.dsl.check.scope import ActuatorSymbol, BrokenSymbol, EnumSymbol, SensorSymbol
+from colony.dsl.check.scope import (
+    ActuatorSymbol,
+    BrokenSymbol,
+    EnumSymbol,
+    Report,
+    RobotScope,
+    Scope,
+    SensorSymbol,
+    reject_reserved,
+)
 from colony.ir import program as ir
 from colony.ir.types import BOOL, DIMENSIONLESS, Array, Enum, Quantity, Scalar, ScalarValue, is_rate
 from colony.text.units import UnitError
@@ -62,6 +73,7 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
             checker.error("E102", item.name, message, None, checker.label(names[item.name.text]))
             continue
         names[item.name.text] = item.name
+        reject_reserved(checker.report, checker.scope, item.name)
         if isinstance(item, ast.SensorDecl):
             sensor = _sensor(checker, item)
             robot.values[item.name.text] = SensorSymbol(sensor=sensor) if sensor else BrokenSymbol()
@@ -72,13 +84,21 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
                 ActuatorSymbol(actuator=actuator) if actuator else BrokenSymbol()
             )
             actuators += [actuator] if actuator else []
+    robot.frame_ns = periods[0] if periods else ir.DEFAULT_FRAME_NS
     return ir.Robot(
         name=node.name.text,
         span=checker.span(node.name),
-        frame_ns=periods[0] if periods else ir.DEFAULT_FRAME_NS,
+        frame_ns=robot.frame_ns,
         sensors=tuple(sensors),
         actuators=tuple(actuators),
     )
+
+
+def literal_frame_period(checker: Checker, node: ast.RobotDecl) -> int | None:
+    """Return the frame period, so that params may read it; None if it reads names itself."""
+    bare = replace(checker, scope=Scope(file=checker.scope.file, robot=RobotScope()), report=Report())
+    frames = [item for item in node.items if isinstance(item, ast.FrameDecl)]
+    return bare.duration_ns(frames[0].period, "the frame period") if frames else ir.DEFAULT_FRAME_NS
 
 
 def _frame(checker: Checker, item: ast.FrameDecl, periods: list[int]) -> None:

@@ -105,10 +105,14 @@ NetworkSymbol = ModuleSymbol | WireSymbol | ActuatorSymbol | BrokenSymbol
 class RobotScope:
     """Sensors and actuators, which are visible in every file. Filled in when the robot is checked.
 
-    If the program has no robot, or its text cannot be read, unknown names are not reported.
+    If the program has no robot, or its text cannot be read, unknown names are not reported. `sent` are the
+    fields `last.ACTUATOR.FIELD` that something reads, by name; `frame_ns` is the frame period, None while it
+    is unknown.
     """
 
     absent: bool = False
+    frame_ns: int | None = None
+    sent: dict[str, ir.Sensor] = field(default_factory=dict)
     sensor_names: set[str] = field(default_factory=set)
     actuator_names: set[str] = field(default_factory=set)
     values: dict[str, ValueSymbol] = field(default_factory=dict)
@@ -207,6 +211,19 @@ class Report:
         """Return the number of a new memory cell."""
         self.cells += 1
         return self.cells
+
+
+RESERVED_NAMES = {"last": "`last.ACTUATOR.FIELD` is what an actuator was given in the frame before"}
+"""Words that name something in every file, so that nothing else can be called so, each with what it is."""
+
+
+def reject_reserved(report: Report, scope: Scope, name: ast.Name) -> None:
+    """Report a declared name that is reserved."""
+    meaning = RESERVED_NAMES.get(name.text)
+    if meaning is not None:
+        report.error(
+            scope, "E109", name, f"`{name.text}` is a reserved name: {meaning}", "choose another name"
+        )
 
 
 def span_of(scope: Scope, node: ast.SyntaxNode) -> Span:

@@ -133,6 +133,10 @@ class Arbiter:
             self._ahead = {k: v for k, v in self._ahead.items() if k > tick.k}
         return (*events, *self._advance(now_ns))
 
+    def end_before(self, k: int) -> tuple[Event, ...]:
+        """End the frame before frame `k` as it stands, if it is still open."""
+        return self._end_frame() if self._tick.k < k else ()
+
     def receive(self, request: Request, now_ns: int) -> tuple[Event, ...]:
         """Take a request; one for a frame that is over changes nothing."""
         k = self._tick.k

@@ -138,7 +138,13 @@ class Loop:
         self._watch = watch
         self._executor = executor
         self._frame_ns = robot.frame_ns
-        self._sensors = sensors = bindings.sensors
+        self._sensors = sensors = tuple(b for b in bindings.sensors if not b.sent)
+        sent = {s.name: s.sent for s in robot.sensors if s.sent is not None}
+        places = {a.name: i for i, a in enumerate(robot.actuators)}
+        self._sent = tuple(
+            (b, places[sent[b.sensor][0]], sent[b.sensor][1]) for b in bindings.sensors if b.sent
+        )
+        self._given: dict[str, Reading] = {}
         self._rings = {
             b.field: {"sonar": proximity.sonar, "infrared": proximity.infrared}[b.field]
             for b in sensors
@@ -176,6 +182,10 @@ class Loop:
         if self._watch is not None:
             self._watch(frame, outcome)
         decisions = outcome.decisions
+        for binding, place, index in self._sent:
+            command = decisions[place].values
+            if command is not None:
+                self._given[binding.sensor] = binding.in_base_units(command[index])
         for i, actuator in self._variable_actuators:
             values = decisions[i].values
             if values is not None:
@@ -205,4 +215,4 @@ class Loop:
             sample = published[binding.server].get(binding.field)
             if sample is not None and binding.is_fresh(sample.t_ns, now_ns):
                 readings[binding.sensor] = binding.in_base_units(sample.value)
-        return readings
+        return {**readings, **self._given}

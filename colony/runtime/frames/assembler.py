@@ -286,6 +286,8 @@ class FrameAssembler:
             if sample is not None and b.is_fresh(sample.t_ns, tick.t_ns):
                 convert = b.in_declared_units if self._declared_units else b.in_base_units
                 readings[b.sensor] = convert(sample.value)
+            elif b.sent:
+                readings[b.sensor] = None  # an executor would put what it sent itself in its place
         return Frame(tick.t_ns, readings)
 
 

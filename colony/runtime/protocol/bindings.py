@@ -24,6 +24,7 @@ class SensorBinding:
 
     `factor` is the declared unit in base units. The server sends base units or, if `declared`, values in the
     sensor's declared unit. That is so for DServer's variables, which users and programs set in that unit.
+    `sent` is true for what an actuator was given in the frame before.
     """
 
     sensor: str
@@ -32,6 +33,7 @@ class SensorBinding:
     max_age_ns: int | None
     factor: float = 1.0
     declared: bool = False
+    sent: bool = False
 
     def is_fresh(self, taken_ns: int, now_ns: int) -> bool:
         """Return True if a value taken at `taken_ns` is not too old at `now_ns`."""
@@ -121,6 +123,15 @@ def _server(
 def _bind_sensor(
     sensor: Sensor, servers: tuple[ServerSpec, ...], diagnostics: list[Diagnostic]
 ) -> SensorBinding | None:
+    if sensor.sent is not None:  # of an actuator, whose server is checked with it
+        return SensorBinding(
+            sensor=sensor.name,
+            server=sensor.server,
+            field=sensor.field,
+            max_age_ns=None,
+            factor=sensor.factor,
+            sent=True,
+        )
     server = _server(sensor, servers, diagnostics)
     if server is None:
         return None

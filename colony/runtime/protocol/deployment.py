@@ -61,7 +61,8 @@ class ActuatorSpec(msgspec.Struct, frozen=True, kw_only=True, rename={"field_ind
 
     `field_indices[i]` is the index of the field for parameter i of the server's `command`, None if that
     parameter is always 0; `field_indices` is empty if the server takes the fields as they are. `idle` is in
-    base units, None for `idle hold`. `clients` are names and priorities, highest first.
+    base units, None for `idle hold`. `clients` are names and priorities, highest first. `reported` are the
+    indices of the fields of which the server publishes what they were given in the frame before.
     """
 
     name: str
@@ -72,6 +73,7 @@ class ActuatorSpec(msgspec.Struct, frozen=True, kw_only=True, rename={"field_ind
     idle: tuple[ScalarValue, ...] | None
     on_loss: Literal["stop", "degrade"]
     clients: tuple[tuple[str, int], ...]
+    reported: tuple[int, ...] = ()
 
 
 class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modules": "announced"}):
@@ -110,7 +112,12 @@ def deployment(
         frame_ns=compiled.frame_ns,
         seed=seed,
         actuators=tuple(
-            actuator_spec(wired.actuator, binding, tuple((c.module, c.priority) for c in wired.clients))
+            actuator_spec(
+                wired.actuator,
+                binding,
+                tuple((c.module, c.priority) for c in wired.clients),
+                reported=compiled.robot.indices_read(wired.actuator.name),
+            )
             for wired, binding in zip(compiled.code.actuators, bindings.actuators, strict=True)
         ),
         python_modules=compiled.python_modules,
@@ -122,7 +129,7 @@ def deployment(
 
 def variables_read(bindings: Bindings) -> tuple[str, ...]:
     """Return the variables of DServer that sensors are bound to, each once, in the order declared."""
-    return tuple(dict.fromkeys(b.field for b in bindings.sensors if b.server == DSERVER.name))
+    return tuple(dict.fromkeys(b.field for b in bindings.sensors if b.server == DSERVER.name and not b.sent))
 
 
 def actuators_of(deployed: Deployment, server: str) -> tuple[ActuatorSpec, ...]:
@@ -154,6 +161,7 @@ def _too_many(deployed: Deployment) -> Iterator[str]:
         ("clients", sum(len(spec.clients) for spec in specs), MAX_CLIENTS),
         ("actuators", len(specs), MAX_ITEMS),
         ("fields of an actuator", max((len(spec.fields) for spec in specs), default=0), MAX_ITEMS),
+        ("reported fields", max((len(spec.reported) for spec in specs), default=0), MAX_ITEMS),
         ("modules in Python", len(deployed.python_modules), MAX_ITEMS),
         ("servers", len(deployed.servers), MAX_ITEMS),
         ("variables", len(deployed.reads), MAX_ITEMS),
@@ -189,12 +197,18 @@ def _problems_of(spec: ActuatorSpec) -> Iterator[str]:
             yield f"{spec.name}: two clients have the {what} {duplicate}"
     if any(len(name) > MAX_NAME_LENGTH for name, _ in spec.clients):
         yield f"{spec.name}: the name of a client has more than {MAX_NAME_LENGTH} characters"
+    if not all(0 <= i < len(spec.fields) for i in spec.reported):
+        yield f"{spec.name}: a reported field that is none of its {len(spec.fields)} fields"
     if spec.idle is not None and len(spec.idle) != len(spec.fields):
         yield f"{spec.name}: an idle command of {len(spec.idle)} values, not {len(spec.fields)}"
 
 
 def actuator_spec(
-    actuator: Actuator, binding: ActuatorBinding, clients: tuple[tuple[str, int], ...]
+    actuator: Actuator,
+    binding: ActuatorBinding,
+    clients: tuple[tuple[str, int], ...],
+    *,
+    reported: tuple[int, ...] = (),
 ) -> ActuatorSpec:
     """Return the actuator as the server that it is bound to must know it."""
     return ActuatorSpec(
@@ -215,4 +229,5 @@ def actuator_spec(
         idle=actuator.idle,
         on_loss=actuator.on_loss,
         clients=clients,
+        reported=reported,
     )

@@ -27,6 +27,8 @@ def sensor_members(frame: Frame, sensors: tuple[Sensor, ...]) -> list[str]:
         if reading is not None:
             size = sensor.type.size if isinstance(sensor.type, Array) else None
             members.append(f"{json.dumps(sensor.name)}: {_reading(reading, size)}")
+        elif sensor.sent is not None and sensor.name in frame.readings:
+            members.append(f"{json.dumps(sensor.name)}: null")  # without it, a reader takes its own
     return members
 
 

@@ -3,8 +3,8 @@
     {"memory": {"first_ns": 0, "cells": {"state bumps": 3.0, "window drive.0 until": 1750000000}}}
 
 `memory` is the memory before the keyframe's frame, absent if unknown; `first_ns` is absent if memory is
-initial. `degraded` is true if a client has been lost since the epoch began. Numbers are written as in
-readings.
+initial. `last`, absent if empty, has what actuators were given last, for programs that read it. `degraded` is
+true if a client has been lost since the epoch began. Numbers are written as in readings.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from colony.runtime.recordings.json_text import number_text
 class _Memory(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     first_ns: int | None = None
     cells: dict[str, float | bool | int | Literal["nan"]]
+    last: dict[str, float | bool] = {}
 
 
 class _Keyframe(msgspec.Struct, frozen=True):
@@ -36,7 +37,9 @@ def keyframe_members(keyframe: Keyframe) -> list[str]:
         first, cells = keyframe.memory.first_ns, keyframe.memory.cells
         texts = ", ".join([f"{json.dumps(name)}: {number_text(value)}" for name, value in cells.items()])
         first_member = "" if first is None else f'"first_ns": {first}, '
-        members.append(f'"memory": {{{first_member}"cells": {{{texts}}}}}')
+        sent = ", ".join([f"{json.dumps(n)}: {number_text(x)}" for n, x in keyframe.memory.last.items()])
+        last_member = f', "last": {{{sent}}}' if sent else ""
+        members.append(f'"memory": {{{first_member}"cells": {{{texts}}}{last_member}}}')
     if keyframe.degraded:
         members.append('"degraded": true')
     return members
@@ -54,4 +57,4 @@ def read_keyframe(value: object) -> Keyframe | None:
     if memory is None:
         return Keyframe(None, keyframe.degraded)
     cells = {name: float(x) if isinstance(x, str) else x for name, x in memory.cells.items()}
-    return Keyframe(ProgramMemory(first_ns=memory.first_ns, cells=cells), keyframe.degraded)
+    return Keyframe(ProgramMemory(first_ns=memory.first_ns, cells=cells, last=memory.last), keyframe.degraded)

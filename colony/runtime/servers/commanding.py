@@ -11,7 +11,7 @@ from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing
 from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.protocol.messages import Effect, Malformed, Request, Send, Tick, Verdict, WakeAt
+from colony.runtime.protocol.messages import Effect, Malformed, Request, Sample, Send, Tick, Verdict, WakeAt
 
 Perform = Callable[[ActuatorSpec, tuple[ScalarValue, ...], int], None]
 """A function that carries out a command: the actuator, its fields in base units, the time."""
@@ -90,6 +90,7 @@ class CommandDispatcher:
             for name, spec in self._actuators.items()
         }
         self._counts = {name: _Counts() for name in self._actuators}
+        self._given: dict[str, tuple[ScalarValue, ...]] = {}
         self._perform = perform
         self._on_dispatch = on_dispatch
         self._publish = publish
@@ -109,6 +110,29 @@ class CommandDispatcher:
             lost = frozenset(clients[address] for address in tick.lost if address in clients)
             yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, interventions), now_ns)
         yield from self._schedule_wake()
+
+    def end_before(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
+        """End the frames before a tick as they stand, so that `fields` has what they sent."""
+        for name, arbiter in self._arbiters.items():
+            yield from self._carry_out(name, arbiter.end_before(tick.k), now_ns)
+
+    def fields(self, t_ns: int) -> dict[str, Sample | None]:
+        """Return what the actuators' `reported` fields were given last, in base units.
+
+        Nothing is returned for an actuator that was given nothing yet.
+        """
+        return {
+            f"last.{name}.{spec.fields[i].name}": Sample(given[i], t_ns)
+            for name, spec in self._actuators.items()
+            if spec.reported and (given := self._given.get(name)) is not None
+            for i in spec.reported
+        }
+
+    def note_halted(self) -> None:
+        """Note that the actuators were given their idle commands, whatever was dispatched before."""
+        for name, spec in self._actuators.items():
+            if spec.idle is not None:
+                self._given[name] = spec.idle
 
     def request(self, request: Request, now_ns: int) -> Iterable[Effect]:
         """Handle a client's request; ignore one for an actuator of another server."""
@@ -138,6 +162,7 @@ class CommandDispatcher:
             yield from self.intervene(name, STOPPED, now_ns)
             if spec.idle is not None:
                 self._perform(spec, spec.idle, now_ns)
+        self.note_halted()
 
     def note_malformed(self, message: Malformed) -> None:
         """Add a note about a malformed request to the verdicts of the frame."""
@@ -171,6 +196,7 @@ class CommandDispatcher:
                 spec = self._actuators[name]
                 self._on_dispatch(spec, event, now_ns)
                 if event.values is not None:
+                    self._given[name] = event.values
                     self._perform(spec, event.values, now_ns)
             else:
                 self._counts[name].add(event)

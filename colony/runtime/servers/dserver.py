@@ -172,6 +172,7 @@ class DServer:
                 before = self._emergency.stopped
                 self._emergency.follow(message)
                 self._halt_due = before is None and self._emergency.stopped is not None
+                yield from self._commands.end_before(message, now_ns)
                 yield from self._publisher.handle(message)
                 yield from self._arbitrate(message, now_ns)
                 yield from self._feed_watchdog(now_ns)
@@ -258,7 +259,8 @@ class DServer:
             self._reads = reads
             self._variables.set_program_names(reads)
         self._variables.show(shown)
-        return self._variables.fields(tick.t_ns)
+        variables, sent = self._variables.fields(tick.t_ns), self._commands.fields(tick.t_ns)
+        return {**variables, **sent} if sent else variables
 
     def _arbitrate(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
         """Begin a frame of the deployed run; end the frames if the tick is of another run."""

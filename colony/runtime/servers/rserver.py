@@ -154,6 +154,7 @@ class RServer:
             self._k, self._tick_ns = tick.k, tick.t_ns
             self._follow_stop(tick)
             self._base.refresh()
+            yield from self._commands.end_before(tick, now_ns)
         yield from self._publisher.handle(tick)
         if not new:
             return
@@ -166,7 +167,7 @@ class RServer:
         yield from self._commands.tick(tick, now_ns, interventions)
 
     def _read(self, tick: Tick) -> Fields:
-        return self._base.fields(tick.t_ns)
+        return {**self._base.fields(tick.t_ns), **self._commands.fields(tick.t_ns)}
 
     def _observation(self, now_ns: int) -> BaseObservation:
         """Return the input of the motion laws."""
@@ -219,6 +220,7 @@ class RServer:
 
     def _halt(self) -> None:
         self._commanded_ns = self._watchdog_due_ns = None
+        self._commands.note_halted()
         self._base.stop()
 
     def _check_watchdog(self, now_ns: int) -> Iterator[Effect]:

@@ -95,7 +95,7 @@ def _assignment(
     sensor: Sensor, index: int | None, value: ast.Expression | ast.Missing | ast.Elements
 ) -> ast.GivenDecl:
     at = None if index is None else ast.Number(digits=str(index), unit=None)
-    return ast.GivenDecl(sensor=ast.Name(text=sensor.name), index=at, value=value)
+    return ast.GivenDecl(sensor=ast.Reference(path=tuple(sensor.name.split("."))), index=at, value=value)
 
 
 def _expression(sensor: Sensor, value: ScalarValue) -> ast.Expression | None:

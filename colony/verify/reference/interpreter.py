@@ -54,6 +54,7 @@ class Interpreter:
         }
         self._answers: Mapping[str, Answer] = {}
         self._held: dict[str, dict[tuple[str, int], ScalarValue]] = {}  # the last command sent, by actuator
+        self._last: dict[str, ScalarValue] = {}  # values of `last.ACTUATOR.FIELD`, in declared units
         self._moment: FrameValues | None = None
         self._lost: frozenset[str] = frozenset()
         self._silent: set[str] = set()
@@ -73,6 +74,7 @@ class Interpreter:
             return
         restored = restored_memory(self.program, memory, self._states)
         self._memory, self._last_active_ns, self._states, self._held = restored
+        self._last = dict(memory.last)
         self._moment = FrameValues(
             number=RESTORED, t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states
         )
@@ -90,12 +92,16 @@ class Interpreter:
         """
         self._lost, self._answers = lost, answers or {}
         sensors = self.program.robot.sensors
-        readings = {s.name: age_checked(s, frame.readings.get(s.name), frame) for s in sensors}
+        given = self._last | dict(frame.readings)
+        readings = {s.name: age_checked(s, given.get(s.name), frame) for s in sensors}
         return self._run_frame(frame.t_ns, readings, {s.name: s.factor for s in sensors})
 
     def step_in_base_units(self, t_ns: int, readings: Mapping[str, Reading]) -> Outcome:
         """Execute one frame with readings in base units, as tests and proofs give them."""
-        return self._run_frame(t_ns, readings, {s.name: 1.0 for s in self.program.robot.sensors})
+        sensors = self.program.robot.sensors
+        factors = {s.name: s.factor for s in sensors}
+        last = {n: x if isinstance(x, bool) else x * factors[n] for n, x in self._last.items()}
+        return self._run_frame(t_ns, last | dict(readings), {s.name: 1.0 for s in sensors})
 
     def value_of(self, expression: Expression) -> Known:
         """Return the value of a contract or expectation in the last frame, None where it is unknown.
@@ -141,6 +147,7 @@ class Interpreter:
         self._run_network(frame_values)
         limits = self._applicable_limits(frame_values)
         decisions = [self._decide(a, frame_values, limits, records) for a in self.program.robot.actuators]
+        self._remember_sent(decisions)
         values = {c.name: self.value_of(c.expression) for c in self.program.contracts}
         breaches = [name for name, value in values.items() if value is not True]
         self._unknown = {name for name, value in values.items() if value is None}
@@ -164,6 +171,16 @@ class Interpreter:
                 value = default_of(sensor)
             if value is not None:
                 frame_values.sensors[sensor.name] = value
+
+    def _remember_sent(self, decisions: list[Decision]) -> None:
+        """Remember what is `last.ACTUATOR.FIELD` in the next frame, unless a reading says otherwise."""
+        values = {decision.actuator: decision.values for decision in decisions}
+        for sensor in self.program.robot.sensors:
+            if sensor.sent is not None:
+                actuator, index = sensor.sent
+                sent = values[actuator]
+                if sent is not None:
+                    self._last[sensor.name] = sent[index]
 
     # --- derived values --------------------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.ir import expression as ir
-from colony.ir.frame import Frame
+from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, PythonModule
 from colony.ir.types import Quantity
 from colony.ir.walk import all_subexpressions
@@ -17,7 +17,8 @@ from colony.verify.testing.readings import Thresholds, draw_reading, thresholds_
 def draw_frame(choices: Choices, program: Program, t_ns: int) -> Frame:
     """Draw a frame; see `colony.verify.testing.strategies.frames`."""
     thresholds = thresholds_of(program)
-    return Frame(t_ns, {s.name: draw_reading(choices, s, thresholds) for s in program.robot.sensors})
+    readings = {s.name: draw_reading(choices, s, thresholds) for s in program.robot.sensors}
+    return Frame(t_ns, _some_sent(choices, program, readings))
 
 
 def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
@@ -38,9 +39,19 @@ def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Fra
         frames[-1].t_ns + choices.pick(gaps) if frames else choices.pick((0, 1_000_000_000, 1, -50_000_001))
     )
     while not frames or (len(frames) < max_frames and choices.up_to(14) > 0):
-        frames.append(Frame(t_ns, {name: choices.pick(pool) for name, pool in pools.items()}))
+        readings = {name: choices.pick(pool) for name, pool in pools.items()}
+        frames.append(Frame(t_ns, _some_sent(choices, program, readings)))
         t_ns += choices.pick(gaps)
     return tuple(frames)
+
+
+def _some_sent(choices: Choices, program: Program, readings: dict[str, Reading]) -> dict[str, Reading]:
+    """Return the readings without most of those of what actuators were given last.
+
+    Without a reading it is what the executor sent itself.
+    """
+    own = {s.name for s in program.robot.sensors if s.sent is not None and not choices.one_in(4)}
+    return {name: reading for name, reading in readings.items() if name not in own} if own else readings
 
 
 def _beginning_of_test(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:

@@ -56,6 +56,7 @@ class _Generator:
             isinstance(op, FrameTime) and uses
             for op, uses in zip(self.code.ops, self.placement.uses, strict=True)
         )
+        self.sent = [sensor for sensor in self.code.sensors if sensor.sent is not None]
         self.cells = [cell for commit in self.plan.commits for cell in commit.cells]
 
     def source(self) -> str:
@@ -108,6 +109,7 @@ class _Generator:
         """Add the class up to `__init__`, which initializes the memory."""
         attributes = [self.names.cells[cell] for cell in self.cells]
         attributes += [self.names.python[call.module] for call in self.code.python]
+        attributes += [self.names.last[sensor.name] for sensor in self.sent]
         if self.timed:
             attributes.append("first_ns")
         self.add(0, "class Program:")
@@ -127,6 +129,8 @@ class _Generator:
             fields = field_types(call)
             arguments = f"{call.module!r}, {instance}, {fields!r}, {call.rate_ns}"
             self.add(2, f"self.{self.names.python[call.module]} = PythonStep({arguments})")
+        for sensor in self.sent:
+            self.add(2, f"self.{self.names.last[sensor.name]} = None")
         if not attributes:
             self.add(2, "pass")
         self.blank()
@@ -148,13 +152,14 @@ class _Generator:
         if self.timed:
             self.add(2, "if self.first_ns is None:", "    self.first_ns = t_ns", "t = t_ns - self.first_ns")
         for sensor in self.code.sensors:
-            self.add(2, *sensor_validation.validation_statements(sensor, "readings.get", self.names))
+            self.add(2, *sensor_validation.validation_statements(sensor, self.names))
         for call, slot in self.plan.python:
             self.python(call, slot)
         for actuator in self.plan.actuators:
             self.actuator(actuator)
         self.contracts()
         self.memory()
+        self.remember_sent()
         decisions = [self.names.decision[a.actuator.actuator.name] for a in self.plan.actuators]
         listed = f"({', '.join(decisions)}{',' if len(decisions) == 1 else ''})"
         self.add(2, f"return {listed}, records, {'breaches' if self.plan.contracts else '()'}")
@@ -254,6 +259,16 @@ class _Generator:
             for cell in commit.cells:
                 value = self.text(self.code.cells[cell].value)
                 self.add(indent, f"self.{self.names.cells[cell]} = {value}")
+
+    def remember_sent(self) -> None:
+        """Keep what is `last.ACTUATOR.FIELD` in the next frame, unless a reading says otherwise."""
+        idle = {plan.actuator.actuator.name: plan.actuator.actuator.idle for plan in self.plan.actuators}
+        for sensor in self.sent:
+            assert sensor.sent is not None
+            actuator, index = sensor.sent
+            decision, last = self.names.decision[actuator], self.names.last[sensor.name]
+            keep = f"self.{last} = {decision}[2][{index}]"
+            self.add(2, *([keep] if idle[actuator] is not None else [f"if {decision}[2]:", f"    {keep}"]))
 
 
 def _class_name(names: Names, call: PythonCall) -> str:

@@ -36,6 +36,7 @@ class Names:
         self._taken = {*_RESERVED, *_RESERVED_VARIABLES, *taken}
         self._hints = code.names
         self.sensors = {s.name: self.new(s.name) for s in code.sensors}
+        self.last = {s.name: self.new(f"kept_{s.name}") for s in code.sensors if s.sent is not None}
         self.fresh = {s.name: self.new(f"has_{s.name}") for s in code.sensors}
         self.python = {c.module: self.new(f"python_{c.module}") for c in code.python}
         self.python_active = {c.module: self.new(f"{c.module}_active") for c in code.python}

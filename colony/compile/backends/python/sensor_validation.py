@@ -26,14 +26,18 @@ def _types(kind: str, size: int) -> str:
     return f"{kind.upper()}S_{size}"
 
 
-def validation_statements(sensor: Sensor, getter: str, names: Names) -> list[str]:
-    """Return the statements that set a sensor's value (or stand-in) and its freshness."""
+def validation_statements(sensor: Sensor, names: Names) -> list[str]:
+    """Return the statements that set a sensor's value (or stand-in) and its freshness.
+
+    Without a reading of what an actuator was given last, it is what the program itself sent.
+    """
+    otherwise = f", self.{names.last[sensor.name]}" if sensor.sent is not None else ""
     value, fresh = names.sensors[sensor.name], names.fresh[sensor.name]
     converted = sensor.factor != 1.0 and not isinstance(element_type(sensor.type), Bool)
     reading = "reading" if converted else value
     inline_tests = _array_tests if isinstance(sensor.type, Array) else _scalar_tests
     return [
-        f"{reading} = {getter}({sensor.name!r})",
+        f"{reading} = readings.get({sensor.name!r}{otherwise})",
         *_if(inline_tests(sensor, reading, value)),
         f"    {fresh} = True",
         "else:",
