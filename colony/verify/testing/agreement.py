@@ -16,6 +16,7 @@ from colony.execute.executor import ClientsExecutor, ClientStep, ModuleExecutor,
 from colony.execute.intake import converted
 from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program, in_declared_units
+from colony.ir.types import ScalarValue
 from colony.verify.reference.interpreter import Interpreter
 
 Factory = Callable[[Compilation], Executor]
@@ -135,6 +136,7 @@ class Clients:
         keys = [(actuator, module) for actuator, module, _ in compilation.compiled.clients]
         groups = [(key,) for key in keys] if alone else [tuple(keys)]
         self._processes = [ClientsExecutor(compilation.compiled, clients) for clients in groups]
+        self._sent: dict[str, tuple[ScalarValue, ...]] = {}  # the last command of each actuator
         self._modules = {
             module: ModuleExecutor(compilation.compiled, module)
             for module in compilation.compiled.python_modules
@@ -143,20 +145,29 @@ class Clients:
     def step(self, frame: Frame) -> Outcome:
         """Decide one frame."""
         expected = self._interpreter.step(frame)
-        base_frame = frame_in_base_units(self._program, frame)
+        base_frame = frame_in_base_units(self._program, self._with_sent(frame))
         answers = {name: module.step(base_frame) for name, module in self._modules.items()}
         steps = {
             client: step
             for process in self._processes
             for client, step in zip(process.clients, process.step(base_frame, answers), strict=True)
         }
-        return expected._replace(
+        outcome = expected._replace(
             decisions=tuple(_decide(self._program, d, steps) for d in expected.decisions)
         )
+        self._sent.update((d.actuator, d.values) for d in outcome.decisions if d.values is not None)
+        return outcome
+
+    def _with_sent(self, frame: Frame) -> Frame:
+        """Return the frame with what its actuators were given in the frame before, as servers publish it."""
+        sensors = {s.name: s.sent for s in self._program.robot.sensors if s.sent is not None}
+        sent = {name: self._sent[a][i] for name, (a, i) in sensors.items() if a in self._sent}
+        return frame._replace(readings={**sent, **frame.readings})
 
     def restart(self) -> None:
         """Restart from the initial memory, with new instances of the Python modules."""
         self._interpreter = Interpreter(self._program)
+        self._sent.clear()
         for process in self._processes:
             process.restart()
         for module in self._modules.values():

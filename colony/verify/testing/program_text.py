@@ -107,6 +107,20 @@ class _Text:
             self.add(f"  actuator probe{i} {{ seen : {unit} }} to DServer.Probe{i} idle hold")
             self.probe_types.append(Quantity(dimension))
         self.add("}")
+        if self.choices.one_in(3):
+            self.sent_before()
+
+    def sent_before(self) -> None:
+        """Let everything read what actuators were given in the frame before."""
+        fields: list[tuple[str, Type]] = [
+            ("drive.velocity", Quantity(SPEED)),
+            ("drive.turn", Quantity(TURN_RATE)),
+        ]
+        if self.light:
+            fields += [("light.level", DIMENSIONLESS), ("light.on", BOOL), ("light.mood", MOOD)]
+        fields += [(f"probe{i}.seen", type_) for i, type_ in enumerate(self.probe_types)]
+        for field, type_ in fields:
+            self.readable(f"last.{field}", type_, fresh=True)
 
     def range(self, high: int) -> str:
         """Return a range in the declared unit, or nothing."""
