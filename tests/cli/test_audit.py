@@ -348,7 +348,7 @@ MISUSE: list[tuple[bytes | None, str]] = [
     (b'{"t": 0, "bumper": true}\n', "error[A003]: the recording contains no decision"),
     (b'{"t": 0, "near": 1}\n', "run.mcap:1:10: error[F005]: unknown sensor `near`"),
     (
-        b'{"t": 0, "@tick": "x", "@semantics": 2}\n',
+        b'{"t": 0, "@tick": "x", "@semantics": 3}\n',
         "run.mcap:1:1: error[A004]: this is not a decision of this program",
     ),
     (b'{"t": 0, "@tick": 0, "drive": null}\n', "run.mcap:1:10: error[A007]: the recording is of version 1"),

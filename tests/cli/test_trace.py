@@ -52,7 +52,7 @@ def test_output_of_a_trace_can_be_input_again(colony: Colony, behavior: Path) ->
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_all_memory_begins_anew_at_a_restart(colony: Colony, behavior: Path, backend: str) -> None:
-    row = {"@semantics": 2, "near": 300, "rays": [1, 2, 3]}
+    row = {"@semantics": 3, "near": 300, "rays": [1, 2, 3]}
     bumped, after = {"t": 0, "@tick": 7, "bumper": True} | row, {"t": 0.05, "@tick": 8, "bumper": False} | row
     for last, winner in ((after, "back"), (after | {"@restart": True}, "cruise")):
         stdin = f"{json.dumps(bumped)}\n{json.dumps(last)}"

@@ -157,8 +157,8 @@ def test_a_machine() -> None:
 
 
 def test_a_phase_may_be_held_in_a_state() -> None:
-    text = "machine mode { start one one -> two when bumper }\nstate last = mode.two\nnext last = mode"
-    assert named(State, "last", text).initial == 1.0
+    text = "machine mode { start one one -> two when bumper }\nstate former = mode.two\nnext former = mode"
+    assert named(State, "former", text).initial == 1.0
 
 
 # --- modules -------------------------------------------------------------------------------------

@@ -19,11 +19,12 @@ from colony.dsl.parse import parse
 from colony.dsl.upgrade import apply_edits, is_version_1, upgrade_edits, upgrade_tree
 from colony.dsl.upgrade_decisions import decisions_about
 from colony.dsl.upgrade_files import upgrade_files
+from colony.ir import expression as ir
 from colony.ir.program import Program
+from colony.ir.types import BOOL
 from colony.runtime.recordings.replay import Rows
 from colony.text.diagnostics import Diagnostic
 from colony.text.source import Source
-from colony.verify.reference.boundary import age_checked, sense
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import programs, texts, traces
 from tests.dsl.version1_frames import FOLDER, frames
@@ -472,11 +473,8 @@ def test_a_module_is_silent_without_the_sensors_that_it_needs(data: st.DataObjec
     missing, interpreter = Missing(program), Interpreter(program)
     for frame in data.draw(traces(program, max_frames=4)):
         interpreter.step(frame)
-        gone = frozenset(
-            s.name
-            for s in program.robot.sensors
-            if sense(s, age_checked(s, frame.readings.get(s.name), frame), s.factor)[0] is None
-        )
+        fresh = {s.name: ir.Fresh(type=BOOL, name=s.name, derived=False) for s in program.robot.sensors}
+        gone = frozenset(name for name, asked in fresh.items() if not interpreter.value_of(asked))
         for module in program.modules:
             if not module.failsafe:
                 assert missing.is_silent(module.name, gone) == interpreter.is_silent(module.name), module.name
