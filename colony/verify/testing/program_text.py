@@ -107,11 +107,11 @@ class _Text:
             self.add(f"  actuator probe{i} {{ seen : {unit} }} to DServer.Probe{i} idle hold")
             self.probe_types.append(Quantity(dimension))
         self.add("}")
-        if self.choices.one_in(3):
+        if self.choices.one_in(4):
             self.sent_before()
 
     def sent_before(self) -> None:
-        """Let everything read what actuators were given in the frame before."""
+        """Let everything read what one or two fields of actuators were given in the frame before."""
         fields: list[tuple[str, Type]] = [
             ("drive.velocity", Quantity(SPEED)),
             ("drive.turn", Quantity(TURN_RATE)),
@@ -119,7 +119,7 @@ class _Text:
         if self.light:
             fields += [("light.level", DIMENSIONLESS), ("light.on", BOOL), ("light.mood", MOOD)]
         fields += [(f"probe{i}.seen", type_) for i, type_ in enumerate(self.probe_types)]
-        for field, type_ in fields:
+        for field, type_ in dict(self.choices.pick(fields) for _ in range(2)).items():
             self.readable(f"last.{field}", type_, fresh=True)
 
     def range(self, high: int) -> str:

@@ -19,9 +19,9 @@ def test_a_shadowed_module_is_told_with_who_dominates_it() -> None:
 
 def test_of_those_that_dominate_a_module_only_a_least_set_is_named() -> None:
     modules = go("near", "sonar < 1 m") + go("other", "bumper") + go("far", "sonar >= 1 m")
-    text = modules + go("last", "sonar > 100 mm and bumper or sonar <= 2 m") + BLIND
+    text = modules + go("final", "sonar > 100 mm and bumper or sonar <= 2 m") + BLIND
     text = text.replace("when bumper ", "when level > 200 or level > 60 ")
-    [(code, message)] = found(text + SAFE % "near suppresses other suppresses far suppresses last")
+    [(code, message)] = found(text + SAFE % "near suppresses other suppresses far suppresses final")
     assert code == "V020"
     assert message.endswith("wherever it is active, `near` or `far` dominates it")
 
