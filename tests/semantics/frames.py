@@ -4,7 +4,7 @@
 
     t     0   1000  2000             times in milliseconds; without them, a frame every 50 ms
     a     10.                        what a bool sensor gives in each frame; `.` where it is missing
-    x     1.0 2.0   .                what any other gives
+    x     1.0 2.0   .                what any other gives; `~` where the frame says nothing of it
     --
     it    9.0 1.0   .
 
@@ -105,9 +105,8 @@ def _trace(program: Program, rows: Sequence[Sequence[str]]) -> list[Frame]:
     count = max(map(len, columns.values()))
     assert all(len(row) == count for row in columns.values()), "rows of different lengths"
     times = columns.pop("t", None) or [str(50 * k) for k in range(count)]
-    given = {name: [literal(text) for text in row] for name, row in columns.items()}
     return [
-        Frame(round(float(t) * MS), {name: row[k] for name, row in given.items()})
+        Frame(round(float(t) * MS), {name: literal(row[k]) for name, row in columns.items() if row[k] != "~"})
         for k, t in enumerate(times)
     ]
 

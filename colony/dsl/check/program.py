@@ -118,8 +118,8 @@ class _Check:
 
     def _constants(self) -> None:
         """Check enums and params; each may use those above it."""
-        for checker, robot in self._each(ast.RobotDecl):
-            self.robot.frame_ns = self.robot.frame_ns or literal_frame_period(checker, robot)
+        robots = list(self._each(ast.RobotDecl))
+        self.robot.frame_ns = literal_frame_period(*robots[0]) if robots else ir.DEFAULT_FRAME_NS
         for scope in self.scopes:
             checker = ExpressionChecker(scope=scope, report=self.report)
             for node in scope.file.tree.declarations:

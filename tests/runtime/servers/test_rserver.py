@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from colony.runtime.library import robot
+from colony.runtime.library import emergency, robot
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import Malformed, Tick
 from tests.runtime.servers.base_stage import FRAME, MS, Stage, bid, deployed, silent, stage_in_run
@@ -37,6 +37,28 @@ def test_the_settings_are_the_command_sent_last(stage: Stage) -> None:
     stage.tick()
     fields = stage.frames[-1].fields
     assert [fields[n].value for n in ("speed_setting", "turn_setting")] == [300.0, -10.0]  # type: ignore[union-attr]
+
+
+def test_a_frame_has_what_was_given_in_the_frame_before() -> None:
+    stage = Stage(run="r1", deployment=deployed(reported=(0, 1)))
+
+    def given() -> list[object]:
+        fields = stage.frames[-1].fields
+        found = [fields.get(f"last.drive.{name}") for name in ("velocity", "turn")]
+        return [None if sample is None else sample.value for sample in found]  # type: ignore[misc]
+
+    stage.tick()
+    assert given() == [0.0, 0.0]  # it was stopped when the server started
+    stage.frame(bid("cruise", 300.0, -10.0), *silent("cruise"))
+    stage.tick()  # nobody bids: the frame is idle at its end
+    assert given() == [300.0, -10.0]
+    stage.tick()
+    assert given() == [0.0, 0.0]
+    stage.frame(bid("cruise", 300.0, -10.0), *silent("cruise"))
+    stage.open("ann/1")
+    stage.do("ann/1", emergency.stop())
+    stage.tick()
+    assert given() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize(("field_indices", "sent"), [((1, 0), (7.0, 5.0)), ((None, 1), (0.0, 7.0))])
