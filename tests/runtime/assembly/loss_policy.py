@@ -35,7 +35,7 @@ from typing import Literal, NamedTuple
 from colony.execute.executor import ClientMemory
 from colony.ir.frame import Answer, Decision, Frame, Reading
 from colony.ir.program import Program
-from colony.robots.scripted import SENSOR_SERVERS, SentCommand
+from colony.robots.scripted import SCRIPTED_SERVERS, SentCommand
 from colony.runtime.clients.memory import decode_memory
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Message, Tick
@@ -148,13 +148,14 @@ def epochs(ticks: Mapping[int, Tick]) -> Iterable[list[Tick]]:
 
 def disputed(seen: Seen, epoch: list[Tick]) -> bool:
     """Whether a frame is void that was published."""
-    return any((s, t.k) in seen.void and (s, t.k) in seen.frames for t in epoch for s in SENSOR_SERVERS)
+    return any((s, t.k) in seen.void and (s, t.k) in seen.frames for t in epoch for s in SCRIPTED_SERVERS)
 
 
-def frame_of(seen: Seen, tick: Tick, *, void_counts: bool) -> Frame:
+def frame_of(robot: Robot, tick: Tick, *, void_counts: bool) -> Frame:
     """The frame as published; or as it is where void frames are "no value"."""
-    readings: dict[str, Reading] = {}
-    for server in SENSOR_SERVERS:
+    seen = robot.seen
+    readings: dict[str, Reading] = {s.name: None for s in robot.program.robot.sensors if s.sent}
+    for server in SCRIPTED_SERVERS:
         at = (server, tick.k)
         if server in tick.down or at not in seen.frames or (void_counts and at in seen.void):
             continue
@@ -167,7 +168,7 @@ def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
     interpreter, path = Interpreter(robot.program), Path({}, {}, {})
     degrading = any(a.on_loss == "degrade" for a in robot.program.robot.actuators)
     for tick in epoch:
-        frame = path.frames[tick.k] = frame_of(robot.seen, tick, void_counts=void_counts)
+        frame = path.frames[tick.k] = frame_of(robot, tick, void_counts=void_counts)
         lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
         outcome = interpreter.step(frame, lost)
         path.decisions[tick.k] = {d.actuator: d for d in outcome.decisions}
