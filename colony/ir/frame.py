@@ -23,12 +23,14 @@ class Frame(NamedTuple):
 
     A sensor that is absent, or None, is missing. Times are in nanoseconds and strictly increase. `taken_ns`
     has the times at which readings were taken, by the same clock; the default is the frame's time. A reading
-    older than its sensor's `within` is missing, and one from the future is a sensor fault.
+    older than its sensor's `within` is missing, and one from the future is a sensor fault. `restarted` is
+    True in the first frame after the runtime lost the program's memory.
     """
 
     t_ns: int
     readings: Mapping[str, Reading]
     taken_ns: Mapping[str, int] = _NO_TIMES
+    restarted: bool = False
 
 
 Bid = Literal[

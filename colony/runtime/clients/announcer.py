@@ -61,7 +61,7 @@ class Announcer(QuietNode):
         self._module = module
         self._assembler = assembler
         self._executor = executor
-        self._membership = Membership((self.address,), run)
+        self._membership = Membership((self.address,), run, assembler)
         self._announced: dict[int, Announcement] = {}
         self._frames_kept = frames_kept
         self._memory_is_initial = True
@@ -95,5 +95,6 @@ class Announcer(QuietNode):
             k = assembled.tick.k
             answer = self._executor.step(assembled.frame)
             announcement = self._announced[k] = Announcement(k=k, module=self._module, answer=answer)
-            self._announced.pop(k - self._frames_kept, None)
+            if len(self._announced) > self._frames_kept:
+                del self._announced[next(iter(self._announced))]
             yield Send(topics.announcements(DSERVER.name), announcement)

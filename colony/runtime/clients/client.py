@@ -67,7 +67,7 @@ class ClientNode(QuietNode):
         )
         self._requests = tuple(map(topics.requests, servers))
         self._assembler = assembler
-        self._membership = Membership(program.clients, run)
+        self._membership = Membership(program.clients, run, assembler)
         self._begin()
 
     def _begin(self) -> None:
@@ -103,7 +103,7 @@ class ClientNode(QuietNode):
     @property
     def frontier(self) -> tuple[int, int]:
         """The current epoch, and the last frame that the clients stepped over."""
-        return self._assembler.start, self._assembler.next - 1
+        return self._assembler.start, self._assembler.last
 
     def _advance(self, now_ns: int) -> Iterator[Effect]:
         for assembled in self._assembler.pop_complete():
@@ -156,5 +156,5 @@ class ClientNode(QuietNode):
         is_reachable = saved.start == assembler.start and assembler.next <= saved.k <= assembler.latest
         memories = {client: recalled.memory for client, recalled in self._recalled.items()}
         if len(frames) == 1 and is_reachable and self.program.recall(memories):
-            yield from self._assembler.resume(saved.k + 1)
+            yield from self._assembler.resume(saved.k)
             yield from self._advance(now_ns)

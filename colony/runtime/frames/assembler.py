@@ -9,6 +9,9 @@ If that is impossible (the frame is no longer kept, or was handed out and has be
 `lost`: memory must be restored from a checkpoint, or a new epoch must begin. At the start of each epoch
 (`Tick.start`) the assembler drops everything before it.
 
+A restarted Clock goes on with the epoch, but not with the next number. Its ticks list the gap (`Tick.gaps`):
+the assembler hands out the frame after the gap directly after the frame before it.
+
 Readings are converted here, once: into base units for executors, into declared units for the observer.
 
 The answer of a module in Python cannot count as missing, because no reader knows what it would have been. The
@@ -18,6 +21,7 @@ answer counts as inactive. The observer waits only for modules that are alive.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple, TypeVar
 
@@ -25,7 +29,7 @@ from colony.ir.frame import Answer, Frame, Reading
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.fields import DSERVER
-from colony.runtime.protocol.messages import Effect, Fetch, Send, ServerFrame, Tick
+from colony.runtime.protocol.messages import Effect, Fetch, Progress, Send, ServerFrame, Tick
 
 FRAME_RETENTION_NS = 2_000_000_000
 """Nanoseconds for which servers keep published frames, and readers wait for a frame."""
@@ -48,6 +52,12 @@ MAX_FETCHES_PER_TICK = 100
 They are fetched again only when they are 2, 4, 8... ticks old, so that a server that is far behind is not
 flooded.
 """
+
+MAX_REPORTED_TICKS = 100
+"""Maximum number of ticks in a report of progress: half a second, between two checkpoints, of 5 ms frames."""
+
+MAX_REPORTED_NAMES = 2000
+"""Maximum number of servers, clients and void frames in the ticks of a report of progress."""
 
 V = TypeVar("V")
 
@@ -107,8 +117,11 @@ class FrameAssembler:
         self._ticks: dict[int, Tick] = {}
         self._frames: dict[int, dict[str, ServerFrame]] = {}
         self._void: dict[tuple[str, int], int] = {}  # the tick that declares a frame void, by (server, k)
-        self._start = self._next = self._latest = self._fetched_to = -1
+        self._gaps: dict[int, int] = {}  # the frame after a gap, by the frame before it
+        self._newest: deque[Tick] = deque(maxlen=MAX_REPORTED_TICKS)
+        self._start = self._latest = self._fetched_to = -1
         self._contradicted = False
+        self._set_last(-2)
 
     @property
     def listens(self) -> tuple[str, ...]:
@@ -131,6 +144,28 @@ class FrameAssembler:
         return self._latest
 
     @property
+    def last(self) -> int:
+        """The last frame that was handed out, or that memory is of."""
+        return self._last
+
+    @property
+    def run(self) -> str:
+        """The run whose ticks count."""
+        return self._run
+
+    @property
+    def progress(self) -> Progress | None:
+        """The progress in the run, None before any tick of it."""
+        ticks: list[Tick] = []
+        names = 0
+        for tick in reversed(self._newest):
+            names += len(tick.down) + len(tick.lost) + len(tick.void)
+            if names > MAX_REPORTED_NAMES:
+                break
+            ticks.insert(0, tick)
+        return Progress(start=self._start, stepped=self._last, ticks=tuple(ticks)) if ticks else None
+
+    @property
     def lost(self) -> bool:
         """True if the next frame is unobtainable, or a frame handed out was wrong.
 
@@ -138,7 +173,7 @@ class FrameAssembler:
         """
         if self._contradicted:
             return True
-        return self._latest - self._next >= self._frames_kept and not self._only_modules_down()
+        return self._distance(self._next) >= self._frames_kept and not self._only_modules_down()
 
     def take(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
         """Take a message, and return fetches of earlier ticks and frames that are missing."""
@@ -149,9 +184,11 @@ class FrameAssembler:
             return ()
         if message.start > self._start:
             self._begin_epoch(message)
+        self._note_gaps(message)
         if message.k < self._next or message.k in self._ticks:
             return ()
         self._ticks[message.k] = message
+        self._newest.append(message)
         for server, k in message.void:
             self._note_void(server, k, message.k)
         if message.k <= self._latest:
@@ -169,7 +206,7 @@ class FrameAssembler:
                 return
             del self._ticks[self._next]
             self._frames.pop(self._next, None)
-            self._next += 1
+            self._set_last(self._next)
             if absent:
                 received = {server: frame for server, frame in received.items() if server not in absent}
             for void in tick.void:  # needed only until the tick that declares them is handed out
@@ -179,25 +216,51 @@ class FrameAssembler:
             )
 
     def resume(self, k: int) -> tuple[Effect, ...]:
-        """Hand out frame `k` next, as memory is now that after k - 1; return the necessary fetches."""
-        self._jump_to(k)
-        self._contradicted = any(
-            void_k < k <= declared_k and server not in self._modules
+        """Continue after frame `k`, as memory is now that after it; return the necessary fetches."""
+        self._jump_behind(k)
+        self._contradicted = self._in_gap(k) or any(
+            void_k <= k < declared_k and server not in self._modules
             for (server, void_k), declared_k in self._void.items()
         )
         return () if self.lost else tuple(self._fetches())
 
     def skip(self) -> int:
         """Skip lost frames, for a reader that commands nothing; return the number of skipped frames."""
-        skipped = self._latest - self._next if self._latest - self._next >= self._frames_kept else 0
-        self._jump_to(self._next + skipped)
+        distance = self._distance(self._next)
+        skipped = distance if distance >= self._frames_kept else 0
+        self._jump_behind(self._latest - 1 if skipped else self._last)
         self._contradicted = False
         return skipped
 
-    def _jump_to(self, k: int) -> None:
-        self._next, self._fetched_to = k, k - 1
-        self._ticks = {number: tick for number, tick in self._ticks.items() if number >= k}
-        self._frames = {number: frames for number, frames in self._frames.items() if number >= k}
+    def _jump_behind(self, k: int) -> None:
+        self._set_last(k)
+        self._fetched_to = self._next - 1
+        self._ticks = {number: tick for number, tick in self._ticks.items() if number >= self._next}
+        self._frames = {number: frames for number, frames in self._frames.items() if number >= self._next}
+
+    def _set_last(self, k: int) -> None:
+        self._last, self._next = k, self._gaps.get(k, k + 1)
+
+    # --- gaps ------------------------------------------------------------------------------------------
+
+    def _note_gaps(self, tick: Tick) -> None:
+        for previous, first in tick.gaps:
+            if first <= self._last or previous < self._start or self._gaps.get(previous) == first:
+                continue
+            self._contradicted |= previous < self._last  # a frame in the gap was handed out
+            self._gaps[previous] = first
+            for kept in (self._ticks, self._frames):
+                for k in [number for number in kept if previous < number < first]:
+                    del kept[k]
+            self._set_last(self._last)
+
+    def _in_gap(self, k: int) -> bool:
+        return any(previous < k < first for previous, first in self._gaps.items())
+
+    def _distance(self, k: int) -> int:
+        """Return the number of frames from frame `k` to the newest one."""
+        skipped = sum(first - previous - 1 for previous, first in self._gaps.items() if previous >= k)
+        return self._latest - k - skipped
 
     # --- input -----------------------------------------------------------------------------------------
 
@@ -222,9 +285,12 @@ class FrameAssembler:
             del self._void[next(iter(self._void))]
 
     def _begin_epoch(self, tick: Tick) -> None:
-        self._start = self._next = tick.start
+        self._start = tick.start
         self._latest = self._fetched_to = -1
         self._contradicted = False
+        self._gaps.clear()
+        self._newest.clear()
+        self._set_last(tick.start - 1)
         self._ticks.clear()
         self._void.clear()
         self._frames = {k: frames for k, frames in self._frames.items() if k >= tick.start}
@@ -232,10 +298,12 @@ class FrameAssembler:
     def _fetches(self) -> Iterator[Effect]:
         remaining = MAX_FETCHES_PER_TICK
         down = self._ticks[self._latest].down if self._latest in self._ticks else ()
-        for k in range(self._next, self._latest):
+        next_k = self._next
+        while next_k < self._latest:
+            k, next_k = next_k, self._gaps.get(next_k, next_k + 1)
             if remaining <= 0:
                 return
-            age = self._latest - k
+            age = self._distance(k)
             if k <= self._fetched_to and age & (age - 1):
                 continue
             self._fetched_to = max(self._fetched_to, k)
@@ -288,7 +356,7 @@ class FrameAssembler:
                 readings[b.sensor] = convert(sample.value)
             elif b.sent:
                 readings[b.sensor] = None  # an executor would put what it sent itself in its place
-        return Frame(tick.t_ns, readings)
+        return Frame(tick.t_ns, readings, restarted=tick.restarted)
 
 
 _NO_SERVERS: frozenset[str] = frozenset()

@@ -6,10 +6,14 @@ program also has frames, `IDLE_FRAME_NS` apart, in the run "", so that scripts c
 monitored. A leader deploys a program. The frames of its run begin when all clients have reported ready, or
 after `READY_TIMEOUT_NS`; they end with the leader's connection.
 
-An epoch is a sequence of frames that begins with initial memory. A new epoch begins with a run, when the
-Clock was restarted, when a client lost its memory irrecoverably, and when the observer stepped over a frame
-that no other node received. A frame number is never used twice: a Clock derives its first number from the
-time at which it starts, one number per `FRAME_NUMBER_NS`, and frames are never closer together than that.
+An epoch is a sequence of frames that begins with initial memory. A new epoch begins with a run, when a client
+lost its memory irrecoverably, and when the observer stepped over a frame that no other node received. A frame
+number is never used twice: a Clock derives its first number from the time at which it starts, one number per
+`FRAME_NUMBER_NS`, and frames are never closer together than that.
+
+A restarted Clock goes on with the epoch (`resumption.py`). The numbers between the last frame of the old
+Clock and its own first frame of the run are a gap, which its ticks list while nodes may be behind. If no node
+knows the epoch, a new one begins.
 
 The emergency stop is latched here (`stop_latch.py`): the Clock keeps it, repeats it in every tick, and alone
 releases it. It learns of stops that it missed from the frames of the servers that received them.
@@ -27,6 +31,7 @@ from colony.runtime.arbitration.stop_latch import StopLatch
 from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
 from colony.runtime.frames.publishing import FRAME_BYTES, FRAMES_KEPT, FetchBudget
 from colony.runtime.frames.registry import ClientRegistry
+from colony.runtime.frames.resumption import ResumedEpoch, Resumption
 from colony.runtime.library.clock import Participants, ServerParticipant
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, RefusedError, method
@@ -52,7 +57,7 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS
+from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS, MAX_CLOCK_LEAD_NS, MAX_GAPS
 
 IDLE_FRAME_NS = 50_000_000
 """Frame period of a robot without a program, in nanoseconds."""
@@ -96,7 +101,8 @@ class Clock:
         self._kept: dict[int, Tick] = {}
         self._fetch_budget = FetchBudget()
         self._restart = False
-        self._begun_run = ""
+        self._begun_run = self._newest_run = ""
+        self._gaps: tuple[tuple[int, int], ...] = ()
         self._decided: set[str] = set()
         self._wake_ns: int | None = None
         self._calls = CallDispatcher(
@@ -156,10 +162,7 @@ class Clock:
                         # not on the topic of ticks: a restarted server would take it for a new tick
                         yield Send(topics.frames(self.address), tick)
             case Ready():
-                if self._deployment is not None and message.run == self._deployment.run:
-                    self._registry.mark_ready(message.client)
-                    if message.k >= 0:
-                        self._registry.renew(message.client, now_ns)
+                self._take_ready(message, now_ns)
             case Restart():
                 begun = self._run != "" and self._begun_run == self._run
                 member = message.client in self._registry or message.client == topics.OBSERVER
@@ -178,6 +181,15 @@ class Clock:
     def _note_answer(self, server: str, k: int, since: int, now_ns: int) -> None:
         self._liveness.renew(server, now_ns)
         self._answers.frame_received(server, k, since)
+
+    def _take_ready(self, ready: Ready, now_ns: int) -> None:
+        if self._deployment is None or ready.run != self._deployment.run:
+            return
+        if ready.client in self._registry or ready.client == topics.OBSERVER:
+            self._resumption.take(ready.client, ready.progress)
+        self._registry.mark_ready(ready.client)
+        if ready.k >= 0:
+            self._registry.renew(ready.client, now_ns)
 
     def _skip_past(self, k: int) -> None:
         """Skip the numbers up to frame `k`, which a server has answered, if this Clock has not ticked it yet.
@@ -224,6 +236,7 @@ class Clock:
         watched = (*self._watched_servers(), *announcers)
         self._liveness = Liveness(watched, lease_ns=lease_ns, now_ns=now_ns)
         self._answers = TickAnswers(watched, frames_kept=self._frames_kept)
+        self._resumption = Resumption()
         self._restarts = 0
         if deployment is not None and self._tick.k < 0:
             self._due_ns = now_ns + IDLE_FRAME_NS  # a program is deployed: no idle frame before it
@@ -284,16 +297,40 @@ class Clock:
             self._registry.extend(missed_ns)
         is_new_run = self._tick.k < 0 or run != self._begun_run
         t_ns = self._tick.t_ns + frame_ns if lockstep and not is_new_run else self._due_ns + missed_ns
-        if is_new_run or self._restart:
-            self._restarts += not is_new_run
-            self._epoch_k = self._next_k
-            self._restart, self._begun_run = False, run
+        restarted = False
+        resumed = self._resumption.epoch() if is_new_run and run else None
+        if resumed is not None and not lockstep and resumed.last.t_ns > now_ns + MAX_CLOCK_LEAD_NS:
+            resumed = None
+        if resumed is not None:
+            t_ns = max(resumed.last.t_ns + frame_ns, 0 if lockstep else t_ns)
+            self._resume(resumed)
+        elif is_new_run or self._restart:
+            restarted = run != "" and self._has_begun(run)
+            self._restarts += restarted
+            self._epoch_k, self._gaps = self._next_k, ()
             self._answers.clear()
+        if is_new_run or self._restart:
+            self._restart, self._begun_run, self._newest_run = False, run, run or self._newest_run
         self._due_ns = (now_ns if lockstep else t_ns) + frame_ns
-        yield from self._publish(t_ns, run, now_ns)
+        yield from self._publish(t_ns, run, now_ns, restarted=restarted)
 
-    def _publish(self, t_ns: int, run: str, now_ns: int) -> Iterator[Effect]:
+    def _has_begun(self, run: str) -> bool:
+        """Return True if the run had an epoch before, as far as the Clock knows."""
+        return run == self._newest_run or self._resumption.has_begun
+
+    def _resume(self, resumed: ResumedEpoch) -> None:
+        """Go on with an epoch; the numbers between its last frame and the next one are a gap."""
+        self._next_k = max(self._next_k, resumed.used_k + 1)
+        self._epoch_k = resumed.start
+        self._gaps = (*resumed.last.gaps, (resumed.last.k, self._next_k))[-MAX_GAPS:]
+        self._kept = {tick.k: tick for tick in resumed.ticks}
+        self._answers.clear()
+        self._answers.resume(resumed.behind, resumed.void)
+
+    def _publish(self, t_ns: int, run: str, now_ns: int, *, restarted: bool) -> Iterator[Effect]:
         k, down = self._next_k, self._liveness.missing(now_ns)
+        if self._gaps and k - self._gaps[-1][1] >= self._frames_kept:
+            self._gaps = ()  # the frames before it are no longer kept
         tick = Tick(
             k=k,
             t_ns=t_ns,
@@ -304,12 +341,15 @@ class Clock:
             void=self._answers.take_void(down),
             stopped=self._latch.stopped,
             released_ns=self._latch.released_ns,
+            gaps=self._gaps if run else (),
+            restarted=restarted,
         )
         self._latch.save(now_ns)
         overdue = list(self._answers.overdue(k))
         self._answers.tick_sent(k, down)
         self._kept[k] = tick
-        self._kept.pop(k - self._frames_kept, None)
+        while len(self._kept) > self._frames_kept:
+            del self._kept[next(iter(self._kept))]
         self._tick, self._next_k = tick, k + 1
         self._decided.clear()
         self._fetch_budget.reset()

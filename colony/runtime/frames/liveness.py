@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from colony.runtime.protocol.messages import Tick
+
 MIN_LEASE_NS = 250_000_000
 """Shortest lease of a server or client, in nanoseconds."""
 
@@ -56,6 +58,7 @@ class TickAnswers:
 
     def __init__(self, servers: Iterable[str], *, frames_kept: int) -> None:
         self._missing: dict[str, dict[int, None]] = {server: {} for server in servers}
+        self._resumed: set[int] = set()
         self._void: list[tuple[str, int]] = []
         self._frames_kept = frames_kept
 
@@ -76,6 +79,13 @@ class TickAnswers:
         if missing and next(iter(missing)) < since:
             self._mark_void(server, [k for k in missing if k < since])
 
+    def resume(self, ticks: Iterable[Tick], void: Iterable[tuple[str, int]]) -> None:
+        """Expect the answers to ticks of the previous Clock, and declare the frames `void` again."""
+        for tick in ticks:
+            self._resumed.add(tick.k)
+            self.tick_sent(tick.k, tick.down)
+        self._void.extend(void)
+
     def take_void(self, down: Iterable[str]) -> tuple[tuple[str, int], ...]:
         """Return and remove the frames that have become void, now that these servers are down.
 
@@ -90,9 +100,11 @@ class TickAnswers:
         """Yield the servers and frames to fetch again with tick `k`, the newest frames first.
 
         Only frames that are 2, 4, 8... ticks old are fetched, so that a server that is far behind is not
-        flooded.
+        flooded. Frames of the previous Clock are fetched with each tick.
         """
         for server, missing in self._missing.items():
+            for resumed in self._resumed.intersection(missing) if self._resumed else ():
+                yield server, resumed
             age = 2
             while missing and age <= self._frames_kept:
                 if k - age in missing:
@@ -103,6 +115,7 @@ class TickAnswers:
         """Forget all missing and void frames: a new epoch does not need them."""
         for missing in self._missing.values():
             missing.clear()
+        self._resumed.clear()
         self._void.clear()
 
     def _mark_void(self, server: str, frames: list[int]) -> None:

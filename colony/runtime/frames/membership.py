@@ -1,12 +1,14 @@
 """Membership of clients, or of a module in Python, in a run.
 
 Members report that they are ready until the run begins, and request a new epoch when they cannot continue.
+With the first report of each node goes its progress, if the run has begun before: the Clock was restarted.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from colony.runtime.frames.assembler import FrameAssembler
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Effect, Ready, Restart, Send, Tick
 
@@ -21,10 +23,14 @@ It is a fraction of the shortest lease. The Clock also learns from verdicts whic
 
 
 class Membership:
-    """The members of one node, by address. Stateful: remembers the times of their last reports."""
+    """The members of one node, by address. Stateful: remembers the times of their last reports.
 
-    def __init__(self, members: tuple[str, ...], run: str) -> None:
+    `assembler` knows the node's progress in the run.
+    """
+
+    def __init__(self, members: tuple[str, ...], run: str, assembler: FrameAssembler) -> None:
         self.run = run
+        self._assembler = assembler
         self._members = members
         self._ready_sent_ns = 0
         self._alive_sent_ns: int | None = None
@@ -32,7 +38,10 @@ class Membership:
     def start(self, now_ns: int) -> Iterator[Effect]:
         """Report the members as ready."""
         self._ready_sent_ns = now_ns
-        yield from self._report(-1)
+        progress = self._assembler.progress
+        for member in self._members:
+            yield Send(topics.READY, Ready(client=member, run=self.run, progress=progress))
+            progress = None
 
     def on_tick(self, tick: Tick, now_ns: int) -> Iterator[Effect]:
         """Handle a tick; until the run begins, report the members as ready from time to time.

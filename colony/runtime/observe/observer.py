@@ -21,6 +21,7 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from colony.ir.frame import Answer, Frame, Outcome
 from colony.runtime.frames.assembler import FRAME_RETENTION_NS, AssembledFrame, FrameAssembler
+from colony.runtime.frames.membership import READY_INTERVAL_NS
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.monitor import Keyframe, Monitor
 from colony.runtime.protocol import topics
@@ -28,6 +29,7 @@ from colony.runtime.protocol.messages import (
     UNHEARD,
     Effect,
     Message,
+    Ready,
     Request,
     Restart,
     Send,
@@ -149,6 +151,7 @@ class Observer:
         self._frame_ns = frame_ns
         self._skipped, self._memory_unknown = 0, True
         self._contradicted_epoch: int | None = None
+        self._reported_ns: int | None = None
         listens = (
             *assembler.listens,
             *(answer_assembler.listens if answer_assembler else ()),
@@ -179,6 +182,8 @@ class Observer:
                 if self._assembler.lost:
                     self._skip()
                     self._collect(now_ns)
+                if isinstance(message, Tick):
+                    effects = (*effects, *self._report(message, now_ns))
                 if isinstance(message, Tick) and self._contradicted_epoch == self._assembler.start:
                     restart = Restart(client=self.address, start=self._contradicted_epoch)
                     effects = (*effects, Send(topics.RESTARTS, restart))
@@ -210,6 +215,16 @@ class Observer:
             self._contradicted_epoch = self._assembler.start
         self._skipped += skipped
         self._memory_unknown = True
+
+    def _report(self, tick: Tick, now_ns: int) -> tuple[Effect, ...]:
+        """Report the progress in the run to a Clock that was restarted, from time to time."""
+        due = self._reported_ns is None or now_ns - self._reported_ns >= READY_INTERVAL_NS
+        progress = self._assembler.progress if tick.run != self._assembler.run and due else None
+        if progress is None:
+            return ()
+        self._reported_ns = now_ns
+        ready = Ready(client=self.address, run=self._assembler.run, progress=progress)
+        return (Send(topics.READY, ready),)
 
     def _take_answers(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
         """Collect the answers of modules in Python; stop waiting for answers that are too far behind."""

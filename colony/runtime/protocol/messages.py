@@ -67,6 +67,10 @@ class Tick(_Message, frozen=True, kw_only=True):
     without a program. `void` lists past frames, by server and number, that will never come because their
     server crashed: they count as "no value". `stopped` is the emergency stop in force. A stop that a server
     received at or before `released_ns` is over.
+
+    `gaps` are the recent gaps in the numbers of the epoch, in order: after the frame with the first number
+    of a gap comes the one with its second number, because the Clock was restarted in between. `restarted` is
+    True in the first frame of an epoch that begins because memory was lost.
     """
 
     k: int
@@ -78,6 +82,13 @@ class Tick(_Message, frozen=True, kw_only=True):
     void: tuple[tuple[str, int], ...] = ()
     stopped: Stopped | None = None
     released_ns: int = -1
+    gaps: tuple[tuple[int, int], ...] = ()
+    restarted: bool = False
+
+    @property
+    def previous(self) -> int:
+        """The number of the frame before this one in the run."""
+        return self.gaps[-1][0] if self.gaps and self.gaps[-1][1] == self.k else self.k - 1
 
 
 class ServerFrame(_Message, frozen=True, kw_only=True):
@@ -175,15 +186,30 @@ class Verdict(_Message, frozen=True, kw_only=True):
 # --- clients that join and recover -----------------------------------------------------------------
 
 
+class Progress(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
+    """The progress of a node in a run, from which a restarted Clock learns where to go on.
+
+    `start` is the first frame of the epoch, and `stepped` the last frame that the node stepped over (`start`
+    - 1 if there is none). `ticks` are the newest ticks of the epoch that it received.
+    """
+
+    start: int
+    stepped: int
+    ticks: tuple[Tick, ...]
+
+
 class Ready(_Message, frozen=True, kw_only=True):
     """A report of a client of the network, by address, to the Clock: it is ready for a run.
 
     The client repeats it as a sign of life: `k` is the frame of its newest request, -1 if it has sent none.
+    If the run has begun before, the report of a node's first client has the node's `progress`. The observer
+    reports its progress as well.
     """
 
     client: str
     run: str = ""
     k: int = -1
+    progress: Progress | None = None
 
 
 class Restart(_Message, frozen=True, kw_only=True):

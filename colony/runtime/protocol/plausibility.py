@@ -12,6 +12,7 @@ from colony.runtime.protocol.messages import (
     Announcement,
     Checkpoint,
     Fetch,
+    Progress,
     Ready,
     Request,
     Restart,
@@ -38,6 +39,9 @@ whose activity it relays.
 MAX_NAMES = 10_000
 """Maximum number of servers in a tick; also of clients, and of void frames."""
 
+MAX_GAPS = 20
+"""Maximum number of gaps in a tick."""
+
 
 def check_plausible(message: SentMessage, now_ns: int) -> None:
     """Check frame numbers, times and names against what is possible at the robot's time `now_ns`.
@@ -53,7 +57,11 @@ def check_plausible(message: SentMessage, now_ns: int) -> None:
             _check_frame_number(since, now_ns)
             _check_name(server)
             _check_stop(stopped, now_ns)
-        case Request(k=k, client=client) | Ready(k=k, client=client) | Checkpoint(k=k, client=client):
+        case Ready(k=k, client=client, progress=progress):
+            _check_frame_number(k, now_ns)
+            _check_name(client)
+            _check_progress(progress, now_ns)
+        case Request(k=k, client=client) | Checkpoint(k=k, client=client):
             _check_frame_number(k, now_ns)
             _check_name(client)
         case Announcement(k=k, module=name) | Fetch(k=k, server=name) | Verdict(k=k, actuator=name):
@@ -72,9 +80,26 @@ def _check_tick(tick: Tick, now_ns: int) -> None:
         raise MessageFormatError(f"frame {tick.k} of an epoch that began at {tick.start}")
     if max(len(tick.down), len(tick.lost), len(tick.void)) > MAX_NAMES:
         raise MessageFormatError(f"more than {MAX_NAMES} servers or clients in a tick")
+    least = tick.start
+    for previous, first in tick.gaps[:MAX_GAPS]:
+        if not least <= previous < first <= tick.k:
+            raise MessageFormatError(f"a gap from {previous} to {first} in the tick of frame {tick.k}")
+        least = first
+    if len(tick.gaps) > MAX_GAPS:
+        raise MessageFormatError(f"more than {MAX_GAPS} gaps in a tick")
     if tick.released_ns > now_ns + MAX_CLOCK_LEAD_NS:
         raise MessageFormatError(f"a release at {tick.released_ns} ns, but it is {now_ns} ns now")
     _check_stop(tick.stopped, now_ns)
+
+
+def _check_progress(progress: Progress | None, now_ns: int) -> None:
+    if progress is None:
+        return
+    _check_frame_number(progress.stepped, now_ns)
+    if not 0 <= progress.start <= progress.stepped + 1:
+        raise MessageFormatError(f"frame {progress.stepped} of an epoch that began at {progress.start}")
+    for tick in progress.ticks:
+        _check_tick(tick, now_ns)
 
 
 def _check_stop(stopped: Stopped | None, now_ns: int) -> None:

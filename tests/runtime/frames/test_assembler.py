@@ -188,7 +188,7 @@ def test_who_falls_behind_for_longer_than_frames_are_kept_is_lost(assembler: Fra
 def test_with_memory_from_elsewhere_it_goes_on(assembler: FrameAssembler) -> None:
     assembler.take(tick(20))
     assert assembler.lost
-    assert assembler.resume(19) == (
+    assert assembler.resume(18) == (
         Send("Clock/fetches", Fetch(server="Clock", k=19)),
         Send("R/fetches", Fetch(server="R", k=19)),
     )
@@ -200,7 +200,7 @@ def test_with_memory_from_elsewhere_it_goes_on(assembler: FrameAssembler) -> Non
 def test_memory_that_saw_what_is_void_now_is_of_no_use() -> None:
     assembler = FrameAssembler((SONAR,), frames_kept=4)
     assembler.take(tick(20, void=(("P", 18),), down=("P",)))
-    assembler.resume(19)
+    assembler.resume(18)
     assert assembler.lost
 
 

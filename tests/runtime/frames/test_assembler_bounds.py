@@ -48,7 +48,7 @@ def test_memory_is_of_no_use_if_it_saw_what_was_void_later(void: int, resumed: i
 def test_what_a_module_never_told_does_not_spoil_memory() -> None:
     assembler = FrameAssembler((), ("pulse",), frames_kept=4)
     assembler.take(tick(20, void=((PULSE, 18),)))
-    assembler.resume(19)
+    assembler.resume(18)
     assert not assembler.lost
 
 
@@ -57,13 +57,13 @@ def test_what_is_there_already_is_not_asked_for() -> None:
     assembler.take(tick(20))
     for k in (18, 19, 20):
         assembler.take(base(k))
-    assert assembler.resume(19) == (Send("Clock/fetches", Fetch(server="Clock", k=19)),)
+    assert assembler.resume(18) == (Send("Clock/fetches", Fetch(server="Clock", k=19)),)
     assert len(frames(assembler, tick(19))) == 2
 
 
 def test_to_resume_in_vain_asks_for_nothing() -> None:
     assembler = behind()
-    assert assembler.resume(15) == ()
+    assert assembler.resume(14) == ()
     assert assembler.lost
 
 

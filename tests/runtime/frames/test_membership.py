@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from colony.runtime.frames.assembler import FrameAssembler
 from colony.runtime.frames.membership import ALIVE_INTERVAL_NS, READY_INTERVAL_NS, Membership
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Ready, Restart, Send, Tick
@@ -18,7 +19,7 @@ def alive(k: int) -> Send:
 
 
 def test_it_says_that_it_is_ready_until_its_run_is_there() -> None:
-    one = Membership(("drive/avoid",), "run")
+    one = Membership(("drive/avoid",), "run", FrameAssembler((), run="run"))
     assert list(one.start(1000)) == [READY]
     assert list(one.on_tick(tick("other"), 1000 + READY_INTERVAL_NS - 1)) == []
     assert list(one.on_tick(tick("run"), 1000 + READY_INTERVAL_NS)) == []
@@ -28,13 +29,13 @@ def test_it_says_that_it_is_ready_until_its_run_is_there() -> None:
 
 
 def test_one_that_never_started_has_said_it_at_the_beginning_of_time() -> None:
-    one = Membership(("drive/avoid",), "run")
+    one = Membership(("drive/avoid",), "run", FrameAssembler((), run="run"))
     assert list(one.on_tick(tick("other"), READY_INTERVAL_NS - 1)) == []
     assert list(one.on_tick(tick("other"), READY_INTERVAL_NS)) == [READY]
 
 
 def test_it_tells_that_it_lives_at_most_so_often() -> None:
-    one = Membership(("drive/avoid",), "run")
+    one = Membership(("drive/avoid",), "run", FrameAssembler((), run="run"))
     assert list(one.on_requests_sent(5, 70)) == [alive(5)]
     assert list(one.on_requests_sent(6, 70 + ALIVE_INTERVAL_NS - 1)) == []
     assert list(one.on_requests_sent(7, 70 + ALIVE_INTERVAL_NS)) == [alive(7)]
@@ -42,7 +43,7 @@ def test_it_tells_that_it_lives_at_most_so_often() -> None:
 
 
 def test_several_say_each_for_itself_that_they_are_ready_and_live_and_ask_for_an_epoch_once() -> None:
-    some = Membership(("drive/avoid", "drive/cruise"), "run")
+    some = Membership(("drive/avoid", "drive/cruise"), "run", FrameAssembler((), run="run"))
     assert [send.message.client for send in some.start(0)] == ["drive/avoid", "drive/cruise"]  # type: ignore[union-attr]
     assert list(some.on_requests_sent(5, 70)) == [
         Send(topics.READY, Ready(client=client, run="run", k=5)) for client in ("drive/avoid", "drive/cruise")
@@ -52,6 +53,6 @@ def test_several_say_each_for_itself_that_they_are_ready_and_live_and_ask_for_an
 
 
 def test_it_asks_for_a_new_epoch_by_the_one_that_it_is_in() -> None:
-    one = Membership(("drive/avoid",), "run")
+    one = Membership(("drive/avoid",), "run", FrameAssembler((), run="run"))
     assert one.restart_request(42) == Send(topics.RESTARTS, Restart(client="drive/avoid", start=42))
     assert one.run == "run"

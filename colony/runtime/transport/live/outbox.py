@@ -25,6 +25,7 @@ from colony.runtime.protocol.messages import (
     Checkpoint,
     Notice,
     Problem,
+    Ready,
     Reply,
     Send,
     SentMessage,
@@ -189,6 +190,8 @@ def declare_publisher(
 
 def _is_large(message: Batched) -> bool:
     """Return True if a message is too large for a batch."""
+    if isinstance(message, Ready):
+        return message.progress is not None
     return isinstance(message, Checkpoint) and len(message.memory) > MAX_BATCHED_BYTES
 
 
