@@ -200,12 +200,14 @@ def _unpredictable_actuators(
 
 
 def _epochs(ticks: Mapping[int, Tick]) -> Iterator[list[Tick]]:
-    """Yield the ticks of the run, epoch by epoch."""
+    """Yield the ticks of the run, epoch by epoch, without those that a restarted Clock abandoned."""
     by_start: dict[int, list[Tick]] = {}
     for k in sorted(ticks):
         if ticks[k].run:
             by_start.setdefault(ticks[k].start, []).append(ticks[k])
-    yield from by_start.values()
+    for epoch in by_start.values():
+        gaps = {gap for tick in epoch for gap in tick.gaps}
+        yield [tick for tick in epoch if not any(last < tick.k < first for last, first in gaps)]
 
 
 def _reference_run(
@@ -226,7 +228,7 @@ def _reference_run(
                 and not (void_counts and key in traffic.void)
             ):
                 readings |= {n: s.value for n, s in traffic.frames[key].fields.items() if s is not None}
-        frames.append(Frame(tick.t_ns, readings))
+        frames.append(Frame(tick.t_ns, readings, restarted=tick.restarted))
         lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
         outcomes.append(interpreter.step(frames[-1], lost))
     return _ReferenceRun(tuple(frames), tuple(outcomes))

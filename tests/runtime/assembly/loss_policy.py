@@ -135,13 +135,19 @@ class Path(NamedTuple):
 
 
 def epochs(ticks: Mapping[int, Tick]) -> Iterable[list[Tick]]:
-    """The ticks of the run, epoch by epoch; they follow each other, and time rises."""
+    """The ticks of the run, epoch by epoch; they follow each other, and time rises.
+
+    A restarted Clock goes on behind a gap; ticks in it were abandoned.
+    """
     by_start: dict[int, list[Tick]] = {}
     for k in sorted(ticks):
         if ticks[k].run:
             by_start.setdefault(ticks[k].start, []).append(ticks[k])
-    for start, found in by_start.items():
-        assert [t.k for t in found] == list(range(start, start + len(found))), f"epoch {start} has gaps"
+    for start, ticked in by_start.items():
+        gaps = {gap for t in ticked for gap in t.gaps}
+        found = [t for t in ticked if not any(last < t.k < first for last, first in gaps)]
+        assert found[0].k == start, f"epoch {start} begins with frame {found[0].k}"
+        assert all(a.k == b.previous for a, b in pairwise(found)), f"epoch {start} has gaps"
         assert all(a.t_ns < b.t_ns for a, b in pairwise(found)), f"time stands in {start}"
         yield found
 
@@ -160,7 +166,7 @@ def frame_of(robot: Robot, tick: Tick, *, void_counts: bool) -> Frame:
         if server in tick.down or at not in seen.frames or (void_counts and at in seen.void):
             continue
         readings |= {n: s.value for n, s in seen.frames[at].fields.items() if s is not None}
-    return Frame(tick.t_ns, readings)
+    return Frame(tick.t_ns, readings, restarted=tick.restarted)
 
 
 def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
@@ -200,6 +206,7 @@ def check(robot: Robot) -> Counter[str]:
         check_memory(robot, epoch, paths, counts)
         counts["frames"] += len(epoch)
         counts["epochs"] += 1
+        counts["gaps"] += sum(t.previous != t.k - 1 for t in epoch)
         last = paths[0]
     for log in robot.log.frames:
         assert not log.disagreements, f"frame {log.tick.k}: the monitor says {log.disagreements}"
