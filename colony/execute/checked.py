@@ -53,7 +53,8 @@ def checked_frame(frame: Frame, after_ns: int | None = None) -> Frame:
     """Return a frame with Python numbers in place of numpy numbers.
 
     Raises:
-        TypeError: it is not a frame, its readings are not a mapping, or a time is not an integer.
+        TypeError: it is not a frame, its readings are not a mapping, a time is not an integer, or `restarted`
+            is not a bool.
         ValueError: a time does not fit into 63 bits, or the frame's is not later than `after_ns`.
     """
     if not isinstance(frame, Frame):
@@ -66,7 +67,9 @@ def checked_frame(frame: Frame, after_ns: int | None = None) -> Frame:
         raise ValueError(f"t_ns: found {t_ns} after {after_ns}; expected a later time in each frame")
     readings = {name: _without_numpy(reading) for name, reading in frame.readings.items()}
     taken_ns = {name: _time(f"taken_ns of {name}", time_ns) for name, time_ns in frame.taken_ns.items()}
-    return Frame(t_ns, readings, taken_ns)
+    if not isinstance(frame.restarted, bool):
+        raise TypeError(f"restarted: found {short(frame.restarted)}; expected True or False")
+    return Frame(t_ns, readings, taken_ns, frame.restarted)
 
 
 def _time(name: str, value: Any) -> int:

@@ -64,6 +64,11 @@ class FrameTime:
 
 
 @dataclass(frozen=True, slots=True)
+class Restarted:
+    """True in the first frame after the runtime lost the program's memory."""
+
+
+@dataclass(frozen=True, slots=True)
 class SensorFresh:
     """True if the sensor has a reading in this frame (false if its default stands in)."""
 
@@ -163,6 +168,7 @@ Op = (
     | OldCell
     | SensorFresh
     | FrameTime
+    | Restarted
     | PythonActive
     | PythonBlind
     | PythonField
@@ -395,6 +401,7 @@ def remapped(op: Op, ops: Mapping[int, int], cells: Mapping[int, int]) -> Op:
         case (
             Literal()
             | FrameTime()
+            | Restarted()
             | SensorFresh()
             | SensorElement()
             | PythonActive()

@@ -23,6 +23,7 @@ from colony.execute.code import (
     PythonBlind,
     PythonCall,
     PythonField,
+    Restarted,
     SensorElement,
     SensorFresh,
     Sent,
@@ -57,7 +58,7 @@ class OpMachine:
         self.first_ns: int | None = None
         self.answers: dict[str, Answer] = {}
         self.python = {} if answers_given else {call.module: build(call) for call in code.python}
-        self._t = 0
+        self._t, self._restarted = 0, False
         self._sensors: dict[str, Any] = {}
         self._fresh: dict[str, bool] = {}
         self._python_called = False
@@ -80,7 +81,7 @@ class OpMachine:
         """Begin a frame; `answers` and `lost` are as for `ClientsExecutor.step`."""
         if self.first_ns is None:
             self.first_ns = frame.t_ns
-        self._t = frame.t_ns - self.first_ns
+        self._t, self._restarted = frame.t_ns - self.first_ns, frame.restarted
         self.answers, self._lost = dict(answers or ()), lost
         self._python_called = False
         self._records = ()
@@ -141,6 +142,8 @@ class OpMachine:
                 return lambda: fresh[sensor]
             case FrameTime():
                 return lambda: self._t
+            case Restarted():
+                return lambda: self._restarted
             case Table(elements=elements):
                 return lambda: tuple([values[i] for i in elements])
             case _:

@@ -26,6 +26,7 @@ from colony.execute.code import (
     PythonActive,
     PythonBlind,
     PythonField,
+    Restarted,
     SensorElement,
     SensorFresh,
     Sent,
@@ -180,8 +181,8 @@ class _Check:
                 return Kind.TABLE if found in ({Kind.NUMBER}, {Kind.BOOL}) else None
             case Literal(value=value):
                 return _kind_of_literal(value)
-            case FrameTime():
-                return Kind.TIME
+            case FrameTime() | Restarted():
+                return Kind.TIME if isinstance(op, FrameTime) else Kind.BOOL
             case OldCell(cell=cell):
                 return code.cells[cell].kind if 0 <= cell < len(code.cells) else None
             case SensorFresh(sensor=sensor):

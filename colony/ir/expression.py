@@ -155,6 +155,11 @@ class Now(TypedNode):
 
 
 @record
+class Restarted(TypedNode):
+    """True in the first frame after the runtime lost the program's memory."""
+
+
+@record
 class Fresh(TypedNode):
     """True if a sensor has a reading (not its default) or, if `derived`, if a `let` is not missing."""
 
@@ -327,6 +332,7 @@ Expression = (
     | StateValue
     | LoopIndex
     | Now
+    | Restarted
     | Fresh
     | ValueOr
     | UnaryOperation

@@ -351,11 +351,15 @@ class Given(Record):
 
 @record
 class Step(Record):
-    """A step of a test: frames at `times_ns` (one for `at`, several for `from`), with `expectations`."""
+    """A step of a test: frames at `times_ns` (one for `at`, several for `from`), with `expectations`.
+
+    `restarted` is the value of `restarted` in its first frame; it is true at most in the first step.
+    """
 
     times_ns: tuple[int, ...]
     given: tuple[Given, ...]
     expectations: tuple[Expression, ...]
+    restarted: bool = False
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 

@@ -23,11 +23,13 @@ class Snapshot(NamedTuple):
         t_ns: Time of the frame.
         readings: Value of each sensor that has one.
         answers: Command of each applicable module in Python; None for a failsafe one without an answer.
+        restarted: True if memory was lost before the frame.
     """
 
     t_ns: int
     readings: Mapping[str, Value] = _NONE
     answers: Mapping[str, tuple[ScalarValue, ...] | None] = _NONE
+    restarted: bool = False
 
 
 def snapshot_of(program: Program, frame: Frame) -> Snapshot:
@@ -36,4 +38,5 @@ def snapshot_of(program: Program, frame: Frame) -> Snapshot:
     Without a reading of what an actuator was given last, it is what the program itself sent.
     """
     sensed = {s.name: sense(s, frame.readings.get(s.name), s.factor)[0] for s in program.robot.sensors}
-    return Snapshot(frame.t_ns, {name: value for name, value in sensed.items() if value is not None})
+    readings = {name: value for name, value in sensed.items() if value is not None}
+    return Snapshot(frame.t_ns, readings, restarted=frame.restarted)

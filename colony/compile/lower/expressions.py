@@ -14,7 +14,17 @@ from typing import Protocol, assert_never
 
 from colony.compile.lower.builder import Builder
 from colony.compile.lower.memory import MemorySite, remember
-from colony.execute.code import Commanded, FrameTime, Kind, Literal, SensorElement, SensorFresh, Sent, Winner
+from colony.execute.code import (
+    Commanded,
+    FrameTime,
+    Kind,
+    Literal,
+    Restarted,
+    SensorElement,
+    SensorFresh,
+    Sent,
+    Winner,
+)
 from colony.execute.operators import Operator
 from colony.ir import expression as ir
 from colony.ir.expression import Binary, Function, Unary
@@ -245,6 +255,8 @@ class ExpressionLowering:
                 return (builder.literal(float([k for variable, k in scope.loops if variable == name][-1])),)
             case ir.Now():
                 return (builder.apply(Operator.SECONDS, builder.add(FrameTime(), Kind.TIME)),)
+            case ir.Restarted():
+                return (builder.add(Restarted(), Kind.BOOL),)
             case ir.Fresh(name=name, derived=derived):
                 fresh = names.let_present(name) if derived else builder.add(SensorFresh(name), Kind.BOOL)
                 return (fresh,)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import unify, with_article, with_articles
+from colony.dsl.check.reserved import SENT
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol
 from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
@@ -300,7 +301,7 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
             "E203", node, "`fresh` takes the name of one sensor or derived value", "use: fresh(sonar)"
         )
         return None
-    if argument.path[0] == "last":
+    if argument.path[0] == SENT:
         sent = sent_field(checker, argument)
         if sent is None:
             return None

@@ -8,6 +8,7 @@ from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.references import actuator_named
+from colony.dsl.check.reserved import RESTARTED, SENT
 from colony.dsl.check.scope import BrokenSymbol, SensorSymbol
 from colony.dsl.check.sent import sent_field
 from colony.ir import program as ir
@@ -69,7 +70,9 @@ def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
     frames = 0
     for step in node.steps:
         times = _times(checker, step)
-        given = [_given(checker, g) for g in step.given]
+        restarts = [g for g in step.given if g.sensor.text == RESTARTED]
+        restarted = [_given_restarted(checker, g, is_first=step is node.steps[0]) for g in restarts]
+        given = [_given(checker, g) for g in step.given if g.sensor.text != RESTARTED]
         contract_checker = replace(checker, in_contract_or_test=True)
         expectations = [contract_checker.expect(e, BOOL, "an expectation") for e in step.expect]
         if times is None:
@@ -87,6 +90,7 @@ def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
                 times_ns=times,
                 given=tuple(g for g in given if g is not None),
                 expectations=tuple(e for e in expectations if e is not None),
+                restarted=bool(restarted and restarted[-1]),
                 span=checker.span(step),
             )
         )
@@ -113,9 +117,21 @@ def _times(checker: Checker, step: ast.StepDecl) -> tuple[int, ...] | None:
     return tuple(range(first, last + 1, period))
 
 
+def _given_restarted(checker: Checker, node: ast.GivenDecl, *, is_first: bool) -> bool:
+    """Check `restarted = true`, which is possible only where a test begins: memory is initial there."""
+    if isinstance(node.value, ast.Missing | ast.Elements) or node.index is not None or node.taken_ago:
+        checker.error("E603", node, "`restarted` is true or false", "write `restarted = true`")
+        return False
+    if not is_first:
+        hint = "give it in the first step, in which all memory is initial"
+        checker.error("E603", node, "`restarted` is true at most in the first frame of a test", hint)
+        return False
+    return bool(checker.constant_in(node.value, BOOL, "", "the value given to `restarted`"))
+
+
 def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
     """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`, with or without its age."""
-    if node.sensor.path[0] == "last":
+    if node.sensor.path[0] == SENT:
         sent = sent_field(checker, node.sensor)
         return None if sent is None else _given_to(checker, node, sent)
     symbol = checker.scope.robot.values.get(node.sensor.text)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from colony.dsl import ast
-from colony.dsl.check.scope import ModuleSymbol, Report, Scope, WireSymbol, label, reject_reserved
+from colony.dsl.check.reserved import reject_reserved_names
+from colony.dsl.check.scope import ModuleSymbol, Report, Scope, WireSymbol, label
 
 VALUE_DECLARATIONS = (ast.EnumDecl, ast.ParamDecl, ast.LetDecl, ast.StateDecl, ast.MachineDecl)
 MODULE_DECLARATIONS = (ast.ModuleDecl, ast.DerivedModuleDecl, ast.PythonModuleDecl)
@@ -14,6 +15,7 @@ def declare_names(report: Report, scopes: list[Scope]) -> None:
     sensors, actuators = _robot_names(scopes)
     for scope in scopes:
         scope.robot.sensor_names, scope.robot.actuator_names = sensors, actuators
+        reject_reserved_names(report, scope)
         _declare(report, scope)
     _name_actuator_wires(scopes)
     by_key = {scope.file.key: scope for scope in scopes}
@@ -113,7 +115,6 @@ def _allow_unknown_names(scope: Scope, node: ast.ImportDecl) -> None:
 def _declare_once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Name) -> bool:
     first = names.get(name.text)
     if first is None:
-        reject_reserved(report, scope, name)
         names[name.text] = name
         return True
     report.error(scope, "E102", name, f"`{name.text}` is declared twice", None, label(scope, first))
@@ -124,7 +125,6 @@ def _import_names(report: Report, scope: Scope, target: Scope, node: ast.ImportD
     """Import all names of a file, under its alias if the import has one."""
     alias = node.alias
     if alias is not None:
-        reject_reserved(report, scope, alias)
         robot = scope.robot
         file_names = (scope.aliases, scope.visible_values, scope.visible_network_symbols)
         robot_names = (robot.sensor_names, robot.actuator_names)

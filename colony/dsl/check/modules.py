@@ -22,7 +22,6 @@ from colony.dsl.check.scope import (
     Scope,
     StateSymbol,
     ValueSymbol,
-    reject_reserved,
     span_of,
 )
 from colony.ir import program as ir
@@ -259,7 +258,6 @@ def _report_duplicates(checker: Checker, clauses: tuple[ast.Clause | ast.PythonC
     names: dict[str, ast.Name] = {}
     for clause in clauses:
         if isinstance(clause, ast.ParamDecl | ast.LetDecl | ast.StateDecl):
-            reject_reserved(checker.report, checker.scope, clause.name)
             first = names.setdefault(clause.name.text, clause.name)
             if first is not clause.name:
                 message = f"`{clause.name.text}` is declared twice in the module"

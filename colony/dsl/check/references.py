@@ -7,6 +7,7 @@ from itertools import islice
 from colony.dsl import ast
 from colony.dsl.check.calls import FORMER_FUNCTIONS, FUNCTION_NAMES
 from colony.dsl.check.checker import Checker
+from colony.dsl.check.reserved import RESTARTED, SENT
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     BrokenSymbol,
@@ -31,7 +32,7 @@ from colony.ir.types import BOOL, DIMENSIONLESS, DURATION, Enum
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
     """Return the typed expression that a name refers to, or None after reporting an error."""
     head = node.path[0]
-    if head == "last":
+    if head == SENT:
         return _sent_before(checker, node)
     if len(node.path) == 1:
         if head in checker.loops:
@@ -43,6 +44,8 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
             return ir.Now(type=DURATION, span=checker.span(node))
         if head == "frame_period":  # likewise
             return _frame_period(checker, node)
+        if head == RESTARTED:
+            return ir.Restarted(type=BOOL, span=checker.span(node))
         _unknown(checker, node, checker.scope, head)
         return None
     if head in checker.local:

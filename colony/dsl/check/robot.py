@@ -16,7 +16,6 @@ from colony.dsl.check.scope import (
     RobotScope,
     Scope,
     SensorSymbol,
-    reject_reserved,
 )
 from colony.ir import program as ir
 from colony.ir.types import BOOL, DIMENSIONLESS, Array, Enum, Quantity, Scalar, ScalarValue, is_rate
@@ -73,7 +72,6 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
             checker.error("E102", item.name, message, None, checker.label(names[item.name.text]))
             continue
         names[item.name.text] = item.name
-        reject_reserved(checker.report, checker.scope, item.name)
         if isinstance(item, ast.SensorDecl):
             sensor = _sensor(checker, item)
             robot.values[item.name.text] = SensorSymbol(sensor=sensor) if sensor else BrokenSymbol()

@@ -213,19 +213,6 @@ class Report:
         return self.cells
 
 
-RESERVED_NAMES = {"last": "`last.ACTUATOR.FIELD` is what an actuator was given in the frame before"}
-"""Words that name something in every file, so that nothing else can be called so, each with what it is."""
-
-
-def reject_reserved(report: Report, scope: Scope, name: ast.Name) -> None:
-    """Report a declared name that is reserved."""
-    meaning = RESERVED_NAMES.get(name.text)
-    if meaning is not None:
-        report.error(
-            scope, "E109", name, f"`{name.text}` is a reserved name: {meaning}", "choose another name"
-        )
-
-
 def span_of(scope: Scope, node: ast.SyntaxNode) -> Span:
     """Return the span of a node in a scope's file."""
     return Span(scope.file.source, node.start, node.end)

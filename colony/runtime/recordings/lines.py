@@ -5,14 +5,16 @@
 
 `t` is in seconds and reads back to the same nanosecond; `@tick` is the number of the frame, `@semantics` the
 version of what the program means (`colony.ir.version`), in each line because any line may be lost.
-`@restart` is true if all memory restarted, and `@skipped`, present if memory is unknown, is the number of
-frames before this one that could not be observed. Sensors have their published values in declared units, and
-are absent if missing; each actuator has its winner and the command sent. If the network did not decide
-alone, the actuator also has `fault`, `fates` with the clients that were late, lost, refused or overruled,
-`@outside` with the connection outside the network that commanded, or `@held_by` with the reason of a hold.
-Broken contracts are not written, because they follow from the rest. `@python` has the answers of modules in
-Python (`answers.py`). `@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least
-every half second, the memory from which a reader resumes after a damaged line (`keyframes.py`).
+`@previous` is the number of the frame before this one, if a restarted Clock left numbers out between them.
+`@restart` is true if all memory restarted, `restarted` is what the program reads of it, and `@skipped`,
+present if memory is unknown, is the number of frames before this one that could not be observed. Sensors have
+their published values in declared units, and are absent if missing; each actuator has its winner and the
+command sent. If the network did not decide alone, the actuator also has `fault`, `fates` with the clients
+that were late, lost, refused or overruled, `@outside` with the connection outside the network that commanded,
+or `@held_by` with the reason of a hold. Broken contracts are not written, because they follow from the rest.
+`@python` has the answers of modules in Python (`answers.py`). `@sum` is the CRC-32 of everything before it,
+and `@keyframe`, in a line at least every half second, the memory from which a reader resumes after a damaged
+line (`keyframes.py`).
 
 MCAP recordings (`mcap_writer.py`) contain more.
 """
@@ -86,6 +88,10 @@ def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
 
     def encode(log: FrameLog) -> str:
         parts = [f'"t": {seconds_text(log.frame.t_ns)}', f'"@tick": {log.tick.k}', _SEMANTICS]
+        if log.tick.previous != log.tick.k - 1:
+            parts.append(f'"@previous": {log.tick.previous}')
+        if log.frame.restarted:
+            parts.append('"restarted": true')
         if log.restart:
             parts.append('"@restart": true')
         if log.memory_unknown:

@@ -40,7 +40,7 @@ from colony.runtime.recordings.mcap_writer import (
     ContractsMessage,
     VerdictMessage,
 )
-from colony.runtime.recordings.reader import BREAKS_OFF, command_values
+from colony.runtime.recordings.reader import BREAKS_OFF, command_values, gaps
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
 from colony.runtime.recordings.replay import RECORD_AGAIN
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
@@ -58,7 +58,9 @@ class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
     t_ns: int
     sensors: msgspec.Raw
     start: int = 0
+    previous: int | None = None
     restart: bool = False
+    restarted: bool = False
     skipped: int | None = None
     down: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
@@ -286,8 +288,15 @@ class _RecordedFrameAssembler:
         self._gap = False
         self.drop_messages()
         return RecordedFrame(
-            tick=Tick(k=message.k, t_ns=t_ns, start=message.start, down=message.down, lost=message.lost),
-            frame=Frame(t_ns, _readings(message.sensors)),
+            tick=Tick(
+                k=message.k,
+                t_ns=t_ns,
+                start=message.start,
+                down=message.down,
+                lost=message.lost,
+                gaps=gaps(message.previous, message.k),
+            ),
+            frame=Frame(t_ns, _readings(message.sensors), restarted=message.restarted),
             verdicts={verdict.actuator: verdict for verdict in verdicts},
             restart=message.restart,
             skipped=message.skipped or 0,

@@ -217,6 +217,10 @@ class McapRecording:
             f'"t_ns": {tick.t_ns}',
             f'"start": {tick.start}',
         ]
+        if tick.previous != tick.k - 1:
+            parts.append(f'"previous": {tick.previous}')
+        if log.frame.restarted:
+            parts.append('"restarted": true')
         if log.restart:
             parts.append('"restart": true')
         if log.memory_unknown:

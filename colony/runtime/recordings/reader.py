@@ -64,7 +64,7 @@ class LinesReader(_Lines):
                 k = index if members.tick is None else members.tick
                 if members.restart or start is None:
                     start = _UNKNOWN_START if row.damaged and not members.restart else k
-                tick = Tick(k=k, t_ns=row.frame.t_ns, start=start)
+                tick = Tick(k=k, t_ns=row.frame.t_ns, start=start, gaps=gaps(members.previous, k))
                 recorded = _recorded_frame(tick, row, actuators, members)
             except msgspec.ValidationError as problem:
                 message = f"this is not a decision of this program: {problem}"
@@ -109,6 +109,11 @@ class FramesReader(_Lines):
         self._finish(rows)
 
 
+def gaps(previous: int | None, k: int) -> tuple[tuple[int, int], ...]:
+    """Return the gap before frame `k`, if `previous` is the recorded number of the frame before it."""
+    return () if previous is None else ((previous, k),)
+
+
 _UNKNOWN_START = -1
 """Placeholder for the first frame of an epoch, if it is unknown."""
 
@@ -122,6 +127,7 @@ class _Row(
     """The members of a line about the frame itself."""
 
     tick: int | None = None
+    previous: int | None = None
     restart: bool = False
     skipped: int | None = None
     keyframe: dict[str, Any] | None = None

@@ -110,7 +110,12 @@ def has_valid_checksum(line: bytes) -> bool:
     return match is not None and int(match[1], 16) == zlib.crc32(line[:start].removeprefix(BOM_UTF8))
 
 
-RESERVED = frozenset({"t", "@tick", "@semantics", "@restart", "@skipped", "@keyframe", "@python", "@sum"})
+RESERVED = frozenset(
+    {
+        *("t", "restarted"),
+        *("@tick", "@previous", "@semantics", "@restart", "@skipped", "@keyframe", "@python", "@sum"),
+    }
+)
 """Members of a line that are not sensors or actuators; names in a program cannot contain `@`."""
 
 
@@ -156,7 +161,7 @@ class _RowParser:
         self._check_semantics(number, text, row)
         t_ns = self._time(number, text, row)
         readings = {key: row[key] for key in row if self._is_reading(number, text, row, key)}
-        return Row(number, text, Frame(t_ns, readings), row)
+        return Row(number, text, Frame(t_ns, readings, restarted=row.get("restarted") is True), row)
 
     def _text(self, number: int, data: bytes) -> str:
         try:

@@ -50,6 +50,11 @@ class RecordedTick(Protocol):
         ...
 
     @property
+    def previous(self) -> int:
+        """The number of the frame before this one, which is not `k` - 1 after a restart of the Clock."""
+        ...
+
+    @property
     def lost(self) -> Sequence[str]:
         """The addresses (`actuator/module`) of the lost clients."""
         ...
@@ -273,7 +278,8 @@ class Auditor:
                 yield self._difference(recorded, message)
             return
         gap = tick.k - previous.tick.k - 1
-        if gap < 0 or (gap != recorded.skipped and not is_epoch_start and not recorded.damaged):
+        is_expected = gap >= recorded.skipped > 0 or tick.previous == previous.tick.k
+        if gap < 0 or not (is_expected or is_epoch_start or recorded.damaged):
             missing = f": {gap} between them are not in the recording" if gap > 0 else ""
             message = f"frame {tick.k} follows frame {previous.tick.k}{missing}"
             yield self._difference(recorded, message)

@@ -32,6 +32,11 @@ def example_block(program: Program, contract: str, trace: Trace, name: str | Non
     before: Mapping[str, Value] = {}
     for snapshot in trace.snapshots:
         given = [g for s in sensors.values() for g in _given(s, before.get(s.name), snapshot.readings)]
+        if snapshot.restarted:
+            is_true = ast.Boolean(value=True)
+            given.insert(
+                0, ast.GivenDecl(sensor=ast.Reference(path=("restarted",)), index=None, value=is_true)
+            )
         if None in given:
             return None
         steps.append(

@@ -20,7 +20,8 @@ def frame_row(sensors: Iterable[Sensor], snapshot: Snapshot) -> dict[str, object
     """
     by_name = {sensor.name: sensor for sensor in sensors}
     readings = {name: _plain(by_name[name], value) for name, value in snapshot.readings.items()}
-    return {"t": snapshot.t_ns / 1e9, **readings}
+    restarted = {"restarted": True} if snapshot.restarted else {}
+    return {"t": snapshot.t_ns / 1e9, **restarted, **readings}
 
 
 def outcome_row(program: Program, outcome: Outcome) -> dict[str, object]:

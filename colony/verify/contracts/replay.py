@@ -86,7 +86,9 @@ class Replay:
         """Yield the outcome of each frame, with the interpreter as it is after that frame."""
         interpreter = Interpreter(self.program)
         for snapshot in snapshots:
-            yield interpreter.step_in_base_units(snapshot.t_ns, self._readings(snapshot)), interpreter
+            readings = self._readings(snapshot)
+            outcome = interpreter.step_in_base_units(snapshot.t_ns, readings, restarted=snapshot.restarted)
+            yield outcome, interpreter
 
     def _readings(self, snapshot: Snapshot) -> dict[str, Value]:
         readings = dict(snapshot.readings)

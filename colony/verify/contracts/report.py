@@ -172,5 +172,6 @@ def readable_frames(
             f"{a.name} {decision_text(a, d)}"
             for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
         )
-        events = "; ".join((f"t = {snapshot.t_ns / 1e9:.9g} s", *decided))
+        restarted = ("restarted",) if snapshot.restarted else ()
+        events = "; ".join((f"t = {snapshot.t_ns / 1e9:.9g} s", *restarted, *decided))
         yield events, {n: reading_text(sensors[n], value) for n, value in snapshot.readings.items()}

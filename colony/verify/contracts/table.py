@@ -26,7 +26,7 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
         decisions = {d.actuator: d for d in outcome.decisions}
         rows.append(
             [
-                str(seconds(snapshot.t_ns)),
+                f"{seconds(snapshot.t_ns)}{', restarted' if snapshot.restarted else ''}",
                 *(reading_text(s, snapshot.readings.get(s.name)) for s in sensors),
                 *(_answer_text(program, m, snapshot) for m in modules),
                 *(decision_text(a, decisions[name]) for name, a in actuators.items()),

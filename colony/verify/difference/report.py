@@ -79,7 +79,7 @@ def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
     for snapshot, outcome_a, outcome_b in zip(result.snapshots, result.a, result.b, strict=True):
         rows.append(
             [
-                str(seconds(snapshot.t_ns)),
+                f"{seconds(snapshot.t_ns)}{', restarted' if snapshot.restarted else ''}",
                 *(reading_text(sensors[n], snapshot.readings.get(n)) for n in shown_sensors),
                 *(str(snapshot.answers.get(m, "nothing") or "no answer") for m in answers),
                 *_sent(a, b, result, outcome_a, outcome_b),

@@ -66,7 +66,9 @@ def _breaches(program: Program, trace: Sequence[Snapshot]) -> set[str]:
     """Return the claims that one run breaks."""
     interpreter, found = Interpreter(program), set[str]()
     for snapshot in trace:
-        outcome = interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
+        outcome = interpreter.step_in_base_units(
+            snapshot.t_ns, snapshot.readings, restarted=snapshot.restarted
+        )
         found.update(outcome.breaches)
         if len(found) == len(program.contracts):
             break

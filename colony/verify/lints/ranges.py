@@ -63,7 +63,7 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
             continue
         interpreter = Interpreter(case.instrumented, answers_given=True)
         for snapshot in trace.snapshots:
-            interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
+            interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings, restarted=snapshot.restarted)
         value = interpreter.value_of(command_of(module, i))
         assert isinstance(value, float)
         assert module.command is not None

@@ -36,6 +36,7 @@ class FrameValues:
     t_ns: int
     first_ns: int
     states: Mapping[str, ScalarValue]  # old values, by `name` or `module.name`; machines too
+    restarted: bool = False
     sensors: dict[str, Value] = field(default_factory=dict)
     fresh: set[str] = field(default_factory=set)  # sensors with a reading, not a default
     derived: dict[str, Value] = field(default_factory=dict)
@@ -119,8 +120,9 @@ def leaf(e: ir.Expression, frame_values: FrameValues, loop: Loop) -> Value:
             return frame_values.states[name]
         case ir.LoopIndex(name=name):
             return float([k for variable, k in loop if variable == name][-1])
-        case ir.Now():
-            return (frame_values.t_ns - frame_values.first_ns) / 1e9
+        case ir.Now() | ir.Restarted():
+            now = (frame_values.t_ns - frame_values.first_ns) / 1e9
+            return now if isinstance(e, ir.Now) else frame_values.restarted
         case ir.Fresh(name=name, derived=derived):
             return name in frame_values.derived if derived else name in frame_values.fresh
         case ir.SentField(actuator=actuator, field_index=i):

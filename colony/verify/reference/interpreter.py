@@ -94,14 +94,18 @@ class Interpreter:
         sensors = self.program.robot.sensors
         given = self._last | dict(frame.readings)
         readings = {s.name: age_checked(s, given.get(s.name), frame) for s in sensors}
-        return self._run_frame(frame.t_ns, readings, {s.name: s.factor for s in sensors})
+        factors = {s.name: s.factor for s in sensors}
+        return self._run_frame(frame.t_ns, readings, factors, restarted=frame.restarted)
 
-    def step_in_base_units(self, t_ns: int, readings: Mapping[str, Reading]) -> Outcome:
+    def step_in_base_units(
+        self, t_ns: int, readings: Mapping[str, Reading], *, restarted: bool = False
+    ) -> Outcome:
         """Execute one frame with readings in base units, as tests and proofs give them."""
         sensors = self.program.robot.sensors
         factors = {s.name: s.factor for s in sensors}
         last = {n: x if isinstance(x, bool) else x * factors[n] for n, x in self._last.items()}
-        return self._run_frame(t_ns, last | dict(readings), {s.name: 1.0 for s in sensors})
+        base = {s.name: 1.0 for s in sensors}
+        return self._run_frame(t_ns, last | dict(readings), base, restarted=restarted)
 
     def value_of(self, expression: Expression) -> Known:
         """Return the value of a contract or expectation in the last frame, None where it is unknown.
@@ -131,13 +135,16 @@ class Interpreter:
         """Return True if a failsafe module was active in the last frame without an answer."""
         return module in self._blind
 
-    def _run_frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
+    def _run_frame(
+        self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float], *, restarted: bool
+    ) -> Outcome:
         last = self._moment
         frame_values = self._moment = FrameValues(
             number=1 if last is None else last.number + 1,
             t_ns=t_ns,
             first_ns=t_ns if last is None else last.first_ns,
             states=self._states,
+            restarted=restarted,
         )
         self._next_states, self._silent, self._blind = {}, set(), set()
         records: list[Record] = []

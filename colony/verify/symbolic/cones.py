@@ -64,7 +64,7 @@ def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
 
 def whole_cone(system: System) -> Cone:
     """Return all of a system as a cone, including unused inputs."""
-    everything: list[z3.ExprRef] = [system.now, *(c.old for c in system.cells)]
+    everything: list[z3.ExprRef] = [system.now, system.restarted, *(c.old for c in system.cells)]
     everything += [*system.assumptions, *system.definitions]
     for sensor in system.sensors.values():
         everything += [sensor.present, *_parts(sensor.elements)]

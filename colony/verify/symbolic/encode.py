@@ -51,6 +51,7 @@ def _encode(program: Program, builder: Builder) -> System:
         now=frame_values.now,
         begun=frame_values.begun,
         last=frame_values.last,
+        restarted=frame_values.restarted,
         sensors=sensors,
         python=python,
         cells=tuple(builder.cells),

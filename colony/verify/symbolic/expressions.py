@@ -136,8 +136,9 @@ class Expressions:
                 return frame_values.states[name]
             case ir.LoopIndex(name=name):
                 return constant(float([k for variable, k in self.loop if variable == name][-1]))
-            case ir.Now():
-                return seconds(frame_values.now, self.builder, e.span)
+            case ir.Now() | ir.Restarted():
+                is_now = isinstance(e, ir.Now)
+                return seconds(frame_values.now, self.builder, e.span) if is_now else frame_values.restarted
             case ir.Fresh(name=name, derived=derived):
                 return negation(frame_values.derived[name][0]) if derived else frame_values.present[name]
             case ir.SentField(actuator=actuator, field_index=i):

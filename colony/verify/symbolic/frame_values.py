@@ -22,6 +22,7 @@ class FrameValues:
     now: z3.ArithRef
     begun: z3.BoolRef  # there was an earlier frame
     last: z3.ArithRef  # time of the previous frame
+    restarted: z3.BoolRef  # memory was lost before this frame
     sensors: dict[str, Term] = field(default_factory=dict)
     present: dict[str, z3.BoolRef] = field(default_factory=dict)  # sensors with a reading
     missing: dict[str, z3.BoolRef] = field(default_factory=dict)  # sensors with neither value nor default

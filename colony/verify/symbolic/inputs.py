@@ -31,17 +31,21 @@ from colony.verify.symbolic.system import (
 
 
 def begin(builder: Builder) -> FrameValues:
-    """Begin the encoding of a frame with its time: 0 in the first frame, then strictly increasing."""
-    now = z3.Int("now")
+    """Begin the encoding of a frame with its time: 0 in the first frame, then strictly increasing.
+
+    Only in the first frame, in which all memory is initial, `restarted` may be true.
+    """
+    now, restarted = z3.Int("now"), z3.Bool("restarted")
     begun_name, last_name = builder.name("begun"), builder.name("last")
     begun = cast(z3.BoolRef, builder.open_cell(begun_name, z3.BoolSort(), FALSE))
     last = cast(z3.ArithRef, builder.open_cell(last_name, z3.IntSort(), integer(0)))
     builder.close_cell(begun_name, TRUE)
     builder.close_cell(last_name, now)
     builder.assume(now, choice(begun, cast(z3.BoolRef, now > last), cast(z3.BoolRef, now == 0)))
+    builder.assume(restarted, implied(restarted, negation(begun)))
     builder.invariant(last, cast(z3.BoolRef, last >= 0))
     builder.invariant(last, z3.Or(begun, last == 0))
-    return FrameValues(now=now, begun=begun, last=last)
+    return FrameValues(now=now, begun=begun, last=last, restarted=restarted)
 
 
 # --- sensors -------------------------------------------------------------------------------------

@@ -243,7 +243,8 @@ class System:
     """A program as a transition system.
 
     `now` is the time of the frame and an input, 0 in the first; `begun` is a cell, false before the first
-    frame, and `last` the cell with the previous frame's time. `assumptions` (sensors in range, increasing
+    frame, and `last` the cell with the previous frame's time. `restarted` is an input, true at most in the
+    first frame. `assumptions` (sensors in range, increasing
     time, bounds of abstracted functions) and `definitions` (`constant == term`) hold in every frame.
     `invariants` hold for the cells before every reachable frame, and are inductive: they may be assumed in an
     induction. `facts` gives, by the id of a term, the formulas of the three groups that are about it; a
@@ -255,6 +256,7 @@ class System:
     now: z3.ArithRef
     begun: z3.BoolRef
     last: z3.ArithRef
+    restarted: z3.BoolRef
     sensors: Mapping[str, SensorInput]
     python: Mapping[str, PythonInput]
     cells: tuple[Cell, ...]

@@ -43,7 +43,8 @@ def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:
             model, unrolling.at(i, python_input.answers)
         ):
             answers[name] = tuple(value_in(model, unrolling, i, x) for x in python_input.fields)
-    return Snapshot(_time_ns(model, unrolling, i), readings, answers)
+    restarted = system.restarted.get_id() in visited and _truth(model, unrolling.at(i, system.restarted))
+    return Snapshot(_time_ns(model, unrolling, i), readings, answers, restarted)
 
 
 def _time_ns(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:

@@ -17,8 +17,10 @@ def snapshots_of(program: Program, example: Example) -> tuple[Snapshot, ...]:
     expectations.
     """
     return tuple(
-        Snapshot(t_ns, {name: value for name, value in given.items() if value is not None})
-        for t_ns, given in _given(program, example)
+        Snapshot(
+            t_ns, {name: value for name, value in given.items() if value is not None}, restarted=restarted
+        )
+        for t_ns, given, restarted in _given(program, example)
     )
 
 
@@ -26,17 +28,22 @@ def frames_of(program: Program, example: Example) -> tuple[Frame, ...]:
     """Return the same frames in declared units."""
     factors = {s.name: s.factor for s in program.robot.sensors}
     return tuple(
-        Frame(t_ns, {name: _declared(value, factors[name]) for name, value in given.items()})
-        for t_ns, given in _given(program, example)
+        Frame(
+            t_ns,
+            {name: _declared(value, factors[name]) for name, value in given.items()},
+            restarted=restarted,
+        )
+        for t_ns, given, restarted in _given(program, example)
     )
 
 
-def _given(program: Program, example: Example) -> Iterator[tuple[int, dict[str, Value | None]]]:
+def _given(program: Program, example: Example) -> Iterator[tuple[int, dict[str, Value | None], bool]]:
     readings = GivenReadings(program)
     for step in example.steps:
         for given in step.given:
             readings.give(given, step.times_ns[0])
-        yield from ((t_ns, readings.at(t_ns)) for t_ns in step.times_ns)
+        for i, t_ns in enumerate(step.times_ns):
+            yield t_ns, readings.at(t_ns), step.restarted and i == 0
 
 
 class GivenReadings:

@@ -109,6 +109,7 @@ def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapsho
             times_ns=(snapshot.t_ns,),
             given=tuple(Given(sensor=n, index=None, value=snapshot.readings.get(n)) for n in names),
             expectations=(),
+            restarted=snapshot.restarted,
         )
         for snapshot in snapshots
     )
@@ -163,8 +164,10 @@ class _Run:
     def step(self, step: Step) -> None:
         for given in step.given:
             self.give(given, step.times_ns[0])
-        for t_ns in step.times_ns:
-            outcome = self.interpreter.step_in_base_units(t_ns, self.readings.at(t_ns))
+        for number, t_ns in enumerate(step.times_ns):
+            outcome = self.interpreter.step_in_base_units(
+                t_ns, self.readings.at(t_ns), restarted=step.restarted and number == 0
+            )
             self.frames += 1
             for contract in self.program.contracts:
                 if contract.name in outcome.breaches:
@@ -262,6 +265,8 @@ class _Run:
                 yield f"{name} = {shown(value, leaf.type, unit)}" if is_known(value) else f"{name} is missing"
             case ir.Fresh(name=name):
                 yield f"{name} is {'' if self.interpreter.value_of(leaf) else 'not '}fresh"
+            case ir.Restarted():
+                yield "restarted" if self.interpreter.value_of(leaf) else "not restarted"
             case ir.IsActive(name=name):
                 yield f"{name} is {'' if self.interpreter.value_of(leaf) else 'not '}active"
             case _:

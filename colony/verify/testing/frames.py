@@ -39,8 +39,9 @@ def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Fra
         frames[-1].t_ns + choices.pick(gaps) if frames else choices.pick((0, 1_000_000_000, 1, -50_000_001))
     )
     while not frames or (len(frames) < max_frames and choices.up_to(14) > 0):
+        restarted = not frames and reads_restarted(program) and choices.one_in(2)
         readings = {name: choices.pick(pool) for name, pool in pools.items()}
-        frames.append(Frame(t_ns, _some_sent(choices, program, readings)))
+        frames.append(Frame(t_ns, _some_sent(choices, program, readings), restarted=restarted))
         t_ns += choices.pick(gaps)
     return tuple(frames)
 
@@ -77,6 +78,11 @@ def sensors_read(program: Program) -> frozenset[str]:
             case _:
                 pass
     return frozenset(found)
+
+
+def reads_restarted(program: Program) -> bool:
+    """Return True if some expression reads `restarted`."""
+    return any(isinstance(node, ir.Restarted) for node in all_subexpressions(program))
 
 
 # --- times ---------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ class PythonExecutor:
 
     def step(self, frame: Frame) -> Outcome:
         """Execute one frame."""
-        decisions, records, breaches = self._step(frame.t_ns, frame.readings, frame.taken_ns)
+        decisions, records, breaches = self._step(frame.t_ns, frame.readings, frame.taken_ns, frame.restarted)
         return Outcome(tuple(map(Decision._make, decisions)), tuple(map(Record._make, records)), breaches)
 
     def restart(self) -> None:

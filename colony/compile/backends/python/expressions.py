@@ -18,6 +18,7 @@ from colony.execute.code import (
     PythonActive,
     PythonBlind,
     PythonField,
+    Restarted,
     SensorElement,
     SensorFresh,
     Sent,
@@ -93,6 +94,8 @@ class Expressions:
                 return Text(names.fresh[sensor])
             case FrameTime():
                 return Text("t")
+            case Restarted():
+                return Text("restarted")
             case PythonActive(module=module) if module in names.python_active:
                 return Text(names.python_active[module])
             case PythonBlind(module=module) if module in names.python_active:

@@ -136,14 +136,15 @@ class _Generator:
         self.blank()
 
     def step(self) -> None:
-        self.add(1, "def step(self, t_ns, readings, taken_ns=None):")
+        self.add(1, "def step(self, t_ns, readings, taken_ns=None, restarted=False):")
         self.add(2, '"""Decisions, records and broken contracts of the frame at `t_ns`.')
         self.blank()
         self.add(
             2,
             "`readings` are in declared units; a sensor that is absent, or None, is missing. `taken_ns`",
             "has when readings were taken, by the clock of `t_ns`: one that is older than its sensor's",
-            "`within` is missing. Without it readings are of now.",
+            "`within` is missing. Without it readings are of now. `restarted` is true in the first frame",
+            "after memory was lost.",
             '"""',
         )
         ages = f"    readings = of_age(t_ns, readings, taken_ns, {age_limits(self.code.sensors)})"

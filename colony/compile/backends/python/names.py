@@ -19,6 +19,7 @@ _RESERVED_VARIABLES = frozenset(
         "t_ns",
         "readings",
         "taken_ns",
+        "restarted",
         "records",
         "breaches",
         "reading",
