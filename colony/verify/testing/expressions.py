@@ -61,7 +61,8 @@ class Expressions:
             if fresh and self.choices.one_in(6):
                 return self.choices.pick(fresh)
             read = [*self.atoms(BOOL), *self.scope.contract_conditions]
-            return self.choices.pick(("true", "false") if not read or self.choices.one_in(8) else read)
+            constants = ("true", "false", "restarted")
+            return self.choices.pick(constants if not read or self.choices.one_in(8) else read)
         makers: list[Callable[[int], str]] = [self._comparison, self._logic, self._comparison]
         if self.scope.memory:
             makers += [self._bool_memory, self._bool_memory]

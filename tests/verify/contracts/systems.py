@@ -31,6 +31,7 @@ def system(
         now=NOW,
         begun=BEGUN,
         last=LAST,
+        restarted=z3.Bool("restarted"),
         sensors={},
         python={},
         cells=(

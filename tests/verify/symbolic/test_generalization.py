@@ -99,6 +99,7 @@ def _facts(drawn: Program, system: System, interpreter: Interpreter) -> Iterator
     frame_values = interpreter._moment
     assert frame_values is not None
     yield system.now == frame_values.t_ns - frame_values.first_ns
+    yield system.restarted == frame_values.restarted
     for sensor in drawn.robot.sensors:
         terms = system.sensors[sensor.name]
         there = sensor.name in frame_values.fresh

@@ -121,7 +121,8 @@ class _Run:
         frame_values = self.interpreter._moment
         assert frame_values is not None
         given: dict[int, Known | OpenTermError] = {
-            self.system.now.get_id(): Real(Fraction(frame_values.t_ns - frame_values.first_ns))
+            self.system.now.get_id(): Real(Fraction(frame_values.t_ns - frame_values.first_ns)),
+            self.system.restarted.get_id(): frame_values.restarted,
         }
         for sensor in self.program.robot.sensors:
             terms = self.system.sensors[sensor.name]

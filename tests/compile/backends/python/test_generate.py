@@ -63,7 +63,7 @@ def _imports(source: str) -> set[str]:
 
 
 def _step(source: str) -> str:
-    return source[source.index("    def step(self, t_ns, readings, taken_ns=None):") :]
+    return source[source.index("    def step(self, t_ns, readings, taken_ns=None, restarted=False):") :]
 
 
 def test_it_reads_like_the_program() -> None:
