@@ -102,6 +102,7 @@ class Clock:
         self._fetch_budget = FetchBudget()
         self._restart = False
         self._begun_run = self._newest_run = ""
+        self._resumption = Resumption("")
         self._gaps: tuple[tuple[int, int], ...] = ()
         self._decided: set[str] = set()
         self._wake_ns: int | None = None
@@ -183,10 +184,13 @@ class Clock:
         self._answers.frame_received(server, k, since)
 
     def _take_ready(self, ready: Ready, now_ns: int) -> None:
+        by_observer = ready.client == topics.OBSERVER
+        if self._deployment is None and by_observer and ready.run != self._resumption.run:
+            self._resumption = Resumption(ready.run)  # its leader has yet to deploy the program again
+        if ready.run == self._resumption.run and (by_observer or ready.client in self._registry):
+            self._resumption.take(ready.client, ready.progress)
         if self._deployment is None or ready.run != self._deployment.run:
             return
-        if ready.client in self._registry or ready.client == topics.OBSERVER:
-            self._resumption.take(ready.client, ready.progress)
         self._registry.mark_ready(ready.client)
         if ready.k >= 0:
             self._registry.renew(ready.client, now_ns)
@@ -236,7 +240,8 @@ class Clock:
         watched = (*self._watched_servers(), *announcers)
         self._liveness = Liveness(watched, lease_ns=lease_ns, now_ns=now_ns)
         self._answers = TickAnswers(watched, frames_kept=self._frames_kept)
-        self._resumption = Resumption()
+        if self._resumption.run != self._run:
+            self._resumption = Resumption(self._run)
         self._restarts = 0
         if deployment is not None and self._tick.k < 0:
             self._due_ns = now_ns + IDLE_FRAME_NS  # a program is deployed: no idle frame before it

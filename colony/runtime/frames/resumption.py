@@ -31,7 +31,8 @@ class ResumedEpoch(NamedTuple):
 class Resumption:
     """The progress of the nodes of one run, as far as they have reported it. Mutable."""
 
-    def __init__(self) -> None:
+    def __init__(self, run: str) -> None:
+        self.run = run
         self._reports: dict[str, Progress] = {}
 
     @property

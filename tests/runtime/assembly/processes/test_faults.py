@@ -212,3 +212,20 @@ def test_all_is_back_within_two_seconds_of_a_restart(run: Run, name: str) -> Non
         return run.now() - began
 
     best(measure, 2 * SECOND, f"all is back after a restart of {name}")
+
+
+@pytest.mark.parametrize("others", [(), ("client",)], ids=["alone", "with clients"])
+def test_a_clock_that_is_killed_goes_on_in_the_epoch(run: Run, others: tuple[str, ...]) -> None:
+    """Where the clients die with it, they have their memory from checkpoints, across the gap."""
+    run.goes_on()
+    time.sleep(0.6)  # a checkpoint is there
+    last = run.ticks[-1]
+    victims = ["Clock", *(run.process_of(run.driving()) for _ in others)]
+    pids = {victim: run.signal(victim, KILL)[0] for victim in victims}
+    until(lambda: all(run.pid(v) not in (None, pids[v]) for v in victims), "they are started again")
+    run.goes_on()
+    ticks = [t for t in tuple(run.ticks) if t.run == last.run and t.k > last.k]
+    assert {t.start for t in ticks} == {last.start}
+    assert not any(t.restarted for t in ticks)
+    (again,) = [t for t in ticks if t.previous != t.k - 1]
+    assert again.previous >= last.k
