@@ -65,7 +65,8 @@ class VirtualExecutor:
         self._frame = frame
         self._k += 1
         self._transport.run_until(t_ns)
-        self._transport.inject(topics.TICKS, Tick(k=self._k, t_ns=t_ns, start=self._start, run=RUN))
+        tick = Tick(k=self._k, t_ns=t_ns, start=self._start, run=RUN, restarted=frame.restarted)
+        self._transport.inject(topics.TICKS, tick)
         self._transport.run_until(t_ns + 1)
         return self._outcome(self._take_log())
 

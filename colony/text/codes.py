@@ -48,6 +48,7 @@ CODES: dict[str, str] = {
     "F006": "an array of the wrong length in a frame",
     "F007": "the frames are not text",
     "F008": "the frames cannot be read",
+    "F009": "`restarted` is not true or false in a frame",
     "R001": "an unknown server",
     "R002": "an unknown field of a server",
     "R003": "the type is not that of the server",

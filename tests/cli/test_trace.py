@@ -73,6 +73,7 @@ def test_all_memory_begins_anew_at_a_restart(colony: Colony, behavior: Path, bac
         ('{"near": 3, "t": 0.5}', "2:13", "F004", "0.5 s follows 0.5 s"),
         ('{"t": 0.25}', "2:2", "F004", "time must increase"),
         ('{"t": 1, "neer": 3}', "2:10", "F005", "unknown sensor `neer` (did you mean `near`?)"),
+        ('{"t": 1, "restarted": 1}', "2:10", "F009", '"restarted" must be true or false, found a number'),
         ('{"t": 1, "rays": [1, 2]}', "2:10", "F006", "`rays` must have 3 elements, found 2"),
         ('{"t": 1, "near": ' + "[" * 100_000, "2:1", "F001", "nested too deeply"),
         ('{"t": 1, "near": ' + "9" * 5000 + "}", "2:1", "F001", "too many digits"),

@@ -65,10 +65,7 @@ def test_all_executors_read_it_from_the_frame() -> None:
     ]
     alone = [f._replace(restarted=False) for f in TRACE]
     assert [o.commands["drive"].by for o in outcomes(program(), alone, ALL_EXECUTORS)] == [
-        None,
-        "go",
-        "go",
-        "go",
+        *(None, None, "go", "go")
     ]
 
 

@@ -60,7 +60,7 @@ class Rows:
     Raises:
         DiagnosticError: during iteration, at the first bad line. Codes: F001 not JSON, F002 not an object,
             F003 no valid time, F004 time does not increase, F005 unknown sensor, F006 wrong length, F007 not
-            text; A007 of another version of the semantics.
+            text, F009 `restarted` is not a bool; A007 of another version of the semantics.
     """
 
     def __init__(self, lines: Iterable[bytes], name: str, program: Program) -> None:
@@ -161,7 +161,11 @@ class _RowParser:
         self._check_semantics(number, text, row)
         t_ns = self._time(number, text, row)
         readings = {key: row[key] for key in row if self._is_reading(number, text, row, key)}
-        return Row(number, text, Frame(t_ns, readings, restarted=row.get("restarted") is True), row)
+        restarted = row.get("restarted", False)
+        if not isinstance(restarted, bool):
+            message = f'"restarted" must be true or false, found {_kind(restarted)}'
+            raise self._failure("F009", number, text, self._offset(text, "restarted"), message)
+        return Row(number, text, Frame(t_ns, readings, restarted=restarted), row)
 
     def _text(self, number: int, data: bytes) -> str:
         try:

@@ -28,6 +28,7 @@ def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PAT
     robot, broken = replay.program.robot, tuple(snapshots)[: len(replay.run(snapshots))]
     shrinker = Shrinker(robot, broken, replay.breach, _SimplerReadings(), replay.affordable_runs(patience))
     shrinker.run()
+    shrinker.take(tuple(s._replace(restarted=False) for s in shrinker.trace))
     for module in dict.fromkeys(m for s in shrinker.trace for m in s.answers):
         for i, snapshot in enumerate(shrinker.trace):
             fewer = {m: a for m, a in snapshot.answers.items() if m != module}

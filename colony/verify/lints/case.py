@@ -14,7 +14,7 @@ from colony.verify.difference.content import Contents, Table
 from colony.verify.lints.bounds import with_named_bounds
 from colony.verify.lints.network import NamedNetwork, network
 
-_READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fresh)
+_READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fresh, ir.Restarted)
 
 
 @dataclass(frozen=True, slots=False, kw_only=True)
