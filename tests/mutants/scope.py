@@ -9,6 +9,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 FRAMES = (
     *("frames/clock", "frames/registry", "frames/liveness", "frames/assembler", "frames/membership"),
+    "frames/resumption",
     *("clients/client", "clients/memory"),
 )
 """Ticks and epochs, who lives, frames put together from what arrives, what a client remembers."""
@@ -25,6 +26,7 @@ RUNTIME_TESTS = (
         "frames/test_clock_stop",
         "frames/test_assembler",
         "frames/test_assembler_bounds",
+        "frames/test_resumption",
     ),
     *("frames/test_membership", "clients/test_client", "clients/test_client_bounds", "clients/test_memory"),
     *("arbitration/test_arbiter", "arbitration/test_arbiter_bounds", "arbitration/test_promises"),

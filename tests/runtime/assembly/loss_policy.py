@@ -72,10 +72,10 @@ def drawn(number: int, degrade: bool) -> Drawn:
     return Drawn(program, trace)
 
 
-def plan(robot: Robot, random: Random, until_ns: int) -> None:
-    """Kill, freeze and revive processes; at `until_ns` all live."""
+def plan(robot: Robot, random: Random, until_ns: int, often: str | None) -> None:
+    """Kill, freeze and revive processes, one of them `often`; at `until_ns` all live."""
     for _ in range(random.choice((0, 1, 1, 2, 3, 5))):
-        process = random.choice(robot.processes)
+        process = often if often and random.random() < 0.6 else random.choice(robot.processes)
         at = random.randrange(until_ns)
         back = min(until_ns, at + random.choice((0, 30, 200, 600, 1500, 4000)) * MS)
         do = robot.kill if random.random() < 0.6 else robot.freeze
@@ -96,8 +96,8 @@ def link(seed: int, random: Random, until_ns: int, robot: list[Robot]) -> Faults
     return Faults(seed, rates, exempt=spared)
 
 
-def run(seed: int, *, degrade: bool = False) -> Counter[str]:
-    """One seed; gives what happened in it.
+def run(seed: int, *, degrade: bool = False, often: str | None = None) -> Counter[str]:
+    """One seed; gives what happened in it. The process `often` fails more often than others.
 
     Raises:
         AssertionError: the policy does not hold; the message begins with the seed.
@@ -111,7 +111,7 @@ def run(seed: int, *, degrade: bool = False) -> Counter[str]:
     isolate = seed % 2 == 1
     robot = Robot(what.program, what.trace, frame_ns=frame_ns, seed=seed, link=faults, isolate=isolate)
     made.append(robot)
-    plan(robot, random, until_ns)
+    plan(robot, random, until_ns, often)
     try:
         robot.run(FAULTY + max(QUIET, 4_500 * MS // frame_ns))
         return check(robot)
@@ -296,11 +296,12 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--degrade", action="store_true", help="lesser behaviors take over")
+    parser.add_argument("--often", help="the process that fails most often")
     options = parser.parse_args()
     totals, failed, began = Counter[str](), 0, time.monotonic()
     for seed in range(options.first, options.first + options.seeds):
         try:
-            totals += run(seed, degrade=options.degrade)
+            totals += run(seed, degrade=options.degrade, often=options.often)
         except AssertionError as problem:
             failed += 1
             print(problem, file=sys.stderr)

@@ -35,6 +35,14 @@ def test_degrade() -> None:
     assert totals["commands"] > 100
 
 
+@pytest.mark.parametrize("degrade", [False, True])
+def test_the_clock_fails_most_often(degrade: bool) -> None:
+    totals = Counter[str]()
+    for seed in range(20):
+        totals += run(seed, degrade=degrade, often="Clock")
+    assert totals["gaps"] > 10
+
+
 # --- would it notice? --------------------------------------------------------------------------------
 
 
@@ -43,7 +51,7 @@ def restored_without_catching_up(patch: pytest.MonkeyPatch) -> None:
     resume = FrameAssembler.resume
 
     def wrong(self: FrameAssembler, k: int) -> tuple[Effect, ...]:
-        return resume(self, self.latest)
+        return resume(self, self.latest - 1)
 
     patch.setattr(FrameAssembler, "resume", wrong)
 

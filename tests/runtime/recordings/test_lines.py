@@ -235,7 +235,7 @@ def test_zeros_at_the_end_are_damage() -> None:
     ("members", "column", "version"),
     [
         ('"@tick": 0', 10, "1"),
-        ('"@tick": 0, "@semantics": 3', 22, "3"),
+        ('"@tick": 0, "@semantics": 2', 22, "2"),
         ('"@semantics": 1', 10, "1"),
         ('"@semantics": null', 10, "None"),
         ('"@semantics": "2"', 10, "2"),
@@ -252,7 +252,7 @@ def test_lines_of_another_version_of_the_semantics_are_refused(
 
 
 def test_a_damaged_version_is_damage() -> None:
-    assert rows(at(0), at(1).replace('tics": 2', 'tics": 3'), at(2)) == ([0.0, 2.0], False, False)
+    assert rows(at(0), at(1).replace('tics": 3', 'tics": 4'), at(2)) == ([0.0, 2.0], False, False)
 
 
 def test_frames_that_nobody_recorded_need_no_version() -> None:
