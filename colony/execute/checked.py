@@ -9,7 +9,7 @@ from typing import Any
 
 from colony.execute.executor import ProgramExecutor
 from colony.execute.validity import MAX_TIME_NS
-from colony.ir.frame import Answer, Frame, Outcome
+from colony.ir.frame import NOTHING_GIVEN, Answer, Frame, Given, Outcome
 
 
 class CheckedExecutor(ProgramExecutor):
@@ -17,7 +17,12 @@ class CheckedExecutor(ProgramExecutor):
 
     _last_ns: int | None = None
 
-    def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
+    def step(
+        self,
+        frame: Frame,
+        answers: Mapping[str, Answer] | None = None,
+        given: Mapping[str, Given] = NOTHING_GIVEN,
+    ) -> Outcome:
         """Execute one frame and return its outcome.
 
         Raises:
@@ -26,7 +31,7 @@ class CheckedExecutor(ProgramExecutor):
         """
         checked = checked_frame(frame, self._last_ns)
         self._last_ns = checked.t_ns
-        return super().step(checked, answers)
+        return super().step(checked, answers, given)
 
     def restart(self) -> None:
         """Restart from the initial memory; the next frame may have any time."""

@@ -7,17 +7,22 @@ from typing import Any, NamedTuple
 from colony.execute.code import ActuatorCode, ClientCode
 from colony.execute.intake import Records
 from colony.execute.settle import settle
+from colony.ir.frame import Given
 from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
 
 
 class ActuatorDecision(NamedTuple):
-    """A decision with the command sent in base units, None if nothing is sent."""
+    """A decision with the command sent in base units, None if nothing is sent.
+
+    `is_commanded` is true if the command is the winner's, or that of somebody outside the network.
+    """
 
     by: str | None
     sent: tuple[ScalarValue, ...] | None
     fault: str | None
     records: Records
+    is_commanded: bool = False
 
 
 def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any]) -> ActuatorDecision:
@@ -34,7 +39,14 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
         if values[limit.applies]
     )
     fault, sent, records = settle(actuator.actuator.name, winner.module, command, fields, limits, idle, ())
-    return ActuatorDecision(winner.module, sent, fault, records)
+    return ActuatorDecision(winner.module, sent, fault, records, fault is None)
+
+
+def decide_given(actuator: Actuator, given: Given) -> ActuatorDecision:
+    """Return the decision for an actuator that was given something else than the network decided."""
+    if given.values is None:
+        return ActuatorDecision(None, actuator.idle, None, ())
+    return ActuatorDecision(None, given.values, None, (), is_commanded=True)
 
 
 def field_bounds(actuator: Actuator) -> tuple[tuple[str, float, float | None, float | None], ...]:

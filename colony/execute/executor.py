@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 from colony.execute.code import ActuatorCode, ClientCode, Kind
 from colony.execute.compiled import Compiled
-from colony.execute.decisions import decide
+from colony.execute.decisions import decide, decide_given
 from colony.execute.machine import OpMachine
 from colony.execute.needs import ClientKey, needs_of_clients, python_modules
 from colony.execute.views import clients_view, module_view, unsimplified_view, whole_view
-from colony.ir.frame import Answer, Bid, Decision, Frame, Outcome, Record
+from colony.ir.frame import NOTHING_GIVEN, Answer, Bid, Decision, Frame, Given, Outcome, Record
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue
@@ -53,14 +53,22 @@ class ProgramExecutor:
         self._sent = tuple((s.name, *s.sent) for s in self.code.sensors if s.sent is not None)
         self.restart()
 
-    def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
-        """Execute one frame; return the decision for each actuator, the records and the broken contracts."""
+    def step(
+        self,
+        frame: Frame,
+        answers: Mapping[str, Answer] | None = None,
+        given: Mapping[str, Given] = NOTHING_GIVEN,
+    ) -> Outcome:
+        """Execute one frame; return the decision for each actuator, the records and the broken contracts.
+
+        `given` is what actuators were given, by actuator, where that is not what the network decided.
+        """
         machine, code = self._machine, self.code
         if self._sent:
             frame = frame._replace(readings={**self._last, **frame.readings})
         machine.begin(frame, answers)
         machine.run()
-        decisions = tuple(self._decide(actuator) for actuator in code.actuators)
+        decisions = tuple(self._decide(actuator, given) for actuator in code.actuators)
         machine.run_after_decisions()
         values = machine.values
         breaches = tuple(c.name for c in code.contracts if not values[c.holds])
@@ -115,9 +123,12 @@ class ProgramExecutor:
         self._machine.first_ns = memory.first_ns
         self._last = dict(memory.last)
 
-    def _decide(self, actuator: ActuatorCode) -> Decision:
+    def _decide(self, actuator: ActuatorCode, given: Mapping[str, Given]) -> Decision:
         winner = self._winner(actuator)
-        decided = decide(actuator, winner, self._machine.values)
+        if actuator.actuator.name in given:
+            decided = decide_given(actuator.actuator, given[actuator.actuator.name])
+        else:
+            decided = decide(actuator, winner, self._machine.values)
         self._machine.record_decision(actuator.actuator.name, decided)
         values = in_declared_units(decided.sent, actuator.actuator.fields)
         return Decision(actuator.actuator.name, decided.by, values, decided.fault)

@@ -166,7 +166,7 @@ class OpMachine:
             case Winner(actuator=actuator, module=module):
                 return lambda: decided[actuator].by == module
             case Commanded(actuator=actuator):
-                return lambda: decided[actuator].by is not None and decided[actuator].fault is None
+                return lambda: decided[actuator].is_commanded
             case Sent(actuator=actuator, index=index):
                 return lambda: 0.0 if (sent := decided[actuator].sent) is None else sent[index]
             case _:

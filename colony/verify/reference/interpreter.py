@@ -12,7 +12,17 @@ from typing import assert_never
 
 from colony.ir import program as ir
 from colony.ir.expression import Expression
-from colony.ir.frame import Answer, Decision, Frame, Outcome, Reading, Record, RecordKind
+from colony.ir.frame import (
+    NOTHING_GIVEN,
+    Answer,
+    Decision,
+    Frame,
+    Given,
+    Outcome,
+    Reading,
+    Record,
+    RecordKind,
+)
 from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
 from colony.verify.reference.boundary import (
@@ -57,6 +67,7 @@ class Interpreter:
         self._last: dict[str, ScalarValue] = {}  # values of `last.ACTUATOR.FIELD`, in declared units
         self._moment: FrameValues | None = None
         self._lost: frozenset[str] = frozenset()
+        self._given: Mapping[str, Given] = {}
         self._silent: set[str] = set()
         self._blind: set[str] = set()
         self._unknown: set[str] = set()
@@ -80,27 +91,39 @@ class Interpreter:
         )
 
     def step(
-        self, frame: Frame, lost: frozenset[str] = frozenset(), answers: Mapping[str, Answer] | None = None
+        self,
+        frame: Frame,
+        lost: frozenset[str] = frozenset(),
+        answers: Mapping[str, Answer] | None = None,
+        given: Mapping[str, Given] = NOTHING_GIVEN,
     ) -> Outcome:
         """Execute one frame with readings in declared units.
 
         `lost` are modules whose clients are lost: their commands do not enter the network, as under
         `on_loss degrade`. `answers` are the answers of all Python modules, if the interpreter runs none.
+        `given` is what actuators were given, by actuator, where that is not what the network decided.
 
         Raises:
             KeyError: `answers` lacks a Python module.
         """
-        self._lost, self._answers = lost, answers or {}
+        self._lost, self._answers, self._given = lost, answers or {}, given
         sensors = self.program.robot.sensors
-        given = self._last | dict(frame.readings)
-        readings = {s.name: age_checked(s, given.get(s.name), frame) for s in sensors}
+        found = self._last | dict(frame.readings)
+        readings = {s.name: age_checked(s, found.get(s.name), frame) for s in sensors}
         factors = {s.name: s.factor for s in sensors}
         return self._run_frame(frame.t_ns, readings, factors, restarted=frame.restarted)
 
     def step_in_base_units(
-        self, t_ns: int, readings: Mapping[str, Reading], *, restarted: bool = False
+        self,
+        t_ns: int,
+        readings: Mapping[str, Reading],
+        lost: frozenset[str] = frozenset(),
+        given: Mapping[str, Given] = NOTHING_GIVEN,
+        *,
+        restarted: bool = False,
     ) -> Outcome:
         """Execute one frame with readings in base units, as tests and proofs give them."""
+        self._lost, self._given = lost, given
         sensors = self.program.robot.sensors
         factors = {s.name: s.factor for s in sensors}
         last = {n: x if isinstance(x, bool) else x * factors[n] for n, x in self._last.items()}
@@ -364,6 +387,8 @@ class Interpreter:
         records: list[Record],
     ) -> Decision:
         """Send the winner's command within its bounds, or the idle command where there is no such command."""
+        if actuator.name in self._given:
+            return self._decide_given(actuator, self._given[actuator.name], frame_values)
         winner = frame_values.winners[actuator.name]
         if winner in self._lost:  # failsafe: nobody sends its command, and nobody else's gets through
             winner = frame_values.winners[actuator.name] = None
@@ -388,10 +413,22 @@ class Interpreter:
                 by_range = bounded == (field.high if x > bounded else field.low)
                 kind: RecordKind = "command clamped" if by_range else "limited"
                 records.append(Record(kind, f"{actuator.name}.{field.name}"))
+        self._hold(actuator, sent, frame_values)
+        return Decision(actuator.name, winner, declared)
+
+    def _decide_given(self, actuator: ir.Actuator, given: Given, frame_values: FrameValues) -> Decision:
+        """Return the decision for an actuator that was given something else than the network decided."""
+        frame_values.winners[actuator.name] = None
+        if given.values is None:
+            return self._decide_idle(actuator, None, None, frame_values)
+        self._hold(actuator, given.values, frame_values)
+        return Decision(actuator.name, None, declared_command(actuator, given.values))
+
+    def _hold(self, actuator: ir.Actuator, sent: tuple[ScalarValue, ...], frame_values: FrameValues) -> None:
+        """Record that an actuator was sent a command."""
         frame_values.commanded.add(actuator.name)
         self._held[actuator.name] = {(actuator.name, i): x for i, x in enumerate(sent)}
         frame_values.sent.update(self._held[actuator.name])
-        return Decision(actuator.name, winner, declared)
 
     def _bounds(
         self, actuator: ir.Actuator, i: int, limits: list[tuple[ir.Limit, float | None]]

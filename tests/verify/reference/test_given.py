@@ -1,0 +1,106 @@
+"""Frames in which an actuator was given something else than the network decided."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_text
+from colony.execute.executor import ProgramExecutor
+from colony.ir.frame import Decision, Frame, Given
+from colony.ir.program import PythonModule
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.strategies import run_of_seed
+from tests.sampling import sampled
+
+TEXT = """
+robot r {
+  sensor go : bool default false from PServer.go
+  actuator drive { velocity : m/s range -1 .. 1 } to RServer.drive idle drive(velocity = 0)
+  actuator lift { height : mm range 0 .. 500 } to Lift.height idle hold
+}
+module cruise { when go do drive(velocity = 0.5 m/s) }
+module raise { when go do lift(height = 100 mm) }
+network { drive = cruise  lift = raise }
+"""
+
+MS = 1_000_000
+
+
+def contracts(*texts: str) -> str:
+    """Return the program with contracts `c0`, `c1`, ..."""
+    return TEXT + "\n".join(f"contract c{i}: {text}" for i, text in enumerate(texts))
+
+
+def both_executors(text: str) -> tuple[Interpreter, ProgramExecutor]:
+    program = load_text(text)
+    return Interpreter(program), ProgramExecutor(compile_program(program).compiled)
+
+
+def test_what_somebody_outside_commands_is_what_contracts_see() -> None:
+    text = contracts(
+        "drive.velocity == 0.25 m/s",
+        "drive is commanded",
+        "not (drive is idle)",
+        "not (drive by cruise)",
+        "cruise is active",
+    )
+    for executor in both_executors(text):
+        outcome = executor.step(Frame(0, {"go": True}), given={"drive": Given((250.0,))})
+        assert outcome.breaches == ()
+        assert outcome.decisions[0] == Decision("drive", None, (0.25,))
+        assert outcome.records == ()
+
+
+def test_an_actuator_whose_client_is_late_is_idle() -> None:
+    text = contracts(
+        "drive.velocity == 0", "drive is idle", "not (drive is commanded)", "not (drive by cruise)"
+    )
+    for executor in both_executors(text):
+        outcome = executor.step(Frame(0, {"go": True}), given={"drive": Given()})
+        assert outcome.breaches == ()
+        assert outcome.decisions[0] == Decision("drive", None, (0.0,))
+
+
+def test_idle_hold_holds_what_was_given_last() -> None:
+    text = contracts("lift.height == 70 mm", "lift.height <= 500 mm")
+    for executor in both_executors(text):
+        first = executor.step(Frame(0, {"go": True}), given={"lift": Given()})
+        assert first.breaches == ("c0", "c1"), "nothing was sent yet"
+        assert first.decisions[1] == Decision("lift", None, None)
+        second = executor.step(Frame(50 * MS, {"go": True}), given={"lift": Given((70.0,))})
+        third = executor.step(Frame(100 * MS, {"go": True}), given={"lift": Given()})
+        assert (second.breaches, third.breaches) == ((), ())
+        assert executor.step(Frame(150 * MS, {"go": True})).breaches == ("c0",)
+
+
+def drawn_given(choices: Choices, interpreter: Interpreter) -> dict[str, Given]:
+    """Draw what some actuators are given."""
+    given = {}
+    for actuator in interpreter.program.robot.actuators:
+        if choices.one_in(3):
+            given[actuator.name] = Given()
+        elif choices.one_in(3):
+            is_bool = [type(f.type).__name__ == "Bool" for f in actuator.fields]
+            given[actuator.name] = Given(
+                tuple(choices.one_in(2) if b else float(choices.up_to(9)) for b in is_bool)
+            )
+    return given
+
+
+@pytest.mark.parametrize("seed", sampled(range(200), every=8))
+def test_the_plain_executor_agrees(seed: int) -> None:
+    program, trace = run_of_seed(seed)
+    if any(isinstance(m, PythonModule) for m in program.modules):
+        return
+    choices = Choices(Random(seed))
+    interpreter = Interpreter(program)
+    compiled = compile_program(program).compiled
+    executors = [ProgramExecutor(compiled), ProgramExecutor(compiled, simplified=False)]
+    for frame in trace:
+        given = drawn_given(choices, interpreter)
+        expected = repr(interpreter.step(frame, given=given))
+        assert [repr(e.step(frame, given=given)) for e in executors] == [expected, expected]
