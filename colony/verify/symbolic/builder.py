@@ -23,18 +23,10 @@ from colony.verify.symbolic.system import (
     Operation,
     Reason,
     Scalar,
+    Shape,
 )
 
 Result = TypeVar("Result")
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """The range of values that a number in memory can have, found by fixpoint iteration (`shapes.py`)."""
-
-    nan: bool
-    infinite: bool
-    bounds: Bounds
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from colony.ir.program import Contract, Program
-from colony.verify.symbolic.builder import Builder, Shape
+from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.expressions import Expressions
 from colony.verify.symbolic.frame_values import FrameValues
 from colony.verify.symbolic.graph import Graph
@@ -16,9 +16,32 @@ from colony.verify.symbolic.logic import TRUE
 from colony.verify.symbolic.modules import DeclarationEncoder
 from colony.verify.symbolic.network import NetworkEncoder
 from colony.verify.symbolic.reasons import reasons_of
-from colony.verify.symbolic.sending import limits, send
+from colony.verify.symbolic.sending import Bound, limits, send
 from colony.verify.symbolic.shapes import with_stable_shapes
-from colony.verify.symbolic.system import Claim, Fact, FactKind, System
+from colony.verify.symbolic.system import (
+    ActuatorTerms,
+    Claim,
+    Fact,
+    FactKind,
+    ModuleTerms,
+    PythonInput,
+    SensorInput,
+    Shape,
+    System,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameParts:
+    """The parts of an encoded frame."""
+
+    frame_values: FrameValues
+    sensors: Mapping[str, SensorInput]
+    modules: Mapping[str, ModuleTerms]
+    python: Mapping[str, PythonInput]
+    bounds: Sequence[Bound]
+    actuators: Mapping[str, ActuatorTerms]
+    claims: tuple[Claim, ...]
 
 
 def encode(program: Program, precise: bool = False) -> System:
@@ -30,12 +53,13 @@ def encode(program: Program, precise: bool = False) -> System:
 
     def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
         builder = Builder(precise=precise, shapes=dict(shapes))
-        return builder, _encode(program, builder)
+        return builder, system_of(program, builder, encode_frame(program, builder))
 
     return with_reasons(with_stable_shapes(encode_with))
 
 
-def _encode(program: Program, builder: Builder) -> System:
+def encode_frame(program: Program, builder: Builder) -> FrameParts:
+    """Encode one frame of `program`, contracts included."""
     frame_values = begin(builder)
     sensors = sense(program, builder, frame_values)
     encoder = DeclarationEncoder(program, builder, frame_values)
@@ -45,15 +69,28 @@ def _encode(program: Program, builder: Builder) -> System:
     NetworkEncoder(program, builder, frame_values).encode_wires()
     bounds = limits(program, builder, frame_values)
     actuators = {a.name: send(a, modules, bounds, builder, frame_values) for a in program.robot.actuators}
-    claims = tuple(_claim(c, builder, frame_values) for c in program.contracts)
+    return FrameParts(
+        frame_values=frame_values,
+        sensors=sensors,
+        modules=modules,
+        python=python,
+        bounds=bounds,
+        actuators=actuators,
+        claims=tuple(contract_claim(c, builder, frame_values) for c in program.contracts),
+    )
+
+
+def system_of(program: Program, builder: Builder, parts: FrameParts) -> System:
+    """Return the transition system of a frame that was encoded with `builder`."""
+    frame_values = parts.frame_values
     return System(
         program=program,
         now=frame_values.now,
         begun=frame_values.begun,
         last=frame_values.last,
         restarted=frame_values.restarted,
-        sensors=sensors,
-        python=python,
+        sensors=parts.sensors,
+        python=parts.python,
         cells=tuple(builder.cells),
         assumptions=tuple(f.formula for f in builder.facts if f.kind is FactKind.ASSUMPTION),
         definitions=tuple(f.formula for f in builder.facts if f.kind is FactKind.DEFINITION),
@@ -65,19 +102,24 @@ def _encode(program: Program, builder: Builder) -> System:
         derived=frame_values.derived,
         states=frame_values.states,
         locals={name: value for name, (_, value) in frame_values.locals.items()},
-        modules=modules,
+        modules=parts.modules,
         active=frame_values.active,
-        actuators=actuators,
-        claims=claims,
+        actuators=parts.actuators,
+        claims=parts.claims,
+        shapes=builder.shapes,
     )
 
 
-def _claim(contract: Contract, builder: Builder, frame_values: FrameValues) -> Claim:
+def contract_claim(
+    contract: Contract, builder: Builder, frame_values: FrameValues, name: str | None = None
+) -> Claim:
+    """Encode a contract as a claim, called as the contract unless `name` is given."""
+    name = contract.name if name is None else name
     expressions = Expressions(
-        builder=builder, frame_values=frame_values, advances=TRUE, hint=f"contract {contract.name}"
+        builder=builder, frame_values=frame_values, advances=TRUE, hint=f"contract {name}"
     )
     holds = ContractEncoder(expressions=expressions).holds(contract.expression)
-    return Claim(name=contract.name, holds=holds, span=contract.span)
+    return Claim(name=name, holds=holds, span=contract.span)
 
 
 def by_constant(facts: Sequence[Fact]) -> dict[int, tuple[Fact, ...]]:

@@ -77,7 +77,7 @@ class _Generalization:
             active={n: self.term(x) for n, x in original.active.items()},
             actuators={n: self._actuator(a) for n, a in original.actuators.items()},
             claims=tuple(replace(c, holds=self.term(c.holds)) for c in original.claims),
-        )
+        )  # the inputs of disturbances are exact
 
     # --- terms -----------------------------------------------------------------------------------
 

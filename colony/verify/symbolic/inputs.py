@@ -84,14 +84,12 @@ def _reading(name: str, type_: ScalarType, low: float | None, high: float | None
         case Bool():
             return z3.Bool(name)
         case Enum():
-            return _member(name, type_, builder)
+            return enumerator_input(name, type_, builder)
         case Quantity():
             value = z3.Real(name)
-            bounds = Bounds(None if low is None else Fraction(low), None if high is None else Fraction(high))
+            bounds = bounds_of(low, high)
             if low is not None and high is not None:
-                number = Number(value, FALSE, FALSE, bounds)
-                builder.assume(value, within(number, bounds))
-                return number
+                return finite_input(name, bounds, builder)
             infinite = z3.Bool(f"{name}.infinite")
             number = Number(value, FALSE, infinite, bounds)
             builder.assume(value, within(number, bounds))
@@ -101,6 +99,18 @@ def _reading(name: str, type_: ScalarType, low: float | None, high: float | None
             assert_never(type_)
 
 
+def finite_input(name: str, bounds: Bounds, builder: Builder) -> Number:
+    """Return a free input that is a finite number within bounds."""
+    number = Number(z3.Real(name), FALSE, FALSE, bounds)
+    builder.assume(number.value, within(number, bounds))
+    return number
+
+
+def bounds_of(low: float | None, high: float | None) -> Bounds:
+    """Return the bounds of a range."""
+    return Bounds(None if low is None else Fraction(low), None if high is None else Fraction(high))
+
+
 def _beyond(value: z3.ArithRef, low: float | None, high: float | None) -> z3.BoolRef:
     """Return the condition that an infinite reading is on an unbounded side of the range."""
     up = (cast(z3.BoolRef, value == 1),) if high is None else ()
@@ -108,7 +118,8 @@ def _beyond(value: z3.ArithRef, low: float | None, high: float | None) -> z3.Boo
     return any_of((*up, *down))
 
 
-def _member(name: str, type_: Enum, builder: Builder) -> Number:
+def enumerator_input(name: str, type_: Enum, builder: Builder) -> Number:
+    """Return a free input that is one of the members of an enum."""
     value = z3.Real(name)
     member = enumerator(value, type_)
     builder.assume(value, any_of(condition for _, condition in member.cases))
@@ -140,7 +151,7 @@ def _answer(name: str, type_: ScalarType, builder: Builder) -> Scalar:
         case Bool():
             return z3.Bool(name)
         case Enum():
-            return _member(name, type_, builder)
+            return enumerator_input(name, type_, builder)
         case Quantity():
             value, nan, infinite = z3.Real(name), z3.Bool(f"{name}.nan"), z3.Bool(f"{name}.infinite")
             builder.assume(value, implied(infinite, z3.Or(value == 1, value == -1)))

@@ -16,7 +16,7 @@ from colony.ir import expression as ir
 from colony.ir.types import Bool, Enum, ScalarValue, any_value
 from colony.ir.types import Scalar as ScalarType
 from colony.verify.symbolic.bounding import within
-from colony.verify.symbolic.builder import Builder, Shape
+from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import constant, constant_of, whole_of, with_cases
 from colony.verify.symbolic.frame_values import FrameValues
 from colony.verify.symbolic.logic import (
@@ -36,7 +36,7 @@ from colony.verify.symbolic.logic import (
 )
 from colony.verify.symbolic.numbers import equal, select
 from colony.verify.symbolic.seconds import seconds
-from colony.verify.symbolic.system import Number, Scalar
+from colony.verify.symbolic.system import Number, Scalar, Shape
 
 
 def recall(

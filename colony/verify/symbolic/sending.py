@@ -20,7 +20,15 @@ from colony.verify.symbolic.functions import boolean, number
 from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, both, either, is_false, negation
 from colony.verify.symbolic.memory import open_scalar_cell
 from colony.verify.symbolic.numbers import compared, finite, greatest, least, negated, select, select_number
-from colony.verify.symbolic.system import ActuatorTerms, Inexact, ModuleTerms, Number, Reason, Scalar
+from colony.verify.symbolic.system import (
+    ActuatorTerms,
+    Inexact,
+    ModuleTerms,
+    Number,
+    OutsideInput,
+    Reason,
+    Scalar,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +84,23 @@ def send(
     bounds: Sequence[Bound],
     builder: Builder,
     frame_values: FrameValues,
+    outside: OutsideInput | None = None,
+    label: str = "",
 ) -> ActuatorTerms:
-    """Encode the command sent: the idle command if the winner's command is not finite, or has no bounds."""
+    """Encode the command sent: the idle command if the winner's command is not finite, or has no bounds.
+
+    With `outside`, its command counts where there is one. `label` distinguishes the memory of several
+    encodings of one actuator.
+    """
     wins = {m: w for m, w in frame_values.wins[actuator.name].items() if not is_false(w)}
     commands = [modules[m].command for m in wins]
     finite_wins = [
         all_of((w, negation(modules[m].blind), *(finite(x) for x in command if isinstance(x, Number))))
         for (m, w), command in zip(wins.items(), commands, strict=True)
     ]
+    if outside is not None:
+        commands.append(outside.fields)
+        finite_wins.append(outside.commands)
     limited = []
     possible: list[z3.BoolRef] = []
     for i, field in enumerate(actuator.fields):
@@ -93,17 +110,17 @@ def send(
     leaves = (_leaves(x, field, builder) for x, field in zip(limited, actuator.fields, strict=True))
     commanded = frame_values.commanded[actuator.name] = all_of((any_of(finite_wins), *possible, *leaves))
     sent = []
-    is_missing, hold = _holding(actuator, commanded, builder)
+    is_missing, hold = _holding(actuator, commanded, builder, label)
     for i, (field, x) in enumerate(zip(actuator.fields, limited, strict=True)):
         value = x if actuator.idle is None else select(commanded, x, constant_term(actuator.idle[i]))
-        named = builder.named(value, f"{actuator.name}.{field.name}")
+        named = builder.named(value, f"{actuator.name}.{field.name}{label}")
         frame_values.sent[actuator.name, i] = (is_missing, hold(field, named))
         sent.append(named)
     return ActuatorTerms(wins=wins, commanded=commanded, sent=tuple(sent))
 
 
 def _holding(
-    actuator: ir.Actuator, commanded: z3.BoolRef, builder: Builder
+    actuator: ir.Actuator, commanded: z3.BoolRef, builder: Builder, label: str
 ) -> tuple[z3.BoolRef, Callable[[ir.ActuatorField, Scalar], Scalar]]:
     """Return the condition that fields are missing to contracts, and the value of each that contracts read.
 
@@ -111,12 +128,12 @@ def _holding(
     """
     if actuator.idle is not None:
         return FALSE, lambda _, sent: sent
-    ever, set_ever = open_scalar_cell(builder, f"{actuator.name}.ever sent", BOOL, False)
+    ever, set_ever = open_scalar_cell(builder, f"{actuator.name}.ever sent{label}", BOOL, False)
     was_sent = boolean(ever)
     set_ever(either(was_sent, commanded))
 
     def held(field: ir.ActuatorField, sent: Scalar) -> Scalar:
-        name = f"{actuator.name}.{field.name}.held"
+        name = f"{actuator.name}.{field.name}.held{label}"
         last, set_last = open_scalar_cell(builder, name, field.type, any_value(field.type))
         value = select(commanded, sent, last)
         set_last(value)

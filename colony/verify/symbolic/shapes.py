@@ -12,30 +12,35 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from colony.verify.symbolic.builder import Builder, Shape
+from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import hull
 from colony.verify.symbolic.logic import is_true
 from colony.verify.symbolic.memory import shape_of
 from colony.verify.symbolic.numbers import changed_bounds
-from colony.verify.symbolic.system import Bounds, System
+from colony.verify.symbolic.system import Bounds, Shape, System
 
 EncodeWithShapes = Callable[[Mapping[str, Shape]], tuple[Builder, System]]
 """A function that encodes a frame with given shapes of memory, by name; others keep their initial shape."""
+
+_NONE: Mapping[str, Shape] = {}
 
 MAX_STABILIZING_ENCODINGS = 3
 """Maximum number of encodings in which narrower shapes may become stable."""
 
 
-def with_stable_shapes(encode_with: EncodeWithShapes) -> System:
-    """Return the system whose shapes of memory are preserved by every frame."""
-    shapes: dict[str, Shape] = {}
+def with_stable_shapes(encode_with: EncodeWithShapes, known: Mapping[str, Shape] = _NONE) -> System:
+    """Return the system whose shapes of memory are preserved by every frame.
+
+    `known` are shapes that are stable, and stay as they are.
+    """
+    shapes = dict(known)
     while True:
         builder, system = encode_with(shapes)
         wider = _wider_shapes(builder)
         if not wider:
             break
         shapes |= {name: _without_moved_ends(old, new) for name, (old, new) in wider.items()}
-    narrower = shapes | _written_shapes(builder)
+    narrower = shapes | _written_shapes(builder) | dict(known)
     if narrower == shapes:
         return system
     tighter = _narrowed(encode_with, narrower)

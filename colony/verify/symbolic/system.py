@@ -38,6 +38,16 @@ class Bounds:
 
 UNBOUNDED = Bounds()
 
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """The range of values that a number in memory can have, found by fixpoint iteration (`shapes.py`)."""
+
+    nan: bool
+    infinite: bool
+    bounds: Bounds
+
+
 Case: TypeAlias = tuple[float, z3.BoolRef]
 """A possible value of a number, and the condition that the number has it."""
 
@@ -220,6 +230,42 @@ class Claim:
 
 
 @unique
+class Disturbance(Enum):
+    """What gets between the network's decision and an actuator, in any frame."""
+
+    LATE = "late"
+    """Actuators are idle, as a client is late or a server down; with `on_loss degrade` modules are lost."""
+
+    OPERATORS = "operators"
+    """As `LATE`; and somebody outside the network commands actuators, within their bounds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DisturbanceInputs:
+    """The inputs of a disturbance in the frame.
+
+    `idle` gives for each actuator the condition that it is idle whatever the network decided, `lost` for
+    each module that can be lost the condition that it is. `outside` are the actuators that somebody outside
+    the network may command.
+    """
+
+    idle: Mapping[str, z3.BoolRef]
+    lost: Mapping[str, z3.BoolRef]
+    outside: Mapping[str, OutsideInput]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutsideInput:
+    """A command from outside the network: the condition that there is one, and its fields, all finite.
+
+    It is sent within the bounds of the frame, unless the actuator is idle or its bounds contradict.
+    """
+
+    commands: z3.BoolRef
+    fields: tuple[Scalar, ...]
+
+
+@unique
 class FactKind(Enum):
     """The group of a system's formulas that a fact belongs to."""
 
@@ -249,7 +295,9 @@ class System:
     `invariants` hold for the cells before every reachable frame, and are inductive: they may be assumed in an
     induction. `facts` gives, by the id of a term, the formulas of the three groups that are about it; a
     formula without the term needs none of them. `inexact` gives, by id, the inexact terms. `graph` stores the
-    structure of terms, which makes the search for cones fast.
+    structure of terms, which makes the search for cones fast. `shapes` are those of numbers in memory.
+    `disturbances` is empty but in the systems of `disturbing.py`, which state each contract once more for
+    each disturbance.
     """
 
     program: Program
@@ -274,3 +322,5 @@ class System:
     active: Mapping[str, z3.BoolRef]  # modules and wires
     actuators: Mapping[str, ActuatorTerms]
     claims: tuple[Claim, ...]
+    shapes: Mapping[str, Shape] = field(default_factory=dict)
+    disturbances: Mapping[Disturbance, DisturbanceInputs] = field(default_factory=dict)
