@@ -390,6 +390,15 @@ class Program(Record):
     files: tuple[tuple[str, Source], ...] = field(default=(), compare=False, repr=False)
 
 
+def modules_that_can_be_lost(program: Program) -> tuple[str, ...]:
+    """Return the modules whose clients can be lost one by one: of `on_loss degrade`, failsafe ones aside.
+
+    Where the client of a failsafe module is lost, its actuator is idle.
+    """
+    degrading = {a.name for a in program.robot.actuators if a.on_loss == "degrade"}
+    return tuple(m.name for m in program.modules if m.actuator in degrading and not m.failsafe)
+
+
 def expect_program(given: object) -> None:
     """Check that an argument of a library function is a program.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from colony.ir.frame import Frame
+from colony.ir.frame import NOTHING_GIVEN, Frame, Given
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue, Value
 from colony.verify.reference.boundary import sense
@@ -24,12 +24,16 @@ class Snapshot(NamedTuple):
         readings: Value of each sensor that has one.
         answers: Command of each applicable module in Python; None for a failsafe one without an answer.
         restarted: True if memory was lost before the frame.
+        given: What actuators were given that is not what the network decided.
+        lost: Modules whose clients are lost, of actuators with `on_loss degrade`.
     """
 
     t_ns: int
     readings: Mapping[str, Value] = _NONE
     answers: Mapping[str, tuple[ScalarValue, ...] | None] = _NONE
     restarted: bool = False
+    given: Mapping[str, Given] = NOTHING_GIVEN
+    lost: frozenset[str] = frozenset()
 
 
 def snapshot_of(program: Program, frame: Frame) -> Snapshot:

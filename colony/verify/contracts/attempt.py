@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
+from colony.verify.contracts.candidates import Candidate
 from colony.verify.contracts.induction import Induction, KnownCondition, conditions_implying
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
@@ -24,11 +26,17 @@ class Attempt:
     """An attempt to prove or refute one contract. Stateful: remembers what it has searched and found.
 
     Without a `refuter` it only tries to prove: any model that breaks the contract ends the attempt.
+    `invariants` are known to hold before every frame.
     `python_trace`, if not None, breaks the contract if the Python modules answer as in the trace.
     """
 
     def __init__(
-        self, context: ProofContext, contract: str, budget: Budget, refuter: Refuter | None = None
+        self,
+        context: ProofContext,
+        contract: str,
+        budget: Budget,
+        refuter: Refuter | None = None,
+        invariants: Sequence[Candidate] = (),
     ) -> None:
         self._context = context
         self._claim = context.claims[contract]
@@ -37,6 +45,7 @@ class Attempt:
         self._refuter = refuter
         self.lemmas = context.lemmas(self._cone)
         self._known_conditions = [KnownCondition(f"contract {c.name}", c.holds) for c in self.lemmas]
+        self._known_conditions += [KnownCondition(c.text, c.formula) for c in invariants]
         self._has_given_up = False
         self.python_trace: Trace | None = None
 
@@ -69,9 +78,12 @@ class Attempt:
             found = self._search_longer()
         return found
 
-    def prove_in_one_frame(self) -> Proof | None:
-        """Return a proof in a single frame from the conditions known so far, None if there is none."""
-        used = conditions_implying(self._cone, self._claim, self._known_conditions, self._budget)
+    def prove_in_one_frame(self, share: float = 1.0) -> Proof | None:
+        """Return a proof in a single frame from the conditions known so far, None if there is none.
+
+        It may use `share` of a full query's resources.
+        """
+        used = conditions_implying(self._cone, self._claim, self._known_conditions, self._budget, share)
         return None if used is None else Proof(0, used)
 
     def _induce(self) -> Proof | Trace | None:

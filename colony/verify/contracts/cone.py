@@ -13,9 +13,9 @@ from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.system import Claim, Number, Scalar, System
 
 
-def cone_of(system: System, claim: Claim) -> Cone:
-    """Return the cone of a contract; time is in every cone."""
-    return cones.cone(system, [claim.holds, system.now, system.begun, system.last])
+def cone_of(system: System, *claims: Claim) -> Cone:
+    """Return the cone of contracts; time is in every cone."""
+    return cones.cone(system, [*(c.holds for c in claims), system.now, system.begun, system.last])
 
 
 def covers(cone: Cone, other: Cone) -> bool:

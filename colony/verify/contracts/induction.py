@@ -25,11 +25,14 @@ class KnownCondition(NamedTuple):
 
 
 def conditions_implying(
-    cone: Cone, claim: Claim, known: Sequence[KnownCondition], budget: Budget
+    cone: Cone, claim: Claim, known: Sequence[KnownCondition], budget: Budget, share: float = 1.0
 ) -> tuple[str, ...] | None:
-    """Return the conditions of `known` that a single-frame proof needs, None if there is no such proof."""
+    """Return the conditions of `known` that a single-frame proof needs, None if there is no such proof.
+
+    It may use `share` of a full query's resources.
+    """
     switches = _switches(known)
-    solver = Solver(budget)
+    solver = Solver(budget, share)
     solver.add(facts(cone), z3.Not(claim.holds))
     solver.add(*(z3.Implies(s, k.formula) for s, k in zip(switches, known, strict=True)))
     return _used(solver, known, switches) if solver.check(switches) is Answer.UNSAT else None

@@ -33,6 +33,7 @@ def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PAT
         for i, snapshot in enumerate(shrinker.trace):
             fewer = {m: a for m, a in snapshot.answers.items() if m != module}
             shrinker.take((*shrinker.trace[:i], snapshot._replace(answers=fewer), *shrinker.trace[i + 1 :]))
+    _fewer_late(shrinker)
     facts = replay.facts(shrinker.trace)
     return Trace(
         snapshots=shrinker.trace,
@@ -41,6 +42,24 @@ def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PAT
         unknown=facts.unknown,
         found=facts.found,
     )
+
+
+def _fewer_late(shrinker: Shrinker[Snapshot]) -> None:
+    """Try each frame with fewer idle actuators, and fewer lost modules."""
+    i = 0
+    while i < len(shrinker.trace):
+        if not any(shrinker.take(fewer) for fewer in _with_one_fewer_late(shrinker.trace, i)):
+            i += 1
+
+
+def _with_one_fewer_late(trace: tuple[Snapshot, ...], i: int) -> Iterator[tuple[Snapshot, ...]]:
+    """Yield the trace with one idle actuator or lost module fewer in frame `i`."""
+    frame = trace[i]
+    for actuator in frame.given:
+        given = {a: g for a, g in frame.given.items() if a != actuator}
+        yield (*trace[:i], frame._replace(given=given), *trace[i + 1 :])
+    for module in sorted(frame.lost):
+        yield (*trace[:i], frame._replace(lost=frame.lost - {module}), *trace[i + 1 :])
 
 
 def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator[str]:

@@ -17,19 +17,43 @@ _MAX_GUESSES = 300
 """Maximum number of guesses to try; the likelier ones come first."""
 
 
+class _Cones(dict[str, Cone]):
+    """The cones of the claims of a system, by name. Mutable: computed when first asked for."""
+
+    def __init__(self, system: System) -> None:
+        super().__init__()
+        self._system = system
+        self._claims = {claim.name: claim for claim in system.claims}
+
+    def __missing__(self, name: str) -> Cone:
+        cone = self[name] = cone_of(self._system, self._claims[name])
+        return cone
+
+
 class ProofContext:
     """One encoding of a program as formulas. Stateful: remembers proved contracts and found invariants."""
 
     def __init__(self, system: System) -> None:
         self.system = system
         self.claims = {claim.name: claim for claim in system.claims}
-        self.cones = {claim.name: cone_of(system, claim) for claim in system.claims}
+        self.cones = _Cones(system)
         self._proved: list[Claim] = []
         self._invariants: dict[frozenset[int], tuple[Candidate, ...]] = {}
 
     def record_proof(self, contract: str) -> None:
         """Record that a contract holds in every frame."""
         self._proved.append(self.claims[contract])
+
+    def adopt_invariants(self, other: ProofContext) -> None:
+        """Take over the invariants found in a context whose system this one's extends."""
+        for key, found in other._invariants.items():
+            self._invariants.setdefault(key, found)
+
+    def known_invariants(self, cone: Cone) -> list[Candidate]:
+        """Return the invariants found so far that depend on nothing outside a cone."""
+        constants = key_of(cone)
+        known = (c for key, found in self._invariants.items() if key <= constants for c in found)
+        return list({c.formula.get_id(): c for c in known}.values())
 
     def lemmas(self, cone: Cone) -> list[Claim]:
         """Return the proved contracts that depend on nothing outside a cone."""

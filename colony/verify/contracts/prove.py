@@ -18,15 +18,17 @@ from functools import cached_property
 
 from colony.ir.program import Contract, Program
 from colony.verify.contracts.attempt import Attempt, Proof
+from colony.verify.contracts.disturbances import Confirmer
 from colony.verify.contracts.explain import explain_unknown
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
-from colony.verify.contracts.results import Options, Proved, Refuted, Result, Trace, Unknown
+from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted, Result, Trace, Unknown
 from colony.verify.contracts.search import called_modules
 from colony.verify.contracts.solver import Budget, Clock
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
-from colony.verify.symbolic.system import Claim, Inexact, Operation, Reason
+from colony.verify.symbolic.reasons import rounding_reasons
+from colony.verify.symbolic.system import Claim, Operation, Reason
 
 _GENERAL_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
@@ -57,16 +59,16 @@ def results(
     proved after it, so the order in which contracts are written matters little.
     """
     prover = Prover(program, options or Options(), clock)
-    unproved: list[tuple[int, Unknown]] = []
+    open_results: list[tuple[int, Result]] = []
     for contract in program.contracts:
         if contract.name in names:
-            result = prover.prove(contract)
-            if isinstance(result, Unknown):
-                unproved.append((prover.proved, result))
+            result = prover.prove_disturbed(contract)
+            if isinstance(result, Unknown) or (isinstance(result, ProvedInTime) and result.trace is None):
+                open_results.append((prover.proofs, result))
             else:
                 yield result
-    for proved_before, result in unproved:
-        yield prover.prove(result.contract) if prover.proved > proved_before else result
+    for proofs_before, result in open_results:
+        yield prover.prove_disturbed(result.contract) if prover.proofs > proofs_before else result
 
 
 class Prover:
@@ -76,7 +78,7 @@ class Prover:
         self._program = program
         self._options = options
         self._clock = clock
-        self.proved = 0
+        self._results: dict[str, Proved] = {}
         self._over_reals: dict[str, tuple[Reason, ...]] = {}
 
     @cached_property
@@ -91,8 +93,22 @@ class Prover:
     def _general(self) -> ProofContext:
         return ProofContext(generalize(self._usual.system))
 
-    def prove(self, contract: Contract) -> Result:
-        """Prove or refute a contract, within a budget of its own."""
+    @cached_property
+    def _confirmer(self) -> Confirmer:
+        return Confirmer(self._usual, self._options, self._clock)
+
+    @property
+    def proofs(self) -> int:
+        """Number of proofs so far, those under a disturbance included."""
+        return len(self._results) + self._confirmer.proved
+
+    def prove_disturbed(self, contract: Contract) -> Result:
+        """Prove or refute a contract, also while clients are late and while somebody outside commands."""
+        result = self._results.get(contract.name) or self.prove(contract)
+        return self._confirmer.confirm(result) if isinstance(result, Proved) else result
+
+    def prove(self, contract: Contract) -> Proved | Refuted | Unknown:
+        """Prove or refute a contract while no client is late, within a budget of its own."""
         float_proof = (
             self._prove_for_floats(contract, one_frame_only=True) if self._uses_reals(contract) else None
         )
@@ -126,7 +142,7 @@ class Prover:
 
     def _uses_reals(self, contract: Contract) -> bool:
         """Return True if reals stand in for floats in a contract."""
-        return bool(_rounding_reasons([self._usual.claims[contract.name]]))
+        return bool(rounding_reasons([self._usual.claims[contract.name]]))
 
     def _is_nonlinear(self, contract: str) -> bool:
         """Return True if a contract depends on products or quotients known only by bounds and signs."""
@@ -140,7 +156,7 @@ class Prover:
         self, contract: Contract, context: ProofContext, proof: Proof, lemmas: list[Claim], refuter: Refuter
     ) -> Proved | Refuted:
         """Check whether a proof holds for floats, bit for bit: floats may break what holds for reals."""
-        rounding = self._with_lemmas(_rounding_reasons([context.claims[contract.name], *lemmas]), lemmas)
+        rounding = self._with_lemmas(rounding_reasons([context.claims[contract.name], *lemmas]), lemmas)
         float_proof = self._prove_for_floats(contract) if rounding else None
         if float_proof is not None:
             proof, rounding = float_proof
@@ -154,11 +170,12 @@ class Prover:
         self, contract: Contract, context: ProofContext, proof: Proof, rounding: tuple[Reason, ...]
     ) -> Proved:
         """Record a contract as proved."""
-        self.proved += 1
         self._over_reals[contract.name] = rounding
         for proof_context in dict.fromkeys((self._usual, context)):
             proof_context.record_proof(contract.name)
-        return Proved(contract=contract, k=proof.k, invariants=proof.conditions_used, over_reals=rounding)
+        result = Proved(contract=contract, k=proof.k, invariants=proof.conditions_used, over_reals=rounding)
+        self._results[contract.name] = result
+        return result
 
     def _with_lemmas(self, rounding: tuple[Reason, ...], lemmas: list[Claim]) -> tuple[Reason, ...]:
         """Return `rounding`, and the places where the proofs of the lemmas used reals for floats.
@@ -181,10 +198,4 @@ class Prover:
         if not isinstance(proof, Proof):
             return None
         self._general.record_proof(contract.name)
-        return proof, _rounding_reasons([self._general.claims[contract.name], *attempt.lemmas])
-
-
-def _rounding_reasons(claims: list[Claim]) -> tuple[Reason, ...]:
-    """Return the places where reals stand in for floats in a contract or in the lemmas of its proof."""
-    reasons = dict.fromkeys(r for claim in claims for r in claim.inexact)
-    return tuple(r for r in reasons if r.kind is Inexact.ROUNDING)
+        return proof, rounding_reasons([self._general.claims[contract.name], *attempt.lemmas])

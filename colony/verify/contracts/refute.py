@@ -17,6 +17,7 @@ from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
 from colony.verify.contracts.search import CandidateTrace, Search
 from colony.verify.snapshot import Snapshot
+from colony.verify.symbolic.system import DisturbanceInputs
 from colony.verify.symbolic.witness import snapshots
 
 _MODELS_PER_LENGTH = 4
@@ -28,10 +29,18 @@ class Refuter:
 
     `uncalled` are the modules in Python that a run must not call to break the contract whatever they answer:
     those in the contract's cone (`search.called_modules`), by default all. `spurious_models` is the number of
-    models that do not break the contract in the interpreter.
+    models that do not break the contract in the interpreter. With `late`, models are of a system in which
+    these inputs say what is late, and so are random runs.
     """
 
-    def __init__(self, program: Program, contract: str, uncalled: Collection[str] | None = None) -> None:
+    def __init__(
+        self,
+        program: Program,
+        contract: str,
+        uncalled: Collection[str] | None = None,
+        late: DisturbanceInputs | None = None,
+    ) -> None:
+        self._late = late
         self._program = program
         self._replay = Replay(program, contract)
         if uncalled is None:
@@ -44,7 +53,7 @@ class Refuter:
     def confirm(self, candidate: CandidateTrace, search: Search) -> Trace | None:
         """Return a minimal trace from a model, None if the model is spurious."""
         replay = self._replay_without_python if candidate.without_python else self._replay
-        exact = snapshots(candidate.model, search.frames, candidate.frames)
+        exact = snapshots(candidate.model, search.frames, candidate.frames, self._late)
         for variant in self._variants(exact):
             if replay.breaks(variant):
                 return minimize(replay, variant)
@@ -55,7 +64,7 @@ class Refuter:
     def search_random_runs(self) -> Trace | None:
         """Return a minimal trace from random runs that call no Python module, None if none breaks it."""
         replay = self._replay_without_python
-        found = random_counterexample(self._program, replay)
+        found = random_counterexample(self._program, replay, late=self._late is not None)
         return None if found is None else minimize(replay, found)
 
     def may_try_more(self, candidate: CandidateTrace) -> bool:

@@ -86,8 +86,13 @@ class Replay:
         """Yield the outcome of each frame, with the interpreter as it is after that frame."""
         interpreter = Interpreter(self.program)
         for snapshot in snapshots:
-            readings = self._readings(snapshot)
-            outcome = interpreter.step_in_base_units(snapshot.t_ns, readings, restarted=snapshot.restarted)
+            outcome = interpreter.step_in_base_units(
+                snapshot.t_ns,
+                self._readings(snapshot),
+                snapshot.lost,
+                snapshot.given,
+                restarted=snapshot.restarted,
+            )
             yield outcome, interpreter
 
     def _readings(self, snapshot: Snapshot) -> dict[str, Value]:

@@ -67,13 +67,34 @@ class Trace:
 class Proved:
     """A proof that the contract holds in every frame of every run, by `k`-induction with `invariants`.
 
-    `over_reals` are the places where the proof is about real numbers and floats may round.
+    It holds, too, while clients are late: any actuators idle in any frame, and with `on_loss degrade` any
+    clients lost. With `operators`, it was also proved while somebody outside the network commands any
+    actuators, within their bounds. `over_reals` are the places where the proof is about real numbers and
+    floats may round.
     """
 
     contract: Contract
     k: int
     invariants: tuple[str, ...] = ()
     over_reals: tuple[Reason, ...] = ()
+    operators: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProvedInTime:
+    """A proof that the contract holds in every frame of every run in which no client is late.
+
+    `in_time` is that proof. Otherwise `trace` breaks it or, if None, it is not known whether it holds:
+    `because` gives the reasons, one a line, and `hint` advice; `python_trace`, if not None, breaks it if the
+    Python modules answer as in it.
+    """
+
+    contract: Contract
+    in_time: Proved
+    trace: Trace | None = None
+    because: tuple[str, ...] = ()
+    hint: str | None = None
+    python_trace: Trace | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,4 +118,4 @@ class Unknown:
     trace: Trace | None = None
 
 
-Result = Proved | Refuted | Unknown
+Result = Proved | ProvedInTime | Refuted | Unknown

@@ -100,17 +100,12 @@ def _network(
 def _inputs(program: ir.Program, builder: Builder, disturbance: Disturbance, label: str) -> DisturbanceInputs:
     """Return free inputs of a disturbance."""
     actuators = program.robot.actuators
-    degrading = {a.name for a in actuators if a.on_loss == "degrade"}
     outside = {}
     if disturbance is Disturbance.OPERATORS:
         outside = {a.name: _outside(a, builder, label) for a in actuators}
     return DisturbanceInputs(
         idle={a.name: z3.Bool(f"{a.name} idle{label}") for a in actuators},
-        lost={
-            m.name: z3.Bool(f"{m.name} lost{label}")
-            for m in program.modules
-            if m.actuator in degrading and not m.failsafe
-        },
+        lost={m: z3.Bool(f"{m} lost{label}") for m in ir.modules_that_can_be_lost(program)},
         outside=outside,
     )
 

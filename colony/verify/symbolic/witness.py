@@ -3,28 +3,52 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from fractions import Fraction
 
 import z3
 
+from colony.ir.frame import Given
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, ScalarValue, Value, element_type
 from colony.ir.types import Scalar as ScalarType
 from colony.verify.reference.boundary import clamp
 from colony.verify.snapshot import Snapshot
-from colony.verify.symbolic.system import Number, Scalar, SensorInput
+from colony.verify.symbolic.system import DisturbanceInputs, Number, Scalar, SensorInput
 from colony.verify.symbolic.unrolling import Unrolling
 
 _DIGITS = 30  # of approximations of algebraic numbers; more than a float has
 
 
-def snapshots(model: z3.ModelRef, unrolling: Unrolling, count: int) -> tuple[Snapshot, ...]:
-    """Return the first `count` frames of a model of `unrolling`.
+def snapshots(
+    model: z3.ModelRef, unrolling: Unrolling, count: int, late: DisturbanceInputs | None = None
+) -> tuple[Snapshot, ...]:
+    """Return the first `count` frames of a model of `unrolling`, with what is late in them.
 
     Numbers are the floats nearest to the model's reals, within the sensor's range; times are exact. A sensor
     is missing if nothing depends on it.
     """
-    return tuple(_snapshot(model, unrolling, i) for i in range(count))
+    frames = (_snapshot(model, unrolling, i) for i in range(count))
+    if late is None:
+        return tuple(frames)
+    return tuple(_with_late(frame, model, unrolling, i, late) for i, frame in enumerate(frames))
+
+
+def _with_late(
+    snapshot: Snapshot, model: z3.ModelRef, unrolling: Unrolling, i: int, late: DisturbanceInputs
+) -> Snapshot:
+    """Return a frame with the actuators that are idle and the modules that are lost in it."""
+
+    def holding(conditions: Mapping[str, z3.BoolRef]) -> list[str]:
+        visited = unrolling.cone.visited
+        return [
+            name
+            for name, condition in conditions.items()
+            if condition.get_id() in visited and _truth(model, unrolling.at(i, condition))
+        ]
+
+    given = {actuator: Given() for actuator in holding(late.idle)}
+    return snapshot._replace(given=given, lost=frozenset(holding(late.lost)))
 
 
 def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:

@@ -6,11 +6,12 @@ missing, or if a contract is broken in any frame.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, assert_never
 
 from colony.ir import expression as ir
+from colony.ir import frame
 from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
@@ -104,18 +105,20 @@ class BreachFacts(NamedTuple):
 def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapshot]) -> BreachFacts:
     """Return the facts of the first frame of a run that breaks a contract; none if no frame does."""
     names = [s.name for s in program.robot.sensors]
-    steps = tuple(
-        Step(
-            times_ns=(snapshot.t_ns,),
-            given=tuple(Given(sensor=n, index=None, value=snapshot.readings.get(n)) for n in names),
-            expectations=(),
-            restarted=snapshot.restarted,
+    sent = {s.name for s in program.robot.sensors if s.sent is not None}
+    run = _Run(replace(program, contracts=tuple(c for c in program.contracts if c.name == contract)))
+    for snapshot in snapshots:
+        readings = tuple(
+            Given(sensor=n, index=None, value=snapshot.readings.get(n))
+            for n in names
+            if n in snapshot.readings or n not in sent
         )
-        for snapshot in snapshots
-    )
-    alone = replace(program, contracts=tuple(c for c in program.contracts if c.name == contract))
-    failures = run_example(alone, Example(name=contract, steps=steps)).failures
+        step = Step(
+            times_ns=(snapshot.t_ns,), given=readings, expectations=(), restarted=snapshot.restarted
+        )
+        run.step(step, snapshot.lost, snapshot.given)
     broken = {"contract broken": False, "contract unknown": True}
+    failures = run.failures.values()
     facts = (BreachFacts(broken[f.kind], f.found) for f in failures if f.kind in broken)
     return next(facts, BreachFacts())
 
@@ -161,12 +164,19 @@ class _Run:
         self.failures: dict[object, ExampleFailure] = {}
         self.frames = 0
 
-    def step(self, step: Step) -> None:
+    def step(
+        self,
+        step: Step,
+        lost: frozenset[str] = frozenset(),
+        commands: Mapping[str, frame.Given] = frame.NOTHING_GIVEN,
+    ) -> None:
+        """Run a step; `lost` and `commands` are `lost` and `given` of `Interpreter.step`."""
         for given in step.given:
             self.give(given, step.times_ns[0])
         for number, t_ns in enumerate(step.times_ns):
+            readings, restarted = self.readings.at(t_ns), step.restarted and number == 0
             outcome = self.interpreter.step_in_base_units(
-                t_ns, self.readings.at(t_ns), restarted=step.restarted and number == 0
+                t_ns, readings, lost, commands, restarted=restarted
             )
             self.frames += 1
             for contract in self.program.contracts:
