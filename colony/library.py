@@ -205,8 +205,8 @@ def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[C
         depth: the maximum k of k-induction.
 
     Returns:
-        A `Proved`, `Refuted` or `Unknown` (of `colony.verify.contracts.results`) for each contract, in the
-        order of the source.
+        A `Proved`, `ProvedInTime`, `Refuted` or `Unknown` (of `colony.verify.contracts.results`) for each
+        contract, in the order of the source.
     """
     from colony.ir.program import expect_program
 

@@ -73,15 +73,22 @@ def finish_output(verified_files: Sequence[Verified], format_: Format, interrupt
 
 
 def _summary(verified_files: Sequence[Verified], interrupted: bool) -> None:
-    from colony.verify.contracts.report import verdict
+    from colony.verify.contracts.report import verdict_key
 
-    verdicts = [verdict(r).lower() for verified in verified_files for r in verified.results]
+    verdicts = [verdict_key(r) for verified in verified_files for r in verified.results]
     if not any(verified.program for verified in verified_files):
         return
-    counts = [f"{verdicts.count(word)} {word}" for word in ("proved", "refuted", "unknown")]
+    counts = [_proved_text(verdicts), *(f"{verdicts.count(word)} {word}" for word in ("refuted", "unknown"))]
     warnings = sum(d.severity == "warning" for verified in verified_files for d in verified.diagnostics)
     counts += [counted(warnings, "warning")] if warnings else []
     click.echo(", ".join(counts) + (": interrupted before the end" if interrupted else ""))
+
+
+def _proved_text(verdicts: Sequence[str]) -> str:
+    """Return `7 proved (1 of them only while no client is late)`."""
+    in_time = verdicts.count("proved_in_time")
+    proved = verdicts.count("proved") + in_time
+    return f"{proved} proved" + (f" ({in_time} of them only while no client is late)" if in_time else "")
 
 
 def _json(verified_files: Sequence[Verified], interrupted: bool) -> str:
@@ -132,15 +139,18 @@ def _traces(verified: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
     """Return the frames that lead to each finding of a file."""
     from colony.cli.verify import examples
     from colony.verify.contracts.report import finding
-    from colony.verify.contracts.results import Proved
+    from colony.verify.contracts.results import Proved, ProvedInTime
 
     traces: dict[Diagnostic, Sequence[TraceStep]] = {}
     if verified.program is None:
         return traces
     for result in verified.results:
         diagnostic = finding(result, verified.suggested_file)
-        if diagnostic is not None and not isinstance(result, Proved) and result.trace is not None:
-            traces[diagnostic] = _steps(verified.program, result.contract.span, result.trace)
+        if diagnostic is None or isinstance(result, Proved):
+            continue
+        trace = result.python_trace or result.trace if isinstance(result, ProvedInTime) else result.trace
+        if trace is not None:
+            traces[diagnostic] = _steps(verified.program, result.contract.span, trace)
     for lint_finding in verified.findings:
         if lint_finding.run is not None:
             span, trace = lint_finding.diagnostic.span, lint_finding.run.trace

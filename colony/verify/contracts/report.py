@@ -9,16 +9,19 @@ from typing import assert_never
 
 from colony.ir.frame import Outcome
 from colony.ir.program import Program
-from colony.text.diagnostics import Diagnostic, error, warning
+from colony.text.diagnostics import Diagnostic, error, note, warning
 from colony.text.wording import counted
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
-from colony.verify.contracts.results import Proved, Refuted, Result, Trace, Unknown
+from colony.verify.contracts.results import Proved, ProvedInTime, Refuted, Result, Trace, Unknown
 from colony.verify.contracts.table import decision_text, reading_text, table
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
 _MAX_LOCATIONS = 3
+
+_BROKEN_LATE = "it is proved while no client is late; otherwise this run breaks it:"
+_OPEN_LATE = "it is proved while no client is late; otherwise it is neither proved nor refuted:"
 
 
 def verdict(result: Result) -> str:
@@ -26,6 +29,8 @@ def verdict(result: Result) -> str:
     match result:
         case Proved():
             return "proved"
+        case ProvedInTime():
+            return "in time"
         case Refuted():
             return "REFUTED"
         case Unknown():
@@ -34,12 +39,22 @@ def verdict(result: Result) -> str:
             assert_never(result)
 
 
+def verdict_key(result: Result) -> str:
+    """Return the verdict as JSON has it."""
+    return "proved_in_time" if isinstance(result, ProvedInTime) else verdict(result).lower()
+
+
 def lines(program: Program, result: Result) -> tuple[str, ...]:
     """Return the verdict on one line, and the refuting trace or the reasons indented below it."""
     head = f"{verdict(result):8} {result.contract.name}"
     match result:
-        case Proved():
-            return (head + over_reals(result),)
+        case Proved(operators=operators):
+            return (head + ("  (operators too)" if operators else "") + over_reals(result),)
+        case ProvedInTime(trace=trace, because=because, python_trace=python_trace):
+            shown = trace or python_trace
+            rows = () if shown is None else table(program, result.contract, shown)
+            why = (_BROKEN_LATE,) if trace is not None else (_OPEN_LATE, *because)
+            return (head + over_reals(result.in_time), *_indented((*why, *rows)))
         case Refuted(trace=trace):
             return (head, *_indented(table(program, result.contract, trace)))
         case Unknown(trace=trace):
@@ -77,12 +92,16 @@ def reason_text(reason: Reason) -> str:
 def finding(result: Result, file: str | None) -> Diagnostic | None:
     """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
+    For one that is proved only while no client is late, it is a note.
+
     The hint suggests adding the run to `file` as a test; `file` is None if the run is added anyway.
     """
     contract = result.contract
     match result:
         case Proved():
             return None
+        case ProvedInTime(trace=trace, because=because, hint=hint):
+            return note("V012", contract.span, *_in_time(contract.name, trace, because, hint))
         case Refuted(trace=trace):
             time = time_of_breach(trace)
             found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
@@ -91,11 +110,31 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             message = f"contract `{contract.name}` {how} at {time} of a run of {length}{found}"
             return error("V010", contract.span, message, _hint(trace, file))
         case Unknown(because=because, hint=hint):
-            reasons = "; ".join(line.strip() for line in because)
-            message = f"contract `{contract.name}` is neither proved nor refuted: {reasons}"
+            message = f"contract `{contract.name}` is neither proved nor refuted: {_on_one_line(because)}"
             return warning("V011", contract.span, message, hint)
         case _:
             assert_never(result)
+
+
+def _in_time(
+    name: str, trace: Trace | None, because: tuple[str, ...], hint: str | None
+) -> tuple[str, str | None]:
+    """Return the message and the hint about a contract that is proved only while no client is late."""
+    start = f"contract `{name}` is proved only while no client is late; otherwise it"
+    if trace is None:
+        return f"{start} is neither proved nor refuted: {_on_one_line(because)}", hint
+    how = "is unknown" if trace.unknown else "is false"
+    length = counted(len(trace.snapshots), "frame")
+    found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
+    advice = (
+        "an actuator whose client is late is idle while others act: say what must hold then "
+        "(`... or drive is idle`)"
+    )
+    return f"{start} {how} at {time_of_breach(trace)} of a run of {length}{found}", advice
+
+
+def _on_one_line(because: tuple[str, ...]) -> str:
+    return "; ".join(line.strip() for line in because)
 
 
 def _hint(trace: Trace, file: str | None) -> str | None:
@@ -133,12 +172,16 @@ def row(program: Program, result: Result) -> dict[str, object]:
         "file": result.contract.span.source.name,
         "line": line,
         "column": column,
-        "verdict": verdict(result).lower(),
+        "verdict": verdict_key(result),
     }
     match result:
-        case Proved(k=k, invariants=invariants):
-            result_row |= {"k": k, "invariants": list(invariants)}
-            result_row["over_reals"] = [reason_text(r) for r in result.over_reals]
+        case Proved(operators=operators):
+            result_row |= {**_proof_row(result), "operators": operators}
+        case ProvedInTime(in_time=in_time, because=because, hint=hint):
+            shown = result.trace or result.python_trace
+            result_row |= {**_proof_row(in_time), "operators": False}
+            result_row |= {"because": [b.strip() for b in because], "hint": hint}
+            result_row["trace"] = None if shown is None else trace_rows(program, shown)
         case Refuted(trace=trace):
             result_row["trace"] = trace_rows(program, trace)
         case Unknown(because=because, hint=hint, trace=unknown_trace):
@@ -149,12 +192,22 @@ def row(program: Program, result: Result) -> dict[str, object]:
     return result_row
 
 
+def _proof_row(proved: Proved) -> dict[str, object]:
+    over_reals = [reason_text(r) for r in proved.over_reals]
+    return {"k": proved.k, "invariants": list(proved.invariants), "over_reals": over_reals}
+
+
 def trace_rows(program: Program, trace: Trace) -> list[dict[str, object]]:
-    """Return an object per frame: the inputs, as `colony trace --input` takes them, and the commands sent."""
+    """Return an object per frame: the inputs, as `colony trace --input` takes them, and the commands sent.
+
+    Frames in which clients are late have those actuators as `late`, and lost modules as `lost`.
+    """
     return [
         {
             "frame": frame_row(program.robot.sensors, snapshot),
             "answers": {m: None if a is None else list(a) for m, a in snapshot.answers.items()},
+            **({"late": sorted(snapshot.given)} if snapshot.given else {}),
+            **({"lost": sorted(snapshot.lost)} if snapshot.lost else {}),
             "sent": outcome_row(program, outcome),
             "broken": list(outcome.breaches),
         }
@@ -169,7 +222,7 @@ def readable_frames(
     sensors = {s.name: s for s in program.robot.sensors}
     for snapshot, outcome in zip(snapshots, outcomes, strict=True):
         decided = (
-            f"{a.name} {decision_text(a, d)}"
+            f"{a.name} {decision_text(a, d, a.name in snapshot.given)}"
             for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
         )
         restarted = ("restarted",) if snapshot.restarted else ()

@@ -21,7 +21,16 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
     sensors = [s for s in program.robot.sensors if any(s.name in x.readings for x in trace.snapshots)]
     actuators = _actuators(program, contract)
     modules = list(dict.fromkeys(m for s in trace.snapshots for m in s.answers))
-    rows = [["time", *(s.name for s in sensors), *(f"{m} answers" for m in modules), *actuators]]
+    some_lost = any(s.lost for s in trace.snapshots)
+    rows = [
+        [
+            "time",
+            *(s.name for s in sensors),
+            *(f"{m} answers" for m in modules),
+            *actuators,
+            *(["lost"] if some_lost else []),
+        ]
+    ]
     for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True):
         decisions = {d.actuator: d for d in outcome.decisions}
         rows.append(
@@ -29,7 +38,8 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
                 f"{seconds(snapshot.t_ns)}{', restarted' if snapshot.restarted else ''}",
                 *(reading_text(s, snapshot.readings.get(s.name)) for s in sensors),
                 *(_answer_text(program, m, snapshot) for m in modules),
-                *(decision_text(a, decisions[name]) for name, a in actuators.items()),
+                *(decision_text(a, decisions[name], name in snapshot.given) for name, a in actuators.items()),
+                *([", ".join(sorted(snapshot.lost)) or "none"] if some_lost else []),
             ]
         )
     return (*aligned(rows), *_notes(program, trace, len(sensors)))
@@ -80,9 +90,12 @@ def _value_text(value: ScalarValue, type_: Scalar, number: str) -> str:
     return next((f"{type_}.{name}" for name, n in members if n == value), number)
 
 
-def decision_text(actuator: Actuator, decision: Decision) -> str:
-    """Return a decision as text: `by avoid: velocity = 150 mm/s, turn = 45 deg/s`."""
-    winner = "idle" if decision.by is None else f"by {decision.by}"
+def decision_text(actuator: Actuator, decision: Decision, late: bool = False) -> str:
+    """Return a decision as text: `by avoid: velocity = 150 mm/s, turn = 45 deg/s`.
+
+    With `late` the actuator is idle whatever the network decided.
+    """
+    winner = "late, idle" if late else "idle" if decision.by is None else f"by {decision.by}"
     fault = f" ({decision.fault})" if decision.fault else ""
     if decision.values is None:
         return f"{winner}{fault}: nothing is sent"
