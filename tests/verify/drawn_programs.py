@@ -10,16 +10,24 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from multiprocessing import Pool
 from random import Random
+from typing import NamedTuple
 
-from colony.verify.contracts.prove import Prover
+from colony.ir import expression as ir
+from colony.ir.frame import Outcome
+from colony.ir.program import Actuator, Contract, Module, Program
+from colony.ir.types import BOOL
+from colony.verify.claims import any_of, binary, constant, negation
+from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Options, Proved, Refuted
+from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
+from colony.verify.testing.disturbed import disturbed_run
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
@@ -52,27 +60,98 @@ def formulas(seed: int) -> Findings:
 
 def verdicts(seed: int) -> Findings:
     """Break what is proved by drawn traces, and replay what is refuted."""
-    program, _ = run_of_seed(seed)
-    prover = Prover(program, _OPTIONS, lambda: 0.0)
-    results = {contract.name: prover.prove(contract) for contract in program.contracts}
+    program = with_weaker_contracts(run_of_seed(seed)[0])
+    results = {result.contract.name: result for result in prove_contracts(program, _OPTIONS, lambda: 0.0)}
     counts = Counter(type(result).__name__.lower() for result in results.values())
-    findings, proved = [], set[str]()
+    findings, proved = list[str](), Holding(set(), set(), set())
     for name, result in results.items():
         match result:
-            case Proved(over_reals=()):
-                proved.add(name)
+            case Proved(over_reals=(), operators=operators):
+                counts["proved with operators"] += operators
+                proved.always.add(name)
+                proved.late.add(name)
+                proved.operators.update({name} if operators else ())
+            case ProvedInTime(in_time=in_time):
+                proved.always.update(() if in_time.over_reals else {name})
+                findings += _not_late(seed, program, result)
             case Refuted(trace=trace):
                 counts["refuted by an unknown value"] += trace.unknown
                 if Replay(program, name).breach(trace.snapshots) is None:
                     findings.append(f"seed {seed}: the run that refutes {name} does not break it")
             case _:
                 pass
-    for number in range(_TRACES if proved else 0):
+    return counts, [*findings, *_broken(seed, program, proved)]
+
+
+class Holding(NamedTuple):
+    """The contracts that are proved: while no client is late, while some are, and with operators besides."""
+
+    always: set[str]
+    late: set[str]
+    operators: set[str]
+
+
+def with_weaker_contracts(program: Program) -> Program:
+    """Return a program with contracts that hold more often than those that were drawn."""
+    idle = [ir.IsIdle(type=BOOL, actuator=a.name) for a in program.robot.actuators]
+    active = [ir.IsActive(type=BOOL, name=m.name) for m in program.modules if isinstance(m, Module)]
+    weaker = [
+        Contract(name=f"{c.name}_or_{kind}", expression=any_of((c.expression, other)))
+        for c in program.contracts
+        for kind, other in (("idle", idle[0]), ("none_idle", negation(idle[-1])), ("active", active[-1]))
+    ]
+    bounds = [
+        Contract(name=f"bounds_{a.name}_{i}", expression=_in_range(a, i))
+        for a in program.robot.actuators
+        for i, f in enumerate(a.fields)
+        if a.idle is not None and f.low is not None
+    ]
+    both = [
+        Contract(name=f"both_{a.actuator}_{b.actuator}", expression=any_of((a, negation(b))))
+        for a in idle
+        for b in idle
+        if a != b
+    ]
+    return replace(program, contracts=(*program.contracts, *weaker, *bounds, *both))
+
+
+def _in_range(actuator: Actuator, i: int) -> ir.Expression:
+    field = actuator.fields[i]
+    sent = ir.SentField(type=field.type, actuator=actuator.name, field_index=i)
+    low = min(field.low or 0.0, float((actuator.idle or (0.0,) * (i + 1))[i]))
+    return binary(ir.Binary.LESS_EQUAL, constant(low, field.type), sent)
+
+
+def _not_late(seed: int, program: Program, result: ProvedInTime) -> list[str]:
+    """Return what is wrong with the run that breaks a contract while clients are late."""
+    if result.trace is None:
+        return []
+    name, snapshots = result.contract.name, result.trace.snapshots
+    in_time = tuple(s._replace(given={}, lost=frozenset()) for s in snapshots)
+    if Replay(program, name).breach(snapshots) is None:
+        return [f"seed {seed}: the run with late clients that breaks {name} does not break it"]
+    if Replay(program, name).breach(in_time) is not None and not result.in_time.over_reals:
+        return [f"seed {seed}: {name} is broken with no client late"]
+    return []
+
+
+def _broken(seed: int, program: Program, proved: Holding) -> Iterator[str]:
+    """Yield the contracts that drawn traces break though they are proved."""
+    for number in range(_TRACES if proved.always else 0):
+        choices = Choices(Random(f"{seed}/{number}"))
+        trace = draw_trace(choices, program, _FRAMES)
         interpreter = Interpreter(program)
-        for frame in draw_trace(Choices(Random(f"{seed}/{number}")), program, _FRAMES):
-            broken = proved.intersection(interpreter.step(frame).breaches)
-            findings += [f"seed {seed}: trace {number} breaks {name}, which is proved" for name in broken]
-    return counts, findings
+        runs: list[tuple[str, set[str], Iterable[Outcome]]] = [
+            ("", proved.always, (interpreter.step(frame) for frame in trace))
+        ]
+        for kind, holding in (("late", proved.late), ("operators", proved.operators)):
+            if holding:
+                run = disturbed_run(choices, program, trace, operators=kind == "operators")
+                runs.append((f" ({kind})", holding, (frame.outcome for frame in run)))
+        for kind, holding, outcomes in runs:
+            for outcome in outcomes:
+                for name in holding.intersection(outcome.breaches):
+                    yield f"seed {seed}: trace {number}{kind} breaks {name}, which is proved"
 
 
 def run(name: str, check: Check, seeds: range, workers: int) -> bool:

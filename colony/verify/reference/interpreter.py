@@ -68,6 +68,7 @@ class Interpreter:
         self._moment: FrameValues | None = None
         self._lost: frozenset[str] = frozenset()
         self._given: Mapping[str, Given] = {}
+        self._limits: list[tuple[ir.Limit, float | None]] = []
         self._silent: set[str] = set()
         self._blind: set[str] = set()
         self._unknown: set[str] = set()
@@ -158,6 +159,15 @@ class Interpreter:
         """Return True if a failsafe module was active in the last frame without an answer."""
         return module in self._blind
 
+    def bounds(self, actuator: ir.Actuator) -> tuple[tuple[float, float], ...] | None:
+        """Return the bounds of an actuator's fields in the last frame, None if they allow no command.
+
+        They do not depend on what actuators are given.
+        """
+        bounds = [self._bounds(actuator, i, self._limits) for i in range(len(actuator.fields))]
+        possible = tuple(b for b in bounds if b is not None and b[0] <= b[1])
+        return possible if len(possible) == len(bounds) else None
+
     def _run_frame(
         self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float], *, restarted: bool
     ) -> Outcome:
@@ -175,7 +185,7 @@ class Interpreter:
         self._compute_derived_values(frame_values)
         self._run_modules(frame_values, records)
         self._run_network(frame_values)
-        limits = self._applicable_limits(frame_values)
+        limits = self._limits = self._applicable_limits(frame_values)
         decisions = [self._decide(a, frame_values, limits, records) for a in self.program.robot.actuators]
         self._remember_sent(decisions)
         values = {c.name: self.value_of(c.expression) for c in self.program.contracts}
