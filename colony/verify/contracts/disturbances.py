@@ -12,6 +12,7 @@ is sent, so what was proved of it stays true.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 
@@ -26,9 +27,9 @@ from colony.verify.contracts.results import Options, Proved, ProvedInTime, Trace
 from colony.verify.contracts.search import called_modules
 from colony.verify.contracts.solver import Budget, Clock
 from colony.verify.symbolic.disturbing import claim_name, encode_disturbed
-from colony.verify.symbolic.generalization import generalize
-from colony.verify.symbolic.reasons import rounding_reasons
-from colony.verify.symbolic.system import Disturbance, Reason
+from colony.verify.symbolic.generalization import generalized
+from colony.verify.symbolic.reasons import reasons_of
+from colony.verify.symbolic.system import Disturbance, Inexact, Reason
 
 _SHARES = {Disturbance.LATE: 0.5, Disturbance.OPERATORS: 0.25}
 """Additional shares of a contract's budget for each disturbance."""
@@ -46,8 +47,7 @@ _DECISIONS = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
 class Confirmer:
     """Proves proved contracts of one program under disturbances. Stateful: remembers what it has proved.
 
-    `usual` is the context in which contracts are proved while nothing disturbs them. `proved` is the number
-    of proofs under a disturbance.
+    `usual` is the context in which contracts are proved while nothing disturbs them.
     """
 
     def __init__(self, usual: ProofContext, options: Options, clock: Clock | None = None) -> None:
@@ -55,7 +55,12 @@ class Confirmer:
         self._options = options
         self._clock = clock
         self._over_reals: dict[str, tuple[Reason, ...]] = {}  # of all claims that are proved, by name
-        self.proved = 0
+        self._inexact: dict[tuple[int, str], tuple[Reason, ...]] = {}  # by context and claim
+
+    @property
+    def proved(self) -> int:
+        """Number of claims known to hold in every frame."""
+        return len(self._over_reals)
 
     @cached_property
     def _context(self) -> ProofContext:
@@ -67,7 +72,7 @@ class Confirmer:
     @cached_property
     def _general(self) -> ProofContext:
         """The context of proofs that allow any rounding; what is proved for floats is known in it."""
-        context = ProofContext(generalize(self._context.system))
+        context = ProofContext(generalized(self._context.system))
         for name, over_reals in self._over_reals.items():
             if not over_reals:
                 context.record_proof(name)
@@ -79,7 +84,12 @@ class Confirmer:
         self._record(contract.name, proved.over_reals)
         if not self._depends_on_decisions(contract):
             return replace(proved, operators=True)
-        found = self._prove(contract, Disturbance.LATE)
+        with_operators = self._prove_quickly(contract, Disturbance.OPERATORS)
+        if with_operators is not None:  # which includes that clients are late
+            self._record(claim_name(contract.name, Disturbance.LATE), with_operators)
+            return _with_over_reals(proved, with_operators, operators=True)
+        late = self._prove_quickly(contract, Disturbance.LATE)
+        found = self._attempt(contract, Disturbance.LATE) if late is None else late
         match found:
             case Trace():
                 return ProvedInTime(contract=contract, in_time=proved, trace=found)
@@ -88,100 +98,113 @@ class Confirmer:
                     contract=contract, in_time=proved, because=because, hint=hint, python_trace=trace
                 )
             case _:
-                pass
-        over_reals = (*proved.over_reals, *found)
-        with_operators = self._prove(contract, Disturbance.OPERATORS)
-        if isinstance(with_operators, tuple):
-            over_reals = (*over_reals, *with_operators)
-        return replace(
-            proved, over_reals=tuple(dict.fromkeys(over_reals)), operators=isinstance(with_operators, tuple)
-        )
+                return self._with_operators(_with_over_reals(proved, found, operators=False))
+
+    def _with_operators(self, proved: Proved) -> Proved:
+        """Try a longer proof with operators, where a quick one may have lacked invariants."""
+        if not self._has_own_memory(claim_name(proved.contract.name, Disturbance.OPERATORS)):
+            return proved
+        found = self._attempt(proved.contract, Disturbance.OPERATORS)
+        return _with_over_reals(proved, found, operators=True) if isinstance(found, tuple) else proved
 
     def _depends_on_decisions(self, contract: Contract) -> bool:
         can_be_lost = modules_that_can_be_lost(self._usual.system.program)
         kinds = (*_DECISIONS, ir.IsActive) if can_be_lost else _DECISIONS
         return any(isinstance(x, kinds) for x in ir.subexpressions(contract.expression))
 
-    def _record(self, name: str, over_reals: tuple[Reason, ...]) -> None:
-        """Record that a claim holds in every frame."""
-        if name in self._over_reals:
-            return
-        self._over_reals[name] = over_reals
-        if "_context" in self.__dict__:
-            self._context.record_proof(name)
-        if "_general" in self.__dict__ and not over_reals:
-            self._general.record_proof(name)
+    def _record(self, name: str, over_reals: tuple[Reason, ...]) -> tuple[Reason, ...]:
+        """Record that a claim holds in every frame; return where its proof is about real numbers."""
+        if name not in self._over_reals:
+            self._over_reals[name] = over_reals
+            if "_context" in self.__dict__:
+                self._context.record_proof(name)
+            if "_general" in self.__dict__ and not over_reals:
+                self._general.record_proof(name)
+        return self._over_reals[name]
 
-    def _prove(self, contract: Contract, disturbance: Disturbance) -> tuple[Reason, ...] | Trace | Unknown:
-        """Return where a proof is about real numbers and floats may round; or a run; or why there is neither.
+    def _prove_quickly(self, contract: Contract, disturbance: Disturbance) -> tuple[Reason, ...] | None:
+        """Prove a claim in one frame; return where the proof is about reals and floats may round.
 
-        Only of late clients runs are sought.
+        Return None if there is no such proof.
         """
         name = claim_name(contract.name, disturbance)
-        context, usual = self._context, self._context.claims[contract.name]
-        claim = context.claims[name]
         if name in self._over_reals:
             return self._over_reals[name]
+        context, usual = self._context, self._context.claims[contract.name]
+        context.adopt(self._usual)
+        claim = context.claims[name]
+        if claim.holds.eq(usual.holds):
+            return self._record(name, self._over_reals[usual.name])
         context.cones[name] = cone_of(context.system, claim, usual)
-        rounding = (
-            self._over_reals[usual.name]
-            if claim.holds.eq(usual.holds)
-            else self._prove_for_floats(contract, name)
-        )
-        if rounding is None:
-            found = self._attempt(contract, name, disturbance)
-            if not isinstance(found, tuple):
-                return found
-            rounding = found
-        self.proved += 1
-        self._record(name, rounding)
-        return rounding
+        rounding = self._prove_for_floats(contract, name)
+        if rounding is not None:
+            return self._record(name, rounding)
+        known = context.known_invariants(context.cones[name])
+        attempt = Attempt(context, name, self._budget(1.0), invariants=known)
+        if attempt.prove_in_one_frame(_QUICK_SHARE) is None:
+            return None
+        return self._record(name, self._rounding(name, attempt))
 
     def _prove_for_floats(self, contract: Contract, name: str) -> tuple[Reason, ...] | None:
         """Return where rounding may still matter in a proof in one frame that allows any; None without one.
 
         It is not tried where no number can be rounded.
         """
-        if not rounding_reasons([self._context.claims[name]]):
+        if not self._rounding_reasons([name]):
             return None
         general = self._general
         general.cones[name] = cone_of(general.system, general.claims[name], general.claims[contract.name])
         attempt = Attempt(general, name, self._budget(_FLOAT_SHARE))
         if attempt.prove_in_one_frame() is None:
             return None
-        return rounding_reasons([general.claims[name], *attempt.lemmas])
+        return self._rounding_reasons([name, *(c.name for c in attempt.lemmas)], general)
 
-    def _attempt(
-        self, contract: Contract, name: str, disturbance: Disturbance
-    ) -> tuple[Reason, ...] | Trace | Unknown:
-        """Prove or refute a claim over real numbers."""
+    def _attempt(self, contract: Contract, disturbance: Disturbance) -> tuple[Reason, ...] | Trace | Unknown:
+        """Prove or refute a claim over real numbers; of late clients alone runs are sought."""
+        name = claim_name(contract.name, disturbance)
         context, budget = self._context, self._budget(_SHARES[disturbance])
-        context.adopt_invariants(self._usual)
         refuter = self._refuter(contract, name) if disturbance is Disturbance.LATE else None
         known = context.known_invariants(context.cones[name])
         attempt = Attempt(context, name, budget, refuter, known)
-        if refuter is None and not self._has_own_memory(name):
-            found: Proof | Trace | None = attempt.prove_in_one_frame(_QUICK_SHARE)
-        else:
-            found = attempt.run()
+        found = attempt.run()
         if found is None and attempt.python_trace is None and refuter is not None:
             found = refuter.search_random_runs()
         match found:
             case Proof():
-                rounding = rounding_reasons([context.claims[name], *attempt.lemmas])
-                of_lemmas = (r for lemma in attempt.lemmas for r in self._over_reals[lemma.name])
-                return tuple(dict.fromkeys((*rounding, *of_lemmas)))
+                return self._record(name, self._rounding(name, attempt))
             case Trace():
                 return found
             case None:
                 return explain_unknown(
                     contract,
-                    context.claims[name].inexact,
+                    self._reasons(context, name),
                     budget,
                     frames_searched=attempt.frames_searched,
                     spurious_models=0 if refuter is None else refuter.spurious_models,
                     trace=attempt.python_trace,
                 )
+
+    def _rounding(self, name: str, attempt: Attempt) -> tuple[Reason, ...]:
+        """Return the places where reals stand in for floats in a proof."""
+        rounding = self._rounding_reasons([name, *(c.name for c in attempt.lemmas)])
+        of_lemmas = (r for lemma in attempt.lemmas for r in self._over_reals[lemma.name])
+        return tuple(dict.fromkeys((*rounding, *of_lemmas)))
+
+    def _rounding_reasons(
+        self, names: Iterable[str], context: ProofContext | None = None
+    ) -> tuple[Reason, ...]:
+        """Return the places where reals stand in for floats in claims."""
+        of_claims = (r for name in names for r in self._reasons(context or self._context, name))
+        return tuple(dict.fromkeys(r for r in of_claims if r.kind is Inexact.ROUNDING))
+
+    def _reasons(self, context: ProofContext, name: str) -> tuple[Reason, ...]:
+        """Return the reasons of all inexact terms that a claim depends on, computed when first needed."""
+        if context is self._context and name in self._usual.claims:
+            return self._usual.claims[name].inexact
+        key = (id(context), name)
+        if key not in self._inexact:
+            self._inexact[key] = reasons_of(context.system, context.claims[name].holds)
+        return self._inexact[key]
 
     def _has_own_memory(self, name: str) -> bool:
         """Return True if a claim depends on memory that it does not depend on while nothing disturbs it.
@@ -198,3 +221,9 @@ class Confirmer:
 
     def _budget(self, share: float) -> Budget:
         return Budget(self._options, self._clock).scaled(share)
+
+
+def _with_over_reals(proved: Proved, over_reals: tuple[Reason, ...], *, operators: bool) -> Proved:
+    """Return a proof with the places where the proofs under disturbances are about real numbers."""
+    together = tuple(dict.fromkeys((*proved.over_reals, *over_reals)))
+    return replace(proved, over_reals=together, operators=operators)

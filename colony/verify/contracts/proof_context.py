@@ -44,8 +44,10 @@ class ProofContext:
         """Record that a contract holds in every frame."""
         self._proved.append(self.claims[contract])
 
-    def adopt_invariants(self, other: ProofContext) -> None:
-        """Take over the invariants found in a context whose system this one's extends."""
+    def adopt(self, other: ProofContext) -> None:
+        """Take over the cones and invariants found in a context whose system this one's extends."""
+        for name, cone in other.cones.items():
+            self.cones.setdefault(name, cone)
         for key, found in other._invariants.items():
             self._invariants.setdefault(key, found)
 

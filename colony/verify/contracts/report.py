@@ -49,7 +49,7 @@ def lines(program: Program, result: Result) -> tuple[str, ...]:
     head = f"{verdict(result):8} {result.contract.name}"
     match result:
         case Proved(operators=operators):
-            return (head + ("  (operators too)" if operators else "") + over_reals(result),)
+            return (head + over_reals(result) + ("  (operators too)" if operators else ""),)
         case ProvedInTime(trace=trace, because=because, python_trace=python_trace):
             shown = trace or python_trace
             rows = () if shown is None else table(program, result.contract, shown)
@@ -126,9 +126,12 @@ def _in_time(
     how = "is unknown" if trace.unknown else "is false"
     length = counted(len(trace.snapshots), "frame")
     found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
+    late = next(iter(trace.snapshots[-1].given), None)
     advice = (
-        "an actuator whose client is late is idle while others act: say what must hold then "
-        "(`... or drive is idle`)"
+        "a client that is lost lets lesser ones act"
+        if late is None
+        else "an actuator whose client is late is idle, whatever others do: say what must hold then "
+        f"(`{late} is idle or ...`)"
     )
     return f"{start} {how} at {time_of_breach(trace)} of a run of {length}{found}", advice
 

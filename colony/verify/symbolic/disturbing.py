@@ -22,7 +22,6 @@ from colony.verify.symbolic.encode import (
     contract_claim,
     encode_frame,
     system_of,
-    with_reasons,
 )
 from colony.verify.symbolic.frame_values import FrameValues
 from colony.verify.symbolic.inputs import bounds_of, enumerator_input, finite_input
@@ -47,7 +46,7 @@ def claim_name(contract: str, disturbance: Disturbance) -> str:
 
 
 def encode_disturbed(usual: System) -> System:
-    """Return `usual`, of `encode`, extended by all disturbances."""
+    """Return `usual`, of `encode`, extended by all disturbances; `inexact` of its claims is left empty."""
     program = usual.program
 
     def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
@@ -60,7 +59,7 @@ def encode_disturbed(usual: System) -> System:
         system = system_of(program, builder, replace(parts, claims=tuple(claims)))
         return builder, replace(system, disturbances=inputs)
 
-    return with_reasons(with_stable_shapes(encode_with, usual.shapes))
+    return with_stable_shapes(encode_with, usual.shapes)
 
 
 def _disturbed(

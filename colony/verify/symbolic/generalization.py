@@ -45,8 +45,12 @@ def generalize(system: System) -> System:
     In it, `inexact` of a claim lists only terms that cannot be generalized, and modules in Python, whose
     answers are arbitrary in both systems. Use it only for proofs.
     """
-    generalization = _Generalization(system)
-    return with_reasons(generalization.system())
+    return with_reasons(generalized(system))
+
+
+def generalized(system: System) -> System:
+    """Return `generalize(system)` with the claims' `inexact` as it is in `system`."""
+    return _Generalization(system).system()
 
 
 class _Generalization:

@@ -15,6 +15,8 @@ def reasons_of(system: System, *terms: z3.ExprRef) -> tuple[Reason, ...]:
 
     Comparisons, choices, minimum and maximum, negation, constants and copies are exact.
     """
+    if not system.inexact:
+        return ()
     visited = cone(system, terms).visited
     found = {inexact_term.reason: None for key, inexact_term in system.inexact.items() if key in visited}
     return tuple(found)
