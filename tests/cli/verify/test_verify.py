@@ -33,7 +33,7 @@ def add(behavior: Path, *texts: str) -> Path:
 def test_proved(colony: Colony, behavior: Path) -> None:
     code, out, _ = colony("verify", add(behavior, TRUE))
     assert code == 0
-    assert f"{behavior}: proved   backs\n" in out
+    assert f"{behavior}: proved   backs  (operators too)\n" in out
     assert "1 proved, 0 refuted, 0 unknown" in out.splitlines()[-1]
 
 

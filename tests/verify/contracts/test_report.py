@@ -6,16 +6,59 @@ from dataclasses import replace
 
 from colony.verify.contracts.prove import in_order, prove_contracts
 from colony.verify.contracts.report import finding, lines, row, verdict
+from colony.verify.contracts.results import ProvedInTime
 from colony.verify.contracts.table import table
-from tests.verify.contracts.behaviors import program, proved, refuted, unknown
+from tests.verify.contracts.behaviors import program, proved, refuted, result, unknown
 
 
 def test_what_holds_of_floats_is_proved_without_more() -> None:
-    text = "contract c: back is active and not (cruise is active) implies drive by back"
+    text = "contract c: drive by back implies back is active"
     found = proved(text)
-    assert lines(program(text), found) == ("proved   c",)
+    assert lines(program(text), found) == ("proved   c  (operators too)",)
+    assert lines(program(text), replace(found, operators=False)) == ("proved   c",)
     assert finding(found, "f.colony") is None
     assert row(program(text), found)["over_reals"] == []
+
+
+def test_a_contract_that_a_late_client_breaks_is_a_note_with_the_run() -> None:
+    text = "contract c: back is active and not (cruise is active) implies drive by back"
+    found = result(text)
+    assert isinstance(found, ProvedInTime)
+    assert lines(program(text), found)[:5] == (
+        "in time  c",
+        "  it is proved while no client is late; otherwise this run breaks it:",
+        "  time  bump  drive",
+        "  0 s   true  late, idle: velocity = 0 m/s, turn = 0 deg/s",
+        "  all other sensors: missing (their readings make no difference)",
+    )
+    said = finding(found, "f.colony")
+    assert said is not None
+    assert (said.code, said.severity) == ("V012", "note")
+    assert "`c` is proved only while no client is late; otherwise it is false at 0 s of a run" in said.message
+    assert said.hint is not None
+    assert "`drive is idle or ...`" in said.hint
+    rows = row(program(text), found)
+    assert (rows["verdict"], rows["operators"]) == ("proved_in_time", False)
+    trace = rows["trace"]
+    assert isinstance(trace, list)
+    assert trace[0]["late"] == ["drive"]
+
+
+def test_a_contract_of_which_lateness_is_open_says_why() -> None:
+    text = "contract c: drive by back implies back is active"
+    found = ProvedInTime(
+        contract=program(text).contracts[-1], in_time=proved(text), because=("z3 gave up",), hint="ask less"
+    )
+    assert lines(program(text), found) == (
+        "in time  c",
+        "  it is proved while no client is late; otherwise it is neither proved nor refuted:",
+        "  z3 gave up",
+    )
+    said = finding(found, "f.colony")
+    assert said is not None
+    assert (said.code, said.hint) == ("V012", "ask less")
+    assert said.message.endswith("otherwise it is neither proved nor refuted: z3 gave up")
+    assert row(program(text), found)["trace"] is None
 
 
 def test_what_holds_of_reals_names_the_lines() -> None:
