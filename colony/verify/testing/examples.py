@@ -113,9 +113,7 @@ def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapsho
             for n in names
             if n in snapshot.readings or n not in sent
         )
-        step = Step(
-            times_ns=(snapshot.t_ns,), given=readings, expectations=(), restarted=snapshot.restarted
-        )
+        step = Step(times_ns=(snapshot.t_ns,), given=readings, expectations=(), restarted=snapshot.restarted)
         run.step(step, snapshot.lost, snapshot.given)
     broken = {"contract broken": False, "contract unknown": True}
     failures = run.failures.values()
@@ -175,9 +173,7 @@ class _Run:
             self.give(given, step.times_ns[0])
         for number, t_ns in enumerate(step.times_ns):
             readings, restarted = self.readings.at(t_ns), step.restarted and number == 0
-            outcome = self.interpreter.step_in_base_units(
-                t_ns, readings, lost, commands, restarted=restarted
-            )
+            outcome = self.interpreter.step_in_base_units(t_ns, readings, lost, commands, restarted=restarted)
             self.frames += 1
             for contract in self.program.contracts:
                 if contract.name in outcome.breaches:

@@ -77,6 +77,29 @@ def test_no_contracts(colony: Colony, behavior: Path) -> None:
     assert f"{behavior}: no contracts found" in out
 
 
+LATE = "contract acts: back is active implies drive by back or not drive is idle\n"
+
+
+def test_proved_only_while_no_client_is_late(colony: Colony, behavior: Path) -> None:
+    code, out, err = colony("verify", "--contract", "acts", add(behavior, LATE))
+    assert code == 0
+    assert f"{behavior}: in time  acts\n" in out
+    assert "late, idle: " in out
+    assert "1 proved (1 of them only while no client is late), 0 refuted, 0 unknown" in out.splitlines()[-1]
+    assert "note[V012]: contract `acts` is proved only while no client is late" in err
+
+
+def test_what_is_proved_in_time_is_so_in_json_and_sarif(colony: Colony, behavior: Path) -> None:
+    _, out, _ = colony("verify", "--contract", "acts", "--format", "json", add(behavior, LATE))
+    [contract] = json.loads(out)["files"][0]["contracts"]
+    assert (contract["verdict"], contract["operators"]) == ("proved_in_time", False)
+    assert contract["trace"][0]["late"] == ["drive"]
+    _, out, _ = colony("verify", "--contract", "acts", "--format", "sarif", behavior)
+    [found] = json.loads(out)["runs"][0]["results"]
+    assert (found["ruleId"], found["level"]) == ("V012", "note")
+    assert found["codeFlows"]
+
+
 def test_several_files(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.colony"
     other.write_text(behavior.read_text() + FALSE)

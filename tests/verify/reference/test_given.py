@@ -77,6 +77,17 @@ def test_idle_hold_holds_what_was_given_last() -> None:
         assert executor.step(Frame(150 * MS, {"go": True})).breaches == ("c0",)
 
 
+def test_bounds_are_those_of_the_frame_whoever_commands() -> None:
+    text = TEXT + "limit drive.velocity <= 0.3 m/s when go\nlimit lift.height >= 600 mm when go"
+    interpreter = Interpreter(load_text(text))
+    drive, lift = interpreter.program.robot.actuators
+    interpreter.step(Frame(0, {"go": False}))
+    assert interpreter.bounds(drive) == ((-1000.0, 1000.0),)
+    interpreter.step(Frame(50 * MS, {"go": True}), given={"drive": Given((0.0,))})
+    assert interpreter.bounds(drive) == ((-1000.0, 300.0),)
+    assert interpreter.bounds(lift) is None, "they contradict each other"
+
+
 def drawn_given(choices: Choices, interpreter: Interpreter) -> dict[str, Given]:
     """Draw what some actuators are given."""
     given = {}
