@@ -130,6 +130,9 @@ def _arbitration(state: RobotState) -> Iterator[str]:
     if arbitration.lock_holder is not None:
         yield f"locked by {arbitration.lock_holder}"
     yield f"the base is commanded by {arbitration.acting or 'no client'}"
+    for outside in arbitration.outside:
+        if outside.unlimited:
+            yield f"{outside.connection} ignores the limits of the program"
 
 
 def _priorities(state: RobotState) -> dict[str, int]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from colony.execute.code import ActuatorCode, ClientCode
 from colony.execute.intake import Records
-from colony.execute.settle import settle
+from colony.execute.settle import bounds_of, settle
 from colony.ir.frame import Given
 from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
@@ -25,6 +25,43 @@ class ActuatorDecision(NamedTuple):
     is_commanded: bool = False
 
 
+class BoundsStep(NamedTuple):
+    """The bounds of an actuator's fields in a frame, in base units.
+
+    Attributes:
+        low: Greatest lower bound of each field, None where it has none.
+        high: Least upper bound of each field, None where it has none.
+        fault: "limits contradict" if a lower bound is above an upper one; "bound missing" if a bound is not
+            known and there is no idle command, whose value would stand in. No command may be sent then.
+    """
+
+    low: tuple[float | None, ...]
+    high: tuple[float | None, ...]
+    fault: Literal["limits contradict", "bound missing"] | None = None
+
+
+def bounds_in_frame(actuator: ActuatorCode, values: list[Any]) -> BoundsStep:
+    """Return the bounds of an actuator's fields: its ranges, and all limits that apply."""
+    limits, idle = limits_in_frame(actuator, values), actuator.actuator.idle
+    if idle is None and any(bound is None for _, _, bound in limits):
+        return BoundsStep((), (), "bound missing")
+    pairs = [bounds_of(i, f.low, f.high, limits, idle) for i, f in enumerate(actuator.actuator.fields)]
+    if any(low is not None and high is not None and low > high for low, high in pairs):
+        return BoundsStep((), (), "limits contradict")
+    return BoundsStep(tuple([low for low, _ in pairs]), tuple([high for _, high in pairs]))
+
+
+def limits_in_frame(actuator: ActuatorCode, values: list[Any]) -> tuple[tuple[int, bool, float | None], ...]:
+    """Return the limits that apply, as `settle` expects them."""
+    return tuple(
+        [
+            (limit.field_index, limit.relation == "<=", values[limit.bound] if values[limit.known] else None)
+            for limit in actuator.limits
+            if values[limit.applies]
+        ]
+    )
+
+
 def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any]) -> ActuatorDecision:
     """Return the decision for an actuator: the winner's command, bounded, or the idle command."""
     idle, fields = actuator.actuator.idle, field_bounds(actuator.actuator)
@@ -33,11 +70,7 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
     if not values[winner.known]:
         return ActuatorDecision(winner.module, idle, "missing", (("missing", winner.module),))
     command = tuple([values[i] for i in winner.fields])
-    limits = tuple(
-        (limit.field_index, limit.relation == "<=", values[limit.bound] if values[limit.known] else None)
-        for limit in actuator.limits
-        if values[limit.applies]
-    )
+    limits = limits_in_frame(actuator, values)
     fault, sent, records = settle(actuator.actuator.name, winner.module, command, fields, limits, idle, ())
     return ActuatorDecision(winner.module, sent, fault, records, fault is None)
 

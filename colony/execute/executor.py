@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 from colony.execute.code import ActuatorCode, ClientCode, Kind
 from colony.execute.compiled import Compiled
-from colony.execute.decisions import decide, decide_given
+from colony.execute.decisions import BoundsStep, bounds_in_frame, decide, decide_given
 from colony.execute.machine import OpMachine
-from colony.execute.needs import ClientKey, needs_of_clients, python_modules
+from colony.execute.needs import BOUNDS, ClientKey, needs_of_clients, python_modules
 from colony.execute.views import clients_view, module_view, unsimplified_view, whole_view
 from colony.ir.frame import NOTHING_GIVEN, Answer, Bid, Decision, Frame, Given, Outcome, Record
 from colony.ir.memory import ProgramMemory
@@ -186,17 +186,22 @@ class ClientsExecutor:
 
     Args:
         compiled: The program.
-        clients: Actuator and module of each client.
+        clients: Actuator and module of each client; `needs.BOUNDS` in place of the module for the client of
+            an actuator's bounds.
 
     Raises:
         KeyError: there is no such client.
     """
 
     def __init__(self, compiled: Compiled, clients: Iterable[ClientKey]) -> None:
-        self.clients = tuple(clients)
-        self.code = clients_view(compiled.code, self.clients)
+        self.keys = keys = tuple(sorted(clients, key=lambda key: key[1] == BOUNDS))
+        self.clients = tuple(key for key in keys if key[1] != BOUNDS)
+        self.bounded = tuple(actuator for actuator, module in keys if module == BOUNDS)
+        self.code = clients_view(compiled.code, keys)
         by_key = {(a.actuator.name, c.module): (a, c) for a in self.code.actuators for c in a.clients}
         self._codes = tuple(by_key[key] for key in self.clients)
+        by_name = {a.actuator.name: a for a in self.code.actuators}
+        self._bounded_codes = tuple(by_name[actuator] for actuator in self.bounded)
         self._cells = self._own_cells()
         self.restart()
 
@@ -227,6 +232,10 @@ class ClientsExecutor:
         records, values = machine.records(), machine.values
         machine.commit()
         return tuple([_client_step(actuator, c, values, records) for actuator, c in self._codes])
+
+    def bounds(self) -> tuple[BoundsStep, ...]:
+        """Return the bounds of each actuator of `bounded` in the last frame."""
+        return tuple([bounds_in_frame(actuator, self._machine.values) for actuator in self._bounded_codes])
 
     def restart(self) -> None:
         """Restart from the initial memory."""
@@ -264,7 +273,7 @@ class ClientsExecutor:
         """Return the cells of each client; a cell belongs to the first client that needs it."""
         needs, shared = needs_of_clients(self.code), set[int]()
         own_cells: dict[ClientKey, list[int]] = {}
-        for client in self.clients:
+        for client in self.keys:
             own_cells[client] = [i for i in needs[client].cells if i not in shared]
             shared.update(own_cells[client])
         return own_cells

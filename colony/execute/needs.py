@@ -10,8 +10,6 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from colony.execute.code import (
-    ActuatorCode,
-    ClientCode,
     Code,
     OldCell,
     Op,
@@ -24,7 +22,10 @@ from colony.execute.code import (
 )
 
 ClientKey = tuple[str, str]
-"""Actuator and module of a client."""
+"""Actuator and module of a client; `BOUNDS` stands for a module in the client of the actuator's bounds."""
+
+BOUNDS = ".bounds"
+"""Name of the client that computes the bounds of an actuator in each frame; no module has this name."""
 
 
 class Needs(NamedTuple):
@@ -37,6 +38,8 @@ class Needs(NamedTuple):
 
 def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
     """Return the dependencies of each client, including those of its limits and of its memory.
+
+    An actuator that has limits has one more client, `BOUNDS`.
 
     Args:
         code: View of clients (`views.clients_view`), in which `guard` is the guard that a client evaluates
@@ -57,18 +60,17 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
         masks.append(mask)
     cells = _cell_closure(code, masks)
     needs: dict[ClientKey, Needs] = {}
-    for actuator_code in code.actuators:
-        for client in actuator_code.clients:
-            mask = 0
-            for index in _roots(actuator_code, client):
-                mask |= masks[index]
-            mask = _with_memory(mask, cells)
-            used = tuple(_bit_indices(mask))
-            needs[actuator_code.actuator.name, client.module] = Needs(
-                sensors=tuple([sensors[i - first_sensor] for i in used if first_sensor <= i < first_module]),
-                python_modules=tuple([modules[i - first_module] for i in used if i >= first_module]),
-                cells=tuple([i for i in used if i < first_sensor]),
-            )
+    for key, indices in _roots(code):
+        mask = 0
+        for index in indices:
+            mask |= masks[index]
+        mask = _with_memory(mask, cells)
+        used = tuple(_bit_indices(mask))
+        needs[key] = Needs(
+            sensors=tuple([sensors[i - first_sensor] for i in used if first_sensor <= i < first_module]),
+            python_modules=tuple([modules[i - first_module] for i in used if i >= first_module]),
+            cells=tuple([i for i in used if i < first_sensor]),
+        )
     return needs
 
 
@@ -90,10 +92,15 @@ def _source_key(op: Op) -> object:
             return None
 
 
-def _roots(actuator_code: ActuatorCode, client: ClientCode) -> Iterator[int]:
-    yield from (*client.fields, *client.conditions.values())
-    for limit in actuator_code.limits:
-        yield from (limit.applies, limit.bound, limit.known)
+def _roots(code: Code) -> Iterator[tuple[ClientKey, tuple[int, ...]]]:
+    """Yield each client with the values that it computes: its own, and those of its actuator's limits."""
+    for actuator_code in code.actuators:
+        name = actuator_code.actuator.name
+        limits = tuple(i for x in actuator_code.limits for i in (x.applies, x.bound, x.known))
+        for client in actuator_code.clients:
+            yield (name, client.module), (*client.fields, *client.conditions.values(), *limits)
+        if limits:
+            yield (name, BOUNDS), limits
 
 
 def _cell_closure(code: Code, masks: list[int]) -> list[int]:

@@ -22,6 +22,7 @@ from colony.execute.code import (
     remapped,
     roots,
 )
+from colony.execute.needs import BOUNDS
 from colony.ir.program import sensors_in_base_units
 
 
@@ -45,7 +46,7 @@ def unsimplified_view(code: Code) -> Code:
 
 
 def clients_view(code: Code, clients: Collection[tuple[str, str]]) -> Code:
-    """Return the view of some clients, by actuator and module.
+    """Return the view of some clients, by actuator and module; `BOUNDS` for a module is its limits alone.
 
     The view has the guards that the clients' own process evaluates, their commands, and the limits on the
     commands. Sensors are in base units. Modules in Python run elsewhere, even those of the clients.
@@ -56,9 +57,12 @@ def clients_view(code: Code, clients: Collection[tuple[str, str]]) -> Code:
     remaining = set(clients)
     actuators = []
     for actuator_code in code.actuators:
-        own = tuple(c for c in actuator_code.clients if (actuator_code.actuator.name, c.module) in remaining)
-        remaining.difference_update((actuator_code.actuator.name, c.module) for c in own)
-        if own:
+        name = actuator_code.actuator.name
+        own = tuple(c for c in actuator_code.clients if (name, c.module) in remaining)
+        is_bounded = bool(actuator_code.limits) and (name, BOUNDS) in remaining
+        remaining.difference_update((name, c.module) for c in own)
+        remaining.difference_update([(name, BOUNDS)] if is_bounded else ())
+        if own or is_bounded:
             loss_aware_clients = tuple(
                 _with_guards(c, c.loss_aware_guard, c.loss_aware_exclusive) for c in own
             )

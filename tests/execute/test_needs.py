@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 
 from colony.compile.pipeline import compile_program
-from colony.execute.needs import needs_of_clients, python_modules
+from colony.execute.needs import BOUNDS, needs_of_clients, python_modules
 from colony.execute.views import clients_view
 from colony.ir.program import Program
 from colony.verify.testing.strategies import networks, programs
@@ -13,7 +13,11 @@ from colony.verify.testing.strategies import networks, programs
 
 def needs_are_those_of_views(program: Program) -> None:
     compiled = compile_program(program).compiled
-    keys = [(actuator, module) for actuator, module, _ in compiled.clients]
+    keys = [
+        (code.actuator.name, module)
+        for code in compiled.code.actuators
+        for module in (*(c.module for c in code.clients), *([BOUNDS] if code.limits else []))
+    ]
     code = clients_view(compiled.code, keys)
     found = needs_of_clients(code)
     assert [*found] == keys

@@ -13,7 +13,8 @@ one. So exactly one of the commands requested in a frame is dispatched, once:
 - At the deadline the highest command that has arrived is dispatched, or the idle command. A late or lost
   client therefore leads to idle, never to a lesser behavior.
 - Two commands in one frame are a violation: it is recorded, and the higher priority wins.
-- Connections from outside the network, locks and the emergency stop are `Interventions`.
+- Connections from outside the network, locks and the emergency stop are `Interventions`. A command from
+  outside is held to the bounds of its frame (`frame_bounds.py`): its decision waits for them, until the deadline.
 
 `ballot.py` contains the rule, `Arbiter` the protocol around it: ticks, requests and times in, events out.
 """
@@ -23,6 +24,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from colony.execute.needs import BOUNDS
 from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.ballot import (
@@ -33,8 +35,9 @@ from colony.runtime.arbitration.ballot import (
     Interventions,
     request_error,
 )
+from colony.runtime.arbitration.frame_bounds import FrameBounds
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.protocol.messages import Fate, Hold, Request, Tick, Verdict
+from colony.runtime.protocol.messages import Bounds, Fate, Hold, Request, Tick, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +61,10 @@ def timing(frame_ns: int, *, lockstep: bool = False) -> Timing:
 
 
 class Dispatch(NamedTuple):
-    """Event: send this command now. `values` are in base units; None when nothing is sent (`idle hold`)."""
+    """Event: send this command now. `values` are in base units; None when nothing is sent (`idle hold`).
+
+    With a `fault`, they are those of the idle command, in the place of the command of `by` or `outside`.
+    """
 
     k: int
     by: str | None
@@ -66,6 +72,7 @@ class Dispatch(NamedTuple):
     fault: str | None
     outside: str | None = None
     hold: Hold | None = None
+    unlimited: bool = False
 
 
 Event = Dispatch | Verdict
@@ -99,10 +106,13 @@ class Arbiter:
         self._tick = Tick(k=-1, t_ns=0)
         self._ahead: dict[int, list[Request]] = {}
         self._next_notes: list[str] = []
+        self._bounds = FrameBounds(actuator, MAX_FRAMES_AHEAD)
         self._begin(self._tick, frozenset(), 0, NO_INTERVENTIONS)
 
     def _begin(self, tick: Tick, lost: frozenset[str], now_ns: int, interventions: Interventions) -> None:
         self._tick, self._interventions = tick, interventions
+        self._bounds.begin(tick.k, lost=BOUNDS in lost)
+        self._awaits_bounds = False
         self._lost = lost.intersection(self._ranking.names) if lost else lost
         self._ballot = Ballot(self._ranking, self._lost)
         self._late: set[str] = set()
@@ -116,7 +126,12 @@ class Arbiter:
     @property
     def wake_at(self) -> int | None:
         """Time at which to call `wake` if nothing else happens."""
-        return self._decide_by if self._phase == "open" else None
+        return self._due_ns if self._phase == "open" else None
+
+    @property
+    def _due_ns(self) -> int:
+        """Time at which the frame is decided whatever has not arrived by then."""
+        return self._deadline_ns if self._awaits_bounds else self._decide_by
 
     def open(
         self, tick: Tick, lost: frozenset[str], now_ns: int, interventions: Interventions = NO_INTERVENTIONS
@@ -147,6 +162,13 @@ class Arbiter:
             return ()
         self._take(request, now_ns)
         return self._advance(now_ns)
+
+    def receive_bounds(self, bounds: Bounds, now_ns: int) -> tuple[Event, ...]:
+        """Take the bounds of a frame; those of a frame that is over change nothing."""
+        refusal = self._bounds.take(bounds)
+        if refusal is not None:
+            self.add_note(refusal)
+        return self._advance(now_ns) if self._awaits_bounds else ()
 
     def intervene(self, interventions: Interventions, now_ns: int) -> tuple[Event, ...]:
         """Apply a change of outside commands, locks or the stop; a dispatched frame is not affected."""
@@ -205,7 +227,8 @@ class Arbiter:
         dispatch: Dispatch | None = None
         if self._phase == "open":
             choice = self._ballot.choose(self._interventions)
-            if choice.settled or now_ns >= self._decide_by:
+            self._awaits_bounds = choice.outside is not None and self._bounds.awaited_for(choice.outside)
+            if (choice.settled and not self._awaits_bounds) or now_ns >= self._due_ns:
                 self._at_deadline = now_ns >= self._deadline_ns
                 dispatch = self._dispatch(choice)
         if self._phase == "dispatched" and self._ballot.complete:
@@ -220,15 +243,25 @@ class Arbiter:
 
     def _dispatch(self, choice: Choice) -> Dispatch:
         values, fault = self._actuator.idle, None
-        if choice.outside is not None:
-            values = choice.outside.values
+        outside = choice.outside
+        if outside is not None:
+            values, fault, note = self._bounds.apply(outside)
+            if note is not None:
+                self.add_note(note)
         elif choice.by is not None:
             request = self._ballot.requests[choice.by]
             fault = request.fault
             if request.values is not None and fault is None:
                 values = request.values
-        outside = None if choice.outside is None else choice.outside.connection
-        self._sent = Dispatch(self._tick.k, choice.by, values, fault, outside, self._interventions.hold)
+        self._sent = Dispatch(
+            self._tick.k,
+            choice.by,
+            values,
+            fault,
+            outside=None if outside is None else outside.connection,
+            hold=self._interventions.hold,
+            unlimited=outside is not None and outside.unlimited and self._actuator.limited,
+        )
         self._phase = "dispatched"
         return self._sent
 
@@ -242,12 +275,17 @@ class Arbiter:
             actuator=self._actuator.name,
             by=sent.by,
             values=in_declared_units(sent.values, self._actuator.fields),
-            fates=(*((c, self._fate(c, sent)) for c in self._ranking.names), *self._fates_outside(sent)),
+            fates=(
+                *((c, self._fate(c, sent)) for c in self._ranking.names),
+                *self._bounds.fates(sent.fault),
+                *self._fates_outside(sent),
+            ),
             fault=sent.fault,
             violation=self._ballot.command_count > 1,
             notes=tuple(self._notes),
             outside=sent.outside,
             hold=sent.hold,
+            unlimited=sent.unlimited,
         )
 
     def _fate(self, client: str, sent: Dispatch) -> Fate:

@@ -37,11 +37,15 @@ class ClientRanking:
 
 
 class OutsideCommand(NamedTuple):
-    """A command from outside the network; `values` in base units, in the order of the actuator's fields."""
+    """A command from outside the network; `values` in base units, in the order of the actuator's fields.
+
+    With `unlimited`, the limits of the program do not hold for it.
+    """
 
     connection: str
     priority: int
     values: tuple[ScalarValue, ...]
+    unlimited: bool = False
 
 
 class Interventions(NamedTuple):

@@ -24,13 +24,16 @@ class Commander:
     """A connection and its command.
 
     `lease_end_ns` is the end of the command's lease (None: no lease; it holds until the motion is done).
-    `call_id` is the call that is answered when the command ends.
+    `call_id` is the call that is answered when the command ends. `unlimited` is True if the program's limits
+    do not hold for its commands; `is_held` if they changed the last one.
     """
 
     caller: Caller
     motion: Motion | None = None
     lease_end_ns: int | None = None
     call_id: CallId | None = None
+    unlimited: bool = False
+    is_held: bool = False
 
 
 class OutsideCommanders:

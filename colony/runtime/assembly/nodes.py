@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ModuleExecutor, ProgramExecutor
-from colony.execute.needs import ClientKey, needs_of_clients
+from colony.execute.needs import BOUNDS, ClientKey, needs_of_clients
 from colony.execute.views import clients_view
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
@@ -37,7 +37,7 @@ def build_clients(
     groups: dict[_Inputs, list[ClientKey]] = {}
     for client in keys:
         servers = frozenset(b.server for b in _bindings_of(bindings.sensors, needs[client].sensors))
-        awaited: Awaited = "degrade" if client[0] in degrading else "all"
+        awaited: Awaited = "degrade" if client[0] in degrading and client[1] != BOUNDS else "all"
         groups.setdefault(_Inputs(servers, needs[client].python_modules, awaited), []).append(client)
     return tuple(
         _client_node(compiled, bindings, group, inputs.awaited, run) for inputs, group in groups.items()
@@ -64,7 +64,7 @@ def _client_node(
         awaited=awaited,
     )
     server = {b.actuator: b.server for b in bindings.actuators}
-    return ClientNode(program, [server[actuator] for actuator, _ in clients], assembler, run=run)
+    return ClientNode(program, [server[actuator] for actuator, _ in program.keys], assembler, run=run)
 
 
 def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: str) -> Announcer:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
-from colony.execute.needs import ClientKey
+from colony.execute.needs import BOUNDS, ClientKey
+from colony.runtime.protocol.deployment import limited_actuators
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.topics import activity, client_address
 
@@ -37,14 +38,17 @@ def client_processes(compiled: Compiled, *, isolate: bool) -> tuple[ClientProces
 
     Modules written in the language can neither crash nor hang, and Python modules run elsewhere, so all
     clients share one process. Clients of an actuator with `on_loss degrade` are isolated, each in its own
-    process, so that losing one does not lose the others. With `isolate`, all clients are.
+    process, so that losing one does not lose the others. With `isolate`, all clients are. The client of an
+    actuator's bounds only concerns commands from outside the network, so only `isolate` isolates it.
     """
     isolated = {a.name for a in compiled.robot.actuators if isolate or a.on_loss == "degrade"}
     keys = [(actuator, module) for actuator, module, _ in compiled.clients]
-    shared = tuple(key for key in keys if key[0] not in isolated)
+    bounds = [(actuator, BOUNDS) for actuator in limited_actuators(compiled)]
+    shared = (*(key for key in keys if key[0] not in isolated), *(() if isolate else bounds))
+    apart = (*(key for key in keys if key[0] in isolated), *(bounds if isolate else ()))
     return (
         *((ClientProcess(shared, shared=True),) if shared else ()),
-        *(ClientProcess((key,), shared=False) for key in keys if key[0] in isolated),
+        *(ClientProcess((key,), shared=False) for key in apart),
     )
 
 

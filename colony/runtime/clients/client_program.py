@@ -1,4 +1,4 @@
-"""The part of a program that the clients of one node execute: a frame in, one request per client out."""
+"""The part of a program that the clients of one node execute: a frame in, one message per client out."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from colony.execute.needs import ClientKey
 from colony.ir.frame import Answer
 from colony.runtime.clients.memory import MemoryFormatError, decode_memory, encode_memory
 from colony.runtime.frames.assembler import AssembledFrame
-from colony.runtime.protocol.messages import Request
+from colony.runtime.protocol.messages import Bounds, Request
 from colony.runtime.protocol.topics import client_address, module_of
 
 
 class ClientProgram:
     """The program of a node's clients. Stateful: holds their memory.
+
+    `keys` are the clients; those of bounds come last.
 
     Raises:
         KeyError: there is no such client.
@@ -23,14 +25,15 @@ class ClientProgram:
 
     def __init__(self, compiled: Compiled, clients: Iterable[ClientKey]) -> None:
         self._executor = ClientsExecutor(compiled, clients)
-        self._keys = {client_address(*key): key for key in self._executor.clients}
+        self.keys = self._executor.keys
+        self._by_address = {client_address(*key): key for key in self.keys}
         self._default_answers = dict.fromkeys(self._executor.python_modules, Answer(blind=True))
         self._memory_is_initial = True
 
     @property
     def clients(self) -> tuple[str, ...]:
         """The addresses of the clients."""
-        return tuple(self._keys)
+        return tuple(self._by_address)
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -44,7 +47,7 @@ class ClientProgram:
 
     def memory(self, client: str) -> bytes:
         """Return the memory cells that belong to a client, by address (`ClientsExecutor.memory`)."""
-        return encode_memory(self._executor.memory(self._keys[client]))
+        return encode_memory(self._executor.memory(self._by_address[client]))
 
     def recall(self, memories: Mapping[str, bytes]) -> bool:
         """Restore the memory of every client, all as of the same frame.
@@ -52,14 +55,14 @@ class ClientProgram:
         Return False, and change nothing, if `memories` do not fit these clients.
         """
         try:
-            self._executor.recall({self._keys[c]: decode_memory(data) for c, data in memories.items()})
+            self._executor.recall({self._by_address[c]: decode_memory(data) for c, data in memories.items()})
         except (MemoryFormatError, ValueError):
             return False
         self._memory_is_initial = False
         return True
 
-    def step(self, assembled: AssembledFrame) -> tuple[Request, ...]:
-        """Return the requests of the clients in a frame.
+    def step(self, assembled: AssembledFrame) -> tuple[Request | Bounds, ...]:
+        """Return the request or bounds of each client in a frame, in the order of `clients`.
 
         Frames must be consecutive; an epoch begins with initial memory.
         """
@@ -68,19 +71,22 @@ class ClientProgram:
         self._memory_is_initial = False
         lost = frozenset(map(module_of, assembled.tick.lost)) if assembled.tick.lost else _NO_MODULES
         steps = self._executor.step(assembled.frame, self._default_answers | {**assembled.answers}, lost)
-        return tuple(
-            [
-                Request(
-                    k=assembled.tick.k,
-                    actuator=actuator,
-                    client=module,
-                    bid=step.bid,
-                    values=step.values,
-                    fault=step.fault,
-                )
-                for (actuator, module), step in zip(self._executor.clients, steps, strict=True)
-            ]
-        )
+        k = assembled.tick.k
+        requests = [
+            Request(
+                k=k,
+                actuator=actuator,
+                client=module,
+                bid=step.bid,
+                values=step.values,
+                fault=step.fault,
+            )
+            for (actuator, module), step in zip(self._executor.clients, steps, strict=True)
+        ]
+        if not self._executor.bounded:
+            return tuple(requests)
+        bounds = zip(self._executor.bounded, self._executor.bounds(), strict=True)
+        return (*requests, *[Bounds(k=k, actuator=actuator, **step._asdict()) for actuator, step in bounds])
 
 
 _NO_MODULES: frozenset[str] = frozenset()

@@ -28,6 +28,7 @@ from colony.runtime.kit.conversation import (
 from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.calls import right_text
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.network import ZenohSession
@@ -223,8 +224,8 @@ class Channel:
             publisher.put(codec.encode(message))
 
     def _not_allowed(self, call: Ask[Any]) -> str:
-        may = ", ".join(self._rights)
+        may = ", ".join(map(right_text, self._rights))
         return (
-            f"{self.server}.{call.method} needs the right to {call.right}, and {self.network.user} may only "
-            f"{may}, according to the gateway's table of users"
+            f"{self.server}.{call.method} needs the right to {right_text(call.right)}, and "
+            f"{self.network.user} may only {may}, according to the gateway's table of users"
         )

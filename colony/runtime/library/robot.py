@@ -14,7 +14,9 @@ priority is above that of the modules drives instead of them; one below them dri
 A priority that a client or another connection already has is refused with the code "tie". `drive`, `go`,
 `jog` and `stop` stay in force until their lease ends, unless they are repeated; other motions, until they are
 done. Other codes: "stopped" while the emergency stop is on; "locked" while another connection has the lock;
-"replaced", "bumper" and "stalled" for motions that ended early.
+"replaced", "bumper", "stalled" and "limits" for motions that ended early.
+
+Commands are held, frame by frame, to the limits of the program that runs (`ignore_limits`).
 """
 
 from __future__ import annotations
@@ -122,6 +124,12 @@ class SetBumper(msgspec.Struct, frozen=True, kw_only=True):
     setting: int
 
 
+class IgnoreLimits(msgspec.Struct, frozen=True, kw_only=True):
+    """Arguments of `ignore_limits`: False to obey the program's limits again."""
+
+    ignoring: bool = True
+
+
 class LockBase(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `lock`: the maximum time to wait for the lock; 0 to not wait."""
 
@@ -176,7 +184,8 @@ class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
     """A connection that has commanded the base, whose priority is therefore taken.
 
     `commands` is its current command, None if there is none. `lease_s` is the remaining time of the command's
-    lease, None for a motion that ends when it is done.
+    lease, None for a motion that ends when it is done. `unlimited` is True if the connection ignores the
+    limits of the program.
     """
 
     connection: str
@@ -184,6 +193,7 @@ class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
     priority: int
     commands: Mode | None
     lease_s: float | None
+    unlimited: bool = False
 
 
 class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
@@ -316,6 +326,15 @@ def speed_setting() -> Ask[float]:
 def wheel_speed() -> Ask[float]:
     """Read the mean of the magnitudes of both wheels' measured speeds, in mm/s (`ROBOT_GETWSPEED`)."""
     return Ask("wheel_speed", NoArguments(), float, "read", repeatable=True)
+
+
+def ignore_limits(ignoring: bool = True) -> Ask[None]:
+    """Drive beyond the limits of the program, or within them again; the ranges and the bumpers still hold.
+
+    This lasts until the end of this connection. Frames that it commands are recorded as unlimited. Users on
+    other machines need the right `unlimited`.
+    """
+    return Ask("ignore_limits", IgnoreLimits(ignoring=ignoring), type(None), "unlimited")
 
 
 def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:

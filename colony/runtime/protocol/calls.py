@@ -172,11 +172,17 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
 
 
 _RIGHTS: dict[Right, tuple[Right, ...]] = {
-    "read": ("read", "command", "stop"),
+    "read": ("read", "command", "stop", "unlimited"),
     "command": ("command",),
     "stop": ("stop", "command"),
+    "unlimited": ("unlimited",),
 }
 """Claimed rights that suffice for a method, by the right that it needs; commanding includes stopping."""
+
+
+def right_text(right: Right) -> str:
+    """Return what a right allows, as a verb for messages."""
+    return "ignore limits" if right == "unlimited" else right
 
 
 class CallDispatcher:
@@ -348,7 +354,8 @@ class CallDispatcher:
         called, decoder = entry
         where = f"{self._server}.{called.name}"
         if call.right not in _RIGHTS[called.right] or (called.lasting and call.right == "stop"):
-            raise RefusedError("right", f"{where} needs the right to {called.right}, not to {call.right}")
+            needed, claimed = right_text(called.right), right_text(call.right)
+            raise RefusedError("right", f"{where} needs the right to {needed}, not to {claimed}")
         if call.priority != call_id.caller.priority:
             priority = call_id.caller.priority
             raise RefusedError(

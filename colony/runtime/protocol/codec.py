@@ -13,6 +13,7 @@ import msgspec
 from colony.runtime.protocol.messages import (
     Announcement,
     Batch,
+    Bounds,
     Checkpoint,
     Fetch,
     Ready,
@@ -39,7 +40,7 @@ MAX_MESSAGE_BYTES = 4 * 1024 * 1024
 _MAX_BYTES: dict[type, int] = {
     **dict.fromkeys((Tick, Verdict, Checkpoint, Recall), 1024 * 1024 + 65_536),
     ServerFrame: 256 * 1024,
-    **dict.fromkeys((Batch, Request, Announcement, Fetch, Ready, Restart), 65_536),
+    **dict.fromkeys((Batch, Request, Bounds, Announcement, Fetch, Ready, Restart), 65_536),
 }
 """Byte limits of the messages that every frame consists of.
 

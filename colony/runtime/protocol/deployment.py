@@ -14,6 +14,7 @@ from typing import Literal
 import msgspec
 
 from colony.execute.compiled import Compiled
+from colony.execute.needs import BOUNDS
 from colony.ir.program import Actuator
 from colony.ir.types import Bool, ScalarValue
 from colony.runtime.protocol import topics
@@ -62,7 +63,8 @@ class ActuatorSpec(msgspec.Struct, frozen=True, kw_only=True, rename={"field_ind
     `field_indices[i]` is the index of the field for parameter i of the server's `command`, None if that
     parameter is always 0; `field_indices` is empty if the server takes the fields as they are. `idle` is in
     base units, None for `idle hold`. `clients` are names and priorities, highest first. `reported` are the
-    indices of the fields of which the server publishes what they were given in the frame before.
+    indices of the fields of which the server publishes what they were given in the frame before. An actuator
+    that is `limited` has one more client, `BOUNDS`, which sends the `Bounds` of each frame.
     """
 
     name: str
@@ -74,6 +76,7 @@ class ActuatorSpec(msgspec.Struct, frozen=True, kw_only=True, rename={"field_ind
     on_loss: Literal["stop", "degrade"]
     clients: tuple[tuple[str, int], ...]
     reported: tuple[int, ...] = ()
+    limited: bool = False
 
 
 class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modules": "announced"}):
@@ -106,6 +109,7 @@ def deployment(
     servers: tuple[str, ...] = (),
 ) -> Deployment:
     """Return the deployment of a compiled program."""
+    limited = frozenset(limited_actuators(compiled))
     return Deployment(
         run=run,
         program=compiled.name,
@@ -117,6 +121,7 @@ def deployment(
                 binding,
                 tuple((c.module, c.priority) for c in wired.clients),
                 reported=compiled.robot.indices_read(wired.actuator.name),
+                limited=wired.actuator.name in limited,
             )
             for wired, binding in zip(compiled.code.actuators, bindings.actuators, strict=True)
         ),
@@ -125,6 +130,12 @@ def deployment(
         servers=servers,
         reads=variables_read(bindings),
     )
+
+
+def limited_actuators(compiled: Compiled) -> tuple[str, ...]:
+    """Return the actuators with limits that connections may command: those of DServer have no others."""
+    actuators = compiled.code.actuators
+    return tuple(a.actuator.name for a in actuators if a.limits and a.actuator.server != DSERVER.name)
 
 
 def variables_read(bindings: Bindings) -> tuple[str, ...]:
@@ -138,11 +149,11 @@ def actuators_of(deployed: Deployment, server: str) -> tuple[ActuatorSpec, ...]:
 
 
 def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
-    """Return every client's address, and the server that receives its requests."""
+    """Return every client's address, and the server that receives its requests or bounds."""
     return tuple(
         (topics.client_address(spec.name, client), spec.server)
         for spec in deployed.actuators
-        for client, _ in spec.clients
+        for client in (*(name for name, _ in spec.clients), *((BOUNDS,) if spec.limited else ()))
     )
 
 
@@ -158,7 +169,7 @@ def problems(deployed: Deployment) -> tuple[str, ...]:
 def _too_many(deployed: Deployment) -> Iterator[str]:
     specs = deployed.actuators
     counts = [
-        ("clients", sum(len(spec.clients) for spec in specs), MAX_CLIENTS),
+        ("clients", sum(len(spec.clients) + spec.limited for spec in specs), MAX_CLIENTS),
         ("actuators", len(specs), MAX_ITEMS),
         ("fields of an actuator", max((len(spec.fields) for spec in specs), default=0), MAX_ITEMS),
         ("reported fields", max((len(spec.reported) for spec in specs), default=0), MAX_ITEMS),
@@ -209,6 +220,7 @@ def actuator_spec(
     clients: tuple[tuple[str, int], ...],
     *,
     reported: tuple[int, ...] = (),
+    limited: bool = False,
 ) -> ActuatorSpec:
     """Return the actuator as the server that it is bound to must know it."""
     return ActuatorSpec(
@@ -230,4 +242,5 @@ def actuator_spec(
         on_loss=actuator.on_loss,
         clients=clients,
         reported=reported,
+        limited=limited,
     )

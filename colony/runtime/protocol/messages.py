@@ -10,6 +10,7 @@ One frame k of a robot, by its messages (thesis section 4.3: only clients and se
     server   -> its readers      ServerFrame(k)   every field, or "no value"
     module   -> DServer          Announcement(k)  the answer of a module in Python, which DServer publishes
     client   -> its server       Request(k)       a command, or the reason why there is none
+    client   -> its server       Bounds(k)        the limits of an actuator, for commands from outside
     server   -> observers        Verdict(k)       the winner, the command sent, the fates of the others
 
 With these messages, clients join a run and recover from a crash:
@@ -127,6 +128,23 @@ class Request(_Message, frozen=True, kw_only=True):
     fault: str | None = None
 
 
+BoundsFault = Literal["limits contradict", "bound missing"]
+
+
+class Bounds(_Message, frozen=True, kw_only=True):
+    """The bounds of an actuator's fields in frame `k`, which commands from outside the network are held to.
+
+    `low` and `high` have a bound in base units for each field, None where the field has none: the greatest
+    lower and the least upper one of its range and its limits. With a `fault`, no command may be sent.
+    """
+
+    k: int
+    actuator: str
+    low: tuple[float | None, ...] = ()
+    high: tuple[float | None, ...] = ()
+    fault: BoundsFault | None = None
+
+
 class Announcement(_Message, frozen=True, kw_only=True):
     """The answer of a module in Python in frame `k`, sent to DServer.
 
@@ -165,9 +183,10 @@ class Verdict(_Message, frozen=True, kw_only=True):
 
     `by` is the client of the network that won. `values` is the command sent, in declared units, None if
     nothing was sent (`idle hold`). `fates` has every client, highest priority first. `violation` is True if
-    two clients were active. `outside` is the client outside the network whose command was sent instead.
-    `hold` is "stopped" or "locked" if the emergency stop or a lock kept the network from deciding. `notes`
-    describe problems with the requests.
+    two clients were active. `outside` is the client outside the network that acted instead; `unlimited` is
+    True if the program's limits did not hold for it. With a `fault`, the idle command was sent in place of
+    the winner's or that client's. `hold` is "stopped" or "locked" if the emergency stop or a lock kept the
+    network from deciding. `notes` describe problems with the requests.
     """
 
     k: int
@@ -181,6 +200,7 @@ class Verdict(_Message, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
     outside: str | None = None
     hold: Hold | None = None
+    unlimited: bool = False
 
 
 # --- clients that join and recover -----------------------------------------------------------------
@@ -245,7 +265,7 @@ class Recall(_Message, frozen=True, kw_only=True):
 MAX_BATCH_LENGTH = 1000
 """Maximum number of messages in one batch."""
 
-Batched = Request | Ready | Checkpoint
+Batched = Request | Bounds | Ready | Checkpoint
 """Messages that travel in batches."""
 
 
@@ -261,8 +281,8 @@ class Batch(_Message, frozen=True, kw_only=True):
 # --- calls -----------------------------------------------------------------------------------------
 
 
-Right = Literal["read", "command", "stop"]
-"""Right of a user: to read, to change and move things, or to stop the robot in an emergency."""
+Right = Literal["read", "command", "stop", "unlimited"]
+"""Right of a user: to read, to change and move things, to stop in an emergency, or to ignore limits."""
 
 
 class Call(_Message, frozen=True, kw_only=True):
@@ -335,6 +355,7 @@ SentMessage = (
     | Fetch
     | Announcement
     | Request
+    | Bounds
     | Verdict
     | Ready
     | Restart

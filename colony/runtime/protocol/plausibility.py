@@ -10,6 +10,7 @@ from __future__ import annotations
 from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
     Announcement,
+    Bounds,
     Checkpoint,
     Fetch,
     Progress,
@@ -64,7 +65,12 @@ def check_plausible(message: SentMessage, now_ns: int) -> None:
         case Request(k=k, client=client) | Checkpoint(k=k, client=client):
             _check_frame_number(k, now_ns)
             _check_name(client)
-        case Announcement(k=k, module=name) | Fetch(k=k, server=name) | Verdict(k=k, actuator=name):
+        case (
+            Announcement(k=k, module=name)
+            | Fetch(k=k, server=name)
+            | Verdict(k=k, actuator=name)
+            | Bounds(k=k, actuator=name)
+        ):
             _check_frame_number(k, now_ns)
             _check_name(name)
         case Restart(start=start, client=client):

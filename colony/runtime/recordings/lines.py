@@ -10,11 +10,11 @@ version of what the program means (`colony.ir.version`), in each line because an
 present if memory is unknown, is the number of frames before this one that could not be observed. Sensors have
 their published values in declared units, and are absent if missing; each actuator has its winner and the
 command sent. If the network did not decide alone, the actuator also has `fault`, `fates` with the clients
-that were late, lost, refused or overruled, `@outside` with the connection outside the network that commanded,
-or `@held_by` with the reason of a hold. Broken contracts are not written, because they follow from the rest.
-`@python` has the answers of modules in Python (`answers.py`). `@sum` is the CRC-32 of everything before it,
-and `@keyframe`, in a line at least every half second, the memory from which a reader resumes after a damaged
-line (`keyframes.py`).
+that were late, lost, refused or overruled, `@outside` with the connection outside the network that commanded
+(and `@unlimited` if the limits of the program did not hold for it), or `@held_by` with the reason of a hold.
+Broken contracts are not written, because they follow from the rest. `@python` has the answers of modules in
+Python (`answers.py`). `@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least every
+half second, the memory from which a reader resumes after a damaged line (`keyframes.py`).
 
 MCAP recordings (`mcap_writer.py`) contain more.
 """
@@ -135,6 +135,8 @@ def _deviations(verdict: Verdict) -> dict[str, object]:
         members["fates"] = fates
     if verdict.outside is not None:
         members["@outside"] = verdict.outside
+    if verdict.unlimited:
+        members["@unlimited"] = True
     if verdict.hold is not None:
         members["@held_by"] = verdict.hold
     return members

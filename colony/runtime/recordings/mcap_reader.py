@@ -326,6 +326,7 @@ def _to_verdict(actuator: Actuator, message: VerdictMessage, t_ns: int) -> Verdi
         fault=message.fault,
         violation=message.violation,
         outside=message.outside,
+        unlimited=message.unlimited,
         hold=message.hold,
         notes=message.notes,
     )

@@ -80,6 +80,7 @@ class VerdictMessage(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tr
     fault: str | None = None
     violation: bool = False
     outside: str | None = None
+    unlimited: bool = False
     hold: Hold | None = None
     notes: tuple[str, ...] = ()
 
@@ -347,6 +348,7 @@ def _verdict(actuator: Actuator, verdict: Verdict) -> VerdictMessage:
         fault=verdict.fault,
         violation=verdict.violation,
         outside=verdict.outside,
+        unlimited=verdict.unlimited,
         hold=verdict.hold,
         notes=verdict.notes,
     )

@@ -139,7 +139,7 @@ class _Decision(
     frozen=True,
     kw_only=True,
     forbid_unknown_fields=True,
-    rename={"outside": "@outside", "held_by": "@held_by"},
+    rename={"outside": "@outside", "unlimited": "@unlimited", "held_by": "@held_by"},
 ):
     """The members of an actuator's object, apart from the command's fields."""
 
@@ -147,6 +147,7 @@ class _Decision(
     fault: str | None = None
     fates: dict[str, Fate] = {}
     outside: str | None = None
+    unlimited: bool = False
     held_by: Hold | None = None
 
 
@@ -184,6 +185,7 @@ def _verdict(tick: Tick, actuator: Actuator, row: Any) -> Verdict:
         fault=members.fault,
         violation="overruled" in members.fates.values(),
         outside=members.outside,
+        unlimited=members.unlimited,
         hold=members.held_by,
     )
 

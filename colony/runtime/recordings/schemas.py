@@ -127,9 +127,12 @@ def _verdict(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
         by=_scalar("string", "client of the network that won; absent if none did"),
         values=_values(actuator, "command that was sent, in declared units; absent if none was sent"),
         fates=_object("fate of each client's request", **{m: _scalar("string", "") for m in modules}),
-        fault=_scalar("string", "reason why the winner's command was not sent"),
+        fault=_scalar(
+            "string", "reason why the idle command was sent in the place of the winner's or the connection's"
+        ),
         violation=_scalar("boolean", "two clients commanded in one frame"),
         outside=_scalar("string", "connection outside the network whose command was sent"),
+        unlimited=_scalar("boolean", "the limits did not hold for that connection"),
         hold=_scalar("string", "reason why the network did not decide: stopped or locked"),
         notes=_texts("problems with requests"),
     )

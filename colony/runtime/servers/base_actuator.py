@@ -68,6 +68,12 @@ def speeds_of(actuator: ActuatorSpec, values: tuple[ScalarValue, ...]) -> Speeds
     return Speeds(velocity, turn)
 
 
+def sent_speeds(actuator: ActuatorSpec, values: tuple[ScalarValue, ...], proposed: Speeds) -> Speeds:
+    """Return the speeds of an outside command as it was sent; a speed without a field is the proposed one."""
+    pairs = zip(actuator.field_indices, proposed, strict=True)
+    return Speeds(*[speed if i is None else float(values[i]) for i, speed in pairs])
+
+
 def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuator:
     """Return the actuator bound to the base in a valid deployment, else the built-in one."""
     if deployed is None:

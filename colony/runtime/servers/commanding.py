@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from colony.execute.needs import BOUNDS
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing
 from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.protocol.messages import Effect, Malformed, Request, Sample, Send, Tick, Verdict, WakeAt
+from colony.runtime.protocol.messages import Bounds, Effect, Malformed, Request, Sample, Send, Tick, Verdict, WakeAt
 
 Perform = Callable[[ActuatorSpec, tuple[ScalarValue, ...], int], None]
 """A function that carries out a command: the actuator, its fields in base units, the time."""
@@ -86,7 +87,10 @@ class CommandDispatcher:
         self._actuators = {spec.name: spec for spec in actuators}
         self._arbiters = {spec.name: Arbiter(spec, frame_timing) for spec in actuators}
         self._clients = {
-            name: {topics.client_address(name, client): client for client, _ in spec.clients}
+            name: {
+                topics.client_address(name, client): client
+                for client in (*(client for client, _ in spec.clients), BOUNDS)
+            }
             for name, spec in self._actuators.items()
         }
         self._counts = {name: _Counts() for name in self._actuators}
@@ -138,13 +142,13 @@ class CommandDispatcher:
         """Handle a client's request; ignore one for an actuator of another server."""
         arbiter = self._arbiters.get(request.actuator)
         if arbiter is not None:
-            events = arbiter.receive(request, now_ns)
-            if events:
-                yield from self._carry_out(request.actuator, events, now_ns)
-            due = arbiter.wake_at
-            if due is not None and (self._next_wake_ns is None or due < self._next_wake_ns):
-                self._next_wake_ns = due
-                yield WakeAt(due)
+            yield from self._after(request.actuator, arbiter.receive(request, now_ns), now_ns)
+
+    def bounds(self, bounds: Bounds, now_ns: int) -> Iterable[Effect]:
+        """Handle the bounds of a frame; ignore those of an actuator of another server."""
+        arbiter = self._arbiters.get(bounds.actuator)
+        if arbiter is not None:
+            yield from self._after(bounds.actuator, arbiter.receive_bounds(bounds, now_ns), now_ns)
 
     def intervene(self, actuator: str, interventions: Interventions, now_ns: int) -> Iterable[Effect]:
         """Apply changed interventions to the current frame of an actuator."""
@@ -167,7 +171,7 @@ class CommandDispatcher:
     def note_malformed(self, message: Malformed) -> None:
         """Add a note about a malformed request to the verdicts of the frame."""
         for name in self._arbiters:
-            self.add_note(name, f"a request could not be read: {message.reason}")
+            self.add_note(name, f"a request or bounds could not be read: {message.reason}")
 
     def add_note(self, actuator: str, note: str) -> None:
         """Add a note for users to the next verdict of an actuator."""
@@ -189,6 +193,15 @@ class CommandDispatcher:
     def counts(self) -> tuple[ActuatorCounts, ...]:
         """Return the counts of every actuator so far."""
         return tuple(_counts_of(spec, self._counts[name]) for name, spec in self._actuators.items())
+
+    def _after(self, name: str, events: tuple[Event, ...], now_ns: int) -> Iterator[Effect]:
+        """Carry out the events of a message, and schedule a wake if the actuator is now due earlier."""
+        if events:
+            yield from self._carry_out(name, events, now_ns)
+        due = self._arbiters[name].wake_at
+        if due is not None and (self._next_wake_ns is None or due < self._next_wake_ns):
+            self._next_wake_ns = due
+            yield WakeAt(due)
 
     def _carry_out(self, name: str, events: tuple[Event, ...], now_ns: int) -> Iterator[Effect]:
         for event in events:

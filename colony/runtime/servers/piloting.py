@@ -82,6 +82,7 @@ class Pilot:
             method("turn", robot.Turn, self._turn),
             method("continuous_turn", robot.ContinuousTurn, self._continuous_turn),
             method("mode", NoArguments, lambda *_: self.mode, right="read"),
+            method("ignore_limits", robot.IgnoreLimits, self._ignore_limits, right="unlimited"),
             method("lock", robot.LockBase, self._acquire_lock),
             method("unlock", NoArguments, self._release_lock),
         )
@@ -103,7 +104,9 @@ class Pilot:
                 values = self._propose(commander, observation)
                 if commander.motion is None:
                     continue
-            commands.append(OutsideCommand(caller.connection, caller.priority, values))
+            commands.append(
+                OutsideCommand(caller.connection, caller.priority, values, unlimited=commander.unlimited)
+            )
         if holder is None:
             return Interventions(tuple(commands))
         return Interventions(tuple(commands), "locked", holder.connection)
@@ -118,8 +121,16 @@ class Pilot:
         self._proposal = _Proposal(commander, step, speeds)
         return self._values(speeds)
 
-    def on_dispatch(self, outside: str | None) -> Speeds | None:
-        """Advance the motion of the connection that acts in the frame, if any, and return its speeds."""
+    def on_dispatch(
+        self, outside: str | None, bound: Callable[[Speeds], Speeds | None] = lambda proposed: proposed
+    ) -> Speeds | None:
+        """Advance the motion of the connection that acts in the frame, if any, and return its speeds.
+
+        Args:
+            outside: connection that acts.
+            bound: returns the speeds that were sent, given the proposed ones; None if the actuator was idle
+                in the place of its command.
+        """
         proposal, self._proposal = self._proposal, None
         if proposal is not None and proposal.commander.caller.connection != outside:
             proposal = None
@@ -128,9 +139,11 @@ class Pilot:
                 commander.motion = motion.interrupt(commander.motion)
         if proposal is None:
             return None
-        proposal.commander.motion = proposal.step.motion
+        commander, sent = proposal.commander, bound(proposal.speeds)
+        commander.motion = proposal.step.motion if sent else motion.interrupt(proposal.step.motion)
+        commander.is_held = sent != proposal.speeds
         self.mode = motion.mode(proposal.step.motion)
-        return proposal.speeds
+        return sent
 
     def on_network_dispatch(self, active: bool) -> None:
         """Set the mode for a frame without an outside command; `active` is True if a client won."""
@@ -163,8 +176,7 @@ class Pilot:
             case "done":
                 self.answers.append((call_id, progress))
             case "stalled":
-                text = f"no progress for {motion.STALL_TIMEOUT_S:g} s, after {progress:.4g} {unit}"
-                self.answers.append((call_id, RefusedError("stalled", text)))
+                self.answers.append((call_id, _stalled(f"{progress:.4g} {unit}", held=commander.is_held)))
             case "front" | "rear":
                 text = f"the {reason} bumper is pressed, after {progress:.4g} {unit}"
                 self.answers.append((call_id, RefusedError("bumper", text)))
@@ -178,6 +190,7 @@ class Pilot:
                 priority=commander.caller.priority,
                 commands=None if commander.motion is None else motion.mode(commander.motion),
                 lease_s=None if commander.lease_end_ns is None else (commander.lease_end_ns - now_ns) / 1e9,
+                unlimited=commander.unlimited,
             )
             for commander in self.outside_commanders.all
         )
@@ -299,6 +312,11 @@ class Pilot:
         self._settings = settings
         return answer
 
+    def _ignore_limits(self, call_id: CallId, arguments: robot.IgnoreLimits, now_ns: int) -> None:
+        commander = self.outside_commanders.enter(call_id.caller, self.clients)
+        commander.unlimited = arguments.ignoring
+        self.changed = True
+
     def _previous(self, caller: Caller) -> Motion | None:
         commander = self.outside_commanders.find(caller)
         return None if commander is None else commander.motion
@@ -328,6 +346,14 @@ class Pilot:
         assert holder is not None
         self.cancel(self.lock.refusal(), except_connection=holder.connection)
         self.changed = True
+
+
+def _stalled(progress: str, *, held: bool) -> RefusedError:
+    """Return the refusal of a motion without progress; `held` if the program's limits hold it back."""
+    seconds = f"{motion.STALL_TIMEOUT_S:g} s"
+    if held:
+        return RefusedError("limits", f"the program's limits held the base for {seconds}, after {progress}")
+    return RefusedError("stalled", f"no progress for {seconds}, after {progress}")
 
 
 _REPLACED = RefusedError("replaced", "this connection commanded something else")

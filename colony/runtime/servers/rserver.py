@@ -27,6 +27,7 @@ from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
+    Bounds,
     Call,
     Effect,
     Fetch,
@@ -39,7 +40,7 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.base import Base
-from colony.runtime.servers.base_actuator import base_actuator, mismatch, speeds_of
+from colony.runtime.servers.base_actuator import base_actuator, mismatch, sent_speeds, speeds_of
 from colony.runtime.servers.commanding import ActuatorCounts, CommandDispatcher
 from colony.runtime.servers.drivers import BaseDriver
 from colony.runtime.servers.piloting import Bumper, Pilot
@@ -122,6 +123,8 @@ class RServer:
         match message:
             case Request():
                 yield from self._commands.request(message, now_ns)
+            case Bounds():
+                yield from self._commands.bounds(message, now_ns)
             case Tick():
                 yield from self._tick(message, now_ns)
             case Fetch():
@@ -179,10 +182,13 @@ class RServer:
 
     def _on_dispatch(self, actuator: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
         self._acting = dispatch.by if dispatch.outside is None else dispatch.outside
-        self._outside_speeds = self._pilot.on_dispatch(dispatch.outside)
+        sent = None if dispatch.fault is not None else dispatch.values
+        self._outside_speeds = self._pilot.on_dispatch(
+            dispatch.outside, lambda proposed: None if sent is None else sent_speeds(actuator, sent, proposed)
+        )
         if dispatch.outside is None and dispatch.hold != "stopped":
             self._pilot.on_network_dispatch(active=dispatch.by is not None)
-        if dispatch.hold is not None and dispatch.values is None:
+        if dispatch.values is None and (dispatch.hold is not None or dispatch.outside is not None):
             self._halt()
 
     def _perform(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:

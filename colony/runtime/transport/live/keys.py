@@ -19,6 +19,7 @@ from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
+    Bounds,
     Call,
     Checkpoint,
     Fetch,
@@ -45,7 +46,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
     "answers": (ServerFrame,),
     "activity": (ServerFrame,),
     "fetches": (Fetch,),
-    "requests": (Request,),
+    "requests": (Request, Bounds),
     "announcements": (Announcement,),
     "checkpoints": (Checkpoint, Recall),
     "recalled": (Checkpoint,),

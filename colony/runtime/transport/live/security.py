@@ -10,7 +10,8 @@
 
 A user is identified by the common name of a certificate that the authority signed. `read` permits reading;
 `stop` emergency stops; `command` changes, motion and emergency stops; `run` all of these, and running
-programs on the robot, that is, sending messages as their clients.
+programs on the robot, that is, sending messages as their clients; `unlimited` what `command` permits, and
+motion beyond the limits of the program.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from colony.runtime.transport.live.errors import SecurityError
 from colony.runtime.transport.live.names import check_user, local_user
 from colony.runtime.transport.live.robot_address import Credentials
 
-Permission = Literal["read", "command", "stop", "run"]
+Permission = Literal["read", "command", "stop", "run", "unlimited"]
 PERMISSIONS: tuple[Permission, ...] = get_args(Permission)
 
 IMPLIED: Mapping[Permission, tuple[Right, ...]] = {
@@ -37,6 +38,7 @@ IMPLIED: Mapping[Permission, tuple[Right, ...]] = {
     "stop": ("stop",),
     "command": ("command", "stop"),
     "run": ("read", "command", "stop"),
+    "unlimited": ("command", "stop", "unlimited"),
 }
 """The rights that each permission grants."""
 
@@ -59,7 +61,7 @@ class Security:
 def rights(permissions: tuple[Permission, ...]) -> tuple[Right, ...]:
     """Return the rights that permissions grant, `read` first."""
     granted = {right for permission in permissions for right in IMPLIED[permission]}
-    order: tuple[Right, ...] = ("read", "command", "stop")
+    order: tuple[Right, ...] = ("read", "command", "stop", "unlimited")
     return tuple(right for right in order if right in granted)
 
 
