@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 
 from colony.execute.code import ActuatorCode, ClientCode, Kind
 from colony.execute.compiled import Compiled
-from colony.execute.decisions import BoundsStep, bounds_in_frame, decide, decide_given
+from colony.execute.decisions import ActuatorDecision, BoundsStep, bounds_in_frame, decide, decide_given
 from colony.execute.machine import OpMachine
 from colony.execute.needs import BOUNDS, ClientKey, needs_of_clients, python_modules
 from colony.execute.views import clients_view, module_view, unsimplified_view, whole_view
 from colony.ir.frame import NOTHING_GIVEN, Answer, Bid, Decision, Frame, Given, Outcome, Record
 from colony.ir.memory import ProgramMemory
-from colony.ir.program import in_declared_units
+from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
 
 
@@ -77,6 +77,11 @@ class ProgramExecutor:
             self._remember_sent(decisions)
         return Outcome(decisions, machine.records(), breaches)
 
+    def network_decisions(self) -> tuple[Decision, ...]:
+        """Return what the network decided in the last frame, whatever actuators were given."""
+        values = self._machine.values
+        return tuple(_declared(a.actuator, decide(a, self._winner(a), values)) for a in self.code.actuators)
+
     def restart(self) -> None:
         """Restart from the initial memory, with new instances of the Python modules.
 
@@ -130,8 +135,7 @@ class ProgramExecutor:
         else:
             decided = decide(actuator, winner, self._machine.values)
         self._machine.record_decision(actuator.actuator.name, decided)
-        values = in_declared_units(decided.sent, actuator.actuator.fields)
-        return Decision(actuator.actuator.name, decided.by, values, decided.fault)
+        return _declared(actuator.actuator, decided)
 
     def _winner(self, actuator: ActuatorCode) -> ClientCode | None:
         values = self._machine.values
@@ -141,6 +145,12 @@ class ProgramExecutor:
         if len(holding) > 1:
             raise ExclusivityError(f"{actuator.actuator.name}: {', '.join(c.module for c in holding)}")
         return holding[0] if holding else None
+
+
+def _declared(actuator: Actuator, decided: ActuatorDecision) -> Decision:
+    """Return a decision in declared units."""
+    values = in_declared_units(decided.sent, actuator.fields)
+    return Decision(actuator.name, decided.by, values, decided.fault)
 
 
 # --- clients ---------------------------------------------------------------------------------

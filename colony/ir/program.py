@@ -123,6 +123,12 @@ def in_declared_units(
     )
 
 
+def in_base_units(values: tuple[ScalarValue, ...], fields: Iterable[HasFactor]) -> tuple[ScalarValue, ...]:
+    """Return a command, given in the declared units of its fields, in base units."""
+    pairs = zip(values, fields, strict=True)
+    return tuple([x if isinstance(x, bool) else x * field.factor for x, field in pairs])
+
+
 DEFAULT_FRAME_NS = 50_000_000
 
 

@@ -1,9 +1,9 @@
 """The bounds of an actuator in a frame, to which a command from outside the network is held.
 
-The client `BOUNDS` sends them, computed from the same frame as the program's own commands. A command of frame k
-from outside the network obeys the bounds of frame k: where they do not arrive by the deadline, where they are
-malformed, or where no command satisfies them, the actuator gets its idle command, which is never bounded. The
-program's own commands do not wait for these bounds: its clients bound them themselves.
+The client `BOUNDS` sends them, computed from the same frame as the program's own commands. A command of frame
+k from outside the network obeys the bounds of frame k: where they do not arrive by the deadline, where they
+are malformed, or where no command satisfies them, the actuator gets its idle command, which is never bounded.
+The program's own commands do not wait for these bounds: its clients bound them themselves.
 """
 
 from __future__ import annotations

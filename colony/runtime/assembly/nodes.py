@@ -98,7 +98,9 @@ def build_observer(
     return Observer(
         FrameAssembler(bindings.sensors, run=run, frames_kept=frames_kept, declared_units=True),
         tuple(a.name for a in actuators),
-        Monitor(ProgramExecutor(compiled, simplified=False, answers_given=True), degrading, modules),
+        Monitor(
+            ProgramExecutor(compiled, simplified=False, answers_given=True), degrading, modules, actuators
+        ),
         sinks,
         answer_assembler=answer_assembler if modules else None,
         request_servers=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),

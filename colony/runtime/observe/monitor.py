@@ -5,6 +5,9 @@ runtime itself: while no client is late or lost, the verdicts must be the decisi
 otherwise a verdict may also be idle. Where a connection outside the network commanded, or a hold kept the
 network from deciding, the client that did not get through must be the one that would have won.
 
+Contracts are evaluated of what was sent: of the command from outside, or of the idle command if the actuator
+was idle because of a hold, or because a client was late or lost.
+
 Modules in Python run only in their own processes: the monitor takes the answers that they announced. After a
 frame in which one of them announced no answer, memory is unknown.
 """
@@ -14,8 +17,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple, Protocol
 
-from colony.ir.frame import Answer, Decision, Frame, Outcome
+from colony.ir.frame import NOTHING_GIVEN, Answer, Decision, Frame, Given, Outcome
+from colony.ir.given import given_in_frame
 from colony.ir.memory import ProgramMemory
+from colony.ir.program import Actuator
 from colony.runtime.protocol.messages import UNHEARD, Fate, Verdict
 
 _NO_ANSWERS: Mapping[str, Answer] = {}
@@ -31,8 +36,17 @@ class CheckedFrame(NamedTuple):
 class RestartableExecutor(Protocol):
     """An executor that can restart from its initial memory, and exposes its memory."""
 
-    def step(self, frame: Frame, answers: Mapping[str, Answer]) -> Outcome:
-        """Return the outcome of a frame, given the answers of modules in Python."""
+    def step(
+        self, frame: Frame, answers: Mapping[str, Answer], given: Mapping[str, Given] = NOTHING_GIVEN
+    ) -> Outcome:
+        """Return the outcome of a frame, given the answers of modules in Python.
+
+        `given` is what actuators were given, where that may not be what the network decided.
+        """
+        ...
+
+    def network_decisions(self) -> tuple[Decision, ...]:
+        """Return what the network decided in the last frame, whatever actuators were given."""
         ...
 
     @property
@@ -61,7 +75,7 @@ class Monitor:
 
     `degrading_actuators` are those with `on_loss degrade`. Once any client is lost, lesser clients may
     command them, so their verdicts are not compared until memory restarts. `modules` are the modules in
-    Python.
+    Python. `actuators` are those of which contracts see what was sent, and not what the network decided.
     """
 
     def __init__(
@@ -69,7 +83,9 @@ class Monitor:
         executor: RestartableExecutor,
         degrading_actuators: Iterable[str] = (),
         modules: Iterable[str] = (),
+        actuators: Iterable[Actuator] = (),
     ) -> None:
+        self._actuators = tuple(actuators)
         self._executor = executor
         self._modules = frozenset(modules)
         self._degrading_actuators = frozenset(degrading_actuators)
@@ -106,7 +122,12 @@ class Monitor:
         self._memory_is_initial = False
         if lost:
             self._degraded.update(self._degrading_actuators)
-        expected = self._executor.step(frame, answers)
+        given = given_in_frame(self._actuators, verdicts)
+        if given:
+            outcome = self._executor.step(frame, answers, given)
+            expected = outcome._replace(decisions=self._executor.network_decisions())
+        else:
+            expected = self._executor.step(frame, answers)
         texts = (
             self._disagreement(decision, verdict)
             for decision in expected.decisions

@@ -171,7 +171,7 @@ class CommandDispatcher:
     def note_malformed(self, message: Malformed) -> None:
         """Add a note about a malformed request to the verdicts of the frame."""
         for name in self._arbiters:
-            self.add_note(name, f"a request or bounds could not be read: {message.reason}")
+            self.add_note(name, f"a request could not be read: {message.reason}")
 
     def add_note(self, actuator: str, note: str) -> None:
         """Add a note for users to the next verdict of an actuator."""

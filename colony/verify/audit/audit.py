@@ -3,7 +3,8 @@
 In each frame, the command sent to an actuator must be the one that the interpreter decides, bit for bit. If a
 client was late, lost or refused, it may also be the idle command and, with `on_loss degrade`, the command
 that the network decides without the lost clients. If a client outside the network commanded, or the emergency
-stop or a lock kept the network from deciding, the frame is counted but not compared. At a restart the
+stop or a lock kept the network from deciding, the frame is counted, and what was sent from outside must be
+within the limits of the frame. Contracts are evaluated of what was sent. At a restart the
 interpreter restarts from the initial memory, as the program did. From a frame that could not be observed to
 the next restart, the memory is unknown, and nothing is compared.
 
@@ -21,6 +22,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from colony.ir.frame import Answer, Decision, Frame, Outcome
+from colony.ir.given import given_in_frame
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program, PythonModule
 from colony.verify.audit.report import (
@@ -32,7 +34,13 @@ from colony.verify.audit.report import (
     Role,
 )
 from colony.verify.audit.resuming import Resuming
-from colony.verify.audit.verdict import RecordedVerdict, is_excused, objection, same_decision
+from colony.verify.audit.verdict import (
+    RecordedVerdict,
+    is_excused,
+    objection,
+    outside_objection,
+    same_decision,
+)
 from colony.verify.reference.interpreter import Interpreter
 
 
@@ -293,9 +301,14 @@ class Auditor:
 
     def _decisions(self, recorded: Recorded) -> Iterator[Difference]:
         """Decide the frame, and yield the differences of verdicts and broken contracts."""
-        outcome = self._interpreter.step(recorded.frame, answers=recorded.answers)
+        given = given_in_frame(self._actuators.values(), recorded.verdicts)
+        outcome = self._interpreter.step(recorded.frame, answers=recorded.answers, given=given)
         expected: dict[str, tuple[Decision, Interpreter]] = {
-            d.actuator: (d, self._interpreter) for d in outcome.decisions
+            d.actuator: (
+                self._interpreter.network_decision(self._actuators[d.actuator]) if d.actuator in given else d,
+                self._interpreter,
+            )
+            for d in outcome.decisions
         }
         if self._degraded is not None:
             lost = frozenset(address.partition("/")[2] for address in recorded.tick.lost)
@@ -311,7 +324,7 @@ class Auditor:
         if (
             recorded.breaches is not None
             and recorded.breaches != outcome.breaches
-            and self._undisturbed(recorded)
+            and self._has_one_winner(recorded)
         ):
             found, correct = (", ".join(names) or "none" for names in (recorded.breaches, outcome.breaches))
             message = f"broken contracts: recorded {found}; in the interpreter {correct}"
@@ -325,11 +338,15 @@ class Auditor:
             self._counts["unheard"] += 1
             return
         if verdict.outside is not None or verdict.hold is not None:
+            message = outside_objection(actuator, verdict, self._interpreter)
+            if message is not None:
+                sent = Decision(name, verdict.by, verdict.values, verdict.fault)
+                yield self._difference(recorded, message, actuator=name, recorded=sent)
             return
         self._counts["compared"] += 1
         unknown = [client for client, _ in verdict.fates if client not in self._clients[name]]
         if unknown:
-            message: str | None = f"`{unknown[0]}` is not a client of `{name}` in this program"
+            message = f"`{unknown[0]}` is not a client of `{name}` in this program"
         else:
             message = objection(actuator, verdict, expected, interpreter)
         if message is None:
@@ -344,13 +361,12 @@ class Auditor:
             clients=_client_explanations(verdict, expected, interpreter, self._clients[name]),
         )
 
-    def _undisturbed(self, recorded: Recorded) -> bool:
-        """Return True if only the network decided, and no client was late, lost or refused."""
+    def _has_one_winner(self, recorded: Recorded) -> bool:
+        """Return True if what was sent is known of every actuator, and follows from the interpreter alone."""
         verdicts = recorded.verdicts
-        return len(verdicts) == len(self._actuators) and not any(
-            is_excused(v) or v.violation or v.outside is not None or v.hold is not None
-            for v in verdicts.values()
-        )
+        if len(verdicts) < len(self._actuators) or any(v.violation for v in verdicts.values()):
+            return False
+        return self._degraded is None or not any(is_excused(v) for v in verdicts.values())
 
     def _count_breaches(self, t_ns: int, outcome: Outcome) -> None:
         for name in outcome.breaches:

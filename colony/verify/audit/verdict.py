@@ -2,38 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 from typing import Protocol
 
 from colony.ir.frame import Decision
+from colony.ir.given import MISSED, SentCommand
 from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.verify.reference.interpreter import Interpreter
 
 
-class RecordedVerdict(Protocol):
+class RecordedVerdict(SentCommand, Protocol):
     """The outcome of one actuator in one frame; `runtime.messages.Verdict` defines each attribute."""
-
-    @property
-    def by(self) -> str | None:
-        """The winner, if any."""
-        ...
-
-    @property
-    def values(self) -> tuple[ScalarValue, ...] | None:
-        """The command that was sent, None if nothing was."""
-        ...
-
-    @property
-    def fault(self) -> str | None:
-        """The reason why the winner's command could not be sent, if any."""
-        ...
-
-    @property
-    def fates(self) -> Sequence[tuple[str, str]]:
-        """Each client and its fate."""
-        ...
 
     @property
     def violation(self) -> bool:
@@ -41,18 +23,10 @@ class RecordedVerdict(Protocol):
         ...
 
     @property
-    def outside(self) -> str | None:
-        """The client outside the network that commanded, if any."""
+    def unlimited(self) -> bool:
+        """True if the limits did not hold for the client outside the network."""
         ...
 
-    @property
-    def hold(self) -> str | None:
-        """The reason why the network did not decide, if any."""
-        ...
-
-
-EXCUSES = frozenset({"late", "lost", "refused"})
-"""Fates of a client that excuse an idle command in place of the interpreter's command."""
 
 _COMMANDED = frozenset({"won", "overruled", "overridden", "locked out", "stopped"})
 _GATED = frozenset({"suppressed", "inhibited"})
@@ -78,6 +52,31 @@ def objection(
     )
 
 
+def outside_objection(actuator: Actuator, verdict: RecordedVerdict, interpreter: Interpreter) -> str | None:
+    """Return a message about a command from outside that the program does not allow, or None.
+
+    It must be within the range, and within the limits of the frame, unless they do not hold for that client.
+    If the command could not be sent, the actuator must be idle. `interpreter` has decided the same frame.
+    """
+    if verdict.outside is None:
+        return None
+    if verdict.fault is not None or verdict.values is None:
+        idle = in_declared_units(actuator.idle, actuator.fields)
+        if same_values(verdict.values, idle):
+            return None
+        return "a command from outside could not be sent, and the idle command was not sent"
+    bounds = interpreter.bounds(actuator)
+    for field, value, bound in zip(actuator.fields, verdict.values, bounds, strict=True):
+        if isinstance(value, bool):
+            continue
+        low, high = (field.low, field.high) if verdict.unlimited else bound or (math.inf, -math.inf)
+        if (low is not None and value < low / field.factor) or (
+            high is not None and value > high / field.factor
+        ):
+            return f"a command from outside is beyond the limits: {field.name} = {value:g} {field.unit}"
+    return None
+
+
 def same_decision(verdict: RecordedVerdict, expected: Decision) -> bool:
     """Return True if winner, values and fault are the same, values bit for bit."""
     same = (verdict.by, verdict.fault) == (expected.by, expected.fault)
@@ -99,7 +98,7 @@ def _same_bits(a: ScalarValue, b: ScalarValue) -> bool:
 
 def is_excused(verdict: RecordedVerdict) -> bool:
     """Return True if a client was late, lost or refused."""
-    return any(fate in EXCUSES for _, fate in verdict.fates)
+    return any(fate in MISSED for _, fate in verdict.fates)
 
 
 def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:

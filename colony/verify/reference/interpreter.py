@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import assert_never
 
 from colony.ir import program as ir
@@ -69,6 +70,7 @@ class Interpreter:
         self._lost: frozenset[str] = frozenset()
         self._given: Mapping[str, Given] = {}
         self._limits: list[tuple[ir.Limit, float | None]] = []
+        self._winners: Mapping[str, str | None] = {}
         self._silent: set[str] = set()
         self._blind: set[str] = set()
         self._unknown: set[str] = set()
@@ -139,6 +141,20 @@ class Interpreter:
         assert self._moment is not None, "no frame yet"
         return known_value(expression, self._moment, self._memory)
 
+    def network_decision(self, actuator: ir.Actuator) -> Decision:
+        """Return what the network decided in the last frame, even if the actuator was given something else."""
+        assert self._moment is not None, "no frame yet"
+        values = replace(self._moment, winners=dict(self._winners), commanded=set(), sent={})
+        given, held = self._given, self._held
+        self._given, self._held = NOTHING_GIVEN, dict(held)
+        decision = self._decide(actuator, values, self._limits, [])
+        self._given, self._held = given, held
+        return decision
+
+    def bounds(self, actuator: ir.Actuator) -> tuple[tuple[float, float] | None, ...]:
+        """Return the bounds of each field in the last frame, None where one is missing."""
+        return tuple(self._bounds(actuator, i, self._limits) for i in range(len(actuator.fields)))
+
     def is_unknown(self, contract: str) -> bool:
         """Return True if a contract was unknown in the last frame, not false, which breaks it as well."""
         return contract in self._unknown
@@ -185,7 +201,8 @@ class Interpreter:
         self._compute_derived_values(frame_values)
         self._run_modules(frame_values, records)
         self._run_network(frame_values)
-        limits = self._limits = self._applicable_limits(frame_values)
+        self._limits = limits = self._applicable_limits(frame_values)
+        self._winners = dict(frame_values.winners)
         decisions = [self._decide(a, frame_values, limits, records) for a in self.program.robot.actuators]
         self._remember_sent(decisions)
         values = {c.name: self.value_of(c.expression) for c in self.program.contracts}
