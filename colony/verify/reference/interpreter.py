@@ -142,7 +142,7 @@ class Interpreter:
         return known_value(expression, self._moment, self._memory)
 
     def network_decision(self, actuator: ir.Actuator) -> Decision:
-        """Return what the network decided in the last frame, even if the actuator was given something else."""
+        """Return what the network decided in the last frame, whatever the actuator was given."""
         assert self._moment is not None, "no frame yet"
         values = replace(self._moment, winners=dict(self._winners), commanded=set(), sent={})
         given, held = self._given, self._held
