@@ -12,13 +12,13 @@ import zenoh
 from colony.runtime.library.robot import Drive
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.calls import Open
-from colony.runtime.protocol.messages import Call, Ready, Request, Right, SentMessage, Tick
+from colony.runtime.protocol.messages import Bounds, Call, Ready, Request, Right, SentMessage, Tick
 from tests.attack.intruder import ABUSERS, Attack
 from tests.attack.lab import MARK
 from tests.cli.machine import ROBOT
 
 ROOT = f"colony/{ROBOT}"
-RIGHTS: tuple[Right, ...] = ("read", "command", "stop")
+RIGHTS: tuple[Right, ...] = ("read", "command", "stop", "unlimited")
 REMOTE = zenoh.Locality.REMOTE
 SERVERS = ("Clock", "RServer", "DServer", "PServer", "Gateway")
 
@@ -129,6 +129,7 @@ def drive(attack: Attack) -> None:
         _send(attack, "Clock/ticks", Tick(k=k, t_ns=k * 50_000_000))
         request = Request(k=k, actuator="drive", client="cruise", bid="command", values=values)
         _send(attack, "RServer/requests", request)
+        _send(attack, "RServer/requests", Bounds(k=k, actuator="drive", low=values, high=values))
     _send(attack, "Clock/ready", Ready(client="drive/cruise"))
 
 

@@ -201,6 +201,8 @@ def test_problems_say_what_was_found(sums: Sums) -> None:
         ("halt", "read", False),
         ("add", "read", False),
         ("add", "stop", False),
+        ("sum", "unlimited", True),
+        ("add", "unlimited", False),
     ],
 )
 def test_rights(sums: Sums, what: str, right: Right, allowed: bool) -> None:

@@ -9,6 +9,7 @@ from colony.ir.frame import Answer
 from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
     Announcement,
+    Bounds,
     Checkpoint,
     Fetch,
     Ready,
@@ -36,6 +37,7 @@ MESSAGES: list[SentMessage] = [
     ServerFrame(server="RServer", k=5, fields={}, since=4, stopped=STOP),
     Fetch(server="RServer", k=5),
     Request(k=5, actuator="drive", client="cruise", bid="silent"),
+    Bounds(k=5, actuator="drive", low=(0.0,), high=(1.0,)),
     Announcement(k=5, module="m", answer=Answer((300.0, 5.0))),
     Verdict(k=5, t_ns=0, actuator="drive", by=None, values=None, fates=()),
     Ready(client="drive/cruise", k=-1),

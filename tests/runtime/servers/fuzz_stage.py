@@ -22,6 +22,7 @@ from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import (
     Announcement,
+    Bounds,
     Call,
     Checkpoint,
     Effect,
@@ -314,7 +315,7 @@ class Stage:
 _USUAL: dict[str, tuple[type, ...]] = {
     "ticks": (Tick,),
     "fetches": (Fetch,),
-    "requests": (Request,),
+    "requests": (Request, Bounds),
     "announcements": (Announcement,),
     "checkpoints": (Checkpoint, Recall),
     "frames": (ServerFrame,),

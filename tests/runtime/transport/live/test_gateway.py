@@ -12,9 +12,11 @@ import pytest
 from colony.runtime.assembly.processes import child
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
+from colony.runtime.library import robot
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import (
     Alive,
+    Bounds,
     Call,
     Effect,
     Malformed,
@@ -70,6 +72,19 @@ def test_a_user_without_the_right_is_told_so(lab: Lab, user: str, says: str) -> 
     assert server.charges == 0
 
 
+def test_nobody_ignores_limits_without_the_right(lab: Lab) -> None:
+    with (
+        battery_thread(lab.environment),
+        lab.session("ada") as session,
+        session.connect(BATTERY) as battery,
+        pytest.raises(
+            CallRefusedError, match="needs the right to ignore limits, and ada may only"
+        ) as refused,
+    ):
+        battery.do(robot.ignore_limits())
+    assert refused.value.code == "right"
+
+
 def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: Lab) -> None:
     node = Recorder("RServer", topics.calls("RServer"), topics.requests("RServer"))
     with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("bob")) as network:
@@ -83,7 +98,11 @@ def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: Lab)
             key = f"colony/{ROBOT}/RServer/call/{right}/{connection}"
             network.session.put(key, codec.encode(message))
         request = Request(k=1, actuator="drive", client="wander", bid="command", values=(1.0, 0.0))
-        network.session.put(f"colony/{ROBOT}/RServer/requests/bob", codec.encode(request))
+        bounds = Bounds(k=1, actuator="drive", low=(0.0, 0.0), high=(600.0, 90.0))
+        for message in (request, bounds):
+            network.session.put(f"colony/{ROBOT}/RServer/requests/bob", codec.encode(message))
+        unlimited = plain_call("bob/1", right="unlimited")
+        network.session.put(f"colony/{ROBOT}/RServer/call/unlimited/bob/1", codec.encode(unlimited))
         honest = Alive(connection="bob/1")
         put(network, f"colony/{ROBOT}/RServer/call/read/bob/1", codec.encode(honest))
         until(lambda: bool(node.got), "the honest one")

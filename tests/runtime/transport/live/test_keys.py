@@ -8,7 +8,17 @@ import zenoh
 
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.codec import MessageFormatError
-from colony.runtime.protocol.messages import Alive, Call, Fetch, Ready, Reply, Right, SentMessage, Tick
+from colony.runtime.protocol.messages import (
+    Alive,
+    Bounds,
+    Call,
+    Fetch,
+    Ready,
+    Reply,
+    Right,
+    SentMessage,
+    Tick,
+)
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.keys import CallKey
 
@@ -65,6 +75,15 @@ def test_the_key_of_a_call_says_whose_it_is_and_under_which_right() -> None:
 def test_a_call_must_say_what_its_key_says(message: SentMessage, says: str) -> None:
     with pytest.raises(MessageFormatError, match=says):
         keys.check_call(message, CallKey("read", "ada/7"))
+
+
+def test_bounds_come_where_requests_do_and_nowhere_else() -> None:
+    bounds = Bounds(k=1, actuator="drive", low=(0.0,), high=(1.0,))
+    assert keys.check_frame(bounds, topics.requests("RServer")) is bounds
+    assert keys.user_message_kind(topics.requests("RServer")) == "requests"
+    for topic in (topics.frames("RServer"), topics.VERDICTS, topics.TICKS, topics.READY):
+        with pytest.raises(MessageFormatError, match="found Bounds"):
+            keys.check_frame(bounds, topic)
 
 
 def test_a_call_that_does_is_taken() -> None:

@@ -36,7 +36,8 @@ def test_a_table_of_users(tmp_path: Path) -> None:
         (("stop",), ("stop",)),
         (("command",), ("command", "stop")),
         (("run",), ("read", "command", "stop")),
-        (PERMISSIONS, ("read", "command", "stop")),
+        (("unlimited",), ("command", "stop", "unlimited")),
+        (PERMISSIONS, ("read", "command", "stop", "unlimited")),
     ],
 )
 def test_rights_that_come_with_permissions(permissions: tuple[str, ...], expected: tuple[str, ...]) -> None:
@@ -73,7 +74,7 @@ def test_all_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
         f"{path}: users.ada.may[2]: found 7; expected one of read, command, stop, run",
         f"{path}: users.a/b: `a/b` cannot be the name of a user: expected 1 to 64 characters, letters, "
         "digits, `_`, `-`, `.` and `@`, beginning with a letter or digit",
-        f"{path}: users.bob: expected `may = [...]` with some of read, command, stop, run",
+        f"{path}: users.bob: expected `may = [...]` with some of read, command, stop, run, unlimited",
     ]
 
 
@@ -143,7 +144,8 @@ def test_addresses_of_gateways() -> None:
 
 
 def test_nothing_is_allowed_that_is_not_in_the_table(tmp_path: Path) -> None:
-    security = read_security(Authority(tmp_path).table({"ada": ("read",), "bob": ("stop",), "eva": ("run",)}))
+    users = {"ada": ("read",), "bob": ("stop",), "eva": ("run",), "zoe": ("unlimited",)}
+    security = read_security(Authority(tmp_path).table(users))
     made = access_control("rome", security)
     assert made["enabled"] is True
     assert made["default_permission"] == "deny"
@@ -152,6 +154,10 @@ def test_nothing_is_allowed_that_is_not_in_the_table(tmp_path: Path) -> None:
     assert sends["user-0-publishes"] == ["colony/rome/*/call/read/ada/*", "colony/rome/*/fetches/ada"]
     assert sends["user-1-publishes"] == ["colony/rome/*/call/stop/bob/*"]
     assert "colony/rome/*/requests/eva" in sends["user-2-publishes"]
+    assert "colony/rome/*/call/unlimited/eva/*" not in sends["user-2-publishes"]
+    assert sends["user-3-publishes"] == [
+        f"colony/rome/*/call/{right}/zoe/*" for right in ("command", "stop", "unlimited")
+    ]
 
 
 def test_no_user_goes_by_the_name_of_the_robots_own_programs(tmp_path: Path) -> None:

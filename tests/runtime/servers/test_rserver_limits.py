@@ -1,0 +1,167 @@
+"""RServer holds connections to the limits of the program that runs, and to the ranges while none does."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from colony.execute.needs import BOUNDS
+from colony.runtime.library import emergency, robot
+from colony.runtime.protocol.messages import Bounds, Request, Right
+from tests.runtime.calling import call_of
+from tests.runtime.servers.base_stage import FRAME, MS, Stage, deployed, silent
+
+
+def bounds(most: float = 100.0, **changes: object) -> Bounds:
+    """Bounds of a frame that is filled in."""
+    fields: dict[str, object] = {"low": (-300.0, -60.0), "high": (most, 60.0)}
+    return Bounds(k=0, actuator="drive", **(fields | changes))  # type: ignore[arg-type]
+
+
+def stage_with_limits() -> Stage:
+    stage = Stage(run="r1", deployment=deployed(limited=True))
+    stage.tick()
+    stage.open("ann/1", priority=9)
+    return stage
+
+
+def frames(stage: Stage, *messages: Request | Bounds, count: int = 1) -> tuple[float, float]:
+    """Whole frames with these messages in each; gives the speeds that the base got last."""
+    for _ in range(count):
+        stage.tick()
+        for message in messages:
+            stage.give(msgspec.structs.replace(message, k=stage.k))
+        stage.wait(stage.k * FRAME + FRAME - 1)
+    return (stage.base.velocity, stage.base.turn)
+
+
+def test_what_is_sent_and_what_the_verdict_says_is_within_the_bounds() -> None:
+    stage = stage_with_limits()
+    stage.do("ann/1", robot.drive(300.0, 20.0, lease=1.0))
+    assert frames(stage, bounds(), *silent()) == (100.0, 20.0)
+    assert stage.verdicts[-1].values == (100.0, 20.0)
+    assert frames(stage, bounds(0.0), *silent()) == (0.0, 20.0)
+    assert frames(stage, bounds(-50.0), *silent()) == (-50.0, 20.0)
+
+
+def test_the_base_stands_while_bounds_do_not_come() -> None:
+    stage = stage_with_limits()
+    stage.do("ann/1", robot.drive(300.0, 20.0, lease=1.0))
+    assert frames(stage, *silent()) == (0.0, 0.0)
+    verdict = stage.verdicts[-1]
+    assert (verdict.outside, verdict.fault) == ("ann/1", "limits unknown")
+    assert dict(verdict.fates)[BOUNDS] == "late"
+    assert verdict.notes == (f"limits of frame {stage.k} have not come",)
+    assert frames(stage, bounds(), *silent()) == (100.0, 20.0)
+
+
+def test_bounds_that_come_late_in_a_frame_are_waited_for() -> None:
+    stage = stage_with_limits()
+    stage.do("ann/1", robot.drive(300.0, 0.0, lease=1.0))
+    stage.tick()
+    for request in silent():
+        stage.give(msgspec.structs.replace(request, k=stage.k))
+    stage.wait(stage.k * FRAME + 39 * MS)
+    assert stage.base.velocity == 0.0
+    stage.give(msgspec.structs.replace(bounds(), k=stage.k))
+    assert stage.base.velocity == 100.0
+
+
+def test_a_program_that_comes_and_goes_takes_its_limits_along() -> None:
+    stage = Stage()
+    stage.tick()
+    stage.open("ann/1", priority=9)
+    stage.do("ann/1", robot.drive(300.0, 0.0, lease=10.0))
+    assert frames(stage, count=2) == (300.0, 0.0)
+    leader = stage.open("leader/1", priority=0)
+    stage.do(leader, robot.deploy(deployed(limited=True)))
+    assert frames(stage) == (0.0, 0.0), "a frame of no run"
+    stage.run = "r1"
+    assert frames(stage, *silent()) == (0.0, 0.0)
+    assert frames(stage, bounds(), *silent()) == (100.0, 0.0)
+    stage.close(leader)
+    stage.run = ""
+    assert frames(stage) == (300.0, 0.0)
+    leader = stage.open("leader/2", priority=0)
+    stage.do(leader, robot.deploy(deployed("r2", limited=True)))
+    stage.run = "r2"
+    assert frames(stage, *silent()) == (0.0, 0.0), "bounds of an earlier run do not count"
+    assert frames(stage, bounds(200.0), *silent()) == (200.0, 0.0)
+
+
+def test_a_program_without_limits_leaves_the_ranges() -> None:
+    stage = Stage(run="r1", deployment=deployed())
+    stage.tick()
+    stage.open("ann/1", priority=9)
+    stage.do("ann/1", robot.drive(450.0, 0.0, lease=1.0))
+    assert frames(stage, *silent()) == (450.0, 0.0)
+    assert not stage.verdicts[-1].unlimited
+
+
+def test_who_ignores_limits_says_so_and_is_shown() -> None:
+    stage = stage_with_limits()
+    stage.do("ann/1", robot.ignore_limits())
+    stage.do("ann/1", robot.drive(300.0, 0.0, lease=1.0))
+    assert frames(stage, bounds(), *silent()) == (300.0, 0.0)
+    assert stage.verdicts[-1].unlimited
+    (report,) = stage.do("ann/1", robot.arbitration()).outside
+    assert report.unlimited
+    stage.do("ann/1", robot.ignore_limits(False))
+    assert frames(stage, bounds(), *silent()) == (100.0, 0.0)
+    assert not stage.verdicts[-1].unlimited
+    stage.do("ann/1", robot.ignore_limits())
+    stage.close("ann/1")
+    stage.open("ann/1", priority=9)
+    stage.do("ann/1", robot.drive(300.0, 0.0, lease=1.0))
+    assert frames(stage, bounds(), *silent()) == (100.0, 0.0), "it ends with the connection"
+
+
+@pytest.mark.parametrize("right", ["read", "command", "stop"])
+def test_it_takes_the_right_to_ignore_limits(right: Right) -> None:
+    stage = stage_with_limits()
+    call = call_of(robot.ignore_limits(), "ann/1", 50, 9)
+    stage.give(msgspec.structs.replace(call, right=right))
+    problem = stage.replies["ann/1", 50].problem
+    assert problem is not None
+    assert problem.code == "right"
+    assert problem.message == f"RServer.ignore_limits needs the right to ignore limits, not to {right}"
+
+
+def test_a_stop_is_not_limited() -> None:
+    stage = stage_with_limits()
+    stage.do("ann/1", robot.drive(300.0, 0.0, lease=5.0))
+    frames(stage, bounds(low=(50.0, -60.0)), *silent())
+    assert stage.base.velocity == 100.0
+    stage.do("ann/1", emergency.stop())
+    assert stage.base.velocity == 0.0
+
+
+def test_a_move_goes_on_where_limits_only_slow_it_down() -> None:
+    stage = stage_with_limits()
+    number = stage.send("ann/1", robot.move(200.0, velocity=300.0))
+    for _ in range(400):
+        frames(stage, bounds(50.0), *silent())
+        if ("ann/1", number) in stage.replies:
+            break
+    assert stage.result("ann/1", number, robot.move(200.0)) == pytest.approx(200.0, abs=3.0)
+
+
+def test_a_move_that_is_held_for_a_while_goes_on_after_it() -> None:
+    stage = stage_with_limits()
+    number = stage.send("ann/1", robot.move(200.0, velocity=300.0))
+    frames(stage, bounds(0.0), *silent(), count=30)
+    assert ("ann/1", number) not in stage.replies
+    frames(stage, bounds(500.0), *silent(), count=40)
+    assert stage.result("ann/1", number, robot.move(200.0)) == pytest.approx(200.0, abs=3.0)
+
+
+def test_a_move_whose_limits_nobody_knows_ends_as_one_that_they_hold() -> None:
+    stage = stage_with_limits()
+    number = stage.send("ann/1", robot.move(200.0, velocity=300.0))
+    frames(stage, *silent(), count=45)
+    problem = stage.replies["ann/1", number].problem
+    assert problem is not None
+    assert (problem.code, problem.message) == (
+        "limits",
+        "the program's limits held the base for 2 s, after 0 mm",
+    )
