@@ -71,10 +71,15 @@ class FrameBounds:
             return reason
         if bounds.k == self._k:
             self._bounds = self._bounds or bounds
-        elif self._k < 0 or bounds.k <= self._k + self._frames_ahead:
-            if bounds.k in self._ahead or len(self._ahead) < self._frames_ahead:
-                self._ahead.setdefault(bounds.k, bounds)
+        elif self._may_keep(bounds.k):
+            self._ahead.setdefault(bounds.k, bounds)
         return None
+
+    def _may_keep(self, k: int) -> bool:
+        """Return True if the bounds of a later frame may be kept; before the first tick it may have any."""
+        if self._k >= 0:
+            return k <= self._k + self._frames_ahead
+        return len(self._ahead) < self._frames_ahead
 
     def awaited_for(self, command: OutsideCommand) -> bool:
         """Return True if a command needs the bounds of the frame, and these may still arrive."""

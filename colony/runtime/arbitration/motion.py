@@ -240,6 +240,13 @@ def measure_progress(motion: FiniteMotion, pose: OdometerPose | None) -> float:
     return math.copysign(1.0, motion.degrees) * (origin.heading - pose.heading)
 
 
+def is_stalling(motion: Motion) -> bool:
+    """Return True if a motion with an end made no progress in its last step."""
+    return (
+        isinstance(motion, FiniteMotion) and motion.progress is not None and motion.progress.stalled_s > 0.0
+    )
+
+
 def approach(current: float, target: float, max_change: float) -> float:
     """Return `current`, changed toward `target` by at most `max_change`."""
     return current + min(max(target - current, -max_change), max_change)

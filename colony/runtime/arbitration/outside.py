@@ -25,7 +25,8 @@ class Commander:
 
     `lease_end_ns` is the end of the command's lease (None: no lease; it holds until the motion is done).
     `call_id` is the call that is answered when the command ends. `unlimited` is True if the program's limits
-    do not hold for its commands; `is_held` if they changed the last one.
+    do not hold for its commands; `is_held` if they changed the last one. `held_since_ns` is the time since
+    which they have kept its motion from making progress, None if they do not.
     """
 
     caller: Caller
@@ -34,6 +35,7 @@ class Commander:
     call_id: CallId | None = None
     unlimited: bool = False
     is_held: bool = False
+    held_since_ns: int | None = None
 
 
 class OutsideCommanders:

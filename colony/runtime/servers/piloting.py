@@ -101,7 +101,7 @@ class Pilot:
             caller = commander.caller
             values: tuple[float, ...] = ()
             if self._proposal is None and (holder is None or holder.connection == caller.connection):
-                values = self._propose(commander, observation)
+                values = self._propose(commander, observation, now_ns)
                 if commander.motion is None:
                     continue
             commands.append(
@@ -111,9 +111,12 @@ class Pilot:
             return Interventions(tuple(commands))
         return Interventions(tuple(commands), "locked", holder.connection)
 
-    def _propose(self, commander: Commander, observation: BaseObservation) -> tuple[float, ...]:
+    def _propose(self, commander: Commander, observation: BaseObservation, now_ns: int) -> tuple[float, ...]:
         assert commander.motion is not None
         step = motion.step(commander.motion, observation)
+        held_since_ns = commander.held_since_ns
+        if held_since_ns is not None and now_ns - held_since_ns > motion.STALL_TIMEOUT_S * 1e9:
+            step = step._replace(end=step.end or "stalled")
         if step.end is not None:
             self._end(commander, step.end, observation)
             return ()
@@ -122,12 +125,16 @@ class Pilot:
         return self._values(speeds)
 
     def on_dispatch(
-        self, outside: str | None, bound: Callable[[Speeds], Speeds | None] = lambda proposed: proposed
+        self,
+        outside: str | None,
+        now_ns: int = 0,
+        bound: Callable[[Speeds], Speeds | None] = lambda proposed: proposed,
     ) -> Speeds | None:
         """Advance the motion of the connection that acts in the frame, if any, and return its speeds.
 
         Args:
             outside: connection that acts.
+            now_ns: present time.
             bound: returns the speeds that were sent, given the proposed ones; None if the actuator was idle
                 in the place of its command.
         """
@@ -142,6 +149,10 @@ class Pilot:
         commander, sent = proposal.commander, bound(proposal.speeds)
         commander.motion = proposal.step.motion if sent else motion.interrupt(proposal.step.motion)
         commander.is_held = sent != proposal.speeds
+        if not (commander.is_held and motion.is_stalling(proposal.step.motion)):
+            commander.held_since_ns = None
+        elif commander.held_since_ns is None:
+            commander.held_since_ns = now_ns
         self.mode = motion.mode(proposal.step.motion)
         return sent
 
@@ -166,7 +177,7 @@ class Pilot:
         observation: BaseObservation,
     ) -> None:
         ended, call_id = commander.motion, commander.call_id
-        commander.motion = commander.call_id = commander.lease_end_ns = None
+        commander.motion = commander.call_id = commander.lease_end_ns = commander.held_since_ns = None
         self.mode = "go"
         if call_id is None or not isinstance(ended, FiniteMotion):
             return
@@ -224,7 +235,7 @@ class Pilot:
     def _cancel(self, commander: Commander, refused: RefusedError) -> None:
         if commander.call_id is not None:
             self.answers.append((commander.call_id, refused))
-        commander.motion = commander.call_id = commander.lease_end_ns = None
+        commander.motion = commander.call_id = commander.lease_end_ns = commander.held_since_ns = None
 
     def _stop_refusal(self) -> RefusedError:
         stopped = self._emergency.stopped

@@ -184,7 +184,9 @@ class RServer:
         self._acting = dispatch.by if dispatch.outside is None else dispatch.outside
         sent = None if dispatch.fault is not None else dispatch.values
         self._outside_speeds = self._pilot.on_dispatch(
-            dispatch.outside, lambda proposed: None if sent is None else sent_speeds(actuator, sent, proposed)
+            dispatch.outside,
+            now_ns,
+            lambda proposed: None if sent is None else sent_speeds(actuator, sent, proposed),
         )
         if dispatch.outside is None and dispatch.hold != "stopped":
             self._pilot.on_network_dispatch(active=dispatch.by is not None)

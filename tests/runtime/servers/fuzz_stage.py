@@ -315,7 +315,7 @@ class Stage:
 _USUAL: dict[str, tuple[type, ...]] = {
     "ticks": (Tick,),
     "fetches": (Fetch,),
-    "requests": (Request, Bounds),
+    "requests": (Request, Request, Bounds),
     "announcements": (Announcement,),
     "checkpoints": (Checkpoint, Recall),
     "frames": (ServerFrame,),

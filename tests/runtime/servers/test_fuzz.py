@@ -108,7 +108,7 @@ def test_what_is_malformed_does_not_move_a_base_whose_program_is_silent() -> Non
     """Its clients say that they have nothing to say, and somebody tampers with what they send."""
     print(f"seed {SEED}")
     got_through = 0
-    for round_ in range(ROUNDS):
+    for round_ in range(2 * ROUNDS):
         base, random = RollingBase(), Random(f"{SEED}/{round_}")
         node = RServer(base, deployment=deployed("r1"), frames_kept=KEEP)
         stage = Stage(node, random, rights=("read", "stop"), tame=True, run="r1", without=STOPS)

@@ -70,8 +70,8 @@ def test_all_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
         f"{path}: gateway.key: expected the path of a PEM file",
         f"{path}: gateway.authority: expected the path of a PEM file",
         f"{path}: users.ada.shell: unknown; expected may",
-        f"{path}: users.ada.may[1]: found 'fly'; expected one of read, command, stop, run",
-        f"{path}: users.ada.may[2]: found 7; expected one of read, command, stop, run",
+        f"{path}: users.ada.may[1]: found 'fly'; expected one of read, command, stop, run, unlimited",
+        f"{path}: users.ada.may[2]: found 7; expected one of read, command, stop, run, unlimited",
         f"{path}: users.a/b: `a/b` cannot be the name of a user: expected 1 to 64 characters, letters, "
         "digits, `_`, `-`, `.` and `@`, beginning with a letter or digit",
         f"{path}: users.bob: expected `may = [...]` with some of read, command, stop, run, unlimited",
