@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from colony.execute.needs import BOUNDS
 from colony.runtime.frames.liveness import Liveness
 from colony.runtime.library.clock import ClientParticipant
 from colony.runtime.protocol import topics
@@ -65,8 +66,11 @@ class ClientRegistry:
     def record_verdict(self, verdict: Verdict, now_ns: int) -> None:
         """Count the requests that were on time or late, and renew the leases of their clients.
 
-        A refused request counts as on time, but renews no lease.
+        A refused request counts as on time, but renews no lease. So do bounds that no command waited for.
         """
+        bounds = self._clients.get(topics.client_address(verdict.actuator, BOUNDS))
+        if bounds is not None and all(name != BOUNDS for name, _ in verdict.fates):
+            bounds.on_time += 1
         for name, fate in verdict.fates:
             client = topics.client_address(verdict.actuator, name)
             member = self._clients.get(client)

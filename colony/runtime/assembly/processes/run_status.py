@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from colony.execute.needs import BOUNDS
 from colony.runtime.library.leader import LEADER, ClientStanding, RunStatus, Standing
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, method
@@ -24,7 +25,10 @@ class _Client:
 
 
 class RunStatusTracker:
-    """A sink that counts the frames in which each client was on time, late or lost. Mutable."""
+    """A sink that counts the frames in which each client was on time, late or lost. Mutable.
+
+    The client of an actuator's bounds is on time unless a command from outside waited for it in vain.
+    """
 
     def __init__(self, deployment: Deployment, *, file: str) -> None:
         self._deployment = deployment
@@ -49,7 +53,9 @@ class RunStatusTracker:
         self._disagreements += bool(log.disagreements)
         for actuator, verdict in log.verdicts.items():
             self._commanded_by[actuator] = verdict.by
-            for module, fate in verdict.fates:
+            bounds = client_address(actuator, BOUNDS)
+            fates = {BOUNDS: "lost" if bounds in log.tick.lost else "alive", **dict(verdict.fates)}
+            for module, fate in fates.items():
                 client = self._clients.get(client_address(actuator, module))
                 if client is not None:
                     client.standing = "late" if fate == "late" else "lost" if fate == "lost" else "alive"
