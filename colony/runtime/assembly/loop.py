@@ -4,8 +4,8 @@ The loop consists of the parts of the real servers (`runtime/servers`), without 
 store. Each frame has the same steps as with the real servers in virtual time (`virtual.py`), in a fixed
 order: the servers publish; the network decides and its commands are carried out; cameras grab when due;
 scripts that are due resume; the world advances to the next frame. A value that the network or a script sets
-is therefore read by the network in the next frame. Scripts do not command the base here: only the network does,
-within its limits.
+is therefore read by the network in the next frame. Scripts do not command the base here: only the network
+does, within its limits.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from tests.sampling import long
 from tests.waiting import until
 
 SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")
-CLIENTS = ("drive/back_off", "drive/avoid", "drive/keep_middle", "drive/cruise")
+CLIENTS = ("drive/back_off", "drive/avoid", "drive/keep_middle", "drive/cruise", "drive/.bounds")
 
 
 def start(machine: Machine, *options: str, duration: str = "1000", seed: str = "1") -> Started:
