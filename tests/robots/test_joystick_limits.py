@@ -103,8 +103,9 @@ def limits_are_obeyed(seed: int) -> int:
             assert verdict.values == (0.0, 0.0)
             continue
         assert verdict.values is not None
-        for value, bound in zip(verdict.values, interpreter.bounds(drive), strict=True):
-            assert bound is not None
+        bounds = interpreter.bounds(drive)
+        assert bounds is not None
+        for value, bound in zip(verdict.values, bounds, strict=True):
             assert bound[0] <= value <= bound[1], f"seed {seed}, frame {log.tick.k}"
             bounded += value in bound
     assert outside, f"seed {seed}: nobody drove"

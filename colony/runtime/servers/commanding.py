@@ -12,7 +12,17 @@ from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing
 from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.protocol.messages import Bounds, Effect, Malformed, Request, Sample, Send, Tick, Verdict, WakeAt
+from colony.runtime.protocol.messages import (
+    Bounds,
+    Effect,
+    Malformed,
+    Request,
+    Sample,
+    Send,
+    Tick,
+    Verdict,
+    WakeAt,
+)
 
 Perform = Callable[[ActuatorSpec, tuple[ScalarValue, ...], int], None]
 """A function that carries out a command: the actuator, its fields in base units, the time."""

@@ -65,16 +65,18 @@ def outside_objection(actuator: Actuator, verdict: RecordedVerdict, interpreter:
         if same_values(verdict.values, idle):
             return None
         return "a command from outside could not be sent, and the idle command was not sent"
-    bounds = interpreter.bounds(actuator)
-    for field, value, bound in zip(actuator.fields, verdict.values, bounds, strict=True):
-        if isinstance(value, bool):
-            continue
-        low, high = (field.low, field.high) if verdict.unlimited else bound or (math.inf, -math.inf)
-        if (low is not None and value < low / field.factor) or (
-            high is not None and value > high / field.factor
-        ):
+    ranges = tuple((_or(f.low, -math.inf), _or(f.high, math.inf)) for f in actuator.fields)
+    bounds = ranges if verdict.unlimited else interpreter.bounds(actuator)
+    if bounds is None:
+        return "a command from outside was sent in a frame whose limits allow none"
+    for field, value, (low, high) in zip(actuator.fields, verdict.values, bounds, strict=True):
+        if not isinstance(value, bool) and not low / field.factor <= value <= high / field.factor:
             return f"a command from outside is beyond the limits: {field.name} = {value:g} {field.unit}"
     return None
+
+
+def _or(bound: float | None, otherwise: float) -> float:
+    return otherwise if bound is None else bound
 
 
 def same_decision(verdict: RecordedVerdict, expected: Decision) -> bool:

@@ -37,7 +37,7 @@ from colony.verify.reference.boundary import (
 )
 from colony.verify.reference.expressions import FrameValues, Memory, evaluate, missing, scalar
 from colony.verify.reference.kleene import Known, known_value
-from colony.verify.reference.memory import RESTORED, restored_memory
+from colony.verify.reference.memory import RESTORED, memory_cells, restored_memory
 
 
 class Interpreter:
@@ -55,7 +55,7 @@ class Interpreter:
         self._last_active_ns: dict[
             tuple[str | int, ...], int
         ] = {}  # by node: when its dominant side was last active
-        self._states: dict[str, ScalarValue] = {s.name: start for s, start in _memory_cells(program)}
+        self._states: dict[str, ScalarValue] = {s.name: start for s, start in memory_cells(program)}
         self._next_states: dict[str, ScalarValue] = {}
         actuators = {a.name: a for a in program.robot.actuators}
         self._python = {
@@ -70,7 +70,6 @@ class Interpreter:
         self._lost: frozenset[str] = frozenset()
         self._given: Mapping[str, Given] = {}
         self._limits: list[tuple[ir.Limit, float | None]] = []
-        self._winners: Mapping[str, str | None] = {}
         self._silent: set[str] = set()
         self._blind: set[str] = set()
         self._unknown: set[str] = set()
@@ -151,10 +150,6 @@ class Interpreter:
         self._given, self._held = given, held
         return decision
 
-    def bounds(self, actuator: ir.Actuator) -> tuple[tuple[float, float] | None, ...]:
-        """Return the bounds of each field in the last frame, None where one is missing."""
-        return tuple(self._bounds(actuator, i, self._limits) for i in range(len(actuator.fields)))
-
     def is_unknown(self, contract: str) -> bool:
         """Return True if a contract was unknown in the last frame, not false, which breaks it as well."""
         return contract in self._unknown
@@ -201,7 +196,7 @@ class Interpreter:
         self._compute_derived_values(frame_values)
         self._run_modules(frame_values, records)
         self._run_network(frame_values)
-        self._limits = limits = self._applicable_limits(frame_values)
+        limits = self._limits = self._applicable_limits(frame_values)
         self._winners = dict(frame_values.winners)
         decisions = [self._decide(a, frame_values, limits, records) for a in self.program.robot.actuators]
         self._remember_sent(decisions)
@@ -510,22 +505,3 @@ class Interpreter:
             return Decision(actuator.name, winner, None, fault)
         frame_values.sent.update({(actuator.name, i): x for i, x in enumerate(actuator.idle)})
         return Decision(actuator.name, winner, declared_command(actuator, actuator.idle), fault)
-
-
-def _memory_cells(program: ir.Program) -> list[tuple[ir.State | ir.Machine, ScalarValue]]:
-    """Return every state and machine with its initial value."""
-    cells: list[tuple[ir.State | ir.Machine, ScalarValue]] = []
-    for derived in program.derived:
-        match derived:
-            case ir.State():
-                cells.append((derived, derived.initial))
-            case ir.Machine():
-                cells.append((derived, derived.start))
-            case ir.Let():
-                pass
-            case _:
-                assert_never(derived)
-    for module in program.modules:
-        if isinstance(module, ir.Module):
-            cells.extend((state, state.initial) for state in module.states)
-    return cells

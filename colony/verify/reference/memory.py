@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, assert_never
 
 from colony.ir import expression as e
 from colony.ir import program as ir
@@ -100,3 +100,22 @@ def _function_state(call: e.MemoryCall, parts: Parts, first_ns: int) -> Any:
             return last
         case _:
             return None
+
+
+def memory_cells(program: ir.Program) -> list[tuple[ir.State | ir.Machine, ScalarValue]]:
+    """Return every state and machine with its initial value."""
+    cells: list[tuple[ir.State | ir.Machine, ScalarValue]] = []
+    for derived in program.derived:
+        match derived:
+            case ir.State():
+                cells.append((derived, derived.initial))
+            case ir.Machine():
+                cells.append((derived, derived.start))
+            case ir.Let():
+                pass
+            case _:
+                assert_never(derived)
+    for module in program.modules:
+        if isinstance(module, ir.Module):
+            cells.extend((state, state.initial) for state in module.states)
+    return cells
