@@ -33,6 +33,7 @@ from colony.verify.reference.boundary import (
     clamp,
     declared_command,
     default_of,
+    fault_of,
     sense,
 )
 from colony.verify.reference.expressions import FrameValues, Memory, evaluate, missing, scalar
@@ -421,7 +422,7 @@ class Interpreter:
             return self._decide_idle(actuator, winner, "missing", frame_values)
         command = frame_values.commands[winner]
         bounds = [self._bounds(actuator, i, limits) for i in range(len(actuator.fields))]
-        fault = self._fault(actuator, winner, command, bounds)
+        fault = fault_of(actuator, winner, command, bounds)
         if fault is None:
             sent = tuple(x if b is None else clamp(x, *b) for x, b in zip(command, bounds, strict=True))
             declared = declared_command(actuator, sent)
@@ -473,25 +474,6 @@ class Interpreter:
                 else:
                     lower = max(lower, bound)
         return lower, upper
-
-    def _fault(
-        self,
-        actuator: ir.Actuator,
-        winner: str,
-        command: tuple[ScalarValue, ...],
-        bounds: list[tuple[float, float] | None],
-    ) -> Record | None:
-        """Return why a command cannot be sent, whatever its fields are clamped to; None if it can."""
-        if not all(math.isfinite(x) for x in command):
-            return Record("not finite", winner)
-        names = [f"{actuator.name}.{field.name}" for field in actuator.fields]
-        for name, b in zip(names, bounds, strict=True):
-            if b is None:
-                return Record("bound missing", name)
-        for name, b in zip(names, bounds, strict=True):
-            if b is not None and b[0] > b[1]:
-                return Record("limits contradict", name)
-        return None
 
     def _decide_idle(
         self, actuator: ir.Actuator, winner: str | None, fault: str | None, frame_values: FrameValues
