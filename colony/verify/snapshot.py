@@ -21,7 +21,8 @@ class Snapshot(NamedTuple):
 
     Attributes:
         t_ns: Time of the frame.
-        readings: Value of each sensor that has one.
+        readings: Value of each sensor that has one. What an actuator was given last is what the program
+            itself sent, unless it has a value or None.
         answers: Command of each applicable module in Python; None for a failsafe one without an answer.
         restarted: True if memory was lost before the frame.
         given: What actuators were given that is not what the network decided.
@@ -29,7 +30,7 @@ class Snapshot(NamedTuple):
     """
 
     t_ns: int
-    readings: Mapping[str, Value] = _NONE
+    readings: Mapping[str, Value | None] = _NONE
     answers: Mapping[str, tuple[ScalarValue, ...] | None] = _NONE
     restarted: bool = False
     given: Mapping[str, Given] = NOTHING_GIVEN

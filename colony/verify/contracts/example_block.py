@@ -29,9 +29,9 @@ def example_block(program: Program, contract: str, trace: Trace, name: str | Non
         return None
     sensors = {s.name: s for s in program.robot.sensors}
     steps = []
-    before: Mapping[str, Value] = {}
+    before: dict[str, Value | None] = {}
     for snapshot in trace.snapshots:
-        given = [g for s in sensors.values() for g in _given(s, before.get(s.name), snapshot.readings)]
+        given = [g for s in sensors.values() for g in _given(s, before, snapshot.readings)]
         if snapshot.restarted:
             is_true = ast.Boolean(value=True)
             given.insert(
@@ -48,16 +48,22 @@ def example_block(program: Program, contract: str, trace: Trace, name: str | Non
                 expect=(),
             )
         )
-        before = snapshot.readings
+        before = dict(snapshot.readings)
     test = ast.TestDecl(title=name or title(contract), steps=tuple(steps))
     return print_file(ast.File(declarations=(test,)))
 
 
 def _given(
-    sensor: Sensor, before: Value | None, readings: Mapping[str, Value]
+    sensor: Sensor, last: Mapping[str, Value | None], readings: Mapping[str, Value | None]
 ) -> Iterator[ast.GivenDecl | None]:
-    """Yield the assignments that change a sensor from `before`; None for a value that cannot be written."""
-    value = readings.get(sensor.name)
+    """Yield the assignments that change a sensor from `last`; None for a value that cannot be written.
+
+    What an actuator was given cannot be taken back once a test gives it.
+    """
+    value, before = readings.get(sensor.name), last.get(sensor.name)
+    if sensor.sent is not None and (sensor.name in last) is not (sensor.name in readings):
+        yield None if sensor.name in last else _of_value(sensor, value)
+        return
     if value == before:
         return
     if value is None:
@@ -72,6 +78,14 @@ def _given(
             yield from (_scalar_assignment(sensor, i, x) for i, x in changed)
             return
     yield from _array_assignments(sensor, value)
+
+
+def _of_value(sensor: Sensor, value: Value | None) -> ast.GivenDecl | None:
+    """Return the assignment of a scalar; None for a value that cannot be written."""
+    assert not isinstance(value, tuple), "fields of actuators are scalars"
+    if value is None:
+        return _assignment(sensor, None, ast.Missing())
+    return _scalar_assignment(sensor, None, value)
 
 
 def _array_assignments(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterator[ast.GivenDecl | None]:

@@ -84,7 +84,10 @@ class Refuter:
             yield tuple(self._rounded(s, digits) for s in exact)
 
     def _rounded(self, snapshot: Snapshot, digits: int) -> Snapshot:
-        readings = {n: _rounded(v, self._sensors[n], digits) for n, v in snapshot.readings.items()}
+        readings = {
+            name: None if value is None else _rounded(value, self._sensors[name], digits)
+            for name, value in snapshot.readings.items()
+        }
         return snapshot._replace(readings=readings)
 
 

@@ -95,7 +95,7 @@ class Replay:
             )
             yield outcome, interpreter
 
-    def _readings(self, snapshot: Snapshot) -> dict[str, Value]:
+    def _readings(self, snapshot: Snapshot) -> dict[str, Value | None]:
         readings = dict(snapshot.readings)
         for module, fields in self._fields.items():
             answer = snapshot.answers.get(module)

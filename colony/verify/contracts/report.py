@@ -146,7 +146,7 @@ def _hint(trace: Trace, file: str | None) -> str | None:
         name
         for snapshot in trace.snapshots
         for name, value in snapshot.readings.items()
-        if any(isinf(x) for x in (value if isinstance(value, tuple) else (value,)))
+        if any(x is not None and isinf(x) for x in (value if isinstance(value, tuple) else (value,)))
     )
     name = next(infinite, None)
     if name is not None:

@@ -54,11 +54,14 @@ def _with_late(
 def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:
     system, visited = unrolling.system, unrolling.cone.visited
     sensors = {s.name: s for s in system.program.robot.sensors}
-    readings = {
+    readings: dict[str, Value | None] = {
         name: _reading(model, unrolling, i, sensors[name], sensor_input)
         for name, sensor_input in system.sensors.items()
         if _is_used(sensor_input, visited) and _truth(model, unrolling.at(i, sensor_input.present))
     }
+    for name, sensor_input in system.sensors.items():
+        if name not in readings and sensors[name].sent is not None and _is_used(sensor_input, visited):
+            readings[name] = None  # without it, it would be what the program itself sent
     answers: dict[str, tuple[ScalarValue, ...] | None] = {}
     for name, python_input in system.python.items():
         if python_input.blind.get_id() in visited and _truth(model, unrolling.at(i, python_input.blind)):
