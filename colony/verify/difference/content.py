@@ -56,6 +56,7 @@ class Contents:
                 self._states |= {state.name: state for state in module.states}
         self._file_level = {d.name for d in program.derived}
         self._let_contents: dict[str, int] = {}
+        self._module_needs: dict[str, frozenset[str]] = {}
         self._needed: dict[str, frozenset[str]] = {}
         self._colors = {name: self._initial_color(state) for name, state in self._states.items()}
 
@@ -196,7 +197,10 @@ class Contents:
 
     def needs(self, module: AnyModule) -> frozenset[str]:
         """Return the sensors without which a module is silent, or blind if it is failsafe."""
-        return frozenset[str]().union(*(self.needed_sensors(e) for e in expressions_of(module)))
+        if module.name not in self._module_needs:
+            needed = (self.needed_sensors(e) for e in expressions_of(module))
+            self._module_needs[module.name] = frozenset[str]().union(*needed)
+        return self._module_needs[module.name]
 
     def needed_sensors(self, e: ir.Expression) -> frozenset[str]:
         """Return the sensors without which an expression is missing."""

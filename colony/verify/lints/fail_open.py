@@ -52,14 +52,15 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     Those about guards take longer to encode, and few modules can win without a sensor of their guards: of a
     large program they are encoded only where they are asked.
     """
-    for pair in _pairs(case):
+    pairs = list(_pairs(case))
+    for pair in pairs:
         yield from pair.open_claims(case)
-        if _is_small(case):
+        if _are_few(pairs):
             yield from pair.claims(case)
 
 
-def _is_small(case: Case) -> bool:
-    return sum(len(pair.sensors) for pair in _pairs(case)) <= _MAX_EAGER
+def _are_few(pairs: list[Guarded]) -> bool:
+    return sum(len(pair.sensors) for pair in pairs) <= _MAX_EAGER
 
 
 def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
@@ -69,7 +70,7 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
     all_pairs = list(_pairs(case))
     pairs = [p.only(s for s in p.sensors if may_win_without(p.module, s, prover)) for p in all_pairs]
     asked = prover
-    if not _is_small(case):
+    if not _are_few(all_pairs):
         open_claims = (claim for p in pairs if p.sensors for claim in p.claims(case))
         asked = Prover(case.instrumented, dict(open_claims), time_budget)
     for pair in pairs:
