@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from colony.compile.pipeline import compile_program
-from colony.ir.frame import Decision, Frame
-from colony.ir.program import Program
+from colony.ir.frame import Decision, Frame, Reading
+from colony.ir.program import Program, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Timing
 from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
@@ -45,7 +45,7 @@ class TraceClock(QuietNode):
     address = topics.CLOCK
 
     def __init__(self, trace: Sequence[Frame]) -> None:
-        self._ticks = [Tick(k=k, t_ns=frame.t_ns) for k, frame in enumerate(trace)]
+        self._ticks = [Tick(k=k, t_ns=f.t_ns, restarted=f.restarted) for k, f in enumerate(trace)]
         self._k = 0
         self.listens = (topics.fetches(self.address),)
 
@@ -70,7 +70,7 @@ class TraceServer(QuietNode):
     def __init__(
         self, trace: Sequence[Frame], commanded: tuple[ActuatorSpec, ...], announced: tuple[str, ...]
     ) -> None:
-        self._trace = trace
+        self._trace, self._commanded = trace, commanded
         self._publisher = Publisher(SERVER, self._read, frames_kept=100)
         self._relay = ActivityRelay(SERVER, announced, frames_kept=100)
         self._desk = CommandDispatcher(commanded, TIMES, self._perform)
@@ -82,6 +82,7 @@ class TraceServer(QuietNode):
         match message:
             case Tick():
                 self._relay.tick()
+                yield from self._desk.end_before(message, now_ns)
                 yield from self._publisher.handle(message)
                 yield from self._desk.tick(message, now_ns)
             case Fetch() if message.server == SERVER:
@@ -98,8 +99,20 @@ class TraceServer(QuietNode):
                 pass
 
     def _read(self, tick: Tick) -> Fields:
-        readings = self._trace[tick.k].readings
+        readings = self._sent() | dict(self._trace[tick.k].readings)
         return {n: None if r is None else Sample(r, tick.t_ns) for n, r in readings.items()}  # type: ignore[arg-type]
+
+    def _sent(self) -> dict[str, Reading]:
+        """What actuators were given last, in declared units."""
+        given = self._desk.fields(0)
+        fields = {
+            f"last.{a.name}.{a.fields[i].name}": a.fields[i] for a in self._commanded for i in a.reported
+        }
+        return {
+            name: in_declared_units((sample.value,), (fields[name],))[0]  # type: ignore[arg-type, index]
+            for name, sample in given.items()
+            if sample is not None
+        }
 
     def _perform(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         self.performed.append((now_ns, actuator.name, values))
@@ -132,7 +145,13 @@ def play(
     bindings = Bindings(
         sensors=tuple(
             SensorBinding(
-                sensor=s.name, server=SERVER, field=s.name, max_age_ns=None, factor=s.factor, declared=True
+                sensor=s.name,
+                server=SERVER,
+                field=s.name,
+                max_age_ns=None,
+                factor=s.factor,
+                declared=True,
+                sent=s.sent is not None,
             )
             for s in program.robot.sensors
         ),
