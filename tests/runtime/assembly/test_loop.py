@@ -18,11 +18,11 @@ from tests.experiment.loops import loop_of
 class Stage:
     """The tester's loop, and the frames it has had. Mutable."""
 
-    def __init__(self, *scripts: Script, x_mm: float = 0.0) -> None:
+    def __init__(self, *scripts: Script, x_mm: float = 0.0, program: str = PROGRAM) -> None:
         self.frames: list[tuple[Frame, Outcome]] = []
         self.world = World(walls=WALLS, poses=[(x_mm, 0.0, 270.0)], config=IDEAL)
         self.loop = loop_of(
-            behavior_from(load_text(PROGRAM)),
+            behavior_from(load_text(program)),
             self.world,
             {str(i): script for i, script in enumerate(scripts)},
             watch=lambda frame, outcome: self.frames.append((frame, outcome)),
@@ -107,3 +107,12 @@ def test_closing_stops_the_robot_and_the_scripts() -> None:
     assert ends == ["ended"]
     stage.world.advance(2.0)
     assert stage.world.speed(0).velocity_mm_s == pytest.approx(0.0)
+
+
+def test_what_was_sent_is_read_in_the_next_frame() -> None:
+    ramp = "\nlimit drive.velocity <= max(last.drive.velocity, 0 mm/s) + 100 mm/s\n"
+    stage = Stage(_set_once("Wanted", 400, 0.0), program=PROGRAM + ramp)
+    stage.run(4)
+    assert stage.reading("last.drive.velocity") == [None, 0.0, 100.0, 200.0]
+    sent = [outcome.decisions[0].values for _, outcome in stage.frames]
+    assert [values[0] for values in sent if values is not None] == [0.0, 100.0, 200.0, 300.0]
