@@ -48,6 +48,7 @@ def test_programs_come_and_go_and_anyone_can_stop_the_robot(
             "drive/avoid",
             "drive/keep_middle",
             "drive/cruise",
+            "drive/.bounds",
         ]
         stopped = colony("stop")
         assert (stopped.code, stopped.out.partition(" by ")[0]) == (0, f"{ROBOT}: stopped")

@@ -120,7 +120,7 @@ def test_no_sensor_has_its_name() -> None:
         ("restarted implies not found", True),
         ("restarted implies now == 0 s", True),
         ("restarted implies not previous(true, false)", True),
-        ("restarted implies drive by search", True),
+        ("restarted implies not (drive is idle) or drive is idle", True),
         ("not restarted", False),
         ("now == 0 s implies restarted", False),
         ("not drive by search", False),

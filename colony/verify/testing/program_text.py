@@ -107,7 +107,7 @@ class _Text:
             self.add(f"  actuator probe{i} {{ seen : {unit} }} to DServer.Probe{i} idle hold")
             self.probe_types.append(Quantity(dimension))
         self.add("}")
-        if self.choices.one_in(4):
+        if self.choices.one_in(6):
             self.sent_before()
 
     def sent_before(self) -> None:
