@@ -102,6 +102,7 @@ class ActuatorServer(QuietNode):
             commanded, timing(deployed.frame_ns), lambda *_: None, on_dispatch=self._on_dispatch
         )
         self._sent = sent
+        self._given: set[str] = set()  # fields to which something was sent in this epoch
         self.listens = (*self._publisher.listens, topics.requests(ACTUATOR_SERVER))
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
@@ -128,13 +129,12 @@ class ActuatorServer(QuietNode):
 
         With the epoch, what they were given begins anew.
         """
-        readings, sent = (
-            self._readings(tick),
-            {} if tick.k == tick.start else self._commands.fields(tick.t_ns),
-        )
+        readings, sent = self._readings(tick), self._commands.fields(tick.t_ns)
+        if tick.k == tick.start:
+            self._given.clear()
         fields: dict[str, Sample | None] = {}
         for name, spec in self._fields.items():
-            sample = sent.get(name)
+            sample = sent.get(name) if name in self._given else None
             if name in readings:
                 value = readings[name]
                 fields[name] = None if value is None else Sample(value, tick.t_ns)  # type: ignore[arg-type]
@@ -145,6 +145,8 @@ class ActuatorServer(QuietNode):
 
     def _on_dispatch(self, actuator: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
         values = in_declared_units(dispatch.values, actuator.fields)
+        if values is not None:
+            self._given.update(f"last.{actuator.name}.{field.name}" for field in actuator.fields)
         self._sent.append(SentCommand(dispatch.k, actuator.name, dispatch.by, values, dispatch.fault))
 
 

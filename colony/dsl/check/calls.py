@@ -8,7 +8,7 @@ from dataclasses import replace
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import unify, with_article, with_articles
-from colony.dsl.check.reserved import SENT
+from colony.dsl.check.reserved import SENT, reject_reserved_name
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol
 from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
@@ -244,6 +244,7 @@ def check_comprehension(checker: Checker, node: ast.Comprehension) -> ir.Express
     if iterations > MAX_ITERATIONS:
         checker.error("E211", node, f"{iterations} iterations; at most {MAX_ITERATIONS} are allowed")
         return None
+    reject_reserved_name(checker.report, checker.scope, node.variable)
     name = node.variable.text
     unique = name if name not in checker.loops.values() else f"{name}'{len(checker.loops)}"
     inner = replace(checker, loops={**checker.loops, name: unique}, iterations=iterations)

@@ -187,6 +187,8 @@ def _age_ns(checker: Checker, node: ast.Expression, sensor: ir.Sensor, is_missin
         return None
     if sensor.within_ns is None:
         hint = f"declare `{sensor.name}` with `within`, or give it without `taken`"
+        if sensor.sent is not None:
+            hint = "give it without `taken`"
         checker.error("E603", node, f"`{sensor.name}` has no `within`: its readings do not age", hint)
         return None
     return age_ns

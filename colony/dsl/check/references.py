@@ -84,8 +84,8 @@ def _frame_period(checker: Checker, node: ast.Reference) -> ir.Expression | None
     frame_ns = checker.scope.robot.frame_ns
     if frame_ns is None:
         if not checker.scope.may_be_lost("frame_period"):
-            message = "`frame_period` is used before it is known: the robot's frame period reads names itself"
-            checker.error("E105", node, message, "write the period in place of its names: `frame 50 ms`")
+            message = "`frame_period` is not known yet: the frame period itself is computed from params"
+            checker.error("E105", node, message, "write the frame period as a number: `frame 50 ms`")
         return None
     return ir.Constant(type=DURATION, value=frame_ns / 1e9, span=checker.span(node))
 

@@ -23,10 +23,15 @@ RESERVED_NAMES = {
 def reject_reserved_names(report: Report, scope: Scope) -> None:
     """Report each declaration of a file that has a reserved name."""
     for name in _declared_names(scope):
-        meaning = RESERVED_NAMES.get(name.text)
-        if meaning is not None:
-            message = f"`{name.text}` is a reserved name: {meaning}"
-            report.error(scope, "E109", name, message, "choose another name")
+        reject_reserved_name(report, scope, name)
+
+
+def reject_reserved_name(report: Report, scope: Scope, name: ast.Name) -> None:
+    """Report a name that is reserved."""
+    meaning = RESERVED_NAMES.get(name.text)
+    if meaning is not None:
+        message = f"`{name.text}` is a reserved name: {meaning}"
+        report.error(scope, "E109", name, message, "choose another name")
 
 
 def _declared_names(scope: Scope) -> Iterator[ast.Name]:

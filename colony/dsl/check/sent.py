@@ -12,7 +12,9 @@ def sent_field(checker: Checker, node: ast.Reference) -> ir.Sensor | None:
     """Return the sensor `last.ACTUATOR.FIELD` of the program, or None after reporting an error."""
     robot = checker.scope.robot
     if len(node.path) != 3:
-        actuator = node.path[1] if len(node.path) > 1 else min(robot.actuator_names, default="ACTUATOR")
+        actuator = min(robot.actuator_names, default="ACTUATOR")
+        if len(node.path) > 1 and node.path[1] in robot.actuator_names:
+            actuator = node.path[1]
         hint = f"name an actuator and one of its fields: `last.{actuator}.FIELD`"
         checker.error("E108", node, f"`{node.text}` is no field of an actuator", hint)
         return None
