@@ -30,7 +30,7 @@ class SentCommand(Protocol):
 
     @property
     def fates(self) -> Sequence[tuple[str, str]]:
-        """Each client and its fate."""
+        """Each client and its fate; then each connection from outside that commanded in vain, and its fate."""
         ...
 
     @property
@@ -46,6 +46,11 @@ class SentCommand(Protocol):
 
 MISSED = frozenset({"late", "lost", "refused"})
 """Fates of clients whose requests did not count, so that the actuator may have been idle."""
+
+
+def is_connection(party: str) -> bool:
+    """Return True if a party that has a fate is a connection from outside (`user/id`), not a client."""
+    return "/" in party
 
 
 def given_in_frame(actuators: Iterable[Actuator], outcomes: Mapping[str, SentCommand]) -> dict[str, Given]:

@@ -18,7 +18,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple, Protocol
 
 from colony.ir.frame import NOTHING_GIVEN, Answer, Decision, Frame, Given, Outcome
-from colony.ir.given import given_in_frame
+from colony.ir.given import given_in_frame, is_connection
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Actuator
 from colony.runtime.protocol.messages import UNHEARD, Fate, Verdict
@@ -160,5 +160,7 @@ def _is_excused(decision: Decision, verdict: Verdict) -> bool:
         return False
     if verdict.outside is None and verdict.hold is None:
         return _has_fate(verdict, UNHEARD)
-    excluded = {client for client, fate in verdict.fates if fate in _EXCLUDED_FATES}
+    excluded = {
+        party for party, fate in verdict.fates if fate in _EXCLUDED_FATES and not is_connection(party)
+    }
     return excluded <= {decision.by}

@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from colony.ir.frame import Answer, Decision, Frame, Outcome
-from colony.ir.given import given_in_frame
+from colony.ir.given import given_in_frame, is_connection
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program, PythonModule
 from colony.verify.audit.report import (
@@ -344,7 +344,8 @@ class Auditor:
                 yield self._difference(recorded, message, actuator=name, recorded=sent)
             return
         self._counts["compared"] += 1
-        unknown = [client for client, _ in verdict.fates if client not in self._clients[name]]
+        clients = self._clients[name]
+        unknown = [c for c, _ in verdict.fates if c not in clients and not is_connection(c)]
         if unknown:
             message = f"`{unknown[0]}` is not a client of `{name}` in this program"
         else:

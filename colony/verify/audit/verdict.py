@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from colony.ir.frame import Decision
-from colony.ir.given import MISSED, SentCommand
+from colony.ir.given import MISSED, SentCommand, is_connection
 from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.verify.reference.interpreter import Interpreter
@@ -47,9 +47,8 @@ def objection(
             return "the command sent is not the interpreter's"
         if not is_idle(actuator, verdict):
             return "a client was missing, and neither the interpreter's command nor the idle command was sent"
-    return next(
-        (text for text in (_fate_objection(*f, expected, interpreter) for f in verdict.fates) if text), None
-    )
+    clients = (f for f in verdict.fates if not is_connection(f[0]))
+    return next((text for text in (_fate_objection(*f, expected, interpreter) for f in clients) if text), None)
 
 
 def outside_objection(actuator: Actuator, verdict: RecordedVerdict, interpreter: Interpreter) -> str | None:

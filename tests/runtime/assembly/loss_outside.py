@@ -108,8 +108,7 @@ def proved(program: Program) -> frozenset[str]:
 
 def frame_of(robot: Robot, tick: Tick, *, void_counts: bool) -> Frame:
     """The frame as published; or as it is where void frames are "no value"."""
-    readings: dict[str, Reading] = {}
-    taken_ns: dict[str, int] = {}
+    readings: dict[str, Reading] = {s.name: None for s in robot.program.robot.sensors if s.sent}
     for binding in robot.bindings.sensors:
         at = (binding.server, tick.k)
         if binding.server in tick.down or at not in robot.seen.frames:
@@ -117,10 +116,9 @@ def frame_of(robot: Robot, tick: Tick, *, void_counts: bool) -> Frame:
         if void_counts and at in robot.seen.void:
             continue
         sample = robot.seen.frames[at].fields.get(binding.field)
-        if sample is not None:
+        if sample is not None and binding.is_fresh(sample.t_ns, tick.t_ns):
             readings[binding.sensor] = binding.in_declared_units(sample.value)
-            taken_ns[binding.sensor] = sample.t_ns
-    return Frame(tick.t_ns, readings, taken_ns, tick.restarted)
+    return Frame(tick.t_ns, readings, restarted=tick.restarted)
 
 
 class Due(NamedTuple):
@@ -206,8 +204,8 @@ def _objection(actuator: Any, verdict: Verdict, due: Due) -> str | None:
     if verdict.outside is None:
         idle = same_values(verdict.values, in_declared_units(actuator.idle, actuator.fields))
         return None if idle and verdict.by is None else "not idle, although it was held"
-    if verdict.hold is None and decision.by is not None and dict(verdict.fates).get(decision.by) != "overridden":
-        return f"`{decision.by}` was not heard, or above it, and {verdict.outside} acted"
+    if verdict.hold is None and decision.by is not None and verdict.outside.startswith("scripts/below"):
+        return f"{verdict.outside} acted, which is below `{decision.by}`"
     return outside_objection(actuator, verdict, due.interpreter)
 
 
@@ -283,13 +281,14 @@ def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
             case "stopped":
                 process = process._replace(halted=True)
             case "verdict":
-                check_told(robot, process, one.what)
+                check_told(robot, process, one)
                 process = process._replace(told=process.told if one.what.actuator != "drive" else None)
                 if one.what.values is not None:
                     process.given[one.what.actuator] = one.what.values
             case "frame":
-                check_last(robot, process, one)
-                process = process._replace(k=one.what.k, t_ns=one.t_ns, halted=False)
+                if one.what.fields:  # else the server missed the tick
+                    check_last(robot, process, one)
+                    process = process._replace(k=one.what.k, t_ns=one.t_ns, halted=False)
         processes[one.server] = process
     told = processes["RServer"].told
     if told is not None:
@@ -297,15 +296,16 @@ def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
     return orphans
 
 
-def check_told(robot: Robot, process: Process, verdict: Verdict) -> None:
-    """The base was told what the verdict says, or halted; or the bumper held it."""
+def check_told(robot: Robot, process: Process, one: Happened) -> None:
+    """The base was told what the verdict says, or halted; or the front bumper held it."""
+    verdict: Verdict = one.what
     if verdict.actuator != "drive" or process.told is None:
         return
     assert verdict.values is not None
-    held = (0.0, verdict.values[1])
-    assert process.told in (verdict.values, held), f"the base was told {process.told}: {verdict}"
-    if process.told != verdict.values:
-        assert any("bumper" in note for note in verdict.notes), f"the base was told {process.told}: {verdict}"
+    velocity, turn = verdict.values
+    pressed = any(robot.devices.bumper_at(max(0, one.t_ns - ago * MS)) for ago in range(0, 2000, 50))
+    held = velocity > 0.0 and pressed and process.told == (0.0, turn)
+    assert held or process.told == (velocity, turn), f"the base was told {process.told}: {verdict}"
 
 
 def check_last(robot: Robot, process: Process, one: Happened) -> None:

@@ -143,6 +143,13 @@ def test_the_holder_of_the_lock_obeys() -> None:
     assert run.report().agrees
 
 
+def test_a_joystick_below_the_modules_that_drive_commands_in_vain() -> None:
+    run = Run(*joystick(500.0), priority=0)
+    overridden = [v for v in run.verdicts if "overridden" in dict(v.fates).values()]
+    assert {v.by for v in overridden} == {"cruise"}
+    assert run.report().agrees
+
+
 def test_a_connection_that_ignores_limits_is_recorded_as_such() -> None:
     calls = ((0.1, robot.ignore_limits()), *joystick(500.0, seconds=1.2), (0.0, robot.ignore_limits(False)))
     run = Run(*calls, *joystick(500.0, seconds=1.2), script=Script(sonar_at=ranges(1000.0)))

@@ -55,6 +55,8 @@ CASES = [
     ({"violation": True, "fates": (("avoid", "won"), ("cruise", "overruled"))}, True),
     ({**OUTSIDE, "fates": (("avoid", "overridden"), ("cruise", "silent"))}, False),
     ({**OUTSIDE, "fates": (("avoid", "silent"), ("cruise", "overridden"))}, True),
+    ({**OUTSIDE, "fates": (("avoid", "overridden"), ("cruise", "silent"), ("bob/2", "overridden"))}, False),
+    ({**OUTSIDE, "fates": (("avoid", "late"), ("cruise", "silent"), ("bob/2", "overridden"))}, False),
     ({**OUTSIDE, "by": "avoid"}, True),
     ({**IDLE, "hold": "stopped", "fates": (("avoid", "stopped"), ("cruise", "silent"))}, False),
     ({**IDLE, "hold": "locked", "fates": (("avoid", "locked out"), ("cruise", "silent"))}, False),
