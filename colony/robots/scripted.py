@@ -129,7 +129,7 @@ class ActuatorServer(QuietNode):
 
         With the epoch, what they were given begins anew.
         """
-        readings, sent = self._readings(tick), self._commands.fields(tick.t_ns)
+        readings, sent = self._readings(tick), self._commands.fields(tick)
         if tick.k == tick.start:
             self._given.clear()
         fields: dict[str, Sample | None] = {}

@@ -109,6 +109,7 @@ class CommandDispatcher:
         self._on_dispatch = on_dispatch
         self._publish = publish
         self._next_wake_ns: int | None = None
+        self._k = -1
 
     @property
     def can_halt(self) -> bool:
@@ -119,6 +120,7 @@ class CommandDispatcher:
         self, tick: Tick, now_ns: int, interventions: Interventions = NO_INTERVENTIONS
     ) -> Iterable[Effect]:
         """Open the frame of every actuator; `interventions` compete with its clients."""
+        self._k = max(self._k, tick.k)
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
             lost = frozenset(clients[address] for address in tick.lost if address in clients)
@@ -130,13 +132,16 @@ class CommandDispatcher:
         for name, arbiter in self._arbiters.items():
             yield from self._carry_out(name, arbiter.end_before(tick.k), now_ns)
 
-    def fields(self, t_ns: int) -> dict[str, Sample | None]:
-        """Return what the actuators' `reported` fields were given last, in base units.
+    def fields(self, tick: Tick) -> dict[str, Sample | None]:
+        """Return what the actuators' `reported` fields were given before the frame of a tick, in base units.
 
-        Nothing is returned for an actuator that was given nothing yet.
+        Nothing is returned for an actuator that was given nothing yet, nor for a tick that arrives after a
+        later one: what was given last may have been given in a frame after it.
         """
+        if tick.k < self._k:
+            return {}
         return {
-            f"last.{name}.{spec.fields[i].name}": Sample(given[i], t_ns)
+            f"last.{name}.{spec.fields[i].name}": Sample(given[i], tick.t_ns)
             for name, spec in self._actuators.items()
             if spec.reported and (given := self._given.get(name)) is not None
             for i in spec.reported

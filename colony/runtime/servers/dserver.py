@@ -259,7 +259,7 @@ class DServer:
             self._reads = reads
             self._variables.set_program_names(reads)
         self._variables.show(shown)
-        variables, sent = self._variables.fields(tick.t_ns), self._commands.fields(tick.t_ns)
+        variables, sent = self._variables.fields(tick.t_ns), self._commands.fields(tick)
         return {**variables, **sent} if sent else variables
 
     def _arbitrate(self, tick: Tick, now_ns: int) -> Iterable[Effect]:

@@ -170,7 +170,7 @@ class RServer:
         yield from self._commands.tick(tick, now_ns, interventions)
 
     def _read(self, tick: Tick) -> Fields:
-        return {**self._base.fields(tick.t_ns), **self._commands.fields(tick.t_ns)}
+        return {**self._base.fields(tick.t_ns), **self._commands.fields(tick)}
 
     def _observation(self, now_ns: int) -> BaseObservation:
         """Return the input of the motion laws."""

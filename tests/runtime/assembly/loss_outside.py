@@ -286,7 +286,11 @@ def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
                 if one.what.values is not None:
                     process.given[one.what.actuator] = one.what.values
             case "frame":
-                if one.what.fields:  # else the server missed the tick
+                late = one.what.k < process.k
+                if late:
+                    known = [name for name in one.what.fields if name.startswith("last.")]
+                    assert not known, f"frame {one.what.k}: {known} may be what was sent after it"
+                elif one.what.fields:  # else the server missed the tick
                     check_last(robot, process, one)
                     process = process._replace(k=one.what.k, t_ns=one.t_ns, halted=False)
         processes[one.server] = process

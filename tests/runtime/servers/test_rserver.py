@@ -61,6 +61,20 @@ def test_a_frame_has_what_was_given_in_the_frame_before() -> None:
     assert given() == [0.0, 0.0]
 
 
+def test_a_frame_whose_tick_comes_late_does_not_have_what_was_given_after_it() -> None:
+    stage = Stage(run="r1", deployment=deployed(reported=(0, 1)))
+    stage.tick()
+    stage.give(Tick(k=2, t_ns=2 * FRAME, run="r1"))
+    for request in (*silent("cruise"), bid("cruise", 300.0, -10.0)):
+        stage.give(msgspec.structs.replace(request, k=2))
+    assert stage.base.told[-1][1:] == (300.0, -10.0)
+    stage.give(Tick(k=1, t_ns=FRAME, run="r1"))
+    assert stage.frames[-1].k == 1
+    assert not [name for name in stage.frames[-1].fields if name.startswith("last.")]
+    stage.give(Tick(k=3, t_ns=3 * FRAME, run="r1"))
+    assert stage.frames[-1].fields["last.drive.velocity"].value == 300.0  # type: ignore[union-attr]
+
+
 @pytest.mark.parametrize(("field_indices", "sent"), [((1, 0), (7.0, 5.0)), ((None, 1), (0.0, 7.0))])
 def test_parameters_are_passed_by_name_and_what_is_not_declared_is_0(
     field_indices: tuple[int | None, ...], sent: tuple[float, float]
