@@ -150,6 +150,10 @@ class ActuatorServer(QuietNode):
         self._sent.append(SentCommand(dispatch.k, actuator.name, dispatch.by, values, dispatch.fault))
 
 
+ActuatorServerBuilder = Callable[[Deployment, Readings, int, list[SentCommand]], ActuatorServer]
+"""A function that builds an `ActuatorServer`, with its arguments."""
+
+
 class FrameCollector:
     """A sink that collects the frames in `frames`. Mutable."""
 
@@ -175,6 +179,7 @@ class ScriptedRobot(VirtualRobot):
         ticking: as in `VirtualRobot`.
         link: as in `VirtualRobot`.
         isolate: as in `VirtualRobot`.
+        actuator_server: builds the server of the actuators.
 
     Raises:
         DiagnosticError: a Python module cannot be imported or built.
@@ -190,6 +195,7 @@ class ScriptedRobot(VirtualRobot):
         ticking: bool = True,
         link: Link = deliver_immediately,
         isolate: bool = False,
+        actuator_server: ActuatorServerBuilder = ActuatorServer,
     ) -> None:
         self.sent: list[SentCommand] = []
         self.log = FrameCollector()
@@ -197,7 +203,7 @@ class ScriptedRobot(VirtualRobot):
 
         def servers(deployed: Deployment, frames_kept: int) -> Builders:
             builders: dict[str, Callable[[], Node]] = {
-                ACTUATOR_SERVER: lambda: ActuatorServer(deployed, readings, frames_kept, self.sent),
+                ACTUATOR_SERVER: lambda: actuator_server(deployed, readings, frames_kept, self.sent),
                 DSERVER.name: lambda: DServer(deployment=deployed, frames_kept=frames_kept, store=store),
             }
             for server in SENSOR_SERVERS:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.robots.scripted import ScriptedRobot, SentCommand
+from colony.robots.scripted import ActuatorServer, ActuatorServerBuilder, ScriptedRobot, SentCommand
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
@@ -77,6 +77,7 @@ class Robot(ScriptedRobot):
         seed: int,
         link: Link,
         isolate: bool,
+        actuator_server: ActuatorServerBuilder = ActuatorServer,
     ) -> None:
         self.program = replace(program, robot=replace(program.robot, frame_ns=frame_ns))
         self.frame_ns = frame_ns
@@ -90,6 +91,7 @@ class Robot(ScriptedRobot):
             seed=seed,
             link=self._noting,
             isolate=isolate,
+            actuator_server=actuator_server,
         )
         self.seen = Seen(sent=self.sent)
         self.start()
