@@ -48,7 +48,9 @@ def objection(
         if not is_idle(actuator, verdict):
             return "a client was missing, and neither the interpreter's command nor the idle command was sent"
     clients = (f for f in verdict.fates if not is_connection(f[0]))
-    return next((text for text in (_fate_objection(*f, expected, interpreter) for f in clients) if text), None)
+    return next(
+        (text for text in (_fate_objection(*f, expected, interpreter) for f in clients) if text), None
+    )
 
 
 def outside_objection(actuator: Actuator, verdict: RecordedVerdict, interpreter: Interpreter) -> str | None:

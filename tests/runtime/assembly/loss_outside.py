@@ -231,7 +231,9 @@ def check_recovered(robot: Robot, tick: Tick, due: Due, verdicts: dict[str, Verd
     for actuator, decision in due.decisions.items():
         verdict = verdicts.get(actuator)
         assert verdict is not None, f"frame {tick.k}: no verdict for {actuator} although all is quiet"
-        assert not any(f in MISSED for _, f in verdict.fates), f"frame {tick.k}: {verdict} although all is quiet"
+        assert not any(f in MISSED for _, f in verdict.fates), (
+            f"frame {tick.k}: {verdict} although all is quiet"
+        )
         found = repr((verdict.by, verdict.values, verdict.fault))
         wanted = repr((decision.by, decision.values, decision.fault))
         assert found == wanted, f"frame {tick.k}: {found} although all is quiet, due was {wanted}: {verdict}"
@@ -254,13 +256,18 @@ def check_observed(robot: Robot, counts: Counter[str]) -> None:
 
 
 class Process(NamedTuple):
-    """What a process of a server did last: what it gave its actuators, when, and whether it halted since."""
+    """What a process of a server did last.
 
-    given: dict[str, tuple[Any, ...] | None]
+    `given` is what its actuators have, or may have: where a verdict names a command that the base was not told,
+    it came too late, and the base was halted. `halted` is whether the base was, since it was `told` something.
+    """
+
+    given: dict[str, tuple[Any, ...]]
     told: tuple[float, float] | None = None
     k: int = -1
     t_ns: int = 0
     halted: bool = False
+    unsure: bool = False
 
 
 def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
@@ -276,13 +283,19 @@ def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
                     orphans.setdefault(process.k, []).append(process.told)
                 process = Process({})
             case "told":
-                assert process.told is None, f"frame {process.k}: two commands to the base: {process.told}, {one}"
-                process = process._replace(told=one.what)
+                assert process.told is None, (
+                    f"frame {process.k}: two commands to the base: {process.told}, {one}"
+                )
+                process = process._replace(told=one.what, halted=False)
             case "stopped":
                 process = process._replace(halted=True)
-            case "verdict":
+                process.given["drive"] = (0.0, 0.0)
+            case "verdict" if one.what.actuator == "drive":
                 check_told(robot, process, one)
-                process = process._replace(told=process.told if one.what.actuator != "drive" else None)
+                if process.told is None or not process.halted:
+                    process.given["drive"] = one.what.values
+                process = process._replace(told=None, unsure=process.told is None)
+            case "verdict":
                 if one.what.values is not None:
                     process.given[one.what.actuator] = one.what.values
             case "frame":
@@ -290,7 +303,7 @@ def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
                 if fields and not (late and not any(name.startswith("last.") for name in fields)):
                     check_last(robot, process, one)
                 if fields and not late:  # else the server missed the tick
-                    process = process._replace(k=one.what.k, t_ns=one.t_ns, halted=False)
+                    process = process._replace(k=one.what.k, t_ns=one.t_ns, unsure=False)
         processes[one.server] = process
     told = processes["RServer"].told
     if told is not None:
@@ -317,20 +330,22 @@ def check_last(robot: Robot, process: Process, one: Happened) -> None:
         if actuator.server != one.server:
             continue
         given, idle = process.given.get(actuator.name), in_declared_units(actuator.idle, actuator.fields)
-        late = one.t_ns - process.t_ns > 2 * robot.program.robot.frame_ns
+        late = one.server == "DServer" and one.t_ns - process.t_ns > 2 * robot.program.robot.frame_ns
         for i in robot.program.robot.indices_read(actuator.name):
             field = actuator.fields[i]
             sample = fields.get(f"last.{actuator.name}.{field.name}")
             allowed = [None if given is None else given[i]]
-            if idle is not None and (process.halted or late or given is None):
+            if idle is not None and (process.unsure or late):
                 allowed.append(idle[i])
             found = None if sample is None else sample.value / field.factor
             where = f"frame {one.what.k}: last.{actuator.name}.{field.name}"
             assert found in allowed, f"{where} is {found}, was {allowed}"
-        variable = fields.get(actuator.command) if given is not None else None
+        variable = fields.get(actuator.command)
         if variable is not None and given is not None:
             value = variable.value if isinstance(variable.value, tuple | list) else (variable.value,)
-            assert tuple(value) == given, f"frame {one.what.k}: {actuator.command} is {value}, sent was {given}"
+            assert tuple(value) == given, (
+                f"frame {one.what.k}: {actuator.command} is {value}, sent was {given}"
+            )
 
 
 def main() -> int:

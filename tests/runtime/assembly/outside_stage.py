@@ -170,11 +170,11 @@ class Robot:
         self._link = link
         self._noted: set[tuple[str, str, int]] = set()
         readings = Readings(random, until_ns)
-        self.devices = Devices(
-            sonar_at=readings.sonar, bumper_at=readings.bumper, happened=self.happened
-        )
+        self.devices = Devices(sonar_at=readings.sonar, bumper_at=readings.bumper, happened=self.happened)
         nodes = tuple(
-            ScriptNode(name, self._script(Random(f"{seed} {name}"), until_ns, asks), servers, priority=priority)
+            ScriptNode(
+                name, self._script(Random(f"{seed} {name}"), until_ns, asks), servers, priority=priority
+            )
             for name, asks, servers, priority in (
                 ("above", self._motion, ("RServer",), 50),
                 ("below", self._motion, ("RServer",), 0),
@@ -222,7 +222,9 @@ class Robot:
     def _motion(self, random: Random) -> tuple[str, Ask[Any]]:
         velocity, turn = random.choice((-400.0, 30.0, 100.0, 250.0, 600.0)), random.uniform(-60.0, 60.0)
         lease, wait = random.choice((0.1, 0.5, 0.5, 2.0)), random.random() < 0.3
-        kind = random.choice(("drive", "drive", "drive", "go", "jog", "move", "turn", "lock", "unlock", "stop"))
+        kind = random.choice(
+            ("drive", "drive", "drive", "go", "jog", "move", "turn", "lock", "unlock", "stop")
+        )
         asks: dict[str, Callable[[], Ask[Any]]] = {
             "drive": lambda: robot.drive(velocity, turn, lease),
             "go": lambda: robot.go(velocity, lease),

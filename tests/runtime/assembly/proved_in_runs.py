@@ -100,7 +100,9 @@ class Proofs(NamedTuple):
 
     def holding(self, kind: Kind) -> set[str]:
         """The contracts that hold in a run."""
-        return {"always": self.proved.always, "late": self.proved.late, "operators": self.proved.operators}[kind]
+        return {"always": self.proved.always, "late": self.proved.late, "operators": self.proved.operators}[
+            kind
+        ]
 
 
 def proofs(program: Program) -> Proofs:
@@ -140,9 +142,7 @@ def run(seed: int) -> Counter[str]:
             continue
         sent = {s.name for s in program.robot.sensors if s.sent}
         given = {} if random.random() < 0.3 else dict.fromkeys(sent)
-        frames = [
-            f._replace(readings={n: v for n, v in f.readings.items() if n not in given}) for f in trace
-        ]
+        frames = [f._replace(readings={n: v for n, v in f.readings.items() if n not in given}) for f in trace]
         try:
             counts += run_one(found.program, frames, kind, Random(f"{seed} {number}"), holding)
         except AssertionError as problem:
@@ -190,7 +190,9 @@ def check(robot: Robot, kind: Kind, holding: set[str]) -> Counter[str]:
     for log in robot.log.frames:
         assert not log.disagreements, f"frame {log.tick.k}: the monitor says {log.disagreements}"
         broken = holding.intersection(log.breaches)
-        assert not broken, f"frame {log.tick.k}: {sorted(broken)} broken, although proved; sent {log.verdicts}"
+        assert not broken, (
+            f"frame {log.tick.k}: {sorted(broken)} broken, although proved; sent {log.verdicts}"
+        )
         counts[f"frames: {kind}"] += 1
         counts["frames with unknown memory"] += log.memory_unknown
         counts["breaches of others"] += len(log.breaches)
