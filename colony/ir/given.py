@@ -30,7 +30,7 @@ class SentCommand(Protocol):
 
     @property
     def fates(self) -> Sequence[tuple[str, str]]:
-        """Each client and its fate; then each connection from outside that commanded in vain, and its fate."""
+        """Each client and its fate, then those of connections from outside that commanded in vain."""
         ...
 
     @property

@@ -1,18 +1,19 @@
-"""The policy for losses where others drive too: whatever dies, freezes, comes back or gets lost on its way, each
-command that left is the interpreter's, the idle one, or one from outside within the limits of its frame.
+"""The policy for losses where others drive too: whatever dies, freezes, comes back or gets lost on its way,
+each command that left is the interpreter's, the idle one, or one from outside within the limits of its frame.
 
     python -m tests.runtime.assembly.loss_outside --seeds 10000
 
-Each seed is a variant of one program with three actuators, the real servers in virtual time, three connections
-that drive, lock, stop and set variables, sensors that fail, and a plan of faults as in `loss_policy.py`. What
-the frames were is taken from the network afterwards. Then
+Each seed is a variant of one program with three actuators, the real servers in virtual time, three
+connections that drive, lock, stop and set variables, sensors that fail, and a plan of faults as in
+`loss_policy.py`. What the frames were is taken from the network afterwards. Then
 
-- every verdict is the interpreter's, or idle with a reason; a command from outside is within the interpreter's
-  bounds for that frame;
+- every verdict is the interpreter's, or idle with a reason; a command from outside is within the
+  interpreter's bounds for that frame;
 - what the base was told is what a verdict says, or what was due in a frame whose verdict was lost;
-- `last.ACTUATOR.FIELD` in a frame is what that process of the server sent last, and what it set the variable to;
-- contracts that are proved with operators are never broken, neither in the interpreter nor by the monitor, and
-  the audit of what was observed agrees;
+- `last.ACTUATOR.FIELD` in a frame is what that process of the server sent last, and what it set the variable
+  to;
+- contracts that are proved with operators are never broken, neither in the interpreter nor by the monitor,
+  and the audit of what was observed agrees;
 - and when the faults are over, everyone is on time again, and nobody drives but the program.
 """
 
@@ -258,8 +259,9 @@ def check_observed(robot: Robot, counts: Counter[str]) -> None:
 class Process(NamedTuple):
     """What a process of a server did last.
 
-    `given` is what its actuators have, or may have: where a verdict names a command that the base was not told,
-    it came too late, and the base was halted. `halted` is whether the base was, since it was `told` something.
+    `given` is what its actuators have, or may have (`unsure`): where a verdict names a command that the base
+    was not told, it came too late, and the base was halted. `halted` is whether it was, since it was `told`
+    something.
     """
 
     given: dict[str, tuple[Any, ...]]
@@ -274,41 +276,41 @@ def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
     """Hold what servers said and did against each other; gives what was told without a verdict, by frame."""
     processes, orphans = {s: Process({}) for s in SERVERS}, dict[int, list[tuple[float, float]]]()
     for one in robot.happened:
-        process = processes.get(one.server)
-        if process is None:
-            continue
-        match one.kind:
-            case "killed":
-                if process.told is not None:
-                    orphans.setdefault(process.k, []).append(process.told)
-                process = Process({})
-            case "told":
-                assert process.told is None, (
-                    f"frame {process.k}: two commands to the base: {process.told}, {one}"
-                )
-                process = process._replace(told=one.what, halted=False)
-            case "stopped":
-                process = process._replace(halted=True)
-                process.given["drive"] = (0.0, 0.0)
-            case "verdict" if one.what.actuator == "drive":
-                check_told(robot, process, one)
-                if process.told is None or not process.halted:
-                    process.given["drive"] = one.what.values
-                process = process._replace(told=None, unsure=process.told is None)
-            case "verdict":
-                if one.what.values is not None:
-                    process.given[one.what.actuator] = one.what.values
-            case "frame":
-                fields, late = one.what.fields, one.what.k < process.k
-                if fields and not (late and not any(name.startswith("last.") for name in fields)):
-                    check_last(robot, process, one)
-                if fields and not late:  # else the server missed the tick
-                    process = process._replace(k=one.what.k, t_ns=one.t_ns, unsure=False)
-        processes[one.server] = process
-    told = processes["RServer"].told
-    if told is not None:
-        orphans.setdefault(processes["RServer"].k, []).append(told)
+        before = processes.get(one.server)
+        if before is not None:
+            if one.kind == "killed" and before.told is not None:
+                orphans.setdefault(before.k, []).append(before.told)
+            processes[one.server] = after(robot, before, one)
+    last = processes["RServer"]
+    if last.told is not None:
+        orphans.setdefault(last.k, []).append(last.told)
     return orphans
+
+
+def after(robot: Robot, process: Process, one: Happened) -> Process:
+    """The process after something happened to it."""
+    match one.kind:
+        case "killed":
+            return Process({})
+        case "told":
+            assert process.told is None, f"frame {process.k}: the base was told {process.told} and {one}"
+            return process._replace(told=one.what, halted=False)
+        case "stopped":
+            return process._replace(halted=True, given={**process.given, "drive": (0.0, 0.0)})
+        case "verdict" if one.what.actuator == "drive":
+            check_told(robot, process, one)
+            taken = process.told is None or not process.halted
+            given = {**process.given, "drive": one.what.values} if taken else process.given
+            return process._replace(told=None, unsure=process.told is None, given=given)
+        case "verdict" if one.what.values is not None:
+            return process._replace(given={**process.given, one.what.actuator: one.what.values})
+        case "frame" if one.what.fields:  # else the server missed the tick
+            late = one.what.k < process.k
+            if not late or any(name.startswith("last.") for name in one.what.fields):
+                check_last(robot, process, one)
+            return process if late else process._replace(k=one.what.k, t_ns=one.t_ns, unsure=False)
+        case _:
+            return process
 
 
 def check_told(robot: Robot, process: Process, one: Happened) -> None:

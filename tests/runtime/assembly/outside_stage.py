@@ -53,7 +53,8 @@ module wander {{ when recently(sonar[0] > 3 m, 1 s) do drive(velocity = 300 mm/s
 module raise {{ when goal > 10 mm do lift(height = goal) }}
 module sink {{ when last.drive.velocity > 150 mm/s do lift(height = 20 mm) }}
 module shine {{ when last.lift.height > 100 mm do lamp(light = 1, blink = bumper) }}
-module glow {{ when sustained(last.drive.velocity > 20 mm/s, 500 ms) do lamp(light = frames / 10, blink = false) }}
+module glow {{ when sustained(last.drive.velocity > 20 mm/s, 500 ms)
+  do lamp(light = frames / 10, blink = false) }}
 
 network {{
   drive = avoid suppresses{constant} wander
@@ -105,7 +106,7 @@ SERVERS = ("RServer", "PServer", "DServer", "Runtime")
 
 
 class Happened(NamedTuple):
-    """One of the things that happened to a server, in order: a frame, a verdict, a command, a stop, its death.
+    """One thing that happened to a server, in order: a frame, a verdict, a command, a stop, its death.
 
     `what` is the message, or the command (velocity and turn) that the base was told.
     """

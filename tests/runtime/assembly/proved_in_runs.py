@@ -1,11 +1,12 @@
-"""What is proved holds in runs: drawn programs in the runtime, in virtual time, with faults and with operators.
+"""What is proved holds in runs: drawn programs in the runtime, in virtual time, with faults and operators.
 
     python -m tests.runtime.assembly.proved_in_runs --seeds 2000
 
-Each seed is a program with drawn contracts, which `verify` proves with a small budget. Then the monitor of a run
-in which processes die, freeze and come back, and messages are late or lost, never reports a contract that is
-proved while clients are late; nor, where commands from outside are drawn besides, for any of the actuators, one
-that is proved with operators; nor, where nothing of that happens, one that is proved at all.
+Each seed is a program with drawn contracts, and one for each limit, which `verify` proves with a small
+budget. Then the monitor of a run in which processes die, freeze and come back, and messages are late or lost,
+never reports a contract that is proved while clients are late; nor, where commands from outside are drawn
+besides, for any of the actuators, one that is proved with operators; nor, where nothing of that happens, one
+that is proved at all.
 """
 
 from __future__ import annotations
@@ -20,13 +21,16 @@ from functools import partial
 from random import Random
 from typing import Literal, NamedTuple
 
-from colony.ir.program import Actuator, ActuatorField, Program
-from colony.ir.types import Bool, Enum, ScalarValue
+from colony.ir import expression as ir
+from colony.ir.frame import Frame
+from colony.ir.program import Actuator, ActuatorField, Contract, Program
+from colony.ir.types import BOOL, Bool, Enum, ScalarValue
 from colony.robots.scripted import ActuatorServer, Readings, SentCommand
 from colony.runtime.arbitration.ballot import STOPPED, Interventions, OutsideCommand
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Bounds, Effect, Message, Tick
 from colony.runtime.transport.faults import FaultRates, Faults
+from colony.verify.claims import any_of, binary, constant, implies, value_or
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Options, Proved, ProvedInTime
 from colony.verify.testing.strategies import run_of_seed
@@ -42,7 +46,7 @@ Kind = Literal["always", "late", "operators"]
 
 
 class Operators(ActuatorServer):
-    """A server whose actuators are commanded from outside, too, or stopped, with values drawn from `random`."""
+    """A server whose actuators are commanded from outside, too, or stopped, as drawn from `random`."""
 
     def __init__(
         self,
@@ -105,6 +109,23 @@ class Proofs(NamedTuple):
         ]
 
 
+def with_limits(program: Program) -> Program:
+    """The program with a contract for each limit: it holds where its actuator is commanded."""
+    contracts = []
+    for i, limit in enumerate(program.limits):
+        (actuator,) = (a for a in program.robot.actuators if a.name == limit.actuator)
+        type_ = actuator.fields[limit.field_index].type
+        sent = ir.SentField(type=type_, actuator=limit.actuator, field_index=limit.field_index)
+        relation = ir.Binary.LESS_EQUAL if limit.relation == "<=" else ir.Binary.GREATER_EQUAL
+        held = binary(relation, sent, limit.bound)
+        if limit.condition is not None:
+            held = implies(limit.condition, held)
+        idle = ir.IsIdle(type=BOOL, actuator=limit.actuator)
+        true = constant(True, BOOL)
+        contracts.append(Contract(name=f"limit_{i}", expression=any_of((idle, value_or(held, true)))))
+    return replace(program, contracts=(*program.contracts, *contracts))
+
+
 def proofs(program: Program) -> Proofs:
     """Prove the contracts of a program with a small budget."""
     holding = Holding(set(), set(), set())
@@ -132,7 +153,7 @@ def run(seed: int) -> Counter[str]:
     program, trace = run_of_seed(seed, max_frames=16)
     if len(program.robot.actuators) < 2:
         return Counter({"programs with one actuator, not run": 1})
-    found = proofs(with_weaker_contracts(program, random))
+    found = proofs(with_limits(with_weaker_contracts(program, random)))
     counts = Counter(programs=1)
     kinds: tuple[Kind, ...] = ("always", "late", "operators", "operators")
     for number, kind in enumerate(kinds):
@@ -150,7 +171,9 @@ def run(seed: int) -> Counter[str]:
     return counts
 
 
-def run_one(program: Program, trace: list, kind: Kind, random: Random, holding: set[str]) -> Counter[str]:  # type: ignore[type-arg]
+def run_one(
+    program: Program, trace: list[Frame], kind: Kind, random: Random, holding: set[str]
+) -> Counter[str]:
     """One run; gives what happened in it."""
     frame_ns, share = program.robot.frame_ns, random.choice((0.0, 0.3, 1.0, 2.0))
     rates = FaultRates(
@@ -163,7 +186,10 @@ def run_one(program: Program, trace: list, kind: Kind, random: Random, holding: 
     )
     if kind == "always":
         rates = FaultRates(lost=0.0, duplicated=0.0, late=0.0, reordered=0.0)
-    exempt = lambda sender, receiver, message: receiver == "Observer"  # noqa: E731
+
+    def exempt(sender: str, receiver: str, message: Message) -> bool:
+        return receiver == "Observer"
+
     server = (
         partial(Operators, actuators=program.robot.actuators, random=random)
         if kind == "operators"

@@ -78,5 +78,9 @@ def test_known_bugs_are_found(
 ) -> None:
     bug(monkeypatch)
     with pytest.raises(AssertionError, match=r"^seed \d"):
-        for seed in range(200):
-            run(seed)
+        run_many(200)
+
+
+def run_many(seeds: int) -> None:
+    for seed in range(seeds):
+        run(seed)
