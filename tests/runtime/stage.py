@@ -99,12 +99,12 @@ class TraceServer(QuietNode):
                 pass
 
     def _read(self, tick: Tick) -> Fields:
-        readings = self._sent() | dict(self._trace[tick.k].readings)
+        readings = self._sent(tick) | dict(self._trace[tick.k].readings)
         return {n: None if r is None else Sample(r, tick.t_ns) for n, r in readings.items()}  # type: ignore[arg-type]
 
-    def _sent(self) -> dict[str, Reading]:
+    def _sent(self, tick: Tick) -> dict[str, Reading]:
         """What actuators were given last, in declared units."""
-        given = self._desk.fields(0)
+        given = self._desk.fields(tick)
         fields = {
             f"last.{a.name}.{a.fields[i].name}": a.fields[i] for a in self._commanded for i in a.reported
         }

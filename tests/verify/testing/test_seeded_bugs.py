@@ -17,7 +17,7 @@ from tests.sampling import long
 from tests.verify.testing.seeded_bugs import BUGS, Bug
 
 NETWORKS = 200
-PROGRAMS = 500
+PROGRAMS = 900
 
 
 BY_CLIENTS = {name: make for name, make in EXECUTORS.items() if name.startswith("clients")}
