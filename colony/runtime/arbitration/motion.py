@@ -247,6 +247,22 @@ def is_stalling(motion: Motion) -> bool:
     )
 
 
+def is_held_at_rest(motion: Motion, proposed: Speeds, sent: Speeds | None) -> bool:
+    """Return True if what was sent does not move a base toward the end of a motion, and its law does.
+
+    A command that is merely slower than the proposed one is no reason for a base to stand.
+
+    Args:
+        motion: motion of a connection.
+        proposed: speeds of its law in a frame.
+        sent: speeds that were sent in that frame; None if the actuator was idle in their place.
+    """
+    if not isinstance(motion, FiniteMotion):
+        return False
+    i = 0 if isinstance(motion, Move) else 1
+    return proposed[i] != 0.0 and (sent is None or sent[i] * proposed[i] <= 0.0)
+
+
 def approach(current: float, target: float, max_change: float) -> float:
     """Return `current`, changed toward `target` by at most `max_change`."""
     return current + min(max(target - current, -max_change), max_change)

@@ -25,8 +25,9 @@ class Commander:
 
     `lease_end_ns` is the end of the command's lease (None: no lease; it holds until the motion is done).
     `call_id` is the call that is answered when the command ends. `unlimited` is True if the program's limits
-    do not hold for its commands; `is_held` if they changed the last one. `held_since_ns` is the time since
-    which they have kept its motion from making progress, None if they do not.
+    do not hold for its commands; `held_at_rest` if they kept the last one from moving the base toward the end
+    of its motion. `held_since_ns` is the time since which they have kept its motion from making progress,
+    None if they do not.
     """
 
     caller: Caller
@@ -34,7 +35,7 @@ class Commander:
     lease_end_ns: int | None = None
     call_id: CallId | None = None
     unlimited: bool = False
-    is_held: bool = False
+    held_at_rest: bool = False
     held_since_ns: int | None = None
 
 

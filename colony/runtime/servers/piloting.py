@@ -148,8 +148,8 @@ class Pilot:
             return None
         commander, sent = proposal.commander, bound(proposal.speeds)
         commander.motion = proposal.step.motion if sent else motion.interrupt(proposal.step.motion)
-        commander.is_held = sent != proposal.speeds
-        if not (commander.is_held and motion.is_stalling(proposal.step.motion)):
+        commander.held_at_rest = motion.is_held_at_rest(proposal.step.motion, proposal.speeds, sent)
+        if not (commander.held_at_rest and motion.is_stalling(proposal.step.motion)):
             commander.held_since_ns = None
         elif commander.held_since_ns is None:
             commander.held_since_ns = now_ns
@@ -187,7 +187,9 @@ class Pilot:
             case "done":
                 self.answers.append((call_id, progress))
             case "stalled":
-                self.answers.append((call_id, _stalled(f"{progress:.4g} {unit}", held=commander.is_held)))
+                self.answers.append(
+                    (call_id, _stalled(f"{progress:.4g} {unit}", held=commander.held_at_rest))
+                )
             case "front" | "rear":
                 text = f"the {reason} bumper is pressed, after {progress:.4g} {unit}"
                 self.answers.append((call_id, RefusedError("bumper", text)))

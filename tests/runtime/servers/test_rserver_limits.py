@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 import pytest
 
@@ -165,3 +167,33 @@ def test_a_move_whose_limits_nobody_knows_ends_as_one_that_they_hold() -> None:
         "limits",
         "the program's limits held the base for 2 s, after 0 mm",
     )
+
+
+@pytest.mark.parametrize(
+    "motion", [robot.move(200.0, velocity=300.0), robot.turn(90.0, velocity=50.0)], ids=["move", "turn"]
+)
+def test_a_base_that_is_blocked_is_not_held_by_limits_that_only_slow_it_down(motion: Any) -> None:
+    stage = stage_with_limits()
+    stage.base.roll = lambda now_ns: None  # type: ignore[method-assign]
+    number = stage.send("ann/1", motion)
+    frames(stage, bounds(low=(-100.0, -20.0), high=(100.0, 20.0)), *silent(), count=45)
+    problem = stage.replies["ann/1", number].problem
+    assert problem is not None
+    assert problem.code == "stalled"
+    assert problem.message.startswith("no progress for 2 s, after 0 ")
+
+
+@pytest.mark.parametrize(
+    ("motion", "high"),
+    [(robot.move(200.0, velocity=300.0), (0.0, 60.0)), (robot.turn(-90.0, velocity=50.0), (500.0, 0.0))],
+    ids=["move", "turn"],
+)
+def test_a_motion_that_limits_keep_at_rest_ends_with_the_code_limits(
+    motion: Any, high: tuple[float, float]
+) -> None:
+    stage = stage_with_limits()
+    number = stage.send("ann/1", motion)
+    frames(stage, bounds(high=high), *silent(), count=45)
+    problem = stage.replies["ann/1", number].problem
+    assert problem is not None
+    assert problem.code == "limits"
