@@ -31,8 +31,9 @@ def command(recording: str, file: str | None, format_: str) -> None:
     The program is taken from the recording. A recording as JSON lines does not contain its program: give
     the program as FILE. If a client was late or lost, the idle command is accepted as well. Frames in
     which a connection from outside the network commanded, or in which the emergency stop or a lock was
-    on, are counted; what was sent from outside must be within the limits of its frame. A truncated
-    recording is audited up to its end, a damaged one before and after the damage.
+    on, are counted; what was sent from outside must be within the limits of its frame, unless the
+    connection ignored them. A truncated recording is audited up to its end, a damaged one before and after
+    the damage.
 
     Modules in Python are not run: the recording contains their answers.
 

@@ -132,7 +132,7 @@ def _arbitration(state: RobotState) -> Iterator[str]:
     yield f"the base is commanded by {arbitration.acting or 'no client'}"
     for outside in arbitration.outside:
         if outside.unlimited:
-            yield f"{outside.connection} ignores the limits of the program"
+            yield f"{outside.name} ({outside.connection}) ignores the limits of the program"
 
 
 def _priorities(state: RobotState) -> dict[str, int]:

@@ -36,7 +36,7 @@ from colony.runtime.arbitration.ballot import (
     Interventions,
     request_error,
 )
-from colony.runtime.arbitration.frame_bounds import FrameBounds
+from colony.runtime.arbitration.frame_bounds import FrameBounds, may_keep
 from colony.runtime.protocol.deployment import ActuatorSpec
 from colony.runtime.protocol.messages import Bounds, Fate, Hold, Request, Tick, Verdict
 
@@ -195,12 +195,10 @@ class Arbiter:
     def _keep_for_later(self, request: Request) -> None:
         if request.client not in self._ranking.rank:
             return
-        if self._tick.k >= 0:
-            too_far = request.k > self._tick.k + MAX_FRAMES_AHEAD
-        else:  # no tick yet: the first may have any number
-            too_far = request.k not in self._ahead and len(self._ahead) >= MAX_FRAMES_AHEAD
-        kept = None if too_far else self._ahead.setdefault(request.k, [])
-        if kept is not None and len(kept) < 2 * len(self._ranking.names):
+        if not may_keep(request.k, self._ahead, self._tick.k, MAX_FRAMES_AHEAD):
+            return
+        kept = self._ahead.setdefault(request.k, [])
+        if len(kept) < 2 * len(self._ranking.names):
             kept.append(request)
 
     def _take(self, request: Request, now_ns: int) -> None:

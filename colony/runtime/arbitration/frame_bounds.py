@@ -9,6 +9,7 @@ The program's own commands do not wait for these bounds: its clients bound them 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import NamedTuple
 
 from colony.execute.needs import BOUNDS
@@ -71,15 +72,9 @@ class FrameBounds:
             return reason
         if bounds.k == self._k:
             self._bounds = self._bounds or bounds
-        elif self._may_keep(bounds.k):
+        elif may_keep(bounds.k, self._ahead, self._k, self._frames_ahead):
             self._ahead.setdefault(bounds.k, bounds)
         return None
-
-    def _may_keep(self, k: int) -> bool:
-        """Return True if the bounds of a later frame may be kept; before the first tick it may have any."""
-        if self._k >= 0:
-            return k <= self._k + self._frames_ahead
-        return len(self._ahead) < self._frames_ahead
 
     def awaited_for(self, command: OutsideCommand) -> bool:
         """Return True if a command needs the bounds of the frame, and these may still arrive."""
@@ -101,11 +96,25 @@ class FrameBounds:
         return BoundedCommand(tuple([_clamp(value, low, high) for value, low, high in limits]))
 
     def fates(self, fault: str | None) -> tuple[tuple[str, Fate], ...]:
-        """Return the fate of the client of the bounds in a frame whose outside command needed it in vain."""
+        """Return the fate of the client of the bounds in a frame whose command waited for it in vain."""
         return ((BOUNDS, self._failed or "late"),) if fault == LIMITS_UNKNOWN else ()
 
     def _binds(self, command: OutsideCommand) -> bool:
         return self._actuator.limited and not command.unlimited
+
+
+def may_keep(later: int, kept: Collection[int], k: int, frames_ahead: int) -> bool:
+    """Return True if a message that precedes its tick may be kept.
+
+    Args:
+        later: frame of the message.
+        kept: frames of which messages are kept already.
+        k: present frame, -1 before the first tick, which may have any number.
+        frames_ahead: maximum number of frames by which a message may precede its tick.
+    """
+    if k >= 0:
+        return later <= k + frames_ahead
+    return later in kept or len(kept) < frames_ahead
 
 
 def bounds_error(bounds: Bounds, actuator: ActuatorSpec) -> str | None:
@@ -123,7 +132,7 @@ def bounds_error(bounds: Bounds, actuator: ActuatorSpec) -> str | None:
 
 
 def _is_interval(field: ActuatorFieldSpec, low: float | None, high: float | None) -> bool:
-    """Return True if these are the bounds of a field: within its range, and not one above the other."""
+    """Return True if these are the bounds of a field: within its range, and the lower not above the upper."""
     given = tuple(bound for bound in (low, high) if bound is not None)
     if field.kind == "bool":
         return not given

@@ -305,7 +305,7 @@ class Clock:
         restarted = False
         resumed = self._resumption.epoch() if is_new_run and run else None
         if resumed is not None and not lockstep and resumed.last.t_ns > now_ns + MAX_CLOCK_LEAD_NS:
-            resumed = None
+            resumed = None  # times of another origin, as after a reboot: frames cannot go on from there
         if resumed is not None:
             t_ns = max(resumed.last.t_ns + frame_ns, 0 if lockstep else t_ns)
             self._resume(resumed)

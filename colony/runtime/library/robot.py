@@ -16,7 +16,8 @@ A priority that a client or another connection already has is refused with the c
 done. Other codes: "stopped" while the emergency stop is on; "locked" while another connection has the lock;
 "replaced", "bumper", "stalled" and "limits" for motions that ended early.
 
-Commands are held, frame by frame, to the limits of the program that runs (`ignore_limits`).
+Commands are held, frame by frame, to the limits of the program that runs, unless the connection ignores them
+(`ignore_limits`).
 """
 
 from __future__ import annotations

@@ -7,9 +7,11 @@ from dataclasses import asdict, dataclass
 from typing import assert_never
 
 from colony.execute.compiled import Compiled
+from colony.execute.needs import BOUNDS
 from colony.ir.frame import RecordKind
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Fate, Hold
+from colony.runtime.protocol.topics import client_address
 from colony.text.wording import counted
 
 
@@ -52,7 +54,10 @@ class RecordSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TroubleSummary:
-    """A client that was late, lost, refused or overruled in `frames` frames."""
+    """A client that was late, lost, refused or overruled in `frames` frames.
+
+    `client` is its module; for the client of an actuator's bounds, its address.
+    """
 
     client: str
     fate: Fate
@@ -63,13 +68,15 @@ class TroubleSummary:
 class InterventionSummary:
     """An intervention at `actuator`, because of which the network did not decide in `frames` frames.
 
-    Either the connection `by` commanded from outside the network, or `hold` was in force.
+    Either the connection `by` commanded from outside the network, or `hold` was in force. In `unlimited` of
+    the frames the limits of the program did not hold for the connection.
     """
 
     actuator: str
     by: str | None
     hold: Hold | None
     frames: int
+    unlimited: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +144,7 @@ class Tally:
         self._records: Counter[tuple[RecordKind, str]] = Counter()
         self._troubles: Counter[tuple[str, Fate]] = Counter()
         self._interventions: Counter[tuple[str, str | None, Hold | None]] = Counter()
+        self._unlimited: Counter[tuple[str, str | None, Hold | None]] = Counter()
         self._breaches: dict[str, BreachSummary] = {}
         self._disagreements: list[str] = []
         self.frames = 0
@@ -153,9 +161,10 @@ class Tally:
             self._commanded[name][verdict.by] += 1
             if verdict.outside is not None or verdict.hold is not None:
                 self._interventions[name, verdict.outside, verdict.hold] += 1
+                self._unlimited[name, verdict.outside, verdict.hold] += verdict.unlimited
             for client, fate in verdict.fates:
                 if fate in _REPORTED_FATES:
-                    self._troubles[client, fate] += 1
+                    self._troubles[client_address(name, BOUNDS) if client == BOUNDS else client, fate] += 1
         self._records.update((r.kind, r.subject) for r in log.expected.records)
         t = log.frame.t_ns / 1e9
         for contract in log.expected.breaches:
@@ -197,7 +206,13 @@ class Tally:
                 for (client, fate), n in self._troubles.items()
             ),
             interventions=tuple(
-                InterventionSummary(actuator=actuator, by=by, hold=hold, frames=n)
+                InterventionSummary(
+                    actuator=actuator,
+                    by=by,
+                    hold=hold,
+                    frames=n,
+                    unlimited=self._unlimited[actuator, by, hold],
+                )
                 for (actuator, by, hold), n in self._interventions.items()
             ),
             restarts=self._restarts,
@@ -249,7 +264,8 @@ def render(summary: RunSummary) -> str:
     lines += [f"  {r.subject}: {r.kind} in {counted(r.frames, 'frame')}" for r in summary.records]
     lines += [f"  client {t.client}: {t.fate} in {counted(t.frames, 'frame')}" for t in summary.troubles]
     lines += [
-        f"  {i.actuator}: {_describe(i)} in {counted(i.frames, 'frame')}" for i in summary.interventions
+        f"  {i.actuator}: {_describe(i)} in {counted(i.frames, 'frame')}{_ignored_limits(i)}"
+        for i in summary.interventions
     ]
     if summary.restarts:
         lines.append(f"  all memory restarted {counted(summary.restarts, 'time')}")
@@ -267,6 +283,10 @@ def render(summary: RunSummary) -> str:
     lines += [f"  INTERNAL: {text}" for text in summary.disagreements]
     lines += [] if summary.broke_off is None else [f"  {summary.broke_off}"]
     return "\n".join(lines)
+
+
+def _ignored_limits(intervention: InterventionSummary) -> str:
+    return f" ({intervention.unlimited} of them ignored the limits)" if intervention.unlimited else ""
 
 
 def _describe(intervention: InterventionSummary) -> str:

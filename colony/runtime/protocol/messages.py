@@ -71,7 +71,8 @@ class Tick(_Message, frozen=True, kw_only=True):
 
     `gaps` are the recent gaps in the numbers of the epoch, in order: after the frame with the first number
     of a gap comes the one with its second number, because the Clock was restarted in between. `restarted` is
-    True in the first frame of an epoch that begins because memory was lost.
+    True in the first frame of an epoch that begins because memory was lost, if anything that is alive knows
+    that the run had begun.
     """
 
     k: int

@@ -131,7 +131,9 @@ def _verdict(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
             "string", "reason why the idle command was sent in the place of the winner's or the connection's"
         ),
         violation=_scalar("boolean", "two clients commanded in one frame"),
-        outside=_scalar("string", "connection outside the network whose command was sent"),
+        outside=_scalar(
+            "string", "connection outside the network whose command was sent or, with a fault, was not"
+        ),
         unlimited=_scalar("boolean", "the limits did not hold for that connection"),
         hold=_scalar("string", "reason why the network did not decide: stopped or locked"),
         notes=_texts("problems with requests"),

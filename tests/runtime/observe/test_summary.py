@@ -8,6 +8,7 @@ from dataclasses import replace
 from msgspec import structs
 
 from colony.compile.pipeline import compile_program
+from colony.execute.needs import BOUNDS
 from colony.ir.expression import SensorValue
 from colony.ir.program import Command, Limit, Module, Program, Use, Wire
 from colony.ir.types import BOOL
@@ -98,6 +99,23 @@ def test_troubles() -> None:
     assert summary.actuators[0].shares[-1].frames == 2
 
 
+def test_the_client_of_bounds_is_named_by_its_address() -> None:
+    tally = Tally(compile_program(awake()).compiled)
+
+    class Marked:
+        def take(self, log: FrameLog) -> None:
+            fates = (*log.verdicts["drive"].fates, (BOUNDS, "late"))
+            verdict = structs.replace(log.verdicts["drive"], fates=fates, outside="joystick")
+            tally.take(replace(log, verdicts={"drive": verdict}))
+
+        def close(self) -> None:
+            tally.close()
+
+    session(awake(), Script(), Marked()).run(100 * MS)
+    summary = tally.summary(seed=0, duration_s=0.1, interrupted=False, travel=None)
+    assert "client drive/.bounds: late in 2 frames" in render(summary)
+
+
 def test_a_command_that_is_not_finite_is_a_fault() -> None:
     program = awake()
     bad = replace(
@@ -129,7 +147,8 @@ def test_what_kept_the_network_from_deciding() -> None:
                 4: ("inspector", "locked"),
             }
             outside, hold = marks.get(log.tick.k, (None, None))
-            verdict = structs.replace(log.verdicts["drive"], outside=outside, hold=hold)
+            unlimited = log.tick.k == 1
+            verdict = structs.replace(log.verdicts["drive"], outside=outside, hold=hold, unlimited=unlimited)
             skipped, restart = {5: (3, False), 6: (0, True)}.get(log.tick.k, (0, False))
             tally.take(replace(log, verdicts={"drive": verdict}, skipped=skipped, restart=restart))
 
@@ -138,16 +157,19 @@ def test_what_kept_the_network_from_deciding() -> None:
 
     session(program, Script(), Marked()).run(1 * S)
     summary = tally.summary(seed=0, duration_s=1.0, interrupted=False, travel=None)
-    assert [(i.by, i.hold, i.frames) for i in summary.interventions] == [
-        ("joystick", None, 2),
-        (None, "stopped", 1),
-        (None, "locked", 1),
-        ("inspector", "locked", 1),
+    assert [(i.by, i.hold, i.frames, i.unlimited) for i in summary.interventions] == [
+        ("joystick", None, 2, 1),
+        (None, "stopped", 1, 0),
+        (None, "locked", 1, 0),
+        ("inspector", "locked", 1, 0),
     ]
     told = render(summary)
-    assert "drive: joystick commanded from outside the network in 2 frames" in told
+    assert (
+        "drive: joystick commanded from outside the network in 2 frames (1 of them ignored the limits)\n"
+        in told
+    )
     assert "drive: the EMERGENCY STOP was on (`colony stop --release` ends it) in 1 frame" in told
-    assert "drive: a connection outside the network held the lock in 1 frame" in told
+    assert "drive: a connection outside the network held the lock in 1 frame\n" in told
     assert "all memory restarted 1 time\n  3 frames could not be observed" in told
     assert "drive: inspector, which holds the lock, commanded in 1 frame" in told
     assert summary.succeeded

@@ -11,7 +11,8 @@
 A user is identified by the common name of a certificate that the authority signed. `read` permits reading;
 `stop` emergency stops; `command` changes, motion and emergency stops; `run` all of these, and running
 programs on the robot, that is, sending messages as their clients; `unlimited` what `command` permits, and
-motion beyond the limits of the program.
+motion beyond the limits of the program. `run` includes that in effect, as the bounds of connections come
+from a client of the program.
 """
 
 from __future__ import annotations
