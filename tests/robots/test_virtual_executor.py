@@ -12,7 +12,7 @@ from random import Random
 import pytest
 
 from colony.compile.pipeline import Compilation, compile_program
-from colony.dsl.load import load_file
+from colony.dsl.load import load_file, load_text
 from colony.ir.frame import Frame
 from colony.robots.faults import with_faults
 from colony.robots.virtual_executor import VirtualExecutor
@@ -55,6 +55,29 @@ def test_one_robot_goes_through_many_traces_each_from_initial_memory() -> None:
         assert repr(tuple(found)) == repr(reference(compilation("wander").program, trace))
         winners.update(o.decisions[0].by for o in found)
     assert len(winners) > 3
+
+
+HELD = """\
+language 2
+robot r { frame 20 ms
+  sensor x : mm range 0 .. 1000 from S.x
+  actuator lift { h : mm range 0 .. 300 } to S.lift idle hold
+}
+module up { when x < 500 mm do lift(h = 5 mm) }
+module z { when not fresh(last.lift.h) do lift(h = 9 mm) }
+network { lift = up suppresses z }
+"""
+
+
+def test_a_trace_does_not_see_what_was_sent_in_an_earlier_one() -> None:
+    held = compile_program(load_text(HELD))
+    executor = VirtualExecutor(held)
+    sends = (Frame(0, {"x": 100.0}), Frame(20_000_000, {"x": 100.0}))
+    given_once = (Frame(0, {"x": 750.0, "last.lift.h": 0.5}), Frame(20_000_000, {"x": 750.0}))
+    for trace in (sends, given_once):
+        executor.restart()
+        found = [executor.step(frame) for frame in trace]
+        assert repr(tuple(found)) == repr(reference(held.program, trace))
 
 
 def test_traces_may_take_centuries_together() -> None:

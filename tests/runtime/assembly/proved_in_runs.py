@@ -28,6 +28,7 @@ from colony.ir.types import BOOL, Bool, Enum, ScalarValue
 from colony.robots.scripted import ActuatorServer, Readings, SentCommand
 from colony.runtime.arbitration.ballot import STOPPED, Interventions, OutsideCommand
 from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Bounds, Effect, Message, Tick
 from colony.runtime.transport.faults import FaultRates, Faults
 from colony.verify.claims import any_of, binary, constant, implies, value_or
@@ -190,10 +191,12 @@ def run_one(
     def exempt(sender: str, receiver: str, message: Message) -> bool:
         return receiver == "Observer"
 
+    limited = {
+        limit.actuator for limit in program.limits
+    }  # of DServer nobody computes the bounds of each frame
+    driven = [a for a in program.robot.actuators if a.server != DSERVER.name or a.name not in limited]
     server = (
-        partial(Operators, actuators=program.robot.actuators, random=random)
-        if kind == "operators"
-        else ActuatorServer
+        partial(Operators, actuators=tuple(driven), random=random) if kind == "operators" else ActuatorServer
     )
     robot = Robot(
         program,
