@@ -39,7 +39,7 @@ class Decider:
             self._executor = None
             self._record_damage(f"to {recorded.frame.t_ns / 1e9:.10g} s")
         self._last_ns = recorded.frame.t_ns
-        if recorded.restart:
+        if recorded.restart or recorded.frame.restarted:
             self._executor = self._new_executor()
         elif recorded.memory_unknown:
             self._executor = None

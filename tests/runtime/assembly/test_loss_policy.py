@@ -151,7 +151,7 @@ def test_known_bugs_are_found(
 ) -> None:
     bug(monkeypatch)
     with pytest.raises(AssertionError, match=r"^seed \d"):
-        run_many(500)
+        run_many(800)
 
 
 def run_many(seeds: int) -> None:
