@@ -73,7 +73,7 @@ CODES: dict[str, str] = {
     "V002": "the compiled form is neither proved nor refuted",
     "V010": "a contract can be broken",
     "V011": "a contract is neither proved nor refuted",
-    "V012": "a contract is proved only while no client is late",
+    "V012": "a contract is proved only while every client is in time",
     "V020": "a module can never get through",
     "V021": "a predicate is never true",
     "V022": "a predicate is always true",

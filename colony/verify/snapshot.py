@@ -37,11 +37,20 @@ class Snapshot(NamedTuple):
     lost: frozenset[str] = frozenset()
 
 
+def present_readings(program: Program, values: Mapping[str, Value | None]) -> dict[str, Value | None]:
+    """Return `values` without those that are missing.
+
+    None stays for what an actuator was given last: without it, it would be what the program itself sent.
+    """
+    sent = {s.name for s in program.robot.sensors if s.sent is not None}
+    return {name: value for name, value in values.items() if value is not None or name in sent}
+
+
 def snapshot_of(program: Program, frame: Frame) -> Snapshot:
     """Return a frame as the interpreter sees it: clamped to ranges, without faulty readings.
 
     Without a reading of what an actuator was given last, it is what the program itself sent.
     """
-    sensed = {s.name: sense(s, frame.readings.get(s.name), s.factor)[0] for s in program.robot.sensors}
-    readings = {name: value for name, value in sensed.items() if value is not None}
-    return Snapshot(frame.t_ns, readings, restarted=frame.restarted)
+    sensors = (s for s in program.robot.sensors if s.name in frame.readings)
+    sensed = {s.name: sense(s, frame.readings[s.name], s.factor)[0] for s in sensors}
+    return Snapshot(frame.t_ns, present_readings(program, sensed), restarted=frame.restarted)

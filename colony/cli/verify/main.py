@@ -27,7 +27,9 @@ from colony.verify.interruption import reliable_interrupts
 )
 @depth_option("counterexamples")
 @timeout_option(10.0, each="contract")
-@click.option("--write-test", is_flag=True, help="Append each counterexample to its FILE as a test.")
+@click.option(
+    "--write-test", is_flag=True, help="Append each run that refutes a contract to its FILE as a test."
+)
 @click.option(
     "--examples",
     type=click.IntRange(min=0),
@@ -53,12 +55,15 @@ def command(
 ) -> None:
     """Prove each contract for all possible sensor values, or find the shortest run that breaks it.
 
-    A contract is proved (for every run of any length), REFUTED by a run, which is shown, or unknown for a
-    stated reason. Warnings about modules that can never act, and about other likely mistakes, follow. The
-    proofs allow modules in Python any answer.
+    A contract is proved (for every run of any length, clients late or lost included), proved in time (only
+    while every client is in time; V012 is a note about the other runs), REFUTED by a run, which is shown, or
+    unknown for a stated reason. "(operators too)": also proved while a joystick or a script commands within
+    the limits; without it, a command may break the contract, or no proof was found. Warnings about modules
+    that can never act, and about other likely mistakes, follow. The proofs allow modules in Python any
+    answer.
 
-    Exit code: 0 if nothing is refuted (warnings are allowed), 1 if a contract is refuted, a file has errors,
-    or limits contradict each other on `idle hold`, 2 if a file cannot be read.
+    Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted, a file
+    has errors, or limits contradict each other on `idle hold`, 2 if a file cannot be read.
 
     \b
     Example:

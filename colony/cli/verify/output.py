@@ -85,10 +85,12 @@ def _summary(verified_files: Sequence[Verified], interrupted: bool) -> None:
 
 
 def _proved_text(verdicts: Sequence[str]) -> str:
-    """Return `7 proved (1 of them only while no client is late)`."""
+    """Return `7 proved (1 of them only while every client is in time)`."""
     in_time = verdicts.count("proved_in_time")
     proved = verdicts.count("proved") + in_time
-    return f"{proved} proved" + (f" ({in_time} of them only while no client is late)" if in_time else "")
+    return f"{proved} proved" + (
+        f" ({in_time} of them only while every client is in time)" if in_time else ""
+    )
 
 
 def _json(verified_files: Sequence[Verified], interrupted: bool) -> str:

@@ -4,9 +4,9 @@ In each frame, the command sent to an actuator must be the one that the interpre
 client was late, lost or refused, it may also be the idle command and, with `on_loss degrade`, the command
 that the network decides without the lost clients. If a client outside the network commanded, or the emergency
 stop or a lock kept the network from deciding, the frame is counted, and what was sent from outside must be
-within the limits of the frame. Contracts are evaluated of what was sent. At a restart the
-interpreter restarts from the initial memory, as the program did. From a frame that could not be observed to
-the next restart, the memory is unknown, and nothing is compared.
+within the limits of the frame, unless the connection ignores them. Contracts are evaluated of what was sent.
+At a restart the interpreter restarts from the initial memory, as the program did. From a frame that could not
+be observed to the next restart, the memory is unknown, and nothing is compared.
 
 Modules in Python are not run: the interpreter uses their recorded answers. If an answer is missing, the
 memory is unknown from there to the next restart.

@@ -72,7 +72,10 @@ def outside_objection(actuator: Actuator, verdict: RecordedVerdict, interpreter:
         return "a command from outside was sent in a frame whose limits allow none"
     for field, value, (low, high) in zip(actuator.fields, verdict.values, bounds, strict=True):
         if not isinstance(value, bool) and not low / field.factor <= value <= high / field.factor:
-            return f"a command from outside is beyond the limits: {field.name} = {value:g} {field.unit}"
+            least, most = low / field.factor, high / field.factor
+            allowed = f"at least {least:g}" if value < least else f"at most {most:g}"
+            found = f"{field.name} = {value:g} {field.unit}; allowed: {allowed} {field.unit}"
+            return f"a command from outside is beyond the limits: found {found}"
     return None
 
 

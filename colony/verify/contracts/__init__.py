@@ -1,1 +1,1 @@
-"""Proofs of contracts in every possible frame: proved, refuted by a trace, or unknown with the reason."""
+"""Proofs of contracts in every possible frame: proved, proved in time, refuted by a trace, or unknown."""

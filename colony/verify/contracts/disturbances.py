@@ -1,9 +1,9 @@
-"""Proofs that a proved contract also holds while clients are late, and while somebody outside commands.
+"""Proofs that a proved contract also holds while clients are late or lost, and while connections command.
 
 With several actuators one may be idle, because its client is late or its server is down, while others act.
 So each proved contract is proved once more in a system in which any actuators may be idle in any frame, and
-with `on_loss degrade` any clients may be lost; then in one in which, besides, somebody outside the network
-commands any actuators, within their bounds (`symbolic/disturbing.py`).
+with `on_loss degrade` any clients may be lost; then in one in which, besides, connections outside the
+network command any actuators, within their bounds (`symbolic/disturbing.py`).
 
 Most of these proofs are cheap: one frame, from the contract as it was proved, invariants that are known by
 then, and contracts that were proved under the same disturbance. Memory of the program does not depend on what
@@ -31,6 +31,9 @@ from colony.verify.symbolic.generalization import generalized
 from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.system import Disturbance, Inexact, Reason
 
+Rounding = tuple[Reason, ...]
+"""The places where a proof is about real numbers and floats may round; none if it is proved for floats."""
+
 _SHARES = {Disturbance.LATE: 0.5, Disturbance.OPERATORS: 0.25}
 """Additional shares of a contract's budget for each disturbance."""
 
@@ -54,7 +57,7 @@ class Confirmer:
         self._usual = usual
         self._options = options
         self._clock = clock
-        self._over_reals: dict[str, tuple[Reason, ...]] = {}  # of all claims that are proved, by name
+        self._over_reals: dict[str, Rounding] = {}  # of all claims that are proved, by name
         self._inexact: dict[tuple[int, str], tuple[Reason, ...]] = {}  # by context and claim
 
     @property
@@ -112,7 +115,7 @@ class Confirmer:
         kinds = (*_DECISIONS, ir.IsActive) if can_be_lost else _DECISIONS
         return any(isinstance(x, kinds) for x in ir.subexpressions(contract.expression))
 
-    def _record(self, name: str, over_reals: tuple[Reason, ...]) -> tuple[Reason, ...]:
+    def _record(self, name: str, over_reals: Rounding) -> Rounding:
         """Record that a claim holds in every frame; return where its proof is about real numbers."""
         if name not in self._over_reals:
             self._over_reals[name] = over_reals
@@ -122,11 +125,8 @@ class Confirmer:
                 self._general.record_proof(name)
         return self._over_reals[name]
 
-    def _prove_quickly(self, contract: Contract, disturbance: Disturbance) -> tuple[Reason, ...] | None:
-        """Prove a claim in one frame; return where the proof is about reals and floats may round.
-
-        Return None if there is no such proof.
-        """
+    def _prove_quickly(self, contract: Contract, disturbance: Disturbance) -> Rounding | None:
+        """Prove a claim in one frame; return None if there is no such proof."""
         name = claim_name(contract.name, disturbance)
         if name in self._over_reals:
             return self._over_reals[name]
@@ -145,7 +145,7 @@ class Confirmer:
             return None
         return self._record(name, self._rounding(name, attempt))
 
-    def _prove_for_floats(self, contract: Contract, name: str) -> tuple[Reason, ...] | None:
+    def _prove_for_floats(self, contract: Contract, name: str) -> Rounding | None:
         """Return where rounding may still matter in a proof in one frame that allows any; None without one.
 
         It is not tried where no number can be rounded.
@@ -159,8 +159,11 @@ class Confirmer:
             return None
         return self._rounding_reasons([name, *(c.name for c in attempt.lemmas)], general)
 
-    def _attempt(self, contract: Contract, disturbance: Disturbance) -> tuple[Reason, ...] | Trace | Unknown:
-        """Prove or refute a claim over real numbers; of late clients alone runs are sought."""
+    def _attempt(self, contract: Contract, disturbance: Disturbance) -> Rounding | Trace | Unknown:
+        """Prove or refute a claim over real numbers.
+
+        Only for late clients is a counterexample searched for.
+        """
         name = claim_name(contract.name, disturbance)
         context, budget = self._context, self._budget(_SHARES[disturbance])
         refuter = self._refuter(contract, name) if disturbance is Disturbance.LATE else None
@@ -184,15 +187,13 @@ class Confirmer:
                     trace=attempt.python_trace,
                 )
 
-    def _rounding(self, name: str, attempt: Attempt) -> tuple[Reason, ...]:
+    def _rounding(self, name: str, attempt: Attempt) -> Rounding:
         """Return the places where reals stand in for floats in a proof."""
         rounding = self._rounding_reasons([name, *(c.name for c in attempt.lemmas)])
         of_lemmas = (r for lemma in attempt.lemmas for r in self._over_reals[lemma.name])
         return tuple(dict.fromkeys((*rounding, *of_lemmas)))
 
-    def _rounding_reasons(
-        self, names: Iterable[str], context: ProofContext | None = None
-    ) -> tuple[Reason, ...]:
+    def _rounding_reasons(self, names: Iterable[str], context: ProofContext | None = None) -> Rounding:
         """Return the places where reals stand in for floats in claims."""
         of_claims = (r for name in names for r in self._reasons(context or self._context, name))
         return tuple(dict.fromkeys(r for r in of_claims if r.kind is Inexact.ROUNDING))
@@ -223,7 +224,7 @@ class Confirmer:
         return Budget(self._options, self._clock).scaled(share)
 
 
-def _with_over_reals(proved: Proved, over_reals: tuple[Reason, ...], *, operators: bool) -> Proved:
+def _with_over_reals(proved: Proved, over_reals: Rounding, *, operators: bool) -> Proved:
     """Return a proof with the places where the proofs under disturbances are about real numbers."""
     together = tuple(dict.fromkeys((*proved.over_reals, *over_reals)))
     return replace(proved, over_reals=together, operators=operators)

@@ -1,4 +1,4 @@
-"""The prover of contracts: each is proved, refuted, or unknown with reasons.
+"""The prover of contracts: each is proved, proved only while every client is in time, refuted, or unknown.
 
 It tries a contract in a single frame with arbitrary memory, then with invariants of its memory
 (`houdini.py`), then by k-induction (`induction.py`), alternating with a search for counterexamples of growing
@@ -103,12 +103,12 @@ class Prover:
         return len(self._results) + self._confirmer.proved
 
     def prove_disturbed(self, contract: Contract) -> Result:
-        """Prove or refute a contract, also while clients are late and while somebody outside commands."""
+        """Prove or refute a contract, also while clients are late or lost, and while connections command."""
         result = self._results.get(contract.name) or self.prove(contract)
         return self._confirmer.confirm(result) if isinstance(result, Proved) else result
 
     def prove(self, contract: Contract) -> Proved | Refuted | Unknown:
-        """Prove or refute a contract while no client is late, within a budget of its own."""
+        """Prove or refute a contract while every client is in time, within a budget of its own."""
         float_proof = (
             self._prove_for_floats(contract, one_frame_only=True) if self._uses_reals(contract) else None
         )

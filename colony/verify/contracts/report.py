@@ -20,8 +20,8 @@ from colony.verify.symbolic.system import Reason
 
 _MAX_LOCATIONS = 3
 
-_BROKEN_LATE = "it is proved while no client is late; otherwise this run breaks it:"
-_OPEN_LATE = "it is proved while no client is late; otherwise it is neither proved nor refuted:"
+_IN_TIME = "proved while every client is in time"
+_OPEN = "where clients are late or lost, it is neither proved nor refuted"
 
 
 def verdict(result: Result) -> str:
@@ -30,7 +30,7 @@ def verdict(result: Result) -> str:
         case Proved():
             return "proved"
         case ProvedInTime():
-            return "in time"
+            return "proved in time"
         case Refuted():
             return "REFUTED"
         case Unknown():
@@ -41,19 +41,20 @@ def verdict(result: Result) -> str:
 
 def verdict_key(result: Result) -> str:
     """Return the verdict as JSON has it."""
-    return "proved_in_time" if isinstance(result, ProvedInTime) else verdict(result).lower()
+    return verdict(result).lower().replace(" ", "_")
 
 
 def lines(program: Program, result: Result) -> tuple[str, ...]:
     """Return the verdict on one line, and the refuting trace or the reasons indented below it."""
-    head = f"{verdict(result):8} {result.contract.name}"
+    space = " " if isinstance(result, ProvedInTime) else ""
+    head = f"{verdict(result):8}{space} {result.contract.name}"
     match result:
         case Proved(operators=operators):
             return (head + over_reals(result) + ("  (operators too)" if operators else ""),)
         case ProvedInTime(trace=trace, because=because, python_trace=python_trace):
             shown = trace or python_trace
             rows = () if shown is None else table(program, result.contract, shown)
-            why = (_BROKEN_LATE,) if trace is not None else (_OPEN_LATE, *because)
+            why = (_broken_text(trace),) if trace is not None else (f"it is {_IN_TIME}; {_OPEN}:", *because)
             return (head + over_reals(result.in_time), *_indented((*why, *rows)))
         case Refuted(trace=trace):
             return (head, *_indented(table(program, result.contract, trace)))
@@ -62,6 +63,17 @@ def lines(program: Program, result: Result) -> tuple[str, ...]:
             return (head, *_indented(result.because), *_indented(rows))
         case _:
             assert_never(result)
+
+
+def _broken_text(trace: Trace) -> str:
+    return f"it is {_IN_TIME}; the run below breaks it, in which {_disturbance(trace)}:"
+
+
+def _disturbance(trace: Trace) -> str:
+    """Return what disturbs a run: `a client is late`, `a client is lost`, or both."""
+    late = "a client is late" if any(s.given for s in trace.snapshots) else ""
+    lost = "a client is lost" if any(s.lost for s in trace.snapshots) else ""
+    return " and ".join(filter(None, (late, lost)))
 
 
 def _indented(rows: tuple[str, ...]) -> tuple[str, ...]:
@@ -92,7 +104,7 @@ def reason_text(reason: Reason) -> str:
 def finding(result: Result, file: str | None) -> Diagnostic | None:
     """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
-    For one that is proved only while no client is late, it is a note.
+    For one that is proved only while every client is in time, it is a note.
 
     The hint suggests adding the run to `file` as a test; `file` is None if the run is added anyway.
     """
@@ -100,8 +112,8 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
     match result:
         case Proved():
             return None
-        case ProvedInTime(trace=trace, because=because, hint=hint):
-            return note("V012", contract.span, *_in_time(contract.name, trace, because, hint))
+        case ProvedInTime():
+            return note("V012", contract.span, _in_time_message(result), _in_time_hint(result))
         case Refuted(trace=trace):
             time = time_of_breach(trace)
             found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
@@ -116,24 +128,42 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             assert_never(result)
 
 
-def _in_time(
-    name: str, trace: Trace | None, because: tuple[str, ...], hint: str | None
-) -> tuple[str, str | None]:
-    """Return the message and the hint about a contract that is proved only while no client is late."""
-    start = f"contract `{name}` is proved only while no client is late; otherwise it"
+def _in_time_message(result: ProvedInTime) -> str:
+    start = f"contract `{result.contract.name}` is {_IN_TIME.replace('while', 'only while')};"
+    trace = result.trace
     if trace is None:
-        return f"{start} is neither proved nor refuted: {_on_one_line(because)}", hint
+        return f"{start} {_OPEN}: {_on_one_line(result.because)}"
     how = "is unknown" if trace.unknown else "is false"
     length = counted(len(trace.snapshots), "frame")
     found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
-    late = next(iter(trace.snapshots[-1].given), None)
-    advice = (
-        "a client that is lost lets lesser ones act"
-        if late is None
-        else "an actuator whose client is late is idle, whatever others do: say what must hold then "
-        f"(`{late} is idle or ...`)"
-    )
-    return f"{start} {how} at {time_of_breach(trace)} of a run of {length}{found}", advice
+    time = time_of_breach(trace)
+    return f"{start} it {how} at {time} of a run of {length} in which {_disturbance(trace)}{found}"
+
+
+def _in_time_hint(result: ProvedInTime) -> str | None:
+    """Return advice on the frames of the run in which clients are late or lost."""
+    trace = result.trace
+    if trace is None:
+        return result.hint
+    *before, last = trace.snapshots
+    late_now, late_before = next(iter(last.given), None), next((a for s in before for a in s.given), None)
+    advice: list[str] = []
+    if late_now is not None:
+        advice.append(
+            "an actuator whose client is late is idle, whatever others do: say what must hold then "
+            f"(`{late_now} is idle or ...`)"
+        )
+    elif late_before is not None:
+        advice.append(
+            "an actuator whose client was late was idle in that frame: say what must hold after it "
+            f"(`recently({late_before} is idle, 1 s) or ...`)"
+        )
+    if any(s.lost for s in trace.snapshots):
+        advice.append(
+            "with `on_loss degrade`, a lesser client acts in place of one that is lost: say what must hold "
+            "then, or use `on_loss stop`"
+        )
+    return "; ".join(advice)
 
 
 def _on_one_line(because: tuple[str, ...]) -> str:
@@ -168,7 +198,7 @@ def time_of_breach(trace: Trace) -> str:
 
 
 def row(program: Program, result: Result) -> dict[str, object]:
-    """Return a result as an object for JSON."""
+    """Return a result as an object for JSON; docs/verification.md describes its keys."""
     line, column = result.contract.span.source.position(result.contract.span.start)
     result_row: dict[str, object] = {
         "contract": result.contract.name,
@@ -180,10 +210,10 @@ def row(program: Program, result: Result) -> dict[str, object]:
     match result:
         case Proved(operators=operators):
             result_row |= {**_proof_row(result), "operators": operators}
-        case ProvedInTime(in_time=in_time, because=because, hint=hint):
+        case ProvedInTime(in_time=in_time, because=because):
             shown = result.trace or result.python_trace
             result_row |= {**_proof_row(in_time), "operators": False}
-            result_row |= {"because": [b.strip() for b in because], "hint": hint}
+            result_row |= {"because": [b.strip() for b in because], "hint": _in_time_hint(result)}
             result_row["trace"] = None if shown is None else trace_rows(program, shown)
         case Refuted(trace=trace):
             result_row["trace"] = trace_rows(program, trace)

@@ -67,10 +67,17 @@ class Trace:
 class Proved:
     """A proof that the contract holds in every frame of every run, by `k`-induction with `invariants`.
 
-    It holds, too, while clients are late: any actuators idle in any frame, and with `on_loss degrade` any
-    clients lost. With `operators`, it was also proved while somebody outside the network commands any
-    actuators, within their bounds. `over_reals` are the places where the proof is about real numbers and
-    floats may round.
+    As a `Result`, it also says that the contract holds while clients are late or lost: any actuators idle in
+    any frame, and with `on_loss degrade` any clients lost. `Prover.prove`, `ProvedInTime.in_time` and
+    `colony diff` use it for a proof that says nothing of such runs.
+
+    Attributes:
+        contract: The contract.
+        k: Depth of the induction.
+        invariants: Conditions on memory that the proof needed, and that are proved as well.
+        over_reals: Places where the proof is about real numbers and floats may round.
+        operators: True if the contract was also proved while connections outside the network command any
+            actuators, within their bounds. Otherwise a command may break it, or no proof was found.
     """
 
     contract: Contract
@@ -82,11 +89,11 @@ class Proved:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProvedInTime:
-    """A proof that the contract holds in every frame of every run in which no client is late.
+    """A proof that the contract holds in every frame of every run in which every client is in time.
 
-    `in_time` is that proof. Otherwise `trace` breaks it or, if None, it is not known whether it holds:
-    `because` gives the reasons, one a line, and `hint` advice; `python_trace`, if not None, breaks it if the
-    Python modules answer as in it.
+    `in_time` is that proof. `trace` is a run with clients late or lost that breaks the contract. If it is
+    None, it is not known whether there is one: `because` gives the reasons, one a line, and `hint` advice;
+    `python_trace`, if not None, breaks it if the Python modules answer as in it.
     """
 
     contract: Contract

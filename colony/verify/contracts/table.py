@@ -36,7 +36,7 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
         rows.append(
             [
                 f"{seconds(snapshot.t_ns)}{', restarted' if snapshot.restarted else ''}",
-                *(reading_text(s, snapshot.readings.get(s.name)) for s in sensors),
+                *(reading_cell(s, snapshot) for s in sensors),
                 *(_answer_text(program, m, snapshot) for m in modules),
                 *(decision_text(a, decisions[name], name in snapshot.given) for name, a in actuators.items()),
                 *([", ".join(sorted(snapshot.lost)) or "none"] if some_lost else []),
@@ -62,8 +62,20 @@ def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
     return {a.name: a for a in chosen}
 
 
+def reading_cell(sensor: Sensor, snapshot: Snapshot) -> str:
+    """Return a sensor's reading in a frame; `as sent` if it is what the program itself sent before."""
+    if sensor.sent is not None and sensor.name not in snapshot.readings:
+        return "as sent"
+    return reading_text(sensor, snapshot.readings.get(sensor.name))
+
+
 def reading_text(sensor: Sensor, value: Value | None) -> str:
-    """Return a sensor's reading in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`."""
+    """Return a sensor's reading in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`.
+
+    Where nothing was sent before, the idle command's value stands in: `none (0 mm/s stands in)`.
+    """
+    if value is None and sensor.sent is not None and sensor.default is not None:
+        return f"none ({reading_text(sensor, sensor.default)} stands in)"
     if value is None:
         return "missing"
     if not isinstance(value, tuple):

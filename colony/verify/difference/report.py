@@ -10,7 +10,7 @@ from colony.ir.program import Program
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
 from colony.verify.contracts.report import reason_text
-from colony.verify.contracts.table import aligned, decision_text, reading_text
+from colony.verify.contracts.table import aligned, decision_text, reading_cell
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
 
 _MAX_REASONS = 3
@@ -80,7 +80,7 @@ def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
         rows.append(
             [
                 f"{seconds(snapshot.t_ns)}{', restarted' if snapshot.restarted else ''}",
-                *(reading_text(sensors[n], snapshot.readings.get(n)) for n in shown_sensors),
+                *(reading_cell(sensors[n], snapshot) for n in shown_sensors),
                 *(str(snapshot.answers.get(m, "nothing") or "no answer") for m in answers),
                 *_sent(a, b, result, outcome_a, outcome_b),
             ]

@@ -65,7 +65,7 @@ class _Generalization:
     def system(self) -> System:
         original = self.original
         facts = [*self._facts(), *self._bounds(), *self._overflows()]
-        return replace(
+        return replace(  # the inputs of disturbances are exact, and stay
             original,
             cells=tuple(replace(c, next=self.term(c.next)) for c in original.cells),
             assumptions=tuple(f.formula for f in facts if f.kind is FactKind.ASSUMPTION),
@@ -81,7 +81,7 @@ class _Generalization:
             active={n: self.term(x) for n, x in original.active.items()},
             actuators={n: self._actuator(a) for n, a in original.actuators.items()},
             claims=tuple(replace(c, holds=self.term(c.holds)) for c in original.claims),
-        )  # the inputs of disturbances are exact
+        )
 
     # --- terms -----------------------------------------------------------------------------------
 

@@ -231,13 +231,13 @@ class Claim:
 
 @unique
 class Disturbance(Enum):
-    """What gets between the network's decision and an actuator, in any frame."""
+    """A cause for which an actuator does not get what the network decided, in any frame."""
 
     LATE = "late"
     """Actuators are idle, as a client is late or a server down; with `on_loss degrade` modules are lost."""
 
     OPERATORS = "operators"
-    """As `LATE`; and somebody outside the network commands actuators, within their bounds."""
+    """As `LATE`; and connections outside the network command actuators, within their bounds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -245,8 +245,8 @@ class DisturbanceInputs:
     """The inputs of a disturbance in the frame.
 
     `idle` gives for each actuator the condition that it is idle whatever the network decided, `lost` for
-    each module that can be lost the condition that it is. `outside` are the actuators that somebody outside
-    the network may command.
+    each module that can be lost the condition that it is. `outside` are the actuators that connections
+    outside the network may command.
     """
 
     idle: Mapping[str, z3.BoolRef]
@@ -290,14 +290,13 @@ class System:
 
     `now` is the time of the frame and an input, 0 in the first; `begun` is a cell, false before the first
     frame, and `last` the cell with the previous frame's time. `restarted` is an input, true at most in the
-    first frame. `assumptions` (sensors in range, increasing
-    time, bounds of abstracted functions) and `definitions` (`constant == term`) hold in every frame.
-    `invariants` hold for the cells before every reachable frame, and are inductive: they may be assumed in an
-    induction. `facts` gives, by the id of a term, the formulas of the three groups that are about it; a
-    formula without the term needs none of them. `inexact` gives, by id, the inexact terms. `graph` stores the
-    structure of terms, which makes the search for cones fast. `shapes` are those of numbers in memory.
-    `disturbances` is empty but in the systems of `disturbing.py`, which state each contract once more for
-    each disturbance.
+    first frame. `assumptions` (sensors in range, increasing time, bounds of abstracted functions) and
+    `definitions` (`constant == term`) hold in every frame. `invariants` hold for the cells before every
+    reachable frame, and are inductive: they may be assumed in an induction. `facts` gives, by the id of a
+    term, the formulas of the three groups that are about it; a formula without the term needs none of them.
+    `inexact` gives, by id, the inexact terms. `graph` stores the structure of terms, which makes the search
+    for cones fast. `shapes` are those of numbers in memory. `disturbances` is empty but in the systems of
+    `disturbing.py`, which state each contract once more for each disturbance.
     """
 
     program: Program

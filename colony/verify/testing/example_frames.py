@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Example, Given, Program, Sensor
 from colony.ir.types import Array, Value
-from colony.verify.snapshot import Snapshot
+from colony.verify.snapshot import Snapshot, present_readings
 
 
 def snapshots_of(program: Program, example: Example) -> tuple[Snapshot, ...]:
@@ -17,9 +17,7 @@ def snapshots_of(program: Program, example: Example) -> tuple[Snapshot, ...]:
     expectations.
     """
     return tuple(
-        Snapshot(
-            t_ns, {name: value for name, value in given.items() if value is not None}, restarted=restarted
-        )
+        Snapshot(t_ns, present_readings(program, given), restarted=restarted)
         for t_ns, given, restarted in _given(program, example)
     )
 

@@ -80,13 +80,16 @@ def test_no_contracts(colony: Colony, behavior: Path) -> None:
 LATE = "contract acts: back is active implies drive by back or not drive is idle\n"
 
 
-def test_proved_only_while_no_client_is_late(colony: Colony, behavior: Path) -> None:
+def test_proved_only_while_every_client_is_in_time(colony: Colony, behavior: Path) -> None:
     code, out, err = colony("verify", "--contract", "acts", add(behavior, LATE))
     assert code == 0
-    assert f"{behavior}: in time  acts\n" in out
+    assert f"{behavior}: proved in time  acts\n" in out
     assert "late, idle: " in out
-    assert "1 proved (1 of them only while no client is late), 0 refuted, 0 unknown" in out.splitlines()[-1]
-    assert "note[V012]: contract `acts` is proved only while no client is late" in err
+    assert (
+        "1 proved (1 of them only while every client is in time), 0 refuted, 0 unknown"
+        in out.splitlines()[-1]
+    )
+    assert "note[V012]: contract `acts` is proved only while every client is in time" in err
 
 
 def test_what_is_proved_in_time_is_so_in_json_and_sarif(colony: Colony, behavior: Path) -> None:

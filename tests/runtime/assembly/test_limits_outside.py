@@ -253,7 +253,8 @@ def test_the_audit_finds_a_command_from_outside_that_the_limits_forbid() -> None
     forbidden = changed(run.log.frames, at, values=(200.5, 0.0))
     first = audit(PROGRAM, forbidden).first
     assert first is not None
-    assert first.message == "a command from outside is beyond the limits: velocity = 200.5 mm/s"
+    start = "a command from outside is beyond the limits"
+    assert first.message == f"{start}: found velocity = 200.5 mm/s; allowed: at most 200 mm/s"
     said = audit(PROGRAM, changed(run.log.frames, at, values=(200.5, 0.0), unlimited=True)).first
     assert said is not None
     assert said.message == "broken contracts: recorded none; in the interpreter slow"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from colony.dsl.load import load_text
 from colony.verify.contracts.prove import in_order, prove_contracts
 from colony.verify.contracts.report import finding, lines, row, verdict
 from colony.verify.contracts.results import ProvedInTime
-from colony.verify.contracts.table import table
-from tests.verify.contracts.behaviors import program, proved, refuted, result, unknown
+from colony.verify.contracts.table import reading_cell, table
+from colony.verify.snapshot import Snapshot
+from tests.verify.contracts.behaviors import ROBOT, program, proved, refuted, result, unknown
 
 
 def test_what_holds_of_floats_is_proved_without_more() -> None:
@@ -25,8 +27,8 @@ def test_a_contract_that_a_late_client_breaks_is_a_note_with_the_run() -> None:
     found = result(text)
     assert isinstance(found, ProvedInTime)
     assert lines(program(text), found)[:5] == (
-        "in time  c",
-        "  it is proved while no client is late; otherwise this run breaks it:",
+        "proved in time  c",
+        "  it is proved while every client is in time; the run below breaks it, in which a client is late:",
         "  time  bump  drive",
         "  0 s   true  late, idle: velocity = 0 m/s, turn = 0 deg/s",
         "  all other sensors: missing (their readings make no difference)",
@@ -34,7 +36,10 @@ def test_a_contract_that_a_late_client_breaks_is_a_note_with_the_run() -> None:
     said = finding(found, "f.colony")
     assert said is not None
     assert (said.code, said.severity) == ("V012", "note")
-    assert "`c` is proved only while no client is late; otherwise it is false at 0 s of a run" in said.message
+    start = (
+        "contract `c` is proved only while every client is in time; it is false at 0 s of a run of 1 frame"
+    )
+    assert said.message.startswith(f"{start} in which a client is late; found: ")
     assert said.hint is not None
     assert "`drive is idle or ...`" in said.hint
     rows = row(program(text), found)
@@ -42,6 +47,7 @@ def test_a_contract_that_a_late_client_breaks_is_a_note_with_the_run() -> None:
     trace = rows["trace"]
     assert isinstance(trace, list)
     assert trace[0]["late"] == ["drive"]
+    assert rows["hint"] == said.hint
 
 
 def test_a_contract_of_which_lateness_is_open_says_why() -> None:
@@ -50,15 +56,63 @@ def test_a_contract_of_which_lateness_is_open_says_why() -> None:
         contract=program(text).contracts[-1], in_time=proved(text), because=("z3 gave up",), hint="ask less"
     )
     assert lines(program(text), found) == (
-        "in time  c",
-        "  it is proved while no client is late; otherwise it is neither proved nor refuted:",
+        "proved in time  c",
+        "  it is proved while every client is in time; where clients are late or lost, it is neither "
+        "proved nor refuted:",
         "  z3 gave up",
     )
     said = finding(found, "f.colony")
     assert said is not None
     assert (said.code, said.hint) == ("V012", "ask less")
-    assert said.message.endswith("otherwise it is neither proved nor refuted: z3 gave up")
+    assert said.message.endswith("clients are late or lost, it is neither proved nor refuted: z3 gave up")
     assert row(program(text), found)["trace"] is None
+
+
+def test_memory_that_an_earlier_late_frame_changed_is_what_the_hint_is_about() -> None:
+    """In the last frame nobody is late, and nobody is lost in any."""
+    text = "contract c: previous(back is active, false) implies previous(drive is commanded, false)"
+    found = result(text)
+    assert isinstance(found, ProvedInTime)
+    assert found.trace is not None
+    assert [list(s.given) for s in found.trace.snapshots] == [["drive"], []]
+    said = finding(found, "f.colony")
+    assert said is not None
+    assert said.hint is not None
+    assert "`recently(drive is idle, 1 s) or ...`" in said.hint
+    assert "lost" not in said.hint
+    assert "in which a client is late; found" in said.message
+    assert row(program(text), found)["hint"] == said.hint
+
+
+def test_a_contract_that_a_lost_client_breaks_says_lost_and_not_late() -> None:
+    degrading = ROBOT.replace("turn = 0)\n}", "turn = 0) on_loss degrade\n}", 1)
+    made = load_text(f"{degrading}contract c: back is active or not fresh(bump) or not bump")
+    [found] = prove_contracts(made)
+    assert isinstance(found, ProvedInTime)
+    assert lines(made, found)[1] == (
+        "  it is proved while every client is in time; the run below breaks it, in which a client is lost:"
+    )
+    said = finding(found, "f.colony")
+    assert said is not None
+    assert "in which a client is lost; found" in said.message
+    assert said.hint == (
+        "with `on_loss degrade`, a lesser client acts in place of one that is lost: say what must hold then, "
+        "or use `on_loss stop`"
+    )
+
+
+def test_an_actuator_without_an_earlier_command_shows_what_stands_in() -> None:
+    text = "contract c: now > 0.1 s implies last.drive.velocity == 0.5 m/s"
+    found = refuted(text)
+    assert any("none (0 m/s stands in)" in line for line in table(program(text), found.contract, found.trace))
+
+
+def test_a_frame_that_is_not_given_what_was_sent_has_what_the_program_sent() -> None:
+    text = "contract c: last.drive.velocity <= 2 m/s"
+    [sent] = [s for s in program(text).robot.sensors if s.sent is not None]
+    assert reading_cell(sent, Snapshot(0)) == "as sent"
+    assert reading_cell(sent, Snapshot(0, {sent.name: None})) == "none (0 m/s stands in)"
+    assert reading_cell(sent, Snapshot(0, {sent.name: 500.0})) == "0.5 m/s"
 
 
 def test_what_holds_of_reals_names_the_lines() -> None:
