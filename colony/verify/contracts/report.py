@@ -155,8 +155,8 @@ def _in_time_hint(result: ProvedInTime) -> str | None:
         )
     elif late_before is not None:
         advice.append(
-            "an actuator whose client was late was idle in that frame: say what must hold after it "
-            f"(`recently({late_before} is idle, 1 s) or ...`)"
+            "an actuator whose client was late was idle in that frame: say what must hold then and after it "
+            f"(`{late_before} is idle or previous({late_before} is idle, true) or ...`)"
         )
     if any(s.lost for s in trace.snapshots):
         advice.append(

@@ -7,7 +7,7 @@ from dataclasses import replace
 from colony.dsl.load import load_text
 from colony.verify.contracts.prove import in_order, prove_contracts
 from colony.verify.contracts.report import finding, lines, row, verdict
-from colony.verify.contracts.results import ProvedInTime
+from colony.verify.contracts.results import Proved, ProvedInTime
 from colony.verify.contracts.table import reading_cell, table
 from colony.verify.snapshot import Snapshot
 from tests.verify.contracts.behaviors import ROBOT, program, proved, refuted, result, unknown
@@ -78,10 +78,19 @@ def test_memory_that_an_earlier_late_frame_changed_is_what_the_hint_is_about() -
     said = finding(found, "f.colony")
     assert said is not None
     assert said.hint is not None
-    assert "`recently(drive is idle, 1 s) or ...`" in said.hint
+    assert "(`drive is idle or previous(drive is idle, true) or ...`)" in said.hint
     assert "lost" not in said.hint
     assert "in which a client is late; found" in said.message
     assert row(program(text), found)["hint"] == said.hint
+
+
+def test_the_advice_on_an_earlier_late_frame_leads_to_a_proof() -> None:
+    always = "module going { when true do drive(velocity = 0.5 m/s, turn = 0) }  "
+    text = ROBOT.replace("network { drive = ", f"{always}network {{ drive = going suppresses ")
+    steady = "not changed(drive.velocity > 0 m/s)"
+    advised = f"drive is idle or previous(drive is idle, true) or {steady}"
+    made = load_text(f"{text}contract steady: {steady}  contract advised: {advised}")
+    assert [type(r) for r in prove_contracts(made)] == [ProvedInTime, Proved]
 
 
 def test_a_contract_that_a_lost_client_breaks_says_lost_and_not_late() -> None:
