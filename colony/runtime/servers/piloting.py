@@ -19,6 +19,7 @@ from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import LATER, CallId, Later, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
+from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.servers import motion_commands
 from colony.runtime.servers.drivers import BaseLimits
 
@@ -220,6 +221,14 @@ class Pilot:
         """Cancel all commands because of the emergency stop."""
         self.cancel(self._stop_refusal())
         self.mode = "joystick"
+        self.changed = True
+
+    def end_run(self) -> None:
+        """Cancel all commands, because the limits that held them end; those that ignore limits go on."""
+        for commander in self.outside_commanders.all:
+            if not commander.unlimited:
+                text = f"{RSERVER.name}: the run of the program ended, and the limits that held the command"
+                self._cancel(commander, RefusedError("limits", text))
         self.changed = True
 
     def on_lost(self, caller: Caller) -> None:

@@ -278,6 +278,8 @@ class RServer:
 
     def _replace_deployment(self, deployed: Deployment | None, now_ns: int) -> None:
         self._outbox.extend(self._commands.finish(now_ns))
+        if self._actuator.spec.limited:
+            self._pilot.end_run()
         self._activate(deployed)
 
     def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:

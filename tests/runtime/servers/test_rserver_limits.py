@@ -83,12 +83,31 @@ def test_a_program_that_comes_and_goes_takes_its_limits_along() -> None:
     assert frames(stage, bounds(), *silent()) == (100.0, 0.0)
     stage.close(leader)
     stage.run = ""
+    assert frames(stage) == (0.0, 0.0), "what the limits held ends with them"
+    stage.do("ann/1", robot.drive(300.0, 0.0, lease=10.0))
     assert frames(stage) == (300.0, 0.0)
     leader = stage.open("leader/2", priority=0)
     stage.do(leader, robot.deploy(deployed("r2", limited=True)))
     stage.run = "r2"
     assert frames(stage, *silent()) == (0.0, 0.0), "bounds of an earlier run do not count"
     assert frames(stage, bounds(200.0), *silent()) == (200.0, 0.0)
+
+
+def test_a_motion_that_limits_held_ends_with_the_run() -> None:
+    stage = Stage()
+    stage.tick()
+    leader = stage.open("leader/1", priority=0)
+    stage.do(leader, robot.deploy(deployed(limited=True)))
+    stage.run = "r1"
+    stage.open("ann/1", priority=9)
+    number = stage.send("ann/1", robot.move(1000.0, velocity=300.0))
+    assert frames(stage, bounds(), *silent()) == (100.0, 0.0)
+    stage.close(leader)
+    stage.run = ""
+    assert frames(stage) == (0.0, 0.0)
+    problem = stage.replies["ann/1", number].problem
+    assert problem is not None
+    assert problem.code == "limits"
 
 
 def test_a_program_without_limits_leaves_the_ranges() -> None:
