@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import NamedTuple
 
 from colony.execute.needs import BOUNDS
@@ -83,6 +84,7 @@ class CommandDispatcher:
         perform: carries out a dispatched command; not called for an idle actuator declared `idle hold`.
         on_dispatch: called with every dispatch.
         publish: True to publish the verdicts.
+        given: what actuators were given before, in base units.
     """
 
     def __init__(
@@ -93,6 +95,7 @@ class CommandDispatcher:
         *,
         on_dispatch: OnDispatch = lambda actuator, dispatch, now_ns: None,
         publish: bool = True,
+        given: Mapping[str, tuple[ScalarValue, ...]] = MappingProxyType({}),
     ) -> None:
         self._actuators = {spec.name: spec for spec in actuators}
         self._arbiters = {spec.name: Arbiter(spec, frame_timing) for spec in actuators}
@@ -104,7 +107,7 @@ class CommandDispatcher:
             for name, spec in self._actuators.items()
         }
         self._counts = {name: _Counts() for name in self._actuators}
-        self._given: dict[str, tuple[ScalarValue, ...]] = {}
+        self._given = dict(given)
         self._perform = perform
         self._on_dispatch = on_dispatch
         self._publish = publish

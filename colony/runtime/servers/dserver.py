@@ -53,6 +53,7 @@ from colony.runtime.servers.commanding import CommandDispatcher
 from colony.runtime.servers.data_calls import DataCalls
 from colony.runtime.servers.data_methods import set_commanded_variable
 from colony.runtime.servers.frame_content import FrameSubscriptions
+from colony.runtime.servers.last_sent import LastSent
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import Variables
@@ -117,6 +118,7 @@ class DServer:
         )
         self._semaphores, self._answers = Semaphores(self._journal), CallAnswers(self._journal)
         self._watches, self._checkpoints = Watches(self._journal), Checkpoints(self._journal)
+        self._last_sent = LastSent(self._journal)
         if self._load():
             self._variables.pin(pinned_variables or {})
         self._leadership = Leadership(self.address)
@@ -286,6 +288,7 @@ class DServer:
 
     def _set(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         set_commanded_variable(self._variables, actuator, values, now_ns)
+        self._last_sent.put(actuator, values)
         self._changed.append(actuator.command)
 
     def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
@@ -298,7 +301,9 @@ class DServer:
         self._run = deployed.run
         self._checkpoints.begin(deployed.run, (client for client, _ in client_addresses(deployed)))
         self._timing = timing(deployed.frame_ns, lockstep=deployed.lockstep)
-        self._commands = CommandDispatcher(actuators_of(deployed, self.address), self._timing, self._set)
+        actuators = actuators_of(deployed, self.address)
+        given = self._last_sent.begin(deployed.run, actuators)
+        self._commands = CommandDispatcher(actuators, self._timing, self._set, given=given)
         self._relay.deploy(deployed.python_modules)
 
     def _load(self) -> bool:
@@ -311,6 +316,7 @@ class DServer:
             self._answers,
             self._watches,
             self._checkpoints,
+            self._last_sent,
         )
         try:
             for component in stored_components:

@@ -17,7 +17,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Literal, NamedTuple, Protocol
 
-Kind = Literal["fact", "variable", "value", "semaphore", "hold", "pending", "answer", "watch", "checkpoint"]
+Kind = Literal[
+    "fact", "variable", "value", "semaphore", "hold", "pending", "answer", "watch", "checkpoint", "sent"
+]
 """The kind of an entry."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from msgspec import structs
 
 from colony.ir.frame import Answer
 from colony.runtime.library import data
@@ -89,6 +90,37 @@ def verdicts(effects: list[Effect]) -> list[Verdict]:
 
 def tick(stage: DataStage, k: int, run: str = "run") -> list[Effect]:
     return stage.handle(Tick(k=k, t_ns=stage.now, run=run))
+
+
+def last(effects: list[Effect]) -> dict[str, object]:
+    """What the frame among these effects says was sent before."""
+    (frame,) = [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, ServerFrame)]
+    fields = frame.fields
+    return {name: sample and sample.value for name, sample in fields.items() if name.startswith("last.")}
+
+
+def test_what_was_sent_survives_a_death_where_the_actuator_holds_it() -> None:
+    held, quiet = structs.replace(LAMP, reported=(0,)), structs.replace(POSE, name="quiet")
+    off = structs.replace(LAMP, name="off", command="Off", idle=(False,), reported=(0,))
+    stage = DataStage()
+    leader = stage.connect()
+    leader.do(deploy(program("run", held, quiet, off)))
+    assert last(tick(stage, 0)) == {}
+    stage.handle(request(0, "lamp", True), request(0, "quiet", 1.0, 2.0), request(0, "off", True))
+    assert last(tick(stage, 1)) == {"last.lamp.on": True, "last.off.on": True}
+    stage.kill_and_restart()
+    leader.open()
+    leader.do(deploy(program("run", held, quiet, off)))
+    assert last(tick(stage, 2)) == {"last.lamp.on": True}
+    stage.handle(request(2, "lamp", False))
+    stage.kill_and_restart()
+    leader.open()
+    leader.do(deploy(program("run", held, quiet, off)))
+    assert last(tick(stage, 3)) == {"last.lamp.on": False}
+    leader.do(deploy(program("next", held, quiet, off)))
+    assert last(tick(stage, 4, "next")) == {}, "of another run"
+    leader.do(deploy(program("run", held, quiet, off)))
+    assert last(tick(stage, 5)) == {}
 
 
 def test_it_has_something_to_settle(stage: DataStage) -> None:
@@ -276,6 +308,7 @@ def test_bytes_that_are_no_message_are_counted_and_told(stage: DataStage) -> Non
         (Key("answer", "ada/1"), b"\xc0"),
         (Key("checkpoint", "c"), b"\xc0"),
         (Key("watch", "ada/1"), b"\xc0"),
+        (Key("sent", "lamp"), b"\xc0"),
         (Key("fact", "run"), b"\xff"),
     ],
     ids=str,
