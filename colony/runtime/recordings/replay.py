@@ -119,6 +119,9 @@ RESERVED = frozenset(
 """Members of a line that are not sensors or actuators; names in a program cannot contain `@`."""
 
 
+_SENT = "last."
+"""Beginning of the names of what actuators were given last, which another program may not read."""
+
 RECORD_AGAIN = "use the colony that recorded it, or record the run again"
 """Hint for recordings of another version of the semantics."""
 
@@ -202,7 +205,7 @@ class _RowParser:
 
     def _is_reading(self, number: int, text: str, row: dict[str, Any], key: str) -> bool:
         """Return True if the key is a sensor; check the size of its value."""
-        if key in self._ignored and key not in self._sizes:
+        if key not in self._sizes and (key in self._ignored or key.startswith(_SENT)):
             return False
         if key not in self._sizes:
             hint = did_you_mean(key, self._sizes) or f"the robot has {', '.join(self._sizes)}"

@@ -15,7 +15,7 @@ from colony.verify.symbolic.bounding import within
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.expressions import constant_term
 from colony.verify.symbolic.frame_values import FrameValues
-from colony.verify.symbolic.logic import FALSE, TRUE, any_of, choice, implied, integer, is_false, negation
+from colony.verify.symbolic.logic import FALSE, TRUE, any_of, choice, implied, integer, negation
 from colony.verify.symbolic.memory import enumerator
 from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import (
@@ -75,17 +75,15 @@ def _elements(sensor: Sensor, builder: Builder) -> tuple[Scalar, ...]:
     type_ = element_type(sensor.type)
     size = sensor.type.size if isinstance(sensor.type, Array) else 0
     names = [f"{sensor.name}[{i}]" for i in range(size)] if size else [sensor.name]
-    readings = tuple(_reading(name, type_, sensor.low, sensor.high, builder) for name in names)
-    if sensor.sent is None:
-        return readings
-    for x in readings:  # only finite commands are sent
-        if isinstance(x, Number) and not is_false(x.infinite):
-            builder.assume(x.value, negation(x.infinite))
-    return readings
+    return tuple(_reading(name, type_, sensor, builder) for name in names)
 
 
-def _reading(name: str, type_: ScalarType, low: float | None, high: float | None, builder: Builder) -> Scalar:
-    """Return a reading of a type: never NaN, and infinite only if the range allows it."""
+def _reading(name: str, type_: ScalarType, sensor: Sensor, builder: Builder) -> Scalar:
+    """Return a reading of a type: never NaN, and infinite only if the range allows it.
+
+    What was sent is finite.
+    """
+    low, high = sensor.low, sensor.high
     match type_:
         case Bool():
             return z3.Bool(name)
@@ -94,7 +92,7 @@ def _reading(name: str, type_: ScalarType, low: float | None, high: float | None
         case Quantity():
             value = z3.Real(name)
             bounds = bounds_of(low, high)
-            if low is not None and high is not None:
+            if sensor.sent is not None or (low is not None and high is not None):
                 return finite_input(name, bounds, builder)
             infinite = z3.Bool(f"{name}.infinite")
             number = Number(value, FALSE, infinite, bounds)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from colony.ir import expression as ir
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, PythonModule
@@ -51,10 +49,9 @@ def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Fra
 def _some_sent(choices: Choices, program: Program, readings: dict[str, Reading]) -> dict[str, Reading]:
     """Return the readings without most of those of what actuators were given last.
 
-    Without a reading it is what the executor sent itself. Nobody sends an infinity.
+    Without a reading it is what the executor sent itself.
     """
-    sent = [s.name for s in program.robot.sensors if s.sent is not None]
-    own = {name for name in sent if readings[name] in (math.inf, -math.inf) or not choices.one_in(4)}
+    own = {s.name for s in program.robot.sensors if s.sent is not None and not choices.one_in(4)}
     return {name: reading for name, reading in readings.items() if name not in own} if own else readings
 
 

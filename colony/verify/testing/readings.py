@@ -58,7 +58,15 @@ def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
 
 
 def draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Reading:
-    """Draw a reading of a sensor in its declared unit, or occasionally a missing or invalid one."""
+    """Draw a reading of a sensor in its declared unit, or occasionally a missing or invalid one.
+
+    What an actuator was given last is never infinite.
+    """
+    reading = _draw_reading(choices, sensor, thresholds)
+    return None if sensor.sent is not None and reading in (math.inf, -math.inf) else reading
+
+
+def _draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Reading:
     if choices.one_in(16):
         return None
     if choices.one_in(20):
