@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import assert_never
@@ -63,7 +64,11 @@ def draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Re
     What an actuator was given last is never infinite.
     """
     reading = _draw_reading(choices, sensor, thresholds)
-    return None if sensor.sent is not None and reading in (math.inf, -math.inf) else reading
+    if sensor.sent is not None and isinstance(reading, int | float):
+        most = sys.float_info.max
+        if abs(reading) > most or abs(reading * sensor.factor) > most:
+            return None
+    return reading
 
 
 def _draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Reading:
