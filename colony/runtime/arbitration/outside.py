@@ -27,7 +27,8 @@ class Commander:
     `call_id` is the call that is answered when the command ends. `unlimited` is True if the program's limits
     do not hold for its commands; `held_at_rest` if they kept the last one from moving the base toward the end
     of its motion. `held_since_ns` is the time since which they have kept its motion from making progress,
-    None if they do not.
+    None if they do not. `fault` is the reason why the idle command was sent in the place of the last one,
+    None if it was not.
     """
 
     caller: Caller
@@ -37,6 +38,7 @@ class Commander:
     unlimited: bool = False
     held_at_rest: bool = False
     held_since_ns: int | None = None
+    fault: str | None = None
 
 
 class OutsideCommanders:

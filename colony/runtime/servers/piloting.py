@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 
 from colony.runtime.arbitration import motion
 from colony.runtime.arbitration.ballot import Interventions, OutsideCommand
+from colony.runtime.arbitration.frame_bounds import LIMITS_UNKNOWN
 from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.arbitration.motion import BaseObservation, FiniteMotion, Mode, Motion, Speeds, Step
 from colony.runtime.arbitration.outside import Commander, OutsideCommanders, lease_end
@@ -19,7 +20,6 @@ from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import LATER, CallId, Later, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.servers import motion_commands
 from colony.runtime.servers.drivers import BaseLimits
 
@@ -130,6 +130,7 @@ class Pilot:
         outside: str | None,
         now_ns: int = 0,
         bound: Callable[[Speeds], Speeds | None] = lambda proposed: proposed,
+        fault: str | None = None,
     ) -> Speeds | None:
         """Advance the motion of the connection that acts in the frame, if any, and return its speeds.
 
@@ -138,6 +139,7 @@ class Pilot:
             now_ns: present time.
             bound: returns the speeds that were sent, given the proposed ones; None if the actuator was idle
                 in the place of its command.
+            fault: reason why the actuator was idle in its place.
         """
         proposal, self._proposal = self._proposal, None
         if proposal is not None and proposal.commander.caller.connection != outside:
@@ -149,6 +151,7 @@ class Pilot:
             return None
         commander, sent = proposal.commander, bound(proposal.speeds)
         commander.motion = proposal.step.motion if sent else motion.interrupt(proposal.step.motion)
+        commander.fault = fault
         commander.held_at_rest = motion.is_held_at_rest(proposal.step.motion, proposal.speeds, sent)
         if not (commander.held_at_rest and motion.is_stalling(proposal.step.motion)):
             commander.held_since_ns = None
@@ -188,9 +191,7 @@ class Pilot:
             case "done":
                 self.answers.append((call_id, progress))
             case "stalled":
-                self.answers.append(
-                    (call_id, _stalled(f"{progress:.4g} {unit}", held=commander.held_at_rest))
-                )
+                self.answers.append((call_id, _stalled(f"{progress:.4g} {unit}", commander)))
             case "front" | "rear":
                 text = f"the {reason} bumper is pressed, after {progress:.4g} {unit}"
                 self.answers.append((call_id, RefusedError("bumper", text)))
@@ -217,18 +218,18 @@ class Pilot:
             if commander.caller.connection != except_connection:
                 self._cancel(commander, refused)
 
+    def on_limits_end(self) -> None:
+        """Cancel the commands that the limits of a program held, because its run ended."""
+        refused = RefusedError("limits", "the run whose limits held this command ended")
+        for commander in self.outside_commanders.all:
+            if not commander.unlimited:
+                self._cancel(commander, refused)
+        self.changed = True
+
     def stop(self) -> None:
         """Cancel all commands because of the emergency stop."""
         self.cancel(self._stop_refusal())
         self.mode = "joystick"
-        self.changed = True
-
-    def end_run(self) -> None:
-        """Cancel all commands, because the limits that held them end; those that ignore limits go on."""
-        for commander in self.outside_commanders.all:
-            if not commander.unlimited:
-                text = f"{RSERVER.name}: the run of the program ended, and the limits that held the command"
-                self._cancel(commander, RefusedError("limits", text))
         self.changed = True
 
     def on_lost(self, caller: Caller) -> None:
@@ -370,10 +371,13 @@ class Pilot:
         self.changed = True
 
 
-def _stalled(progress: str, *, held: bool) -> RefusedError:
-    """Return the refusal of a motion without progress; `held` if the program's limits hold it back."""
+def _stalled(progress: str, commander: Commander) -> RefusedError:
+    """Return the refusal of a connection's motion without progress."""
     seconds = f"{motion.STALL_TIMEOUT_S:g} s"
-    if held:
+    if commander.held_at_rest and commander.fault == LIMITS_UNKNOWN:
+        found = f"the program's limits were unknown for {seconds}, after {progress}"
+        return RefusedError("limits", f"{found}: its clients are late or lost")
+    if commander.held_at_rest:
         return RefusedError("limits", f"the program's limits held the base for {seconds}, after {progress}")
     return RefusedError("stalled", f"no progress for {seconds}, after {progress}")
 

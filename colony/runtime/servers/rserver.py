@@ -187,6 +187,7 @@ class RServer:
             dispatch.outside,
             now_ns,
             lambda proposed: None if sent is None else sent_speeds(actuator, sent, proposed),
+            dispatch.fault,
         )
         if dispatch.outside is None and dispatch.hold != "stopped":
             self._pilot.on_network_dispatch(active=dispatch.by is not None)
@@ -278,8 +279,8 @@ class RServer:
 
     def _replace_deployment(self, deployed: Deployment | None, now_ns: int) -> None:
         self._outbox.extend(self._commands.finish(now_ns))
-        if self._actuator.spec.limited:
-            self._pilot.end_run()
+        if self._actuator.spec.limited:  # no motion goes on faster because a program died
+            self._pilot.on_limits_end()
         self._activate(deployed)
 
     def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:

@@ -83,7 +83,7 @@ def test_a_program_that_comes_and_goes_takes_its_limits_along() -> None:
     assert frames(stage, bounds(), *silent()) == (100.0, 0.0)
     stage.close(leader)
     stage.run = ""
-    assert frames(stage) == (0.0, 0.0), "what the limits held ends with them"
+    assert frames(stage) == (0.0, 0.0), "what its limits held does not go on without them"
     stage.do("ann/1", robot.drive(300.0, 0.0, lease=10.0))
     assert frames(stage) == (300.0, 0.0)
     leader = stage.open("leader/2", priority=0)
@@ -93,21 +93,26 @@ def test_a_program_that_comes_and_goes_takes_its_limits_along() -> None:
     assert frames(stage, bounds(200.0), *silent()) == (200.0, 0.0)
 
 
-def test_a_motion_that_limits_held_ends_with_the_run() -> None:
+@pytest.mark.parametrize("ignoring", [False, True])
+def test_a_move_that_limits_held_ends_with_the_run(ignoring: bool) -> None:
     stage = Stage()
     stage.tick()
+    stage.open("ann/1", priority=9)
     leader = stage.open("leader/1", priority=0)
     stage.do(leader, robot.deploy(deployed(limited=True)))
     stage.run = "r1"
-    stage.open("ann/1", priority=9)
-    number = stage.send("ann/1", robot.move(1000.0, velocity=300.0))
-    assert 0.0 < frames(stage, bounds(), *silent())[0] <= 100.0
+    stage.do("ann/1", robot.ignore_limits(ignoring))
+    number = stage.send("ann/1", robot.move(1500.0, velocity=300.0))
+    frames(stage, bounds(), *silent(), count=10)
     stage.close(leader)
     stage.run = ""
+    if ignoring:
+        assert frames(stage, count=20) == (300.0, 0.0)
+        return
     assert frames(stage) == (0.0, 0.0)
     problem = stage.replies["ann/1", number].problem
     assert problem is not None
-    assert problem.code == "limits"
+    assert (problem.code, problem.message) == ("limits", "the run whose limits held this command ended")
 
 
 def test_a_program_without_limits_leaves_the_ranges() -> None:
@@ -176,7 +181,7 @@ def test_a_move_that_is_held_for_a_while_goes_on_after_it() -> None:
     assert stage.result("ann/1", number, robot.move(200.0)) == pytest.approx(200.0, abs=3.0)
 
 
-def test_a_move_whose_limits_nobody_knows_ends_as_one_that_they_hold() -> None:
+def test_a_move_whose_limits_nobody_knows_ends_and_says_so() -> None:
     stage = stage_with_limits()
     number = stage.send("ann/1", robot.move(200.0, velocity=300.0))
     frames(stage, *silent(), count=45)
@@ -184,7 +189,7 @@ def test_a_move_whose_limits_nobody_knows_ends_as_one_that_they_hold() -> None:
     assert problem is not None
     assert (problem.code, problem.message) == (
         "limits",
-        "the program's limits held the base for 2 s, after 0 mm",
+        "the program's limits were unknown for 2 s, after 0 mm: its clients are late or lost",
     )
 
 
