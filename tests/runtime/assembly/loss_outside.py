@@ -11,7 +11,7 @@ connections that drive, lock, stop and set variables, sensors that fail, and a p
   interpreter's bounds for that frame;
 - what the base was told is what a verdict says, or what was due in a frame whose verdict was lost;
 - `last.ACTUATOR.FIELD` in a frame is what that process of the server sent last, and what it set the variable
-  to;
+  to; on `idle hold` an earlier process, too;
 - contracts that are proved with operators are never broken, neither in the interpreter nor by the monitor,
   and the audit of what was observed agrees;
 - and when the faults are over, everyone is on time again, and nobody drives but the program.
@@ -261,7 +261,8 @@ class Process(NamedTuple):
 
     `given` is what its actuators have, or may have (`unsure`): where a verdict names a command that the base
     was not told, it came too late, and the base was halted. `halted` is whether it was, since it was `told`
-    something.
+    something. `inherited` are the actuators on hold to which it has sent nothing: they have what an earlier
+    process sent, which may have died before it said so.
     """
 
     given: dict[str, tuple[Any, ...]]
@@ -270,6 +271,7 @@ class Process(NamedTuple):
     t_ns: int = 0
     halted: bool = False
     unsure: bool = False
+    inherited: frozenset[str] = frozenset()
 
 
 def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
@@ -291,7 +293,11 @@ def after(robot: Robot, process: Process, one: Happened) -> Process:
     """The process after something happened to it."""
     match one.kind:
         case "killed":
-            return Process({})
+            holding = {a.name for a in robot.program.robot.actuators if a.idle is None}
+            return Process(
+                {name: sent for name, sent in process.given.items() if name in holding},
+                inherited=frozenset(holding),
+            )
         case "told":
             assert process.told is None, f"frame {process.k}: the base was told {process.told} and {one}"
             return process._replace(told=one.what, halted=False)
@@ -303,7 +309,10 @@ def after(robot: Robot, process: Process, one: Happened) -> Process:
             given = {**process.given, "drive": one.what.values} if taken else process.given
             return process._replace(told=None, unsure=process.told is None, given=given)
         case "verdict" if one.what.values is not None:
-            return process._replace(given={**process.given, one.what.actuator: one.what.values})
+            return process._replace(
+                given={**process.given, one.what.actuator: one.what.values},
+                inherited=process.inherited - {one.what.actuator},
+            )
         case "frame" if one.what.fields:  # else the server missed the tick
             late = one.what.k < process.k
             if not late or any(name.startswith("last.") for name in one.what.fields):
@@ -326,7 +335,10 @@ def check_told(robot: Robot, process: Process, one: Happened) -> None:
 
 
 def check_last(robot: Robot, process: Process, one: Happened) -> None:
-    """`last` is what this process of the server sent last; or idle, if it halted since."""
+    """`last` is what this process of the server sent last; or idle, if it halted since.
+
+    On `idle hold` it is what an earlier process sent, until this one sends something.
+    """
     fields = one.what.fields
     for actuator in robot.program.robot.actuators:
         if actuator.server != one.server:
@@ -341,7 +353,8 @@ def check_last(robot: Robot, process: Process, one: Happened) -> None:
                 allowed.append(idle[i])
             found = None if sample is None else sample.value / field.factor
             where = f"frame {one.what.k}: last.{actuator.name}.{field.name}"
-            assert found in allowed, f"{where} is {found}, was {allowed}"
+            inherited = actuator.name in process.inherited and found is not None
+            assert inherited or found in allowed, f"{where} is {found}, was {allowed}"
         variable = fields.get(actuator.command)
         if variable is not None and given is not None:
             value = variable.value if isinstance(variable.value, tuple | list) else (variable.value,)
