@@ -76,6 +76,6 @@ def test_a_navigator_drives_no_further_when_the_clock_dies(seed: int) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(2, 60))
+@pytest.mark.parametrize("seed", range(2, 16))
 def test_a_navigator_never_drives_further_when_the_clock_dies(seed: int) -> None:
     check(5000.0, seed)

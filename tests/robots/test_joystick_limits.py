@@ -125,8 +125,8 @@ def test_the_situations_are_such_that_limits_hold() -> None:
 
 
 @pytest.mark.long
-def test_what_the_limits_forbid_is_never_sent_in_a_thousand_situations() -> None:
-    assert sum(map(limits_are_obeyed, range(1000, 2000))) > 1000
+def test_what_the_limits_forbid_is_never_sent_in_many_situations() -> None:
+    assert sum(map(limits_are_obeyed, range(1000, 1120))) > 120
 
 
 if __name__ == "__main__":

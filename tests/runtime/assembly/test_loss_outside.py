@@ -13,8 +13,8 @@ from tests.runtime.assembly.loss_outside import VARIANTS, proved, run
 from tests.runtime.assembly.outside_stage import variant
 from tests.sampling import long, sampled
 
-SEEDS = 240
-GROUPS = 40
+SEEDS = 120
+GROUPS = 20
 
 
 @pytest.mark.parametrize("group", sampled(range(GROUPS), every=GROUPS))

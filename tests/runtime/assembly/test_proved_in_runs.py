@@ -11,8 +11,8 @@ from tests.runtime.assembly import proved_in_runs
 from tests.runtime.assembly.proved_in_runs import run
 from tests.sampling import sampled
 
-SEEDS = 160
-GROUPS = 40
+SEEDS = 40
+GROUPS = 10
 
 
 @pytest.mark.parametrize("group", sampled(range(GROUPS), every=GROUPS))
