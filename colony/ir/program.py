@@ -74,6 +74,15 @@ class Actuator(Declared):
     on_loss: Literal["stop", "degrade"] = "stop"
 
 
+SENT = "last"
+"""First part of the name of what an actuator was given in the frame before."""
+
+
+def sent_name(actuator: str, field: str) -> str:
+    """Return the name of what a field of an actuator was given in the frame before."""
+    return f"{SENT}.{actuator}.{field}"
+
+
 def sent_sensor(actuator: Actuator, index: int) -> Sensor:
     """Return `last.ACTUATOR.FIELD`: what a field of the actuator was given in the frame before.
 
@@ -85,8 +94,9 @@ def sent_sensor(actuator: Actuator, index: int) -> Sensor:
     idle = None if actuator.idle is None else actuator.idle[index]
     if idle is not None and not isinstance(idle, bool) and field.factor != 1.0:
         idle = idle / field.factor * field.factor  # as it is read back
+    name = sent_name(actuator.name, field.name)
     return Sensor(
-        name=f"last.{actuator.name}.{field.name}",
+        name=name,
         span=field.span,
         type=field.type,
         unit=field.unit,
@@ -95,7 +105,7 @@ def sent_sensor(actuator: Actuator, index: int) -> Sensor:
         high=field.high,
         default=idle,
         server=actuator.server,
-        field=f"last.{actuator.name}.{field.name}",
+        field=name,
         sent=(actuator.name, index),
     )
 

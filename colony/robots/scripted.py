@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
 from colony.ir.frame import Reading
-from colony.ir.program import Robot, in_declared_units
+from colony.ir.program import Robot, in_declared_units, sent_name
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
@@ -21,7 +21,7 @@ from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of
+from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of, reported_fields
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Effect,
@@ -93,11 +93,7 @@ class ActuatorServer(QuietNode):
         self._readings = readings
         self._publisher = Publisher(ACTUATOR_SERVER, self._read, frames_kept=frames_kept)
         commanded = actuators_of(deployed, ACTUATOR_SERVER)
-        self._fields = {
-            f"last.{spec.name}.{spec.fields[i].name}": spec.fields[i]
-            for spec in commanded
-            for i in spec.reported
-        }
+        self._fields = reported_fields(commanded)
         self._commands = CommandDispatcher(
             commanded, timing(deployed.frame_ns), lambda *_: None, on_dispatch=self._on_dispatch
         )
@@ -146,7 +142,7 @@ class ActuatorServer(QuietNode):
     def _on_dispatch(self, actuator: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
         values = in_declared_units(dispatch.values, actuator.fields)
         if values is not None:
-            self._given.update(f"last.{actuator.name}.{field.name}" for field in actuator.fields)
+            self._given.update(sent_name(actuator.name, field.name) for field in actuator.fields)
         self._sent.append(SentCommand(dispatch.k, actuator.name, dispatch.by, values, dispatch.fault))
 
 

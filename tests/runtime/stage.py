@@ -14,7 +14,7 @@ from colony.runtime.assembly.sharing import client_processes
 from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.protocol.deployment import ActuatorSpec, actuators_of, deployment
+from colony.runtime.protocol.deployment import ActuatorSpec, actuators_of, deployment, reported_fields
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -105,9 +105,7 @@ class TraceServer(QuietNode):
     def _sent(self, tick: Tick) -> dict[str, Reading]:
         """What actuators were given last, in declared units."""
         given = self._desk.fields(tick)
-        fields = {
-            f"last.{a.name}.{a.fields[i].name}": a.fields[i] for a in self._commanded for i in a.reported
-        }
+        fields = reported_fields(self._commanded)
         return {
             name: in_declared_units((sample.value,), (fields[name],))[0]  # type: ignore[arg-type, index]
             for name, sample in given.items()

@@ -8,10 +8,11 @@ from dataclasses import replace
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import unify, with_article, with_articles
-from colony.dsl.check.reserved import SENT, reject_reserved_name
+from colony.dsl.check.reserved import reject_reserved_name
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol
 from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
+from colony.ir.program import SENT
 from colony.ir.types import (
     BOOL,
     DEGREES,

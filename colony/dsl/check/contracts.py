@@ -8,7 +8,7 @@ from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.references import actuator_named
-from colony.dsl.check.reserved import RESTARTED, SENT
+from colony.dsl.check.reserved import RESTARTED
 from colony.dsl.check.scope import BrokenSymbol, SensorSymbol
 from colony.dsl.check.sent import sent_field
 from colony.ir import program as ir
@@ -131,7 +131,7 @@ def _given_restarted(checker: Checker, node: ast.GivenDecl, *, is_first: bool) -
 
 def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
     """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`, with or without its age."""
-    if node.sensor.path[0] == SENT:
+    if node.sensor.path[0] == ir.SENT:
         sent = sent_field(checker, node.sensor)
         return None if sent is None else _given_to(checker, node, sent)
     symbol = checker.scope.robot.values.get(node.sensor.text)

@@ -7,7 +7,7 @@ from itertools import islice
 from colony.dsl import ast
 from colony.dsl.check.calls import FORMER_FUNCTIONS, FUNCTION_NAMES
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.reserved import RESTARTED, SENT
+from colony.dsl.check.reserved import RESTARTED
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     BrokenSymbol,
@@ -32,7 +32,7 @@ from colony.ir.types import BOOL, DIMENSIONLESS, DURATION, Enum
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
     """Return the typed expression that a name refers to, or None after reporting an error."""
     head = node.path[0]
-    if head == SENT:
+    if head == program_ir.SENT:
         return _sent_before(checker, node)
     if len(node.path) == 1:
         if head in checker.loops:

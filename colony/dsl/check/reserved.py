@@ -6,12 +6,10 @@ from collections.abc import Iterator
 
 from colony.dsl import ast
 from colony.dsl.check.scope import Report, Scope
+from colony.ir.program import SENT
 
 RESTARTED = "restarted"
 """Name of the value that is true in the first frame after memory was lost."""
-
-SENT = "last"
-"""First part of the name of what an actuator was given in the frame before."""
 
 RESERVED_NAMES = {
     RESTARTED: "it is true in the first frame after memory was lost",

@@ -8,14 +8,14 @@ the leader is connected, no other process may deploy.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Literal
 
 import msgspec
 
 from colony.execute.compiled import Compiled
 from colony.execute.needs import BOUNDS
-from colony.ir.program import Actuator
+from colony.ir.program import Actuator, sent_name
 from colony.ir.types import Bool, ScalarValue
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings
@@ -146,6 +146,11 @@ def variables_read(bindings: Bindings) -> tuple[str, ...]:
 def actuators_of(deployed: Deployment, server: str) -> tuple[ActuatorSpec, ...]:
     """Return the actuators that are bound to a server."""
     return tuple(spec for spec in deployed.actuators if spec.server == server)
+
+
+def reported_fields(specs: Iterable[ActuatorSpec]) -> dict[str, ActuatorFieldSpec]:
+    """Return the `reported` fields of actuators, by the names under which their server publishes them."""
+    return {sent_name(s.name, s.fields[i].name): s.fields[i] for s in specs for i in s.reported}
 
 
 def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:

@@ -20,7 +20,7 @@ from itertools import chain, islice
 from typing import Any, NamedTuple
 
 from colony.ir.frame import Decision, Frame, Outcome
-from colony.ir.program import Program
+from colony.ir.program import SENT, Program
 from colony.ir.types import Array
 from colony.ir.version import SEMANTICS, semantics_mismatch
 from colony.runtime.recordings.json_text import seconds_text
@@ -119,9 +119,6 @@ RESERVED = frozenset(
 """Members of a line that are not sensors or actuators; names in a program cannot contain `@`."""
 
 
-_SENT = "last."
-"""Beginning of the names of what actuators were given last, which another program may not read."""
-
 RECORD_AGAIN = "use the colony that recorded it, or record the run again"
 """Hint for recordings of another version of the semantics."""
 
@@ -205,7 +202,7 @@ class _RowParser:
 
     def _is_reading(self, number: int, text: str, row: dict[str, Any], key: str) -> bool:
         """Return True if the key is a sensor; check the size of its value."""
-        if key not in self._sizes and (key in self._ignored or key.startswith(_SENT)):
+        if key not in self._sizes and (key in self._ignored or key.startswith(f"{SENT}.")):
             return False
         if key not in self._sizes:
             hint = did_you_mean(key, self._sizes) or f"the robot has {', '.join(self._sizes)}"

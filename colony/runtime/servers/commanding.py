@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from colony.execute.needs import BOUNDS
+from colony.ir.program import sent_name
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing
 from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions
@@ -144,7 +145,7 @@ class CommandDispatcher:
         if tick.k < self._k:
             return {}
         return {
-            f"last.{name}.{spec.fields[i].name}": Sample(given[i], tick.t_ns)
+            sent_name(name, spec.fields[i].name): Sample(given[i], tick.t_ns)
             for name, spec in self._actuators.items()
             if spec.reported and (given := self._given.get(name)) is not None
             for i in spec.reported

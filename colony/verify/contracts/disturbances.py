@@ -44,7 +44,7 @@ _QUICK_SHARE = 0.05
 """Share of a full query's resources for a proof in one frame: there is one at once, or seldom at all."""
 
 _DECISIONS = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
-"""What any disturbance can change in a contract. Lost clients change what is active as well."""
+"""Expressions whose values any disturbance can change. Lost clients change those of `IsActive` as well."""
 
 
 class Confirmer:

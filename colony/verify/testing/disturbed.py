@@ -13,7 +13,7 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.drawing import Choices
 
 _LARGE = 1000.0
-"""How far from its finite bound a field is drawn whose other bound is infinite."""
+"""Maximum distance from its finite bound of a drawn field whose other bound is infinite."""
 
 
 class DisturbedFrame(NamedTuple):

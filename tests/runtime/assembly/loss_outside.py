@@ -19,9 +19,7 @@ connections that drive, lock, stop and set variables, sensors that fail, and a p
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -40,6 +38,7 @@ from colony.verify.contracts.results import Options, Proved
 from colony.verify.reference.interpreter import Interpreter
 from tests.runtime.assembly.loss_policy import epochs
 from tests.runtime.assembly.outside_stage import MS, SERVERS, Happened, Robot, variant
+from tests.runtime.assembly.seeds import parser, run_seeds
 
 FAULTY_NS = 5_000 * MS
 QUIET_NS = 5_000 * MS
@@ -363,23 +362,5 @@ def check_last(robot: Robot, process: Process, one: Happened) -> None:
             )
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("--seeds", type=int, default=1000)
-    parser.add_argument("--first", type=int, default=0)
-    options = parser.parse_args()
-    totals, failed, began = Counter[str](), 0, time.monotonic()
-    for seed in range(options.first, options.first + options.seeds):
-        try:
-            totals += run(seed)
-        except AssertionError as problem:
-            failed += 1
-            print(problem, file=sys.stderr, flush=True)
-    print(f"{options.seeds} seeds from {options.first} in {time.monotonic() - began:.0f} s, {failed} failed")
-    for what, count in totals.items():
-        print(f"  {count:>9} {what}")
-    return 1 if failed else 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_seeds(run, parser(__doc__).parse_args()))

@@ -21,9 +21,7 @@ declared void. They find out and ask for a new epoch; until then either frame co
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -46,6 +44,7 @@ from colony.verify.testing.agreement import frame_in_base_units
 from colony.verify.testing.strategies import run_of_seed
 from tests.programs import OneClient
 from tests.runtime.assembly.loss_stage import Robot, Seen
+from tests.runtime.assembly.seeds import parser, run_seeds
 
 MS = 1_000_000
 FAULTY, QUIET = 22, 20
@@ -292,23 +291,11 @@ def check_recovered(robot: Robot, last: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("--seeds", type=int, default=1000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--degrade", action="store_true", help="lesser behaviors take over")
-    parser.add_argument("--often", help="the process that fails most often")
-    options = parser.parse_args()
-    totals, failed, began = Counter[str](), 0, time.monotonic()
-    for seed in range(options.first, options.first + options.seeds):
-        try:
-            totals += run(seed, degrade=options.degrade, often=options.often)
-        except AssertionError as problem:
-            failed += 1
-            print(problem, file=sys.stderr)
-    print(f"{options.seeds} seeds from {options.first} in {time.monotonic() - began:.0f} s, {failed} failed")
-    for what, count in totals.items():
-        print(f"  {count:>9} {what}")
-    return 1 if failed else 0
+    options_parser = parser(__doc__)
+    options_parser.add_argument("--degrade", action="store_true", help="lesser behaviors take over")
+    options_parser.add_argument("--often", help="the process that fails most often")
+    options = options_parser.parse_args()
+    return run_seeds(partial(run, degrade=options.degrade, often=options.often), options)
 
 
 if __name__ == "__main__":

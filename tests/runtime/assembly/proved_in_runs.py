@@ -11,9 +11,7 @@ that is proved at all.
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -37,6 +35,7 @@ from colony.verify.contracts.results import Options, Proved, ProvedInTime
 from colony.verify.testing.strategies import run_of_seed
 from tests.runtime.assembly.loss_policy import plan
 from tests.runtime.assembly.loss_stage import Robot
+from tests.runtime.assembly.seeds import parser, run_seeds
 from tests.verify.drawn_programs import Holding, with_weaker_contracts
 
 FRAMES = 60
@@ -236,23 +235,5 @@ def check(robot: Robot, kind: Kind, holding: set[str]) -> Counter[str]:
     return counts
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("--seeds", type=int, default=1000)
-    parser.add_argument("--first", type=int, default=0)
-    options = parser.parse_args()
-    totals, failed, began = Counter[str](), 0, time.monotonic()
-    for seed in range(options.first, options.first + options.seeds):
-        try:
-            totals += run(seed)
-        except AssertionError as problem:
-            failed += 1
-            print(problem, file=sys.stderr, flush=True)
-    print(f"{options.seeds} seeds from {options.first} in {time.monotonic() - began:.0f} s, {failed} failed")
-    for what, count in totals.items():
-        print(f"  {count:>9} {what}")
-    return 1 if failed else 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_seeds(run, parser(__doc__).parse_args()))
