@@ -15,6 +15,7 @@ MODULES = (
     "compile_time",
     "proof",
     "front_end",
+    "functions",
     "simulation",
     "vision",
     "transport",

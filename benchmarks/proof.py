@@ -25,7 +25,7 @@ from tests.networks import chain, ladder, random_program
 SEED = 1
 SECONDS = {100: 0.3, 1_000: 3.0, 10_000: 60.0}
 SECONDS_FOR_A_BEHAVIOR = 10.0
-BEHAVIORS = Path(__file__).parent.parent / "behaviors"
+ROOT = Path(__file__).parent.parent
 
 Row = dict[str, object]
 
@@ -35,7 +35,12 @@ def run() -> list[Row]:
     rows = _compilation("chain", chain, "modules")
     rows += _compilation("ladder", ladder, "rungs")
     rows += _compilation("random graph", lambda n: random_program(n, SEED), "modules")
-    rows += [_behavior(file) for file in sorted(BEHAVIORS.glob("*.colony"))]
+    rows += [
+        _behavior(file)
+        for file in sorted(
+            [*ROOT.glob("behaviors/*.colony"), *ROOT.glob("robots/*.colony")], key=lambda path: path.stem
+        )
+    ]
     return rows
 
 

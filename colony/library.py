@@ -29,10 +29,14 @@ PROOF_TIMEOUT_S = 60.0
 """Timeout of z3 in seconds for one question of a proof."""
 
 
-def load(path: str | PathLike[str]) -> Program:
+def load(path: str | PathLike[str], *, robot: str | PathLike[str] | None = None) -> Program:
     """Check the file at `path`, with everything that it imports, and return its program.
 
-    `path` may also be the name of a behavior that comes with colony: `wander`.
+    Args:
+        path: The file, or the name of a behavior that comes with colony: `wander`.
+        robot: The description that `import robot` brings in, by its name or path. By default it is that of
+            the
+            project: `robot` in the nearest colony.toml.
 
     Raises:
         DiagnosticError: there are errors; it has all diagnostics, warnings included.
@@ -40,11 +44,19 @@ def load(path: str | PathLike[str]) -> Program:
     from colony.dsl.load import load_file
 
     _expect_path(path)
-    return load_file(Shipped.BEHAVIOR.find(str(path)))
+    return load_file(Shipped.BEHAVIOR.find(str(path)), robot=_description(robot))
 
 
-def loads(text: str, name: str = "<text>", directory: str | PathLike[str] = ".") -> Program:
+def loads(
+    text: str,
+    name: str = "<text>",
+    directory: str | PathLike[str] = ".",
+    *,
+    robot: str | PathLike[str] | None = None,
+) -> Program:
     """Check a text and return its program; messages call it `name`, imports are relative to `directory`.
+
+    `robot` is the description that `import robot` brings in, by its name or path: a text has no project.
 
     Raises:
         DiagnosticError: there are errors; it has all diagnostics, warnings included.
@@ -54,7 +66,13 @@ def loads(text: str, name: str = "<text>", directory: str | PathLike[str] = ".")
     _expect(text, str, "the text of a behavior; `load` takes the path of a file")
     _expect(name, str, "the name of a text")
     _expect_path(directory)
-    return load_text(text, name, str(directory))
+    return load_text(text, name, str(directory), robot=_description(robot))
+
+
+def _description(robot: str | PathLike[str] | None) -> str | None:
+    if robot is not None:
+        _expect_path(robot)
+    return None if robot is None else str(robot)
 
 
 def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIMEOUT_S) -> Build:

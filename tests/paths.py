@@ -6,5 +6,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 MAPS = ROOT / "maps"
-BEHAVIORS = sorted((ROOT / "behaviors").glob("*.colony"))
-"""The behaviors that come with the project."""
+ROBOTS = sorted((ROOT / "robots").glob("*.colony"))
+"""The robots that come with the project."""
+
+BEHAVIORS = sorted([*(ROOT / "behaviors").glob("*.colony"), *ROBOTS], key=lambda path: path.stem)
+"""The behaviors that come with the project, with its robots."""

@@ -10,7 +10,7 @@ import colony as library
 from colony.shipped import Shipped
 from tests.cli.conftest import Colony
 from tests.cli.conftest import colony as colony
-from tests.paths import BEHAVIORS, MAPS, ROOT
+from tests.paths import BEHAVIORS, MAPS, ROBOTS, ROOT
 
 OWN = "param slow = 100 mm/s\n"
 """A file of one's own, with the name of one that comes with colony."""
@@ -25,7 +25,10 @@ network { drive = mine }
 
 
 def test_all_that_is_shipped_has_a_name() -> None:
-    assert Shipped.BEHAVIOR.names() == sorted(path.stem for path in BEHAVIORS)
+    assert Shipped.BEHAVIOR.names() + Shipped.ROBOT.names() == [
+        path.stem for path in [*(b for b in BEHAVIORS if b not in ROBOTS), *ROBOTS]
+    ]
+    assert Shipped.BEHAVIOR.find("rome") == str(ROOT / "robots" / "rome.colony")
     assert Shipped.MAP.names() == sorted(path.stem for path in MAPS.glob("*.stickrep"))
     assert Shipped.MAP.path("loop") == MAPS / "loop.stickrep"
 
@@ -77,7 +80,21 @@ def test_an_import_takes_the_file_beside_it_with_or_without_its_suffix(tmp_path:
 def test_a_file_may_extend_the_one_of_its_own_name(tmp_path: Path) -> None:
     (tmp_path / "rome.colony").write_text('import "rome"\nlet own = 500 mm\n')
     places = [place for place, _ in library.load(tmp_path / "rome.colony").files]
-    assert places == ["colony.shipped/rome.colony", "rome.colony"]
+    shipped = ["colony.shipped/functions.colony", "colony.shipped/rome.colony"]
+    assert places == [*shipped, "rome.colony"]
+
+
+@pytest.mark.parametrize("name", ["wander", "teleop", "herbert"])
+def test_a_behavior_for_any_robot_is_for_rome_where_no_project_says_otherwise(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert library.load(name).robot.name == "rome"
+    other = (ROOT / "robots" / "rome.colony").read_text().replace("robot rome {", "robot other {")
+    (tmp_path / "other.colony").write_text(other)
+    assert library.load(name, robot="./other.colony").robot.name == "other"
+    (tmp_path / "colony.toml").write_text('robot = "./other.colony"')
+    assert library.load(name).robot.name == "other"
 
 
 def test_what_comes_with_colony_is_listed_for_a_name_like_none(colony: Colony) -> None:
@@ -94,7 +111,7 @@ def test_a_recording_has_files_of_ones_own_and_those_that_come_with_colony(
     (tmp_path / "user.colony").write_text(USER)
     places = [place for place, _ in library.load(tmp_path / "user.colony").files]
     assert sorted(places) == [
-        *("colony.shipped/rome.colony", "colony.shipped/teleop.colony", "colony.shipped/wander.colony"),
+        *(f"colony.shipped/{name}.colony" for name in ("functions", "rome", "teleop", "wander")),
         *("user.colony", "wander.colony"),
     ]
     ran = colony("run", "user.colony", "--map", "loop", "--duration", "1", "--record", "run.mcap")

@@ -12,6 +12,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.reporting import PROGRESS_DELAY_S, load_program, refuse, report, say
+from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.ir.version import SEMANTICS
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 @click.command("audit", short_help="compare a recorded run with the reference interpreter")
 @click.argument("recording", metavar="RECORDING")
 @click.argument("file", metavar="[FILE]", required=False, type=BEHAVIOR)
+@description_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(recording: str, file: str | None, format_: str) -> None:
     """Decide every frame of a recording again, and show the first frame decided differently.

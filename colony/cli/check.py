@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -10,28 +11,37 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import Format, format_option, is_unreadable, one_line, report, say
+from colony.cli.robot_choice import descriptions_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.collector import gc_paused
 
 if TYPE_CHECKING:
+    from colony.dsl.descriptions import RobotChoice
     from colony.dsl.load import Checked
     from colony.text.diagnostics import Diagnostic
 
 
+_ANY: dict[str, RobotChoice | None] = {"": None}
+"""The robots of a check without `--robot`: whichever the file's project names."""
+
+
 @click.command("check", short_help="find errors in behavior files")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
+@descriptions_option()
 @format_option
-def command(files: tuple[str, ...], format_: str) -> None:
+def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str) -> None:
     """Check behavior files and everything that they import: syntax, names, types, units, wiring.
 
     All errors and warnings are reported, each with its location and a hint. A note reports each file that
-    does not name its version with `language 2`.
+    does not name its version with `language 2`. With several --robot each file is checked against each of
+    these descriptions; findings that are not about all of them say of which robot they are.
 
     Exit code: 0 without errors (warnings and notes are allowed), 1 with errors, 2 if a file cannot be read.
 
     \b
     Example:
       colony check wander
+      colony check patrol.colony --robot rome --robot amr
       colony check --format json behaviors/*.colony
       colony check --format sarif behaviors/*.colony > check.sarif
     """
@@ -43,8 +53,10 @@ def command(files: tuple[str, ...], format_: str) -> None:
         noted: set[str] = set()
         unreadable = False
         for file in files:
-            checked = check_file(file)
-            found = in_order((*checked.diagnostics, *_notes(checked, noted)))
+            by_robot = {name: check_file(file, robot=robot) for name, robot in (robots or _ANY).items()}
+            checked = next(iter(by_robot.values()))
+            notes = [note for one in by_robot.values() for note in _notes(one, noted)]
+            found = in_order((*_of_all({name: one.diagnostics for name, one in by_robot.items()}), *notes))
             diagnostics += found
             is_missing = is_unreadable(checked.diagnostics)
             unreadable = unreadable or is_missing
@@ -53,7 +65,7 @@ def command(files: tuple[str, ...], format_: str) -> None:
                     say(one_line(checked.diagnostics[0]))
                 else:
                     report(found)
-                if checked.program is not None:
+                if all(one.program is not None for one in by_robot.values()):
                     click.echo(f"{file}: ok")
     if format_ != "text":
         click.echo(_formatted(diagnostics, cast(Format, format_)))
@@ -61,6 +73,25 @@ def command(files: tuple[str, ...], format_: str) -> None:
         raise click.exceptions.Exit(EXIT_MISUSE)
     if has_errors(diagnostics):
         raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def _of_all(by_robot: Mapping[str, Sequence[Diagnostic]]) -> Iterator[Diagnostic]:
+    """Yield the findings of checks against several robots; one that is not of all says of which it is."""
+    from colony.text.wording import listed
+
+    seen: dict[tuple[object, ...], list[str]] = {}
+    first: dict[tuple[object, ...], Diagnostic] = {}
+    for name, diagnostics in by_robot.items():
+        for d in diagnostics:
+            key: tuple[object, ...] = (d.code, d.span.source.name, d.span.start, d.span.end, d.message)
+            first.setdefault(key, d)
+            names = seen.setdefault(key, [])
+            names += [] if name in names else [name]
+    for key, d in first.items():
+        of_some = (
+            f"{listed([f'`{n}`' for n in seen[key]], 'and')}: " if len(seen[key]) < len(by_robot) else ""
+        )
+        yield replace(d, message=f"{of_some}{d.message}")
 
 
 def _notes(checked: Checked, noted: set[str]) -> Iterator[Diagnostic]:

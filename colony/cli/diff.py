@@ -9,6 +9,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
 from colony.cli.reporting import load_program, report
+from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import depth_option, timeout_option
 from colony.extras import expect_extras
@@ -19,6 +20,7 @@ from colony.verify.interruption import reliable_interrupts
 @click.command("diff", short_help="prove two behaviors equivalent, or show where they differ")
 @click.argument("a", metavar="A.colony", type=BEHAVIOR)
 @click.argument("b", metavar="B.colony", type=BEHAVIOR)
+@description_option()
 @click.option(
     "--ignore",
     multiple=True,

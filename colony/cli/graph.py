@@ -8,6 +8,7 @@ import click
 
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import load_program
+from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 
 FORMATS = ("svg", "dot", "graphml")
@@ -15,6 +16,7 @@ FORMATS = ("svg", "dot", "graphml")
 
 @click.command("graph", short_help="draw the network as SVG, DOT or GraphML")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
+@description_option()
 @click.option(
     "-o",
     "--output",

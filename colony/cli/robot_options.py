@@ -12,6 +12,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.reporting import say
+from colony.cli.robot_choice import check_robot_name
 
 if TYPE_CHECKING:
     from colony.runtime.transport.live.robot_address import RobotAddress
@@ -27,7 +28,7 @@ _SECURITY = "Your credentials for a gateway: a TOML file with user, certificate,
 
 def robot_option(help: str, *, required: bool = False) -> Callable[[F], F]:
     """Return the option `--robot NAME`, which accepts valid names of robots."""
-    return click.option("--robot", required=required, metavar="NAME", callback=_check_robot, help=help)
+    return click.option("--robot", required=required, metavar="NAME", callback=check_robot_name, help=help)
 
 
 def connect_option(help: str = _CONNECT) -> Callable[[F], F]:
@@ -71,15 +72,6 @@ def expect_robot_with_endpoint(robot: str | None, connect: str | None) -> None:
     """
     if robot is None and connect not in (None, HERE):
         raise click.UsageError("--connect ENDPOINT requires --robot NAME, the robot behind the gateway")
-
-
-def _check_robot(context: click.Context, option: click.Parameter, name: str | None) -> str | None:
-    from colony.runtime.transport.live.names import check_name
-
-    try:
-        return None if name is None else check_name("robot", name)
-    except ValueError as problem:
-        raise click.BadParameter(str(problem), context, option) from None
 
 
 @contextmanager

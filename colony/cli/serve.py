@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.reporting import refuse, say
-from colony.cli.robot_options import reporting_connection_errors, robot_option
+from colony.cli.reporting import refuse, report, say
+from colony.cli.robot_choice import chosen_robot, described_robot_option
+from colony.cli.robot_options import reporting_connection_errors
 from colony.cli.shipped_files import map_option
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
     from colony.robots.serving import Settings
+    from colony.runtime.protocol.interface import Interface
 
 ALL = "all"
 
@@ -34,7 +36,11 @@ class Folder(click.Path):
 
 @click.command(name="serve", short_help="run the servers of a robot")
 @click.argument("server", metavar="SERVER", type=click.Choice(NAMES, case_sensitive=False))
-@robot_option("The name by which programs find the robot.", required=True)
+@described_robot_option(
+    "The name by which programs find the robot. With a description (one that comes with colony, one in the "
+    "folder robots, or a path), programs that were checked against another interface are refused.",
+    required=True,
+)
 @map_option
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="The seed of the sensors' noise."
@@ -86,6 +92,7 @@ def command(server: str, **arguments: Any) -> None:
     Example:
       colony serve all --robot rome --map loop
       colony serve all --robot rome --map loop --listen tls/0.0.0.0:7447 --security users.toml
+      colony serve all --robot lab=rome --map loop
       colony serve Simulator --robot rome --map loop
       colony serve RServer --robot rome
     """
@@ -100,7 +107,12 @@ def command(server: str, **arguments: Any) -> None:
     try:
         directions = cameras(texts)
         settings = Settings(
-            **arguments | {"cameras": directions, "state": arguments["state"] or _state_folder(robot)}
+            **arguments
+            | {
+                "cameras": directions,
+                "state": arguments["state"] or _state_folder(robot),
+                "interface": _interface(),
+            }
         )
         objection_text = objection(server, settings)
     except OptionError as bad:
@@ -142,6 +154,25 @@ def objection(server: str, settings: Settings) -> str | None:
     if settings.listen is not None and server not in ("Gateway", ALL):
         return f"--listen requires Gateway or all; found {server}"
     return None
+
+
+def _interface() -> Interface | None:
+    """Return the interface of the description that the options give; None if they give no more than a name.
+
+    Exits with 1 if the description has errors.
+    """
+    choice = chosen_robot()
+    if choice is None or choice.is_name:
+        return None
+    from colony.dsl.language_version import VERSION_LINE
+    from colony.dsl.load import check_text
+    from colony.runtime.protocol.interface import interface_of
+
+    checked = check_text(f"{VERSION_LINE}\nimport robot\n", "--robot", robot=choice)
+    if checked.program is None:
+        report(checked.diagnostics)
+        raise click.exceptions.Exit(EXIT_ERRORS)
+    return interface_of(checked.program.robot)
 
 
 def _state_folder(robot: str) -> Path:

@@ -11,6 +11,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import check_to_run, is_unreadable, one_line, report, say
+from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.text.wording import counted
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 @click.command("test", short_help="run the tests that behavior files contain")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
+@description_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 @click.option(
     "--only",

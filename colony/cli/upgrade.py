@@ -14,6 +14,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import cannot_write, write_whole
 from colony.cli.reporting import is_unreadable, one_line, printable, report, say
+from colony.cli.robot_choice import chosen_robot, description_option
 from colony.collector import gc_paused
 from colony.files import open_regular
 
@@ -25,6 +26,7 @@ _LINES = re.compile(r"[^\n]*\n|[^\n]+")
 
 @click.command("upgrade", short_help="rewrite behavior files for this version of the language")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
+@description_option()
 @click.option(
     "--check", "check_only", is_flag=True, help="Write nothing; exit with 1 if a file would change."
 )
@@ -52,7 +54,7 @@ def command(files: tuple[str, ...], check_only: bool, show_diff: bool) -> None:
     with gc_paused():
         from colony.dsl.upgrade_files import upgrade_files
 
-        upgrades = upgrade_files(files)
+        upgrades = upgrade_files(files, robot=chosen_robot())
     codes = {_process(upgrade, check_only=check_only, show_diff=show_diff) for upgrade in upgrades}
     if max(codes):
         raise click.exceptions.Exit(max(codes))

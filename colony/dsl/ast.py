@@ -126,10 +126,11 @@ class SliceOf(ExpressionNode):
 
 @record
 class Call(ExpressionNode):
-    """`function(argument, ...)`."""
+    """`function(argument, ..., name = argument, ...)`; the function's name may be dotted."""
 
     function: Name
     arguments: tuple[Expression, ...]
+    named: tuple[Argument, ...] = ()
 
 
 @record
@@ -141,6 +142,18 @@ class Comprehension(ExpressionNode):
     variable: Name
     low: Expression
     high: Expression
+    condition: Expression | None
+
+
+@record
+class ElementsComprehension(ExpressionNode):
+    """`function(body for variable in array [if condition])`, or `for variable, bearing in array`."""
+
+    function: Name
+    body: Expression
+    variable: Name
+    bearing: Name | None
+    array: Expression
     condition: Expression | None
 
 
@@ -175,6 +188,7 @@ Expression = (
     | SliceOf
     | Call
     | Comprehension
+    | ElementsComprehension
     | By
     | Is
 )
@@ -218,11 +232,21 @@ class FrameDecl(SyntaxNode):
 
 
 @record
+class BearingDecl(SyntaxNode):
+    """`bearing first step angle`, with or without the step, or `bearing [angle, ...]`."""
+
+    angles: tuple[Expression, ...] | None
+    first: Expression | None
+    step: Expression | None
+
+
+@record
 class SensorDecl(Named):
     """`sensor name[size] : type ... from server.field ...`."""
 
     size: Expression | None
     type: TypeName
+    bearing: BearingDecl | None = None
     range: Range | None
     default: Expression | None
     server: Name
@@ -232,10 +256,11 @@ class SensorDecl(Named):
 
 @record
 class FieldDecl(Named):
-    """`name : type range ...`, in an actuator."""
+    """`name : type range ... default ...`, in an actuator."""
 
     type: TypeName
     range: Range | None
+    default: Expression | None
 
 
 @record
@@ -281,6 +306,16 @@ class ImportDecl(SyntaxNode):
     alias: Name | None
 
 
+@record
+class RobotImportDecl(SyntaxNode):
+    """`import robot`: the interface of the robot that the program is for."""
+
+    @property
+    def alias(self) -> None:
+        """None: the names of a robot have no prefix."""
+        return None
+
+
 # --- derived values and modules ------------------------------------------------------------------
 
 
@@ -292,6 +327,23 @@ class ParamDecl(NamedValue):
 @record
 class LetDecl(NamedValue):
     """`let name = value`."""
+
+
+@record
+class Parameter(Named):
+    """`name[size] : type = initial`; an array without `size` is of any length."""
+
+    is_array: bool
+    size: Expression | None
+    type: TypeName
+    initial: Expression | None
+
+
+@record
+class FunctionDecl(NamedValue):
+    """`let name(parameter, ...) = value`."""
+
+    parameters: tuple[Parameter, ...]
 
 
 @record
@@ -325,7 +377,12 @@ class MachineDecl(Named):
     transitions: tuple[TransitionDecl, ...]
 
 
-Clause = ParamDecl | LetDecl | StateDecl | NextDecl
+@record
+class InputDecl(Parameter):
+    """`input name[size] : type = initial`."""
+
+
+Clause = InputDecl | ParamDecl | LetDecl | FunctionDecl | StateDecl | NextDecl
 
 
 @record
@@ -348,7 +405,7 @@ class ModuleDecl(Named):
 
 @record
 class DerivedModuleDecl(Named):
-    """`failsafe module name = base(param = constant, ...)`."""
+    """`failsafe module name = base(param = constant, input = expression, ...)`."""
 
     failsafe: bool = False
     base: Reference
@@ -376,7 +433,7 @@ class RateDecl(SyntaxNode):
     period: Expression
 
 
-PythonClause = ParamDecl | ReadsDecl | CommandsDecl | RateDecl
+PythonClause = InputDecl | ParamDecl | ReadsDecl | CommandsDecl | RateDecl
 
 
 @record
@@ -460,10 +517,11 @@ class Elements(SyntaxNode):
 
 @record
 class GivenDecl(SyntaxNode):
-    """`sensor[index] = value taken age ago`, after `given`."""
+    """`sensor[index .. last] = value taken age ago`, after `given`; one element without `last`."""
 
     sensor: Reference
     index: Expression | None
+    last: Expression | None = None
     value: Expression | Missing | Elements
     taken_ago: Expression | None = None
 
@@ -493,8 +551,10 @@ Declaration = (
     RobotDecl
     | EnumDecl
     | ImportDecl
+    | RobotImportDecl
     | ParamDecl
     | LetDecl
+    | FunctionDecl
     | StateDecl
     | NextDecl
     | MachineDecl

@@ -7,6 +7,8 @@ and raise nothing. Children include all tokens; an absent optional part is None.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
+from itertools import takewhile
 from typing import Any, Literal, cast
 
 from colony.dsl import ast
@@ -66,11 +68,12 @@ class Builder:
 
     def sensor(self, c: Children) -> ast.SensorDecl:
         """Build a sensor declaration."""
-        _, name, size, _, type_, range_, default, _, server, _, field, within = c
+        _, name, size, _, type_, bearing, range_, default, _, server, _, field, within = c
         return ast.SensorDecl(
             name=_name(name),
             size=size,
             type=type_,
+            bearing=bearing,
             range=range_,
             default=default,
             server=_name(server),
@@ -83,7 +86,15 @@ class Builder:
         """Return the part that follows the word or bracket."""
         return c[1]
 
-    size = default = within = window = limit_when = condition = state_type = parenthesized = second
+    def bearing(self, c: Children) -> ast.BearingDecl:
+        """Build the bearings of a sensor."""
+        if isinstance(c[1], ast.Elements):
+            return ast.BearingDecl(angles=c[1].values, first=None, step=None, **_extent(c))
+        return ast.BearingDecl(angles=None, first=c[1], step=c[2], **_extent(c))
+
+    size = default = within = bearing_step = window = limit_when = condition = state_type = initial = (
+        parenthesized
+    ) = second
 
     def alias(self, c: Children) -> ast.Name:
         """Return the name behind `as`."""
@@ -109,7 +120,7 @@ class Builder:
 
     def field(self, c: Children) -> ast.FieldDecl:
         """Build a field of an actuator."""
-        return ast.FieldDecl(name=_name(c[0]), type=c[2], range=c[3], **_extent(c))
+        return ast.FieldDecl(name=_name(c[0]), type=c[2], range=c[3], default=c[4], **_extent(c))
 
     def idle(self, c: Children) -> ast.IdleDecl:
         """Build the idle command of an actuator."""
@@ -139,6 +150,10 @@ class Builder:
         """Build an import."""
         return ast.ImportDecl(path=_unquoted(c[1]), alias=c[2], **_extent(c))
 
+    def robot_import(self, c: Children) -> ast.RobotImportDecl:
+        """Build the import of the program's robot."""
+        return ast.RobotImportDecl(**_extent(c))
+
     # --- derived values
 
     def param(self, c: Children) -> ast.ParamDecl:
@@ -148,6 +163,24 @@ class Builder:
     def let(self, c: Children) -> ast.LetDecl:
         """Build a let declaration."""
         return ast.LetDecl(name=_name(c[1]), value=c[3], **_extent(c))
+
+    def function(self, c: Children) -> ast.FunctionDecl:
+        """Build the declaration of a function."""
+        parameters = _of(ast.Parameter, c)
+        return ast.FunctionDecl(name=_name(c[1]), parameters=parameters, value=c[-1], **_extent(c))
+
+    def parameter(self, c: Children) -> ast.Parameter:
+        """Build a parameter of a function."""
+        return ast.Parameter(**_parameter(c))
+
+    def shape(self, c: Children) -> tuple[ast.Expression | None]:
+        """Return the length of an array, None for any length, in a tuple."""
+        return (c[1],)
+
+    def input(self, c: Children) -> ast.InputDecl:
+        """Build an input of a module."""
+        values = {f.name: getattr(c[1], f.name) for f in fields(ast.Parameter)}
+        return ast.InputDecl(**{**values, **_extent(c)})
 
     def state(self, c: Children) -> ast.StateDecl:
         """Build a state declaration."""
@@ -285,8 +318,15 @@ class Builder:
 
     def assignment(self, c: Children) -> ast.GivenDecl:
         """Build the value that a step gives to a sensor or to an element of it."""
-        sensor, index, _, value, taken_ago = c
-        return ast.GivenDecl(sensor=sensor, index=index, value=value, taken_ago=taken_ago, **_extent(c))
+        sensor, place, _, value, taken_ago = c
+        index, last = place or (None, None)
+        return ast.GivenDecl(
+            sensor=sensor, index=index, last=last, value=value, taken_ago=taken_ago, **_extent(c)
+        )
+
+    def place(self, c: Children) -> tuple[ast.Expression, ast.Expression | None]:
+        """Return the index of the element that a step gives, or the first and last of several."""
+        return c[1], c[3] if len(c) > 3 else None
 
     def taken(self, c: Children) -> ast.Expression:
         """Return the age of a value that a step gives."""
@@ -365,9 +405,9 @@ class Builder:
 
     def call(self, c: Children) -> ast.Call:
         """Build a function call."""
-        arguments = _of(EXPRESSIONS, c)
-        depth = 1 + max((a.depth for a in arguments), default=0)
-        return ast.Call(function=_name(c[0]), arguments=arguments, depth=depth, **_extent(c))
+        arguments, named = _of(EXPRESSIONS, c), _of(ast.Argument, c)
+        depth = 1 + max((a.depth for a in (*arguments, *(n.value for n in named))), default=0)
+        return ast.Call(function=_called(c), arguments=arguments, named=named, depth=depth, **_extent(c))
 
     def comprehension(self, c: Children) -> ast.Comprehension:
         """Build a comprehension."""
@@ -384,9 +424,40 @@ class Builder:
             **_extent(c),
         )
 
+    def elements_comprehension(self, c: Children) -> ast.ElementsComprehension:
+        """Build a comprehension over the elements of an array."""
+        function, _, body, _, variable, *pair, _, array, condition, _ = c
+        bearing = next((token for token in pair if token is not None and token.type == "NAME"), None)
+        parts = [body, array] + ([] if condition is None else [condition])
+        return ast.ElementsComprehension(
+            function=_name(function),
+            body=body,
+            variable=_name(variable),
+            bearing=None if bearing is None else _name(bearing),
+            array=array,
+            condition=condition,
+            depth=1 + max(p.depth for p in parts),
+            **_extent(c),
+        )
+
     def reference(self, c: Children) -> ast.Reference:
         """Build a reference from its dotted path."""
         return ast.Reference(path=tuple([t.text for t in c[::2]]), **_extent(c))
+
+
+def _parameter(c: Children) -> dict[str, Any]:
+    name, shape, _, type_, initial = c
+    is_array, size = shape is not None, None if shape is None else shape[0]
+    parts = {"name": _name(name), "is_array": is_array, "size": size, "type": type_, "initial": initial}
+    return {**parts, "start": name.start, "end": _end([type_, initial])}
+
+
+def _called(c: Children) -> ast.Name:
+    """Return the name, perhaps dotted, of the function that is called."""
+    if c[1].type == "LPAR":
+        return _name(c[0])
+    parts = list(takewhile(lambda token: token.type != "LPAR", c))
+    return ast.Name(text="".join([t.text for t in parts]), start=c[0].start, end=parts[-1].end)
 
 
 def split_number(text: str) -> tuple[str, str | None]:

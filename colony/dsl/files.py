@@ -8,8 +8,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from colony.dsl import ast
+from colony.dsl.descriptions import shown as shown_path
 from colony.dsl.language_version import version_error
 from colony.dsl.parse import parse
+from colony.dsl.robot_import import (
+    Place,
+    Surroundings,
+    chosen_description,
+    declarer,
+    other_choice,
+    request,
+)
 from colony.files import COMPILED, read_file, reason, size_text
 from colony.record import Record, record
 from colony.shipped import Shipped
@@ -29,11 +38,12 @@ class Import(Record):
 
     Attributes:
         declaration: the import as written.
-        target: the key of the imported file.
-        path: its path relative to the importing file; None for a file shipped with colony.
+        target: the key of the imported file; of `import robot`, that of its description, "" for none.
+        path: its path relative to the importing file; None for a file shipped with colony. That of a
+            robot's description, which the program does not import by path, is absolute.
     """
 
-    declaration: ast.ImportDecl
+    declaration: ast.ImportDecl | ast.RobotImportDecl
     target: str
     path: str | None
 
@@ -134,11 +144,19 @@ def real_path(path: Path) -> str:
         return str(path)
 
 
-def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path | None = None) -> SourceTree:
+def load_tree(
+    path: Path,
+    name: str,
+    text: str | None = None,
+    *,
+    shipped: Path | None = None,
+    around: Surroundings | None = None,
+) -> SourceTree:
     """Load the file at `path` (or `text` in its place) and everything that it imports, transitively.
 
-    Imports by name are looked up in `shipped`, if given, instead of the files shipped with colony. Unreadable
-    files and cycles are reported as diagnostics; nothing is raised.
+    Imports by name are looked up in `shipped`, if given, instead of the files shipped with colony; `import
+    robot` is the robot that the program declares, or else the one of `around`. Unreadable files and cycles
+    are reported as diagnostics; nothing is raised.
     """
     loader = _Loader(shipped)
     key = real_path(path)
@@ -148,6 +166,7 @@ def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path |
         span = Span(Source(name, ""), 0, 0)
         return SourceTree(files=(), diagnostics=(problem.diagnostic(span),))
     loader.load(key, path, source)
+    loader.bind_robot(around or Surroundings())
     return SourceTree(files=loader.in_order(key), diagnostics=tuple(loader.diagnostics))
 
 
@@ -159,9 +178,17 @@ def relative_sources(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], 
     """
     paths: dict[str, str] = {}
     shipped = os.path.join(os.path.dirname(os.path.abspath(path)), SHIPPED)
+    robots = {i.target: i for file in tree.files for i in file.imports if _is_of_robot(i)}
     for file in reversed(tree.files):  # importers before what they import
+        robot = robots.get(file.key)
+        if (
+            file.key not in paths and robot is not None and not file.is_root
+        ):  # no import by path has placed it
+            paths[file.key] = robot.path or os.path.join(shipped, os.path.basename(robot.target))
         file_path = paths.setdefault(file.key, os.path.abspath(path))
         for import_ in file.imports:
+            if _is_of_robot(import_):
+                continue
             own = os.path.join(os.path.dirname(file_path), import_.path) if import_.path is not None else None
             target = own or os.path.join(shipped, os.path.basename(import_.target))
             paths.setdefault(import_.target, os.path.normpath(target))
@@ -169,6 +196,10 @@ def relative_sources(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], 
     return tuple(
         (Path(os.path.relpath(paths[file.key], base)).as_posix(), file.source) for file in tree.files
     )
+
+
+def _is_of_robot(import_: Import) -> bool:
+    return isinstance(import_.declaration, ast.RobotImportDecl)
 
 
 class _Loader:
@@ -208,6 +239,68 @@ class _Loader:
                 imports=tuple(imports),
                 lost_names=parsed.lost_names,
             )
+
+    def bind_robot(self, around: Surroundings) -> None:
+        """Resolve `import robot` in all files; load the robot's description if no file declares a robot."""
+        declared, requested = declarer(self._places()), request(self._places())
+        if declared is not None:
+            found = other_choice(declared, self.files, around)
+            self.diagnostics += [] if found is None else [found]
+            self._import_robot(declared[0].key, None)
+        elif requested is not None:
+            chosen = chosen_description(requested, around)
+            if isinstance(chosen, Diagnostic):
+                self.diagnostics.append(chosen)
+                self._import_robot("", None)
+            else:
+                self._load_description(chosen, requested)
+                self._import_robot(real_path(chosen), os.path.abspath(chosen))
+
+    def _places(self) -> list[Place]:
+        return [Place(file.key, file.source, file.tree) for file in self.files.values()]
+
+    def _load_description(self, path: Path, requested: Span) -> None:
+        """Load a description; report one that cannot be read, or that declares no robot."""
+        key, errors = real_path(path), len(self.diagnostics)
+        try:
+            source = read_source(path, shown_path(path))
+        except UnreadableFileError as problem:
+            problem.code = "E321" if problem.code in ("E001", "E003") else problem.code
+            self.diagnostics.append(problem.diagnostic(requested))
+            return
+        self.load(key, path, source)
+        if declarer(self._places()) is None and len(self.diagnostics) == errors:
+            message = f"`{shown_path(path)}` declares no robot"
+            hint = "a description has a declaration `robot NAME { ... }`"
+            self.diagnostics.append(error("E321", requested, message, hint))
+
+    def _import_robot(self, target: str, path: str | None) -> None:
+        """Add `import robot` to the files that say it, but for those that the robot's own file imports.
+
+        Args:
+            target: the key of that file; "" if there is none.
+            path: its path; None if it is one of the program's files anyway.
+        """
+        below = self._imported_by(target)
+        is_shipped = path is not None and Path(path).parent == Shipped.ROBOT.folder
+        for key, file in self.files.items():
+            found = [d for d in file.tree.declarations if isinstance(d, ast.RobotImportDecl)]
+            is_cycle = path is not None and key == next(
+                iter(self.files)
+            )  # a description of its own main file
+            if found and (key not in below or is_cycle):
+                own = Import(declaration=found[0], target=target, path=None if is_shipped else path)
+                self.files[key] = replace(file, imports=(*file.imports, own))
+
+    def _imported_by(self, key: str) -> set[str]:
+        """Return a file and all that it imports, transitively."""
+        found, work = {key}, [key]
+        while work:
+            file = self.files.get(work.pop())
+            new = set() if file is None else {i.target for i in file.imports} - found
+            found |= new
+            work += new
+        return found
 
     def _find(self, importer: Path, name: str) -> tuple[Path, str | None]:
         """Return the path of an imported file, and its relative path as in `Import`."""

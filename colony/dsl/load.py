@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from colony.dsl.check.program import check_program
+from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import SourceTree, load_tree, relative_sources
+from colony.dsl.robot_import import Surroundings, surroundings_of
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, DiagnosticError
 
@@ -27,33 +29,53 @@ def _check_tree(tree: SourceTree, path: Path) -> Checked:
     return Checked(program, diagnostics, tree)
 
 
-def check_file(path: str | Path) -> Checked:
-    """Check the file at `path` with all its imports; errors become diagnostics, never exceptions."""
-    return _check_tree(load_tree(Path(path), str(path)), Path(path))
+def check_file(path: str | Path, *, robot: RobotChoice | str | None = None) -> Checked:
+    """Check the file at `path` with all its imports; errors become diagnostics, never exceptions.
+
+    `robot` is the description that `import robot` brings in; by default, the project of the file says it.
+    """
+    around = surroundings_of(Path(path), _choice(robot))
+    return _check_tree(load_tree(Path(path), str(path), around=around), Path(path))
 
 
-def check_text(text: str, name: str = "<text>", directory: str | Path = ".") -> Checked:
-    """Check a text; imports are relative to `directory`."""
+def check_text(
+    text: str,
+    name: str = "<text>",
+    directory: str | Path = ".",
+    *,
+    robot: RobotChoice | str | None = None,
+) -> Checked:
+    """Check a text; imports are relative to `directory`. `robot` is the one that `import robot` brings in."""
     path = Path(directory) / (Path(name).name or "<text>")
-    return _check_tree(load_tree(path, name, text), path)
+    return _check_tree(load_tree(path, name, text, around=Surroundings(choice=_choice(robot))), path)
 
 
-def load_file(path: str | Path) -> Program:
-    """Return the program of a file.
-
-    Raises:
-        DiagnosticError: there is an error; it holds all errors and warnings.
-    """
-    return _program(check_file(path))
-
-
-def load_text(text: str, name: str = "<text>", directory: str | Path = ".") -> Program:
-    """Return the program of a text; imports are relative to `directory`.
+def load_file(path: str | Path, *, robot: RobotChoice | str | None = None) -> Program:
+    """Return the program of a file; `robot` is as in `check_file`.
 
     Raises:
         DiagnosticError: there is an error; it holds all errors and warnings.
     """
-    return _program(check_text(text, name, directory))
+    return _program(check_file(path, robot=robot))
+
+
+def load_text(
+    text: str,
+    name: str = "<text>",
+    directory: str | Path = ".",
+    *,
+    robot: RobotChoice | str | None = None,
+) -> Program:
+    """Return the program of a text; `directory` and `robot` are as in `check_text`.
+
+    Raises:
+        DiagnosticError: there is an error; it holds all errors and warnings.
+    """
+    return _program(check_text(text, name, directory, robot=robot))
+
+
+def _choice(robot: RobotChoice | str | None) -> RobotChoice | None:
+    return RobotChoice(text=robot, origin=f"`robot={robot!r}`") if isinstance(robot, str) else robot
 
 
 def _program(checked: Checked) -> Program:

@@ -120,6 +120,7 @@ class _Evaluation:
     def __init__(self, program: Missing, missing: Names) -> None:
         self._program = program
         self._missing = missing
+        self._elements: dict[str, Outcomes] = {}  # of the arrays of the enclosing reductions
 
     def outcomes(self, e: ir.Expression) -> Outcomes:
         match e:
@@ -147,6 +148,8 @@ class _Evaluation:
                 )
             case ir.Reduce(function=ir.Function.ANY | ir.Function.ALL):
                 return self._reduction(e)
+            case ir.LoopElement(name=name) if name in self._elements:
+                return self._elements[name]
             case _:
                 return self._strict(e)
 
@@ -157,6 +160,7 @@ class _Evaluation:
 
     def _reduction(self, e: ir.Reduce) -> Outcomes:
         is_any = e.function is ir.Function.ANY
+        self._elements.update({name: self.outcomes(array) for name, array in e.arrays})
         one = self.outcomes(e.body)
         if e.condition is not None:
             one = _combined(_and if is_any else _implies, self.outcomes(e.condition), one)

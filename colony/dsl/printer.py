@@ -57,21 +57,17 @@ def _text_and_level(node: ast.Expression) -> tuple[str, int]:
         case ast.If(condition=condition, yes=yes, no=no):
             parts = [_expression(p, _IF) for p in (condition, yes, no)]
             return "if {} then {} else {}".format(*parts), _IF
-        case ast.InRange(operand=operand, low=low, high=high):
-            parts = [_expression(p, _SUM) for p in (operand, low, high)]
-            return "{} in {} .. {}".format(*parts), _COMPARISON
-        case ast.By(actuator=actuator, module=module):
-            return f"{_expression(actuator, _SUM)} by {_expression(module, _SUM)}", _COMPARISON
-        case ast.Is(subject=subject, status=status):
-            return f"{_expression(subject, _SUM)} is {status}", _COMPARISON
+        case ast.InRange() | ast.By() | ast.Is():
+            return _relation(node), _COMPARISON
         case ast.Index(array=array, index=index):
             return f"{_expression(array, _POSTFIX)}[{_expression(index, _IF)}]", _POSTFIX
         case ast.SliceOf(array=array, first=first, last=last):
             ends = f"{_expression(first, _SUM)}..{_expression(last, _SUM)}"
             return f"{_expression(array, _POSTFIX)}[{ends}]", _POSTFIX
-        case ast.Call(function=function, arguments=arguments):
-            return f"{function.text}({', '.join(_expression(a, _IF) for a in arguments)})", _POSTFIX
-        case ast.Comprehension():
+        case ast.Call(function=function, arguments=arguments, named=named):
+            parts = [*(_expression(a, _IF) for a in arguments), *map(_argument, named)]
+            return f"{function.text}({', '.join(parts)})", _POSTFIX
+        case ast.Comprehension() | ast.ElementsComprehension():
             return _comprehension(node), _POSTFIX
 
 
@@ -79,6 +75,16 @@ def _prefix(node: ast.Prefix) -> tuple[str, int]:
     if node.operator == "not":
         return f"not {_expression(node.operand, _NOT)}", _NOT
     return f"-{_expression(node.operand, _UNARY)}", _UNARY
+
+
+def _relation(node: ast.InRange | ast.By | ast.Is) -> str:
+    match node:
+        case ast.InRange(operand=operand, low=low, high=high):
+            return "{} in {} .. {}".format(*(_expression(p, _SUM) for p in (operand, low, high)))
+        case ast.By(actuator=actuator, module=module):
+            return f"{_expression(actuator, _SUM)} by {_expression(module, _SUM)}"
+        case ast.Is(subject=subject, status=status):
+            return f"{_expression(subject, _SUM)} is {status}"
 
 
 def _infix(node: ast.Infix) -> tuple[str, int]:
@@ -92,11 +98,16 @@ def _infix(node: ast.Infix) -> tuple[str, int]:
     return f"{_expression(node.left, left)} {node.operator} {_expression(node.right, right)}", own
 
 
-def _comprehension(node: ast.Comprehension) -> str:
+def _comprehension(node: ast.Comprehension | ast.ElementsComprehension) -> str:
     condition = "" if node.condition is None else f" if {_expression(node.condition, _IF)}"
-    bounds = f"{_expression(node.low, _SUM)} .. {_expression(node.high, _SUM)}"
+    names = node.variable.text
+    if isinstance(node, ast.Comprehension):
+        values = f"{_expression(node.low, _SUM)} .. {_expression(node.high, _SUM)}"
+    else:
+        names += "" if node.bearing is None else f", {node.bearing.text}"
+        values = _expression(node.array, _IMPLIES)
     body = _expression(node.body, _IF)
-    return f"{node.function.text}({body} for {node.variable.text} in {bounds}{condition})"
+    return f"{node.function.text}({body} for {names} in {values}{condition})"
 
 
 # --- declarations ----------------------------------------------------------------------------------
@@ -108,7 +119,11 @@ def _block(head: str, lines: Iterable[str]) -> str:
 
 
 def _arguments(arguments: tuple[ast.Argument, ...]) -> str:
-    return ", ".join(f"{a.name.text} = {print_expression(a.value)}" for a in arguments)
+    return ", ".join(map(_argument, arguments))
+
+
+def _argument(node: ast.Argument) -> str:
+    return f"{node.name.text} = {print_expression(node.value)}"
 
 
 def _declaration(node: ast.Declaration) -> str:
@@ -119,7 +134,9 @@ def _declaration(node: ast.Declaration) -> str:
             return f"enum {node.name.text} {{ {_arguments(node.members)} }}\n"
         case ast.ImportDecl(path=path, alias=alias):
             return f'import "{path}"{f" as {alias.text}" if alias else ""}\n'
-        case ast.ParamDecl() | ast.LetDecl() | ast.StateDecl() | ast.NextDecl():
+        case ast.RobotImportDecl():
+            return "import robot\n"
+        case ast.ParamDecl() | ast.LetDecl() | ast.FunctionDecl() | ast.StateDecl() | ast.NextDecl():
             return _clause(node) + "\n"
         case ast.MachineDecl():
             lines = [f"start {node.initial.text}", *(_transition(t) for t in node.transitions)]
@@ -164,16 +181,32 @@ def _range(node: ast.Range | None) -> str:
     return f" range {_expression(node.low, _SUM)} .. {_expression(node.high, _SUM)}"
 
 
+def _bearing(node: ast.BearingDecl | None) -> str:
+    if node is None:
+        return ""
+    if node.angles is not None:
+        return f" bearing [{', '.join(print_expression(angle) for angle in node.angles)}]"
+    assert node.first is not None
+    step = "" if node.step is None else f" step {_expression(node.step, _SUM)}"
+    return f" bearing {_expression(node.first, _SUM)}{step}"
+
+
 def _sensor(item: ast.SensorDecl) -> str:
     size = "" if item.size is None else f"[{print_expression(item.size)}]"
     default = "" if item.default is None else f" default {print_expression(item.default)}"
     within = "" if item.within is None else f" within {print_expression(item.within)}"
-    head = f"sensor {item.name.text}{size} : {_type(item.type)}{_range(item.range)}{default}"
+    type_ = f"{_type(item.type)}{_bearing(item.bearing)}{_range(item.range)}"
+    head = f"sensor {item.name.text}{size} : {type_}{default}"
     return f"{head} from {item.server.text}.{item.field.text}{within}"
 
 
+def _field(item: ast.FieldDecl) -> str:
+    default = "" if item.default is None else f" default {print_expression(item.default)}"
+    return f"{item.name.text} : {_type(item.type)}{_range(item.range)}{default}"
+
+
 def _actuator(item: ast.ActuatorDecl) -> str:
-    fields = ", ".join(f"{f.name.text} : {_type(f.type)}{_range(f.range)}" for f in item.fields)
+    fields = ", ".join(map(_field, item.fields))
     idle = item.idle.name.text
     if item.idle.arguments is not None:
         idle += f"({_arguments(item.idle.arguments)})"
@@ -186,6 +219,11 @@ def _actuator(item: ast.ActuatorDecl) -> str:
 
 def _clause(node: ast.Clause) -> str:
     match node:
+        case ast.InputDecl():
+            return f"input {_parameter(node)}"
+        case ast.FunctionDecl():
+            parameters = ", ".join(map(_parameter, node.parameters))
+            return f"let {node.name.text}({parameters}) = {print_expression(node.value)}"
         case ast.ParamDecl():
             return f"param {node.name.text} = {print_expression(node.value)}"
         case ast.LetDecl():
@@ -195,6 +233,13 @@ def _clause(node: ast.Clause) -> str:
             return f"state {node.name.text}{type_} = {print_expression(node.initial)}"
         case ast.NextDecl():
             return f"next {node.name.text} = {print_expression(node.value)}"
+
+
+def _parameter(node: ast.Parameter) -> str:
+    size = "" if node.size is None else print_expression(node.size)
+    shape = f"[{size}]" if node.is_array else ""
+    initial = "" if node.initial is None else f" = {print_expression(node.initial)}"
+    return f"{node.name.text}{shape} : {_type(node.type)}{initial}"
 
 
 def _transition(node: ast.TransitionDecl) -> str:
@@ -217,7 +262,7 @@ def _module(node: ast.ModuleDecl) -> Iterable[str]:
 
 def _python_clause(node: ast.PythonClause) -> str:
     match node:
-        case ast.ParamDecl():
+        case ast.InputDecl() | ast.ParamDecl():
             return _clause(node)
         case ast.ReadsDecl(names=names):
             return "reads " + ", ".join(n.text for n in names)
@@ -256,7 +301,11 @@ def _step(node: ast.StepDecl) -> str:
 
 
 def _given(node: ast.GivenDecl) -> str:
-    index = "" if node.index is None else f"[{print_expression(node.index)}]"
+    index = ""
+    if node.index is not None and node.last is None:
+        index = f"[{print_expression(node.index)}]"
+    elif node.index is not None and node.last is not None:
+        index = f"[{_expression(node.index, _SUM)} .. {_expression(node.last, _SUM)}]"
     match node.value:
         case ast.Missing():
             value = "missing"

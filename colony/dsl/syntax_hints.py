@@ -41,7 +41,7 @@ _SLIP_HINTS = {
     "False": "write `false`",
     **dict.fromkeys(
         ("def", "fn", "func", "function", "lambda"),
-        "there are no functions: name a value with `let NAME = ...`",
+        "a function is `let NAME(PARAMETER : TYPE, ...) = EXPRESSION`",
     ),
     **dict.fromkeys(("var", "const", "val", "auto"), "name a value with `let NAME = ...`"),
     **dict.fromkeys(("class", "behavior", "behaviour"), "a behavior is a `module NAME { when ... do ... }`"),
@@ -52,7 +52,7 @@ _SLIP_HINTS = {
 
 _CONTEXT_HINTS = {
     **dict.fromkeys(("sensor", "actuator", "frame"), "it belongs inside `robot NAME { ... }`"),
-    **dict.fromkeys(("when", "do"), "it belongs inside `module NAME { ... }`"),
+    **dict.fromkeys(("input", "when", "do"), "it belongs inside `module NAME { ... }`"),
     **dict.fromkeys(("reads", "commands", "rate"), "it belongs inside a Python module"),
     **dict.fromkeys(("at", "given", "expect"), 'it belongs inside `test "TITLE" { ... }`'),
 }
@@ -62,7 +62,7 @@ def hint_for(text: str, offset: int, found: str, accepted: frozenset[str]) -> st
     """Return a hint about what the author probably meant to write, or None."""
     before = text[max(offset - 40, 0) : offset]
     if found == "%" and re.search(r"\d[ \t]*$", before) and not re.match(r"[ \t]*[\w(]", text[offset + 1 :]):
-        return "there are no percentages: write `0.2` for 20 %"
+        return "write `20 percent`, which is 0.2"
     if found == "language" and re.match(r"[ \t]*\d", text[offset + len(found) :]):
         return "a file has this line once, before its first declaration"
     return (
@@ -120,7 +120,7 @@ def _punctuation_hint(text: str, offset: int, found: str, accepted: frozenset[st
 def _word_hint(before: str, found: str, accepted: frozenset[str]) -> str | None:
     if found == "if" and "LPAR" in accepted and "NUMBER" in accepted:
         return "an `if` to the right of an operator needs parentheses"
-    if found in ("let", "param", "state", "next") and "DO" in accepted:
+    if found in ("input", "let", "param", "state", "next") and "DO" in accepted:
         return f"`{found}` belongs before `when`"
     if found == "do" and {"WHEN", "LET"} <= accepted:
         return "`when` comes before `do`; write `when true` for always"

@@ -1,4 +1,4 @@
-"""The parser's tables, built from the grammar by lark and kept beside it as JSON.
+"""The parser's tables, built from the grammar and the table of units by lark, and kept beside them as JSON.
 
 `python -m colony.dsl.tables` regenerates the file; only this needs lark. A test checks that it is up to date.
 """
@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from colony.text.units import BASE_UNITS
 
 if TYPE_CHECKING:
     from lark import Lark
@@ -23,11 +25,17 @@ def load() -> dict[str, Any]:
     return tables
 
 
+def grammar_text() -> str:
+    """Return the grammar with the names of the units in its patterns."""
+    names = sorted(BASE_UNITS, key=lambda name: (-len(name), name))
+    return GRAMMAR.read_text(encoding="utf-8").replace("<unit>", "|".join(names))
+
+
 def grammar_digest() -> str:
     """Return a digest of the grammar; the tables contain that of the grammar they were built from."""
     import hashlib
 
-    return hashlib.sha256(GRAMMAR.read_bytes()).hexdigest()
+    return hashlib.sha256(grammar_text().encode()).hexdigest()
 
 
 def build() -> str:
@@ -64,7 +72,7 @@ def lark_parser(**options: Any) -> Lark:
     from lark import Lark
 
     return Lark(
-        GRAMMAR.read_text(encoding="utf-8"),
+        grammar_text(),
         start="file",
         parser="lalr",
         lexer="contextual",

@@ -28,7 +28,7 @@ _HEADER = re.compile(r"(?:[ \t]*#[^\r\n]*(?:\r\n|\r(?!\n)|\n))+(?=[ \t\f]*(?:\r|
 
 _LINE_BREAK = re.compile(r"\r\n|\r|\n")
 _TEXT_CODES = SYNTAX_CODES | {"E008"}
-_REFUSED_SINCE = frozenset({"E305"})
+_REFUSED_SINCE = frozenset({"E217", "E305"})
 """Errors that version 1 did not have; decisions name them."""
 
 
@@ -127,9 +127,10 @@ def _upgrade_file(file: ParsedFile) -> UpgradedFile:
     source = Source(file.source.name, apply_edits(file.source.text, edits))
     parsed = parse(source)
     declarations = [d for d in parsed.file.declarations if isinstance(d, ast.ImportDecl)]
-    imports = tuple(
-        replace(import_, declaration=declaration)
-        for import_, declaration in zip(file.imports, declarations, strict=True)
+    by_path = [i for i in file.imports if isinstance(i.declaration, ast.ImportDecl)]
+    imports = (
+        *(replace(i, declaration=new) for i, new in zip(by_path, declarations, strict=True)),
+        *(i for i in file.imports if i not in by_path),
     )
     new = replace(file, source=source, tree=parsed.file, imports=imports)
     return UpgradedFile(file, new, edits, parsed.diagnostics)

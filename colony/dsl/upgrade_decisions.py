@@ -5,12 +5,14 @@ Each is a warning at its place in the upgraded text.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from colony.dsl.missing import Missing
 from colony.ir import expression as ir
 from colony.ir.program import Actuator, Limit, Machine, Program, Transition
+from colony.ir.types import Array
+from colony.ir.walk import expressions
 from colony.text.diagnostics import Diagnostic, Label, warning
 from colony.text.source import Source
 from colony.text.wording import listed
@@ -26,10 +28,63 @@ def decisions_about(program: Program, errors: tuple[Diagnostic, ...], source: So
     yield from _missing_bounds(program, missing, source)
     yield from _blind_transitions(program, missing, source)
     yield from _unknown_contracts(program, missing, source)
+    for expression in expressions(program):
+        yield from _wrapping_indices(expression, {}, source)
     for found in errors:
         if found.code == "E305" and found.span.source is source:
             message = "`idle hold` is refused for an actuator with a speed or rate; version 1 accepted it"
             yield warning("U005", found.span, message, found.hint)
+        if found.code == "E217" and found.span.source is source:
+            yield warning("U007", found.span, "this slice wrapped in version 1; now it is refused", _RING)
+
+
+# --- indices ---------------------------------------------------------------------------------------
+
+_RING = "declare the array as a ring, with `bearing`, or keep the index inside"
+_Interval = tuple[float, float]
+
+
+def _wrapping_indices(
+    e: ir.Expression, loops: Mapping[str, _Interval], source: Source
+) -> Iterator[Diagnostic]:
+    """Yield the computed indices of an expression that may be outside: they were taken modulo the size."""
+    if isinstance(e, ir.Reduce):
+        loops = {**loops, e.variable: (e.low, e.high)}
+    if isinstance(e, ir.Element | ir.Window) and not e.wraps and e.span.source is source:
+        assert isinstance(e.array.type, Array)
+        center, reach = (e.center, e.reach) if isinstance(e, ir.Window) else (e.index, 0)
+        found, size = _interval(center, loops), e.array.type.size
+        if found is None or found[0] - reach < -0.5 or found[1] + reach > size - 0.5:
+            message = "this index was taken modulo the size in version 1; outside it now gives NaN, or false"
+            yield warning("U007", e.span, message, _RING)
+    for child in ir.children(e):
+        yield from _wrapping_indices(child, loops, source)
+
+
+def _interval(e: ir.Expression, loops: Mapping[str, _Interval]) -> _Interval | None:
+    """Return the least and greatest value of an index, if loops and constants alone bound it."""
+    match e:
+        case ir.Constant(value=float(value)):
+            return value, value
+        case ir.LoopIndex(name=name):
+            return loops[name]
+        case ir.Call(function=ir.Function.MOD, arguments=(_, ir.Constant(value=float(n)))) if n > 0:
+            return 0, n
+        case ir.Call(function=ir.Function.CLAMP, arguments=(_, low, high)):
+            least, greatest = _interval(low, loops), _interval(high, loops)
+            return None if least is None or greatest is None else (least[0], greatest[1])
+        case ir.UnaryOperation(operator=ir.Unary.NEGATE, operand=operand):
+            found = _interval(operand, loops)
+            return None if found is None else (-found[1], -found[0])
+        case ir.BinaryOperation(operator=ir.Binary.ADD | ir.Binary.SUBTRACT, left=left, right=right):
+            a, b = _interval(left, loops), _interval(right, loops)
+            if a is None or b is None:
+                return None
+            if e.operator is ir.Binary.ADD:
+                return a[0] + b[0], a[1] + b[1]
+            return a[0] - b[1], a[1] - b[0]
+        case _:
+            return None
 
 
 # --- limits ----------------------------------------------------------------------------------------

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
+from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import ParsedFile, SourceTree, load_tree
+from colony.dsl.robot_import import surroundings_of
 from colony.dsl.upgrade import UpgradedProgram, is_version_1, upgrade_tree
 from colony.dsl.upgrade_decisions import decisions_about
+from colony.dsl.upgrade_units import names_as_units
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, in_order
 
@@ -31,16 +34,16 @@ class FileUpgrade(Record):
     left_behind: tuple[str, ...] = ()
 
 
-def upgrade_files(names: Sequence[str]) -> tuple[FileUpgrade, ...]:
+def upgrade_files(names: Sequence[str], *, robot: RobotChoice | None = None) -> tuple[FileUpgrade, ...]:
     """Return the upgrades of files, in order, each file once; nothing is written.
 
     A file that has errors on its own, because it needs names of a file that imports it, is upgraded as part
-    of that one, if it is among `names`.
+    of that one, if it is among `names`. `robot` is the description that `import robot` brings in.
     """
     trees: dict[str, tuple[str, SourceTree]] = {}
     found: list[FileUpgrade] = []
     for name in names:
-        tree = load_tree(Path(name), name)
+        tree = load_tree(Path(name), name, around=surroundings_of(Path(name), robot))
         if tree.files:
             trees.setdefault(tree.files[-1].key, (name, tree))
         else:
@@ -64,6 +67,9 @@ def _upgrade_file(
     if not is_version_1(file.tree):
         own_errors = tuple(d for d in own.diagnostics if d.code == "E008" and d.span.source is file.source)
         return FileUpgrade(name=name, old=old, new=None if own_errors else old, diagnostics=own_errors)
+    renamed = tuple(d for f in own.files if is_version_1(f.old.tree) for d in names_as_units(f.old))
+    if renamed:
+        return FileUpgrade(name=name, old=old, new=None, diagnostics=in_order(renamed))
     for upgraded in (own, *programs):
         if upgraded.program is None:
             continue

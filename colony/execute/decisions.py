@@ -8,6 +8,7 @@ from colony.execute.code import ActuatorCode, ClientCode
 from colony.execute.intake import Records
 from colony.execute.settle import bounds_of, settle
 from colony.ir.frame import Given
+from colony.ir.given import value_sent
 from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
 
@@ -75,11 +76,18 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
     return ActuatorDecision(winner.module, sent, fault, records, fault is None)
 
 
-def decide_given(actuator: Actuator, given: Given) -> ActuatorDecision:
+def decide_given(actuator: ActuatorCode, given: Given, values: list[Any]) -> ActuatorDecision:
     """Return the decision for an actuator that was given something else than the network decided."""
+    idle, fields = actuator.actuator.idle, actuator.actuator.fields
     if given.values is None:
-        return ActuatorDecision(None, actuator.idle, None, ())
-    return ActuatorDecision(None, given.values, None, (), is_commanded=True)
+        return ActuatorDecision(None, idle, None, ())
+    limits = limits_in_frame(actuator, values)
+    sent = []
+    for i, (field, value) in enumerate(zip(fields, given.values, strict=True)):
+        known = idle is not None or all(bound is not None for at, _, bound in limits if at == i)
+        low, high = bounds_of(i, field.low, field.high, limits, idle) if known else (None, None)
+        sent.append(value_sent(value, field.factor, low, high))
+    return ActuatorDecision(None, tuple(sent), None, (), is_commanded=True)
 
 
 def field_bounds(actuator: Actuator) -> tuple[tuple[str, float, float | None, float | None], ...]:

@@ -131,7 +131,7 @@ class ProgramExecutor:
     def _decide(self, actuator: ActuatorCode, given: Mapping[str, Given]) -> Decision:
         winner = self._winner(actuator)
         if actuator.actuator.name in given:
-            decided = decide_given(actuator.actuator, given[actuator.actuator.name])
+            decided = decide_given(actuator, given[actuator.actuator.name], self._machine.values)
         else:
             decided = decide(actuator, winner, self._machine.values)
         self._machine.record_decision(actuator.actuator.name, decided)

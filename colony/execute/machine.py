@@ -257,7 +257,12 @@ def build(call: PythonCall) -> PythonStep:
             "and take its params as keyword arguments"
         )
         raise DiagnosticError([error("P001", call.span, message, hint)]) from problem
-    return PythonStep(call.module, instance, field_types(call), call.rate_ns)
+    return PythonStep(call.module, instance, field_types(call), call.rate_ns, defaults(call))
+
+
+def defaults(call: PythonCall) -> dict[str, float | bool]:
+    """Return the fields that an answer of a Python module may leave out, each with its value then."""
+    return {field.name: field.default for field in call.fields if field.default is not None}
 
 
 def field_types(call: PythonCall) -> tuple[tuple[str, object], ...]:

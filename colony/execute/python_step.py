@@ -35,10 +35,22 @@ class PythonStep:
 
     `fields` are those of the command, each with its name, and False for a bool, None for a number, or the
     numbers of the members for an enum. An answer is a tuple in this order; None means "not applicable", and
-    False that there is none. Times are in ns since the first frame.
+    False that there is none. Times are in ns since the first frame. An answer may leave out the fields that
+    `defaults` has.
     """
 
-    __slots__ = ("_fields", "_module", "_names", "_nothing", "_object", "_rate", "due", "pending", "standing")
+    __slots__ = (
+        "_defaults",
+        "_fields",
+        "_module",
+        "_names",
+        "_nothing",
+        "_object",
+        "_rate",
+        "due",
+        "pending",
+        "standing",
+    )
 
     def __init__(
         self,
@@ -46,7 +58,9 @@ class PythonStep:
         instance: object,
         fields: tuple[tuple[str, object], ...],
         rate: int | None,
+        defaults: dict[str, float | bool] | None = None,
     ) -> None:
+        self._defaults = defaults or {}
         self._module = module
         self._object = instance
         self._fields = fields
@@ -97,14 +111,17 @@ class PythonStep:
             return False, (*records, ("python error", self._module))
 
     def _answer(self, result: object) -> tuple[float | bool, ...] | None:
-        """Return the fields in order; raise TypeError unless `result` has exactly these, each of its type."""
+        """Return the fields in order; raise TypeError unless `result` has these, each of its type."""
         if result is None:
             return None
-        if not hasattr(result, "keys") or set(result) != self._names:  # type: ignore[call-overload]
+        if not hasattr(result, "keys"):
+            raise TypeError("not the fields of a command")
+        given = self._defaults | {name: result[name] for name in result}  # type: ignore[attr-defined,index]
+        if set(given) != self._names:
             raise TypeError("not the fields of the command")
         answer: list[float | bool] = []
         for name, of in self._fields:
-            value = result[name]  # type: ignore[index]
+            value = given[name]
             if of is False:
                 if not isinstance(value, bool):
                     raise TypeError(name)

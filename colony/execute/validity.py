@@ -286,6 +286,10 @@ def _check_fields(fields: Iterable[ActuatorField]) -> None:
     for field in fields:
         _expect(isfinite(field.factor) and field.factor != 0, f"the factor of {field.name} is not valid")
         _check_range(field)
+        fits = field.default is None or (
+            _has_kind(field.default, _kind(field.type)) and _is_within(field.default, field)
+        )
+        _expect(fits, f"the default of {field.name} is not a value that it can have")
 
 
 def _check_range(quantity: Sensor | ActuatorField) -> None:

@@ -9,8 +9,12 @@ from pathlib import Path
 from colony.compile.backends.python.executor import PythonExecutor
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
+from colony.dsl.descriptions import RobotChoice
 from colony.dsl.load import load_file
 from colony.ir.program import Program, Robot, robot_in_base_units
+
+SIMULATED = RobotChoice(text="rome", origin="the simulator", is_name=True)
+"""The robot that is simulated: that of behaviors with `import robot`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +42,7 @@ def behavior_of(path: Path) -> Behavior:
     Raises:
         DiagnosticError: it has errors, or a module in Python cannot be built.
     """
-    return behavior_from(load_file(path))
+    return behavior_from(load_file(path, robot=SIMULATED))
 
 
 def behavior_from(program: Program) -> Behavior:

@@ -1,4 +1,4 @@
-"""Typed expressions: names resolved, quantities in base units (mm, s, deg), overloads resolved.
+"""Typed expressions: names resolved, quantities in base units (mm, s, deg, A, V, degC), overloads resolved.
 
 An expression is a tree of frozen nodes, each with its `type` and its `span`. A node's docstring
 summarizes its meaning; docs/language.md is the full reference. Operators and most functions work element by
@@ -7,10 +7,11 @@ element on arrays; a scalar next to an array stands for each of its elements.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import field
+from collections.abc import Callable, Iterator
+from dataclasses import field, replace
 from enum import Enum, unique
 
+from colony.ir.bearings import Bearings
 from colony.ir.types import Type, Value
 from colony.record import Record, record
 from colony.text.source import NOWHERE, Span
@@ -150,6 +151,13 @@ class LoopIndex(TypedNode):
 
 
 @record
+class LoopElement(TypedNode):
+    """The present element of an array of an enclosing `Reduce`."""
+
+    name: str
+
+
+@record
 class Now(TypedNode):
     """Time since the first frame, in seconds: nanoseconds / 1e9."""
 
@@ -169,7 +177,10 @@ class Fresh(TypedNode):
 
 @record
 class ValueOr(TypedNode):
-    """`expression`, or `other` if `expression` reads something missing (its memory is then unchanged)."""
+    """`expression`, or `other` if `expression` reads something missing (its memory is then unchanged).
+
+    Where `expression` is an `Element` whose index is outside, it is `other`, too.
+    """
 
     expression: Expression
     other: Expression
@@ -212,13 +223,22 @@ class Within(TypedNode):
 
 @record
 class Element(TypedNode):
-    """`array[index]`: the index is rounded (halves to even) and taken modulo the size.
+    """`array[index]`: the index is rounded (halves to even) and, if it `wraps`, taken modulo the size.
 
-    An index that is not finite gives NaN, or false for an array of bools.
+    An index that is outside, or not finite, gives NaN, or false for an array of bools.
     """
 
     array: Expression
     index: Expression
+    wraps: bool
+
+
+@record
+class Nearest(TypedNode):
+    """The index of the element nearest to `angle` (`bearings.nearest`); NaN where there is none."""
+
+    bearings: Bearings
+    angle: Expression
 
 
 @record
@@ -231,19 +251,20 @@ class Slice(TypedNode):
 
 @record
 class Window(TypedNode):
-    """`window(array, center, n)`: the elements round(center) - n .. round(center) + n, wrapping.
-
-    A center that is not finite gives elements as in `Element`.
-    """
+    """`window(array, center, n)`: elements round(center) - n .. round(center) + n, each as in `Element`."""
 
     array: Expression
     center: Expression
     reach: int
+    wraps: bool
 
 
 @record
 class Call(TypedNode):
-    """A pure function. For a `Slice` or `Window`, index functions give the index in the whole array."""
+    """A pure function.
+
+    For a `Slice` or `Window`, index functions give the index in the whole array; NaN if that is outside.
+    """
 
     function: Function
     arguments: tuple[Expression, ...]
@@ -254,7 +275,8 @@ class Reduce(TypedNode):
     """`function(body for variable in low .. high [if condition])`, both ends included; empty if low > high.
 
     `function` is one of REDUCTIONS. Body and condition have separate memory for each value of the variable,
-    which advances whether or not the condition holds.
+    which advances whether or not the condition holds. `arrays` are evaluated once, outside; body and
+    condition read the element of each that has the number of the variable, which counts from 0.
     """
 
     function: Function
@@ -263,6 +285,7 @@ class Reduce(TypedNode):
     high: int
     body: Expression
     condition: Expression | None
+    arrays: tuple[tuple[str, Expression], ...] = ()
 
 
 @record
@@ -331,6 +354,7 @@ Expression = (
     | LocalValue
     | StateValue
     | LoopIndex
+    | LoopElement
     | Now
     | Restarted
     | Fresh
@@ -340,6 +364,7 @@ Expression = (
     | Conditional
     | Within
     | Element
+    | Nearest
     | Slice
     | Window
     | Call
@@ -377,8 +402,10 @@ def children(node: Expression) -> tuple[Expression, ...]:
             return (a, c)
         case Call(arguments=arguments) | MemoryCall(arguments=arguments):
             return arguments
-        case Reduce(body=b, condition=c):
-            return (b,) if c is None else (b, c)
+        case Nearest(angle=a):
+            return (a,)
+        case Reduce(body=b, condition=c, arrays=arrays):
+            return (b, *[array for _, array in arrays], *([] if c is None else [c]))
         case _:
             return ()
 
@@ -390,3 +417,34 @@ def subexpressions(root: Expression) -> Iterator[Expression]:
         node = work.pop()
         yield node
         work.extend(reversed(children(node)))
+
+
+def rebuilt(node: Expression, change: Callable[[Expression], Expression]) -> Expression:
+    """Return an expression with each direct subexpression changed."""
+    match node:
+        case ValueOr(expression=e, other=o):
+            return replace(node, expression=change(e), other=change(o))
+        case UnaryOperation(operand=o):
+            return replace(node, operand=change(o))
+        case BinaryOperation(left=a, right=b):
+            return replace(node, left=change(a), right=change(b))
+        case Conditional(condition=c, yes=y, no=n):
+            return replace(node, condition=change(c), yes=change(y), no=change(n))
+        case Within(operand=o, low=low, high=high):
+            return replace(node, operand=change(o), low=change(low), high=change(high))
+        case Element(array=a, index=i):
+            return replace(node, array=change(a), index=change(i))
+        case Nearest(angle=a):
+            return replace(node, angle=change(a))
+        case Slice(array=a):
+            return replace(node, array=change(a))
+        case Window(array=a, center=c):
+            return replace(node, array=change(a), center=change(c))
+        case Call(arguments=arguments) | MemoryCall(arguments=arguments):
+            return replace(node, arguments=tuple([change(a) for a in arguments]))
+        case Reduce(body=b, condition=c, arrays=arrays):
+            condition = None if c is None else change(c)
+            changed = tuple([(name, change(array)) for name, array in arrays])
+            return replace(node, body=change(b), condition=condition, arrays=changed)
+        case _:
+            return node

@@ -59,18 +59,19 @@ class Answer(NamedTuple):
 class Given(NamedTuple):
     """What an actuator was given in a frame in which that is not what the network decided.
 
-    `values` are the fields in base units that somebody outside the network commanded; None if the actuator
-    was idle: its client was late, its server was down, or it was stopped. Memory and network go on as without
-    it. The decision is by no module: `by M` is false of every M. With values, the fields are these, and the
-    actuator is commanded; with None, it gets its idle command (on `idle hold` it holds what it was given
-    last), and is idle.
+    `values` are the fields that somebody outside the network commanded, in base units as they read back from
+    declared ones (`ir.given.value_sent` undoes the rounding at the bounds); None if the actuator was idle:
+    its client was late, its server was down, or it was stopped. Memory and network go on as without it. The
+    decision is by no module: `by M` is false of every M. With values, the fields are these, and the actuator
+    is commanded; with None, it gets its idle command (on `idle hold` it holds what it was given last), and is
+    idle.
     """
 
     values: tuple[ScalarValue, ...] | None = None
 
 
 NOTHING_GIVEN: Mapping[str, Given] = {}
-"""What was given in a frame in which each actuator got what the network decided."""
+"""No exception: each actuator got what the network decided."""
 
 
 RecordKind = Literal[

@@ -66,6 +66,20 @@ def given_in_frame(actuators: Iterable[Actuator], outcomes: Mapping[str, SentCom
     }
 
 
+def value_sent(value: ScalarValue, factor: float, low: float | None, high: float | None) -> ScalarValue:
+    """Return what was sent to a field, in base units, given what it reads back as.
+
+    Outcomes are in declared units, and the conversion there and back rounds: 30 deg/s reads back as
+    29.999999999999996 deg/s from a field in rad/s. A value that is beyond a bound of its frame, but is what
+    that bound reads back as, was the bound.
+    """
+    if low is not None and value < low and low / factor * factor == value:
+        return low
+    if high is not None and value > high and high / factor * factor == value:
+        return high
+    return value
+
+
 def _is_the_networks(outcome: SentCommand) -> bool:
     if outcome.by is not None:
         return True

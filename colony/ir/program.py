@@ -1,7 +1,7 @@
 """The typed program: the meaning of a `.colony` file with its imports, for all later stages.
 
 Names are final and unique: an entity of a file imported `as brooks` is called `brooks.name`, a let or
-state of a module `module.name`. Durations are whole nanoseconds; constants are in base units (mm, s, deg).
+state of a module `module.name`. Durations are whole nanoseconds; constants are in base units.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Sensor(Declared):
 class ActuatorField(Declared):
     """One field of an actuator's command; it is sent in `unit`, divided by `factor`.
 
-    `low` and `high` are in base units.
+    `low`, `high` and `default`, for commands that leave the field out, are in base units.
     """
 
     type: Scalar
@@ -61,6 +61,7 @@ class ActuatorField(Declared):
     factor: float = 1.0
     low: float | None = None
     high: float | None = None
+    default: ScalarValue | None = None
 
 
 @record

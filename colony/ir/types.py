@@ -1,13 +1,14 @@
 """Types of the language: bools, quantities with a dimension, enums, and arrays of these.
 
-At run time a quantity and an enumerator are a float (in mm, s, deg), a bool is a bool, an array a tuple.
+At run time a quantity and an enumerator are a float (in base units), a bool is a bool, an array a tuple.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal, assert_never
 
+from colony.ir.bearings import Bearings
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 
 
@@ -50,10 +51,20 @@ Scalar = Bool | Quantity | Enum
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """The type of `size` elements, at least one, of a scalar type."""
+    """The type of `size` elements, at least one, of a scalar type.
+
+    `bearings` are the directions along which the elements look, if they have any. Types that differ only in
+    them are equal: what an expression means is resolved when it is checked.
+    """
 
     element: Scalar
     size: int
+    bearings: Bearings | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def closes(self) -> bool:
+        """Return True for a ring that closes, whose plain indices wrap."""
+        return self.bearings is not None and self.bearings.closes
 
     def __str__(self) -> str:
         """Return the type as written: `element[size]`."""
@@ -84,8 +95,8 @@ def is_rate(type_: Scalar) -> bool:
 
 
 def in_shape_of(element: Scalar, like: Type) -> Type:
-    """Return `element`, or an array of it with the size of `like` if that is an array."""
-    return Array(element, like.size) if isinstance(like, Array) else element
+    """Return `element`, or an array of it with size and bearings of `like` if that is an array."""
+    return replace(like, element=element) if isinstance(like, Array) else element
 
 
 def any_value(type_: Scalar) -> ScalarValue:

@@ -7,7 +7,7 @@ from the versions of file formats, which say how recordings and compiled program
 LANGUAGE = 2
 """Version of the language, as in the line `language 2` of a file."""
 
-SEMANTICS = 3
+SEMANTICS = 4
 """Version of what programs mean: increment it if some program may decide differently than before.
 
 Recordings, compiled programs and JSON output contain it. A recording or compiled program of another version

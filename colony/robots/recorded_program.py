@@ -6,12 +6,17 @@ import os
 from pathlib import Path
 
 from colony.dsl.check.program import check_program
-from colony.dsl.files import SHIPPED, load_tree
+from colony.dsl.descriptions import RobotChoice
+from colony.dsl.files import SHIPPED, SourceTree, load_tree, real_path
+from colony.dsl.robot_import import Surroundings
 from colony.ir.program import Program
 from colony.os_errors import naming
 from colony.runtime.recordings.recorded import RunInfo
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error, has_errors, headline
 from colony.text.source import Source, Span
+
+MAX_DESCRIPTIONS = 20
+"""Maximum number of files of a recording that are tried as the description of the robot."""
 
 
 def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
@@ -33,7 +38,7 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
     except (OSError, ValueError) as problem:
         raise DiagnosticError([unusable(name, f"its program cannot be unpacked: {problem}")]) from None
     root = folder / "behavior" / run.program
-    tree = load_tree(root, run.program, shipped=root.parent / SHIPPED)
+    tree = _tree(root, run)
     behavior_folder = os.path.realpath(folder / "behavior")
     outside_files = [f.key for f in tree.files if not Path(f.key).is_relative_to(behavior_folder)]
     if outside_files:
@@ -49,6 +54,30 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
         first = next(d for d in diagnostics if has_errors([d]))
         raise DiagnosticError([unusable(name, f"its program has errors: {headline(first)}")])
     return program
+
+
+def _tree(root: Path, run: RunInfo) -> SourceTree:
+    """Return the files of a recorded program.
+
+    One that is not imported by path, from the main file on, can only be the robot's description, which is
+    the one of `import robot`, or a file that the description imports.
+    """
+    tree, folder = _loaded(root, run, None), root.parents[len(Path(run.program).parts) - 1]
+    if not any(d.code == "E320" for d in tree.diagnostics):
+        return tree
+    recorded = {real_path(folder / s.path): folder / s.path for s in run.sources if s.kind == "behavior"}
+    others = [key for key in recorded if key not in {file.key for file in tree.files}]
+    for key in others[:MAX_DESCRIPTIONS]:
+        choice = RobotChoice(text=str(recorded[key].absolute()), origin="the recording")
+        found = _loaded(root, run, choice)
+        if recorded.keys() <= {file.key for file in found.files}:
+            return found
+    return tree
+
+
+def _loaded(root: Path, run: RunInfo, choice: RobotChoice | None) -> SourceTree:
+    around = Surroundings(choice=choice)
+    return load_tree(root, run.program, shipped=root.parent / SHIPPED, around=around)
 
 
 def unusable(name: str, message: str) -> Diagnostic:

@@ -22,6 +22,7 @@ from colony.runtime.assembly.processes.jobs import (
 from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, SHUTDOWN_GRACE_S
 from colony.runtime.assembly.processes.shutdown import Shutdown, on_signals
 from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, address_spec, name_of
+from colony.runtime.protocol.interface import Interface
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import in_run_directory
@@ -40,7 +41,7 @@ class Settings:
     """The settings of served processes.
 
     `cameras` has the viewing directions of cameras by server name. `hazards` is the seed of the building's
-    hazards, or None for no hazards.
+    hazards, or None for no hazards. `interface` is that of the robot's description, if it has one.
     """
 
     map_path: str | None
@@ -51,6 +52,7 @@ class Settings:
     listen: str | None
     security: Path | None
     hazards: int | None = None
+    interface: Interface | None = None
 
 
 def serve_one(server: str, robot_address: Local, settings: Settings, report: Report) -> None:
@@ -151,6 +153,7 @@ def _robot(settings: Settings) -> SimulatedRobot:
         cameras=settings.cameras,
         fsync=settings.fsync,
         hazards=settings.hazards,
+        interface=settings.interface,
     )
 
 
@@ -166,6 +169,7 @@ def _part(server: str, robot_address: Local, settings: Settings) -> Part:
         device_of(robot_address),
         cameras=[(name, name) for name in settings.cameras],
         fsync=settings.fsync,
+        interface=settings.interface,
     )
     wanted = next(iter(settings.cameras)) if server == "CServer" else server
     return next(part for part in parts if name_of(part) == wanted)

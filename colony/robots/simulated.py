@@ -14,6 +14,7 @@ from colony.runtime.assembly.processes.children import Job, last_lines
 from colony.runtime.assembly.processes.jobs import HARDWARE, server_jobs, server_parts
 from colony.runtime.assembly.processes.spec import Device, write_spec
 from colony.runtime.observe.summary import Travel
+from colony.runtime.protocol.interface import Interface
 from colony.runtime.transport.live.robot_address import Local
 from colony.sim.compiling import COMPILING
 from colony.sim.plant.child import SIMULATOR, PlantSpec, ViewDirection, plant_socket
@@ -55,6 +56,7 @@ class SimulatedRobot:
         start: the initial pose, x and y in mm and the heading in degrees; None for that of the map.
         hazards: the seed of the building's hazards; None for none.
         pinned_variables: variables of DServer, with the values at which they are kept.
+        interface: that of the robot's description, if it has one.
     """
 
     map_path: str
@@ -65,6 +67,7 @@ class SimulatedRobot:
     start: tuple[float, float, float] | None = None
     hazards: int | None = None
     pinned_variables: Mapping[str, Value] = field(default_factory=dict)
+    interface: Interface | None = None
 
 
 def plant_spec(robot_address: Local, robot: SimulatedRobot) -> PlantSpec:
@@ -103,6 +106,7 @@ def jobs_of(robot_address: Local, robot: SimulatedRobot, folder: Path) -> tuple[
         cameras=[(server, server) for server in robot.cameras],
         fsync=robot.fsync,
         pinned_variables=dict(robot.pinned_variables),
+        interface=robot.interface,
     )
     return (plant, *server_jobs(robot_address, parts, folder, hardware=PLANT_SERVERS))
 

@@ -1,4 +1,4 @@
-"""The behaviors and maps that come with colony, by name: `wander`, `loop`.
+"""The behaviors, robots and maps that come with colony, by name: `wander`, `rome`, `loop`.
 
 In the repository they are in its root folder, in a wheel in the folder of this file.
 """
@@ -25,6 +25,8 @@ class Shipped(Enum):
     """A kind of shipped file, with its folder and the suffix of its files."""
 
     BEHAVIOR = ("behaviors", ".colony")
+    LIBRARY = ("behaviors/library", ".colony")
+    ROBOT = ("robots", ".colony")
     MAP = ("maps", ".stickrep")
 
     @property
@@ -64,10 +66,15 @@ class Shipped(Enum):
     def file_named(self, name: str, folder: Path | None = None) -> Path | None:
         """Return the file with this name, `wander` or `wander.colony`; None if there is none.
 
-        It is searched for in `folder`, by default among the shipped files.
+        It is searched for in `folder`, by default among the shipped files. A robot is a behavior, too, and so
+        is a file of the library, which has no robot: behaviors and descriptions of robots import it.
         """
         path = (folder or self.folder) / f"{name.removesuffix(self.suffix)}{self.suffix}"
-        return path if os.path.basename(name) == name and os.path.isfile(path) else None
+        if os.path.basename(name) == name and os.path.isfile(path):
+            return path
+        if self is not Shipped.BEHAVIOR or folder is not None:
+            return None
+        return Shipped.ROBOT.file_named(name) or Shipped.LIBRARY.file_named(name)
 
     def hint(self, name_or_path: str) -> str | None:
         """Return a suggestion for `name_or_path`, which was not found; None if there is none."""

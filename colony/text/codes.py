@@ -89,6 +89,7 @@ CODES: dict[str, str] = {
     "V033": "limits contradict each other",
     "V034": "a limit excludes the idle command's value",
     "V035": "what neither a proof nor a run decides",
+    "V036": "a computed index that is not proved to be inside its array",
     "V040": "a name that neither behavior has",
     "V041": "the robots of two behaviors differ",
     "V042": "there is nothing to compare",

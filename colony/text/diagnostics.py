@@ -132,8 +132,8 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Sort by file (in order of first occurrence) and position, and drop duplicates."""
     files: dict[int, int] = {}
-    unique: dict[tuple[int, int, str, str], Diagnostic] = {}
+    unique: dict[tuple[object, ...], Diagnostic] = {}
     for d in diagnostics:
         file_index = files.setdefault(id(d.span.source), len(files))
-        unique.setdefault((file_index, d.span.start, d.code, d.message), d)
+        unique.setdefault((file_index, d.span.start, d.code, d.message, d.labels), d)
     return tuple(unique[key] for key in sorted(unique, key=lambda k: (k[0], k[1])))

@@ -1,7 +1,8 @@
 """Physical dimensions and the units of the language.
 
-Internally, lengths are in millimeters, times in seconds and angles in degrees. The language has ten units, so
-it does without a general units library, which would take a quarter of a second to import.
+Internally, lengths are in millimeters, times in seconds, angles in degrees, currents in ampere, voltages in
+volt and temperatures in degrees Celsius; other quantities follow (a watt is 1 A*V, a newton 1 W*s/m). A table
+does: a general units library would take a quarter of a second to import.
 """
 
 from __future__ import annotations
@@ -9,27 +10,34 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 from functools import lru_cache
+from operator import add, sub
 from typing import NamedTuple
 
 
 class Dimension(NamedTuple):
-    """The exponents of length, time and angle; an angle counts as a dimension of its own."""
+    """The exponents of the base dimensions.
+
+    An angle counts as a dimension of its own. A temperature is one of Celsius's scale: it has no offset.
+    """
 
     length: int = 0
     time: int = 0
     angle: int = 0
+    current: int = 0
+    voltage: int = 0
+    temperature: int = 0
 
     def times(self, other: Dimension) -> Dimension:
         """Return the dimension of a product."""
-        return Dimension(self.length + other.length, self.time + other.time, self.angle + other.angle)
+        return Dimension(*map(add, self, other))
 
     def over(self, other: Dimension) -> Dimension:
         """Return the dimension of a quotient."""
-        return Dimension(self.length - other.length, self.time - other.time, self.angle - other.angle)
+        return Dimension(*map(sub, self, other))
 
     def power(self, exponent: int) -> Dimension:
         """Return the dimension of a power."""
-        return Dimension(self.length * exponent, self.time * exponent, self.angle * exponent)
+        return Dimension(*[e * exponent for e in self])
 
     def __str__(self) -> str:
         """Return the dimension in base units, such as `mm/s`, or `number` if it is dimensionless."""
@@ -46,13 +54,21 @@ def _factor(name: str, exponent: int) -> str:
     return name if exponent == 1 else f"{name}^{exponent}"
 
 
-_BASE = ("mm", "s", "deg")
+_BASE = ("mm", "s", "deg", "A", "V", "degC")
 NUMBER = Dimension()
 LENGTH = Dimension(length=1)
 TIME = Dimension(time=1)
 ANGLE = Dimension(angle=1)
+CURRENT = Dimension(current=1)
+VOLTAGE = Dimension(voltage=1)
+TEMPERATURE = Dimension(temperature=1)
+POWER = CURRENT.times(VOLTAGE)
+FORCE = POWER.times(TIME).over(LENGTH)
+MASS = FORCE.times(TIME.power(2)).over(LENGTH)
 
 _PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459")
+_NEWTON = Fraction(1, 1000)  # 1 W*s/m, in A*V*s/mm
+_KILOGRAM = _NEWTON / 1000  # 1 N*s^2/m, in A*V*s^3/mm^2
 
 BASE_UNITS: dict[str, tuple[Dimension, Fraction]] = {
     "mm": (LENGTH, Fraction(1)),
@@ -63,13 +79,30 @@ BASE_UNITS: dict[str, tuple[Dimension, Fraction]] = {
     "ms": (TIME, Fraction(1, 1000)),
     "s": (TIME, Fraction(1)),
     "min": (TIME, Fraction(60)),
+    "Hz": (TIME.power(-1), Fraction(1)),
     "deg": (ANGLE, Fraction(1)),
     "rad": (ANGLE, 180 / _PI),
+    "g": (MASS, _KILOGRAM / 1000),
+    "kg": (MASS, _KILOGRAM),
+    "N": (FORCE, _NEWTON),
+    "mA": (CURRENT, Fraction(1, 1000)),
+    "A": (CURRENT, Fraction(1)),
+    "Ah": (CURRENT.times(TIME), Fraction(3600)),
+    "mV": (VOLTAGE, Fraction(1, 1000)),
+    "V": (VOLTAGE, Fraction(1)),
+    "W": (POWER, Fraction(1)),
+    "Wh": (POWER.times(TIME), Fraction(3600)),
+    "degC": (TEMPERATURE, Fraction(1)),
+    "percent": (NUMBER, Fraction(1, 100)),
 }
+"""The units by name. The grammar's patterns and the messages are made from this table."""
+
+VERSION_1_UNITS = frozenset({"mm", "cm", "m", "inch", "ft", "ms", "s", "min", "deg", "rad"})
+"""The units of version 1 of the language; to it the others are ordinary names."""
 
 
 class Unit(NamedTuple):
-    """A unit as written, its dimension, and its exact factor to the base unit (mm, s, deg)."""
+    """A unit as written, its dimension, and its exact factor to base units (mm, s, deg, A, V, degC)."""
 
     text: str
     dimension: Dimension

@@ -183,6 +183,24 @@ def test_a_program_of_several_files(colony: Colony, recorded: Callable[..., Ran]
     assert result.out.startswith("run.mcap: behaviors/mine/roam.colony, seed 0")
 
 
+def test_a_program_with_import_robot_has_the_robot_that_it_was_recorded_with(
+    colony: Colony, recorded: Callable[..., Ran], tmp_path: Path
+) -> None:
+    split = ROAM.index("module cruise")
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "behaviors").mkdir()
+    (tmp_path / "robots" / "base.colony").write_text(ROAM[:split])
+    (tmp_path / "robots" / "better.colony").write_text('import "base"\nlet unused = now\n')
+    (tmp_path / "behaviors" / "roam.colony").write_text("import robot\nlet also = unused\n" + ROAM[split:])
+    (tmp_path / "colony.toml").write_text('robot = "better"\n')
+    recorded(file="behaviors/roam.colony")
+    for gone in ("colony.toml", "robots/base.colony", "robots/better.colony"):
+        (tmp_path / gone).unlink()
+    result = colony("audit", "run.mcap")
+    assert (result.code, result.err) == (0, "")
+    assert result.out.startswith("run.mcap: behaviors/roam.colony, seed 0")
+
+
 def test_an_absolute_import_asks_for_the_file(
     colony: Colony, recorded: Callable[..., Ran], tmp_path: Path
 ) -> None:
@@ -348,7 +366,7 @@ MISUSE: list[tuple[bytes | None, str]] = [
     (b'{"t": 0, "bumper": true}\n', "error[A003]: the recording contains no decision"),
     (b'{"t": 0, "near": 1}\n', "run.mcap:1:10: error[F005]: unknown sensor `near`"),
     (
-        b'{"t": 0, "@tick": "x", "@semantics": 3}\n',
+        b'{"t": 0, "@tick": "x", "@semantics": 4}\n',
         "run.mcap:1:1: error[A004]: this is not a decision of this program",
     ),
     (b'{"t": 0, "@tick": 0, "drive": null}\n', "run.mcap:1:10: error[A007]: the recording is of version 1"),

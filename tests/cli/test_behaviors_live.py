@@ -11,10 +11,8 @@ from colony.dsl.load import load_file
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, Machine
 from tests.paths import ROOT
-from tests.sampling import long
 
 DRIVING = [f for f in sorted((ROOT / "behaviors").glob("*.colony")) if load_file(f).wires]
-SAMPLE = [file if file.stem == "navigator" else long(file) for file in DRIVING]
 SETTINGS = {"teleop": ("--set", "TeleopVelocity=200")}
 SEED = 1
 
@@ -23,7 +21,8 @@ def test_most_of_them_drive() -> None:
     assert len(DRIVING) >= 6
 
 
-@pytest.mark.parametrize("file", SAMPLE, ids=lambda path: path.stem)
+@pytest.mark.long
+@pytest.mark.parametrize("file", DRIVING, ids=lambda path: path.stem)
 def test_it_decides_as_the_interpreter_does(file: Path, machine: Machine, colony: Colony) -> None:
     asked = ("--map", MAP, "--processes", "--duration", "2", "--seed", str(SEED), "--no-picture")
     told = ("--record", "run.mcap", "--format", "json", *SETTINGS.get(file.stem, ()))

@@ -45,6 +45,7 @@ def test_hazards_are_of_the_building(colony: Colony) -> None:
     assert "--hazards requires Simulator or all, which simulate the building; found PServer" in refused.err
 
 
+@pytest.mark.long
 def test_a_server_shows_the_ceiling_above_the_robot(machine: Machine) -> None:
     options = ("--robot", ROBOT, "--map", MAP, "--camera", "CServerUp=up", "--hazards", "3")
     served = machine.start("serve", "all", *options)

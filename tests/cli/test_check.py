@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Colony
-from tests.paths import ROOT
+from tests.paths import BEHAVIORS, ROOT
 
 
 def test_good_files(colony: Colony, behavior: Path) -> None:
@@ -103,7 +103,7 @@ def test_a_file_that_cannot_be_read_to_its_end_gets_errors_only(colony: Colony, 
 
 
 def test_every_shipped_behavior_names_its_version(colony: Colony) -> None:
-    files = [*sorted((ROOT / "behaviors").glob("*.colony")), *sorted((ROOT / "examples").rglob("*.colony"))]
+    files = [*BEHAVIORS, *sorted((ROOT / "examples").rglob("*.colony"))]
     assert len(files) > 12
     code, _, err = colony("check", *files)
     assert code == 0

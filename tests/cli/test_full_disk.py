@@ -115,7 +115,7 @@ def test_a_run_whose_recording_breaks_off_tells_what_it_was(
         assert "truncated" in result.out
 
 
-@pytest.mark.parametrize("name", ["run.mcap", "run.jsonl"])
+@pytest.mark.parametrize("name", [long("run.mcap"), "run.jsonl"])
 def test_a_recording_that_cannot_begin_is_misuse(machine: Machine, disk: SmallDisk, name: str) -> None:
     disk.fill()
     record = disk.path / name
@@ -125,6 +125,7 @@ def test_a_recording_that_cannot_begin_is_misuse(machine: Machine, disk: SmallDi
     assert run.out == ""
 
 
+@pytest.mark.long
 def test_a_picture_that_cannot_be_written_leaves_the_summary(machine: Machine, disk: SmallDisk) -> None:
     disk.fill()
     picture = disk.path / "run.png"
@@ -150,6 +151,7 @@ def full(server: Connection) -> tuple[str, ...]:
     return server.do(STATUS).full
 
 
+@pytest.mark.long
 def test_dserver_refuses_what_must_be_kept_and_lives(machine: Machine, disk: SmallDisk) -> None:
     serve(machine, disk)
     kept: dict[str, str] = {}
@@ -178,6 +180,7 @@ def test_dserver_refuses_what_must_be_kept_and_lives(machine: Machine, disk: Sma
         server.close()
 
 
+@pytest.mark.long
 def test_a_dserver_that_can_make_no_store_lives_in_memory(machine: Machine, disk: SmallDisk) -> None:
     (disk.seen / "s").mkdir(mode=0o700)
     disk.fill()
@@ -202,6 +205,7 @@ def test_a_dserver_that_can_make_no_store_lives_in_memory(machine: Machine, disk
         server.close()
 
 
+@pytest.mark.long
 def test_nothing_is_lost_where_even_the_reserve_is_too_small(machine: Machine, disk: SmallDisk) -> None:
     """Values of a megabyte at one moment: the server may have to end before it answers."""
     served = serve(machine, disk)

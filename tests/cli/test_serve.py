@@ -92,6 +92,7 @@ def test_a_leader_that_is_killed_leaves_the_robot_standing(machine: Machine, ser
     until(lambda: not any(map(lives, servers)), "the servers end")
 
 
+@pytest.mark.long
 def test_one_server_at_a_time(machine: Machine, colony: Colony) -> None:
     simulator = machine.start("serve", "Simulator", "--robot", ROBOT, "--map", MAP, "--camera", "left=90")
     until(lambda: machine.pid("Simulator"), "the simulator runs")

@@ -44,6 +44,23 @@ def test_decisions_as_documented(colony: Colony, behavior: Path, backend: str) -
     ]
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_readings_and_commands_are_in_declared_units(colony: Colony, tmp_path: Path, backend: str) -> None:
+    behavior = tmp_path / "fan.colony"
+    behavior.write_text("""language 2
+robot cart {
+  sensor battery : percent from DServer.Battery  sensor heat : degC from DServer.Heat
+  sensor left : Ah from DServer.Left
+  actuator fan { level : percent range 0 .. 100, draw : A } to DServer.Fan idle fan(level = 0, draw = 0)
+}
+module cool { when heat > 30 degC and left > 100 mA*min  do fan(level = battery / 2, draw = left / 2 min) }
+network { fan = cool }
+""")
+    row = {"t": 0, "battery": 50, "heat": 31, "left": 0.5}
+    code, out, _ = colony("trace", behavior, "--input", "-", "--backend", backend, stdin=json.dumps(row))
+    assert (code, json.loads(out)["fan"]) == (0, {"by": "cool", "level": 25.0, "draw": 15.0})
+
+
 def test_output_of_a_trace_can_be_input_again(colony: Colony, behavior: Path) -> None:
     row = {"t": 1.5, "near": 300, "bumper": False, "rays": [1, 2, 3]}
     row |= {"drive": {"by": "cruise", "velocity": 1.0, "turn": 0.0}}
@@ -52,7 +69,7 @@ def test_output_of_a_trace_can_be_input_again(colony: Colony, behavior: Path) ->
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_all_memory_begins_anew_at_a_restart(colony: Colony, behavior: Path, backend: str) -> None:
-    row = {"@semantics": 3, "near": 300, "rays": [1, 2, 3]}
+    row = {"@semantics": 4, "near": 300, "rays": [1, 2, 3]}
     bumped, after = {"t": 0, "@tick": 7, "bumper": True} | row, {"t": 0.05, "@tick": 8, "bumper": False} | row
     for last, winner in ((after, "back"), (after | {"@restart": True}, "cruise")):
         stdin = f"{json.dumps(bumped)}\n{json.dumps(last)}"

@@ -32,7 +32,7 @@ def others(value: object) -> Iterator[Any]:
         case bool():
             yield not value
         case int() | float():
-            yield value - 1
+            yield value - 1 if value == value else 0.0
         case str():
             yield "<=" if value == ">=" else ">=" if value == "<=" else value + "_"
         case tuple() if value:

@@ -26,6 +26,7 @@ from colony.execute.views import clients_view, module_view, whole_view
 from colony.verify.testing.agreement import client_disagreement, disagreement
 from colony.verify.testing.strategies import traces
 from tests.compile.listing import listing
+from tests.sampling import sampled
 
 LONGEST = 1000
 """Programs with more ops are not listed op by op."""
@@ -67,7 +68,7 @@ def test_case(path: Path) -> None:
         assert text == path.with_suffix(suffix).read_text(), f"{path.stem}{suffix} has changed"
 
 
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sampled(CASES, every=2), ids=lambda path: path.stem)
 @given(data=st.data())
 @settings(max_examples=8)
 def test_case_does_what_it_says(path: Path, data: st.DataObject) -> None:

@@ -14,7 +14,7 @@ from colony.dsl.load import check_file
 from colony.text.diagnostics import render
 
 CASES = sorted((Path(__file__).parent / "cases").glob("*.colony"))
-_EXPECTED = re.compile(r"([EW]\d{3}) at (\d+)")
+_EXPECTED = re.compile(r"([ENW]\d{3}) at (\d+)")
 
 
 def expected(text: str) -> list[tuple[int, int, str]]:

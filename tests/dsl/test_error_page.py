@@ -11,6 +11,7 @@ from typing import NamedTuple
 import pytest
 
 import colony.dsl
+from colony.dsl.descriptions import RobotChoice
 from colony.dsl.errors import CODES
 from colony.dsl.load import check_file
 from colony.text.diagnostics import Diagnostic, render
@@ -64,7 +65,7 @@ def make(files: list[Fence]) -> None:
     for fence in files:
         if fence.info == "sh":
             commands = fence.text.splitlines()
-            assert commands.pop() == "colony check example.colony"
+            assert commands.pop().startswith("colony check example.colony")
             subprocess.run("\n".join(commands), shell=True, check=True)
             continue
         _, _, name = fence.info.partition(" ")
@@ -77,7 +78,9 @@ def make(files: list[Fence]) -> None:
 
 def checked(files: list[Fence]) -> tuple[Diagnostic, ...]:
     make(files)
-    return check_file("example.colony").diagnostics
+    [text] = re.findall(r" --robot (\S+)$", files[-1].text) or [None]
+    robot = None if text is None else RobotChoice(text=text, origin=f"--robot {text}")
+    return check_file("example.colony", robot=robot).diagnostics
 
 
 def test_every_code_of_the_sources_is_registered_and_none_besides() -> None:

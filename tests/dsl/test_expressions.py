@@ -32,10 +32,11 @@ def test_a_let_of_a_lone_zero_is_a_plain_number() -> None:
     assert findings("state z = 0\nlet x = sonar[0] < z") == ["2:9 E201"]
 
 
-def test_a_slice_wraps_round_the_end() -> None:
-    found = expression("sonar[22..1]")
+def test_a_slice_of_a_ring_wraps_round_the_end() -> None:
+    found = expression("infrared[22..1]")
     assert isinstance(found, e.Slice)
     assert found.indices == (22, 23, 0, 1)
+    assert findings("let x = sonar[22..1]") == ["1:9 E217"]
 
 
 def test_a_constant_index_is_rounded_before_it_must_be_inside() -> None:

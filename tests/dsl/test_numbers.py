@@ -83,7 +83,7 @@ def test_elsewhere_units_are_ordinary_names() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["5.", ".5", "1..2", "1e", "1 e3", "0x10", "1_000", "1 m/", "1 m^", "1 m^-", "5 kg"]
+    "text", ["5.", ".5", "1..2", "1e", "1 e3", "0x10", "1_000", "1 m/", "1 m^", "1 m^-", "5 lb"]
 )
 def test_no_numbers(text: str) -> None:
     found = findings(f"let x = {text}")

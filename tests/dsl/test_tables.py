@@ -15,9 +15,9 @@ from colony.dsl import tables
 from colony.dsl.build import Builder
 from colony.dsl.lalr import Parser, Token, UnexpectedInputError
 from tests.dsl.texts import MODULES, ROBOT
-from tests.paths import ROOT
+from tests.paths import BEHAVIORS
 
-TEXTS = [ROBOT + MODULES, "", *(p.read_text() for p in sorted((ROOT / "behaviors").rglob("*.colony")))]
+TEXTS = [ROBOT + MODULES, "", "import robot", *(p.read_text() for p in BEHAVIORS)]
 SLIPS = [
     "",
     " ",

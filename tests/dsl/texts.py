@@ -16,7 +16,7 @@ ROBOT = """
 robot rome {
   frame    50 ms
   sensor   sonar[24] : mm       range 0 .. 10000          from PServer.sonar     within 300 ms
-  sensor   infrared[24] : bool                            from PServer.infrared
+  sensor   infrared[24] : bool  bearing -180 deg          from PServer.infrared
   sensor   bumper    : bool                               from RServer.bumper
   sensor   heading   : deg                                from RServer.heading
   sensor   docked_at : number   default 0                 from DServer.DockedAt

@@ -15,6 +15,7 @@ from colony.sim.hazards.hazards import Hazards
 pytest.importorskip("distributed")
 
 
+@pytest.mark.long
 def test_a_local_cluster_of_two_workers_gives_the_same_results() -> None:
     specs = [
         RunSpec(

@@ -34,7 +34,7 @@ _SENSORS = tuple(
     f"sensor {name} : {kind} from DServer.{name.partition('[')[0]}"
     for kind, names in (("bool", "p q flags[3]"), ("number", "k zero up down five[5] zeros[2]"))
     for name in names.split()
-)
+) + tuple(f"sensor {name} : number bearing 0 deg from DServer.{name[:4]}" for name in ("ring[4]", "hoop[5]"))
 """Sensors besides those of the usual robot."""
 
 _NAMES = {"T": True, "F": False, "inf": math.inf, "nan": math.nan}

@@ -12,9 +12,13 @@ from hypothesis import strategies as st
 from colony.text.units import (
     ANGLE,
     BASE_UNITS,
+    CURRENT,
     LENGTH,
     NUMBER,
+    TEMPERATURE,
     TIME,
+    VERSION_1_UNITS,
+    VOLTAGE,
     Dimension,
     UnitError,
     nanoseconds,
@@ -44,11 +48,44 @@ from colony.text.units import (
         ("m^0", NUMBER, 1),
         ("cm^3", Dimension(3), 1000),
         ("mm/min", Dimension(1, -1), Fraction(1, 60)),
+        ("A", CURRENT, 1),
+        ("mA", CURRENT, Fraction(1, 1000)),
+        ("V", VOLTAGE, 1),
+        ("mV", VOLTAGE, Fraction(1, 1000)),
+        ("degC", TEMPERATURE, 1),
+        ("degC/min", Dimension(0, -1, temperature=1), Fraction(1, 60)),
+        ("Hz", TIME.power(-1), 1),
+        ("percent", NUMBER, Fraction(1, 100)),
+        ("percent/s", TIME.power(-1), Fraction(1, 100)),
     ],
 )
 def test_units(text: str, dimension: Dimension, factor: Fraction) -> None:
     unit = parse_unit(text)
     assert (unit.text, unit.dimension, unit.factor) == (text, dimension, factor)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("W", "V*A"),
+        ("mV*A", "V*mA"),
+        ("N", "W*s/m"),
+        ("kg", "N*s^2/m"),
+        ("Wh", "V*Ah"),
+        ("Ah", "A*min"),
+        ("Hz", "s^-1"),
+        ("m/m", "percent"),
+    ],
+)
+def test_what_follows_of_other_units(one: str, other: str) -> None:
+    a, b = parse_unit(one), parse_unit(other)
+    assert a.dimension == b.dimension
+    assert a.factor == b.factor * {"Ah": 60, "m/m": 100}.get(one, 1)
+
+
+def test_a_gram_is_a_thousandth_of_a_kilogram() -> None:
+    assert parse_unit("g") == ("g", parse_unit("kg").dimension, parse_unit("kg").factor / 1000)
+    assert str(parse_unit("kg").dimension) == "s^3*A*V/mm^2"
 
 
 def test_a_radian_is_exact_enough_for_any_float() -> None:
@@ -60,7 +97,9 @@ def test_a_radian_is_exact_enough_for_any_float() -> None:
     "text",
     [
         "",
-        "kg",
+        "lb",
+        "Ma",
+        "degc",
         "m/",
         "/s",
         "m s",
@@ -95,6 +134,8 @@ def test_what_is_no_unit(text: str) -> None:
         (Dimension(2, 1, -1), "mm^2*s/deg"),
         (Dimension(-1, -2), "mm^-1*s^-2"),
         (Dimension(1, -1, -1), "mm/s/deg"),
+        (Dimension(current=1, time=1), "s*A"),
+        (Dimension(temperature=1, time=-1), "degC/s"),
     ],
 )
 def test_dimensions_are_shown_as_units(dimension: Dimension, shown: str) -> None:
@@ -104,7 +145,11 @@ def test_dimensions_are_shown_as_units(dimension: Dimension, shown: str) -> None
 
 
 _EXPONENT = st.integers(-9, 9)
-_DIMENSION = st.builds(Dimension, _EXPONENT, _EXPONENT, _EXPONENT)
+_DIMENSION = st.builds(Dimension, *[_EXPONENT] * len(NUMBER))
+
+
+def test_the_units_of_version_1_are_units_still() -> None:
+    assert BASE_UNITS.keys() > VERSION_1_UNITS
 
 
 @given(_DIMENSION, _DIMENSION)

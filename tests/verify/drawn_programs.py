@@ -1,8 +1,9 @@
 """What is proved, and what is computed, of drawn programs, held to the reference interpreter.
 
 `python -m tests.verify.drawn_programs --programs 20000 --contracts 5000` (`make agreement`) compares all
-executors over drawn traces, then, for contracts, the formulas with the interpreter frame by frame, and what
-`verify` says with what drawn traces show. Sensors fail in many frames.
+executors over drawn traces, also for programs written with functions and inputs, then, for contracts, the
+formulas with the interpreter frame by frame, and what `verify` says with what drawn traces show. Sensors fail
+in many frames.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from colony.verify.testing.disturbed import disturbed_run
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
+from tests.verify.outlining import outlined_disagreement
 from tests.verify.symbolic.trust import held_against
 
 _OPTIONS = Options(depth=2, max_frames=4, resources=300_000)
@@ -49,6 +51,12 @@ def executors(seed: int, network: bool) -> Findings:
     found = disagreement(program, trace, ALL_EXECUTORS)
     counts = Counter(programs=1, frames=len(trace))
     return counts, [] if found is None else [f"seed {seed}: {found}"]
+
+
+def outlined(seed: int) -> Findings:
+    """Compare a program with functions and inputs with the same program without, in all executors."""
+    found = outlined_disagreement(seed)
+    return Counter(programs=1), [] if found is None else [found]
 
 
 def formulas(seed: int) -> Findings:
@@ -161,7 +169,7 @@ def run(name: str, check: Check, seeds: range, workers: int) -> bool:
     """Run a check of every seed, print the counts and all findings, and return True if there are none."""
     total, findings = Counts(), list[str]()
     with Pool(workers) as pool:
-        for counts, found in pool.imap_unordered(check, seeds, chunksize=20):
+        for counts, found in pool.imap_unordered(partial(_guarded, check), seeds, chunksize=20):
             total.update(counts)
             findings += found
     shown = ", ".join(f"{count:,} {what}" for what, count in sorted(total.items()))
@@ -169,6 +177,14 @@ def run(name: str, check: Check, seeds: range, workers: int) -> bool:
     for finding in findings:
         print(finding)
     return not findings
+
+
+def _guarded(check: Check, seed: int) -> Findings:
+    """Return what a check finds, or, as a finding, the error with which it ends."""
+    try:
+        return check(seed)
+    except Exception as error:  # the other seeds go on
+        return Counts(), [f"seed {seed}: {type(error).__name__}: {error}"]
 
 
 def main() -> int:
@@ -185,6 +201,7 @@ def main() -> int:
         (
             ("executors, whole programs", partial(executors, network=False), whole),
             ("executors, networks", partial(executors, network=True), whole),
+            ("executors, with functions and inputs", outlined, some),
             ("formulas", formulas, some),
             ("verdicts", verdicts, some),
         )

@@ -15,11 +15,11 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.reporting import refuse, report, say
+from colony.cli.robot_choice import described_robot_option
 from colony.cli.robot_options import (
     connect_option,
     reporting_connection_errors,
     robot_address_of,
-    robot_option,
     security_option,
 )
 from colony.cli.run.options import DURATION, OptionError, Options, objection, request_of
@@ -42,7 +42,10 @@ PICTURE = "run.png"
 )
 @connect_option("Use a robot that is already running: on this machine, or behind a gateway, tls/HOST:PORT.")
 @security_option()
-@robot_option("The name of the robot, if it differs from that in the program.")
+@described_robot_option(
+    "The name of the robot, if it differs from that in the program, and the description that `import robot` "
+    "brings in: by default the one called NAME, else that of the project's colony.toml."
+)
 @click.option(
     "--seed",
     type=click.IntRange(min=0),

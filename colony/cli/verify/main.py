@@ -9,6 +9,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import Format, format_option, is_unreadable
+from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.output import finish_output, show
 from colony.cli.verify.progress import progress
@@ -22,6 +23,7 @@ from colony.verify.interruption import reliable_interrupts
 
 @click.command("verify", short_help="prove contracts, and find modules that can never act")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
+@description_option()
 @click.option(
     "--contract", "names", multiple=True, metavar="NAME", help="Verify only this contract. May be repeated."
 )

@@ -6,7 +6,7 @@ is a placeholder.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,8 +17,6 @@ from colony.execute.operators import Operator
 from colony.ir import expression as ir
 from colony.ir.expression import Binary, Function, Unary
 from colony.ir.memory import sent_cell
-
-Loops = tuple[tuple[str, int], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +29,19 @@ class Known:
 
 KnownValues = tuple[Known, ...]
 """The elements of an expression's value; a single one for a scalar."""
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """A round of a reduction: its variable and index, and the elements of its arrays by name."""
+
+    variable: str
+    k: int
+    elements: Mapping[str, Known]
+
+
+Loops = tuple[Round, ...]
+"""The present rounds of the enclosing reductions, outermost first."""
 
 
 class ContractLowering:
@@ -82,6 +93,8 @@ class ContractLowering:
             case ir.Within(operand=operand, low=low, high=high):
                 within = partial(self._strict, self.expressions.within)
                 return _each(within, lower(operand), lower(low), lower(high))
+            case ir.Nearest(bearings=bearings, angle=angle):
+                return _each(partial(self._strict, partial(self.expressions.nearest, bearings)), lower(angle))
             case ir.Element() | ir.Slice() | ir.Window():
                 return self._array_access(e, label, loops)
             case ir.ValueOr(expression=expression, other=other):
@@ -99,8 +112,10 @@ class ContractLowering:
         always = self.builder.literal(True)
         if isinstance(e, ir.SentField) and not self.names.has_idle_command(e.actuator):
             return (self._held(e),)
+        if isinstance(e, ir.LoopElement):
+            return ([turn.elements[e.name] for turn in loops if e.name in turn.elements][-1],)
         present = self.expressions.present((e,), None)
-        scope = Scope(owner=None, label=label, ready=always, loops=loops)
+        scope = Scope(owner=None, label=label, ready=always, loops=_indices_of(loops))
         return tuple(Known(value, present) for value in self.expressions.lower(e, scope))
 
     def _held(self, e: ir.SentField) -> Known:
@@ -184,24 +199,25 @@ class ContractLowering:
             case ir.Slice(indices=indices):
                 return tuple(whole[i] for i in indices)
             case ir.Element(index=index):
-                (position,) = self._lower(index, label, loops)
-                return (self._pick(whole, position),)
+                (given,) = self._lower(index, label, loops)
+                position = self.expressions.position(e, len(whole), given.value)
+                return (self._pick(whole, Known(position, given.known)),)
             case ir.Window(center=center):
                 (middle,) = self._lower(center, label, loops)
                 return tuple(self._pick(whole, i) for i in self._indices(e, len(whole), middle))
 
     def _indices(self, e: ir.Window, size: int, center: Known) -> KnownValues:
-        indices = self.expressions.window_indices(size, center.value, e.reach)
+        indices = self.expressions.window_indices(e, size, center.value)
         return tuple(Known(i, center.known) for i in indices)
 
     def _pick(self, array: KnownValues, index: Known) -> Known:
-        """Return an element; at an index that is not finite it is NaN or false, and known if all are."""
+        """Return an element, unknown at an index that is outside or not finite."""
         value = self.expressions.pick(tuple(x.value for x in array), index.value)
         known = array[0].known
         if not all(x.known == known for x in array):
-            picked = self.expressions.pick(tuple(x.known for x in array), index.value)  # false if not finite
-            known = self.builder.either(picked, self._all_known(array))
-        return Known(value, self.builder.both(index.known, known))
+            known = self.expressions.pick(tuple(x.known for x in array), index.value)
+        is_inside = self.builder.apply(Operator.FINITE, index.value)
+        return Known(value, self.builder.both(index.known, is_inside, known))
 
     # --- functions -------------------------------------------------------------------------------
 
@@ -236,8 +252,9 @@ class ContractLowering:
                 (middle,) = self._lower(center, label, loops)
                 window = self._indices(e, len(whole), middle)
                 chosen = tuple(self._pick(whole, i) for i in window)
-                size = builder.literal(float(len(whole)))
-                places = tuple(builder.apply(Operator.MODULO, i.value, size) for i in window)
+                best = index_of(function, tuple(x.value for x in chosen))
+                place = self.expressions.place_in_window(e, tuple(i.value for i in window), best, len(whole))
+                return Known(place, self._all_known(chosen))
             case _:
                 chosen = self._lower(e, label, loops)
                 places = tuple(builder.literal(float(i)) for i in range(len(chosen)))
@@ -247,8 +264,9 @@ class ContractLowering:
     def _reduce(self, e: ir.Reduce, label: str, loops: Loops) -> Known:
         builder, pairs = self.builder, list[tuple[Known, Known]]()
         always = Known(builder.literal(True), builder.literal(True))
+        arrays = {name: self._lower(array, label, loops) for name, array in e.arrays}
         for k in range(e.low, e.high + 1):
-            inner = (*loops, (e.variable, k))
+            inner = (*loops, Round(e.variable, k, {name: array[k] for name, array in arrays.items()}))
             (body,) = self._lower(e.body, label, inner)
             (condition,) = (always,) if e.condition is None else self._lower(e.condition, label, inner)
             pairs.append((condition, body))
@@ -275,10 +293,14 @@ class ContractLowering:
         for i in range(size):
             x = [a[i] if len(a) > 1 else a[0] for a in arguments]
             known = self._all_known(x)
-            scope = Scope(owner=None, label=label, ready=known, loops=loops)
+            scope = Scope(owner=None, label=label, ready=known, loops=_indices_of(loops))
             element = self.expressions.memory(e, tuple(v.value for v in x), scope, i, size)
             results.append(Known(element, known))
         return tuple(results)
+
+
+def _indices_of(loops: Loops) -> tuple[tuple[str, int], ...]:
+    return tuple((turn.variable, turn.k) for turn in loops)
 
 
 def _each(function: Callable[..., Known], *operands: KnownValues) -> KnownValues:

@@ -6,8 +6,8 @@ an expression reads is present is a value of its own (`present`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import nan
 from typing import Protocol, assert_never
@@ -27,6 +27,7 @@ from colony.execute.code import (
 )
 from colony.execute.operators import Operator
 from colony.ir import expression as ir
+from colony.ir.bearings import TURN, Bearings, lookup
 from colony.ir.expression import Binary, Function, Unary
 from colony.ir.memory import function_cell
 from colony.ir.types import Array, Bool, Type, element_type
@@ -44,12 +45,14 @@ class Scope:
         label: the prefix of the names of its memory cells.
         ready: the condition for updating its memory.
         loops: the variables and current indices of the enclosing reductions.
+        elements: by name, the current elements of the arrays of the enclosing reductions.
     """
 
     owner: str | None
     label: str
     ready: int
     loops: tuple[tuple[str, int], ...] = ()
+    elements: Mapping[str, int] = field(default_factory=dict)
 
 
 class Names(Protocol):
@@ -181,13 +184,10 @@ class ExpressionLowering:
                 return self._each(
                     self.within, self.lower(operand, scope), self.lower(low, scope), self.lower(high, scope)
                 )
-            case ir.Element(array=array, index=index):
-                return (self.pick(self.lower(array, scope), self.scalar(index, scope)),)
-            case ir.Slice(array=array, indices=indices):
-                whole = self.lower(array, scope)
-                return tuple(whole[i] for i in indices)
-            case ir.Window(array=array, center=center, reach=reach):
-                return self._window(self.lower(array, scope), self.scalar(center, scope), reach)
+            case ir.Nearest(bearings=bearings, angle=angle):
+                return (self.nearest(bearings, self.scalar(angle, scope)),)
+            case ir.Element() | ir.Slice() | ir.Window():
+                return self._array_access(e, self.lower(e.array, scope), scope)
             case ir.ValueOr():
                 return self._value_or(e, scope)
             case ir.Call():
@@ -253,6 +253,8 @@ class ExpressionLowering:
                 return (names.state(name),)
             case ir.LoopIndex(name=name):
                 return (builder.literal(float([k for variable, k in scope.loops if variable == name][-1])),)
+            case ir.LoopElement(name=name):
+                return (scope.elements[name],)
             case ir.Now():
                 return (builder.apply(Operator.SECONDS, builder.add(FrameTime(), Kind.TIME)),)
             case ir.Restarted():
@@ -290,6 +292,11 @@ class ExpressionLowering:
     def _value_or(self, e: ir.ValueOr, scope: Scope) -> Values:
         is_present = self.present((e.expression,), scope.owner)
         inner = replace(scope, ready=self.builder.both(scope.ready, is_present))
+        if isinstance(e.expression, ir.Element):
+            whole = self.lower(e.expression.array, inner)
+            value, place = self._element(e.expression, whole, inner)
+            condition = self.builder.both(is_present, self.builder.apply(Operator.FINITE, place))
+            return (self.builder.apply(Operator.SELECT, condition, value, self.scalar(e.other, scope)),)
         return self._each(
             partial(self.builder.apply, Operator.SELECT),
             (is_present,),
@@ -298,6 +305,40 @@ class ExpressionLowering:
         )
 
     # --- arrays ----------------------------------------------------------------------------------
+
+    def _array_access(self, e: ir.Element | ir.Slice | ir.Window, whole: Values, scope: Scope) -> Values:
+        match e:
+            case ir.Element():
+                value, _ = self._element(e, whole, scope)
+                return (value,)
+            case ir.Slice(indices=indices):
+                return tuple(whole[i] for i in indices)
+            case ir.Window(center=center):
+                indices = self.window_indices(e, len(whole), self.scalar(center, scope))
+                return tuple(self.pick(whole, i) for i in indices)
+
+    def _element(self, e: ir.Element, whole: Values, scope: Scope) -> tuple[int, int]:
+        """Return an element and its position, which is not finite where the index is outside."""
+        place = self.position(e, len(whole), self.scalar(e.index, scope))
+        return self.pick(whole, place), place
+
+    def position(self, e: ir.Element | ir.Window, size: int, index: int) -> int:
+        """Return an index that is inside as it is, or rounded; NaN for one that is outside."""
+        if e.wraps or (isinstance(e, ir.Element) and isinstance(e.index, ir.Nearest)):
+            return index
+        apply, literal = self.builder.apply, self.builder.literal
+        place = apply(Operator.ROUND, index)
+        is_inside = self.within(place, literal(0.0), literal(float(size - 1)))
+        return apply(Operator.SELECT, is_inside, place, literal(nan))
+
+    def nearest(self, bearings: Bearings, angle: int) -> int:
+        """Return the index of the element whose bearing is nearest to an angle, NaN where there is none."""
+        apply, literal = self.builder.apply, self.builder.literal
+        table = lookup(bearings)
+        turned = apply(Operator.MODULO, angle, literal(float(TURN)))
+        piece = apply(Operator.COUNT, *[apply(Operator.LESS, literal(b), turned) for b in table.breaks])
+        index = self.pick(tuple(literal(nan if i is None else float(i)) for i in table.indices), piece)
+        return apply(Operator.SELECT, apply(Operator.FINITE, angle), index, literal(nan))
 
     def pick(self, array: Values, index: int) -> int:
         """Return the element at an index; NaN or false where the index is not finite."""
@@ -308,30 +349,38 @@ class ExpressionLowering:
         operator = Operator.PICK_BOOL if are_bools else Operator.PICK_NUMBER
         return self.builder.apply(operator, self.builder.table(array), index)
 
-    def window_indices(self, size: int, center: int, reach: int) -> Values:
-        """Return the indices as numbers, exact since `center` is first reduced modulo the size."""
-        apply, literal = self.builder.apply, self.builder.literal
-        middle = apply(Operator.MODULO, apply(Operator.ROUND, center), literal(float(size)))
-        return tuple(apply(Operator.ADD, middle, literal(float(j))) for j in range(-reach, reach + 1))
+    def window_indices(self, e: ir.Window, size: int, center: int) -> Values:
+        """Return the indices of a window's elements, not yet wrapped; NaN for one that is outside.
 
-    def _window(self, array: Values, center: int, reach: int) -> Values:
-        return tuple(self.pick(array, i) for i in self.window_indices(len(array), center, reach))
+        They are exact: what wraps is first taken modulo the size, and what does not is small, or outside.
+        """
+        apply, literal = self.builder.apply, self.builder.literal
+        middle = apply(Operator.ROUND, center)
+        if e.wraps:
+            middle = apply(Operator.MODULO, middle, literal(float(size)))
+        places = (apply(Operator.ADD, middle, literal(float(j))) for j in range(-e.reach, e.reach + 1))
+        return tuple(self.position(e, size, place) for place in places)
 
     def _index_function(self, function: Function, e: ir.Expression, scope: Scope) -> int:
         """Return the index of the least or greatest element, which is always an index of the whole array."""
-        apply = self.builder.apply
         match e:
             case ir.Slice(indices=indices):
                 position = self.index_of(function, self.lower(e, scope))
                 return self.pick(tuple(self.builder.literal(float(i)) for i in indices), position)
-            case ir.Window(array=array, center=center, reach=reach):
+            case ir.Window(array=array, center=center):
                 whole = self.lower(array, scope)
-                indices = self.window_indices(len(whole), self.scalar(center, scope), reach)
-                size = self.builder.literal(float(len(whole)))
-                position = self.index_of(function, tuple(self.pick(whole, i) for i in indices))
-                return apply(Operator.MODULO, self.pick(indices, position), size)
+                indices = self.window_indices(e, len(whole), self.scalar(center, scope))
+                best = self.index_of(function, tuple(self.pick(whole, i) for i in indices))
+                return self.place_in_window(e, indices, best, len(whole))
             case _:
                 return self.index_of(function, self.lower(e, scope))
+
+    def place_in_window(self, e: ir.Window, indices: Values, best: int, size: int) -> int:
+        """Return the index, in the whole array, of the element of a window that is number `best` in it."""
+        place = self.pick(indices, best)
+        if not e.wraps:
+            return place
+        return self.builder.apply(Operator.MODULO, place, self.builder.literal(float(size)))
 
     def index_of(self, function: Function, x: Values) -> int:
         """Return the index of the least or greatest of the values."""
@@ -385,8 +434,10 @@ class ExpressionLowering:
 
     def _reduce(self, e: ir.Reduce, scope: Scope) -> int:
         bodies, conditions = [], []
+        arrays = {name: self.lower(array, scope) for name, array in e.arrays}
         for k in range(e.low, e.high + 1):
-            inner = replace(scope, loops=(*scope.loops, (e.variable, k)))
+            elements = {**scope.elements, **{name: array[k] for name, array in arrays.items()}}
+            inner = replace(scope, loops=(*scope.loops, (e.variable, k)), elements=elements)
             bodies.append(self.scalar(e.body, inner))
             conditions.append(
                 self.builder.literal(True) if e.condition is None else self.scalar(e.condition, inner)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from colony.dsl import ast
+from colony.dsl.check.arguments import freshness, reads_parts
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import unify, with_article, with_articles
-from colony.dsl.check.reserved import reject_reserved_name
-from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol
+from colony.dsl.check.scope import (
+    ArgumentSymbol,
+    BrokenSymbol,
+    LetSymbol,
+    PlaceholderSymbol,
+    SensorSymbol,
+)
 from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
 from colony.ir.program import SENT
@@ -26,8 +31,6 @@ from colony.ir.types import (
 )
 from colony.text.units import ANGLE, NUMBER, Dimension
 
-MAX_ITERATIONS = 4096
-
 _SPECIAL = ("window", "fresh", "value_or", "now")
 _PURE = {f.value: f for f in ir.Function}
 _MEMORY = {m.value: m for m in ir.MemoryFunction}
@@ -40,7 +43,7 @@ FORMER_FUNCTIONS = {
 
 
 def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
-    """Check any call but a reduction over a variable."""
+    """Check a call of a function of the language, but not a reduction over a variable."""
     name = node.function.text
     if name in _PURE:
         return _pure(checker, node, _PURE[name])
@@ -52,13 +55,17 @@ def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
         "value_or": _value_or,
         "now": _now,
     }
-    if name in special:
-        return special[name](checker, node)
-    hint = FORMER_FUNCTIONS.get(name) or checker.report.suggest(name, FUNCTION_NAMES)
-    checker.error("E107", node.function, f"unknown function `{name}`", hint)
-    for argument in node.arguments:
-        checker.visit(argument)
-    return None
+    return special[name](checker, node)
+
+
+def reject_named_arguments(checker: Checker, node: ast.Call) -> bool:
+    """Report arguments by name, which functions of the language do not take."""
+    if not node.named:
+        return False
+    name = node.function.text
+    hint = f"use: {_USAGE[name]}" if name in _USAGE else "compare with `==`"
+    checker.error("E203", node.named[0], f"`{name}` takes its arguments by position", hint)
+    return True
 
 
 def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> list[ir.Expression] | None:
@@ -229,52 +236,6 @@ def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Exp
     return ir.Call(type=DIMENSIONLESS, function=function, arguments=(array,), span=checker.span(node))
 
 
-def check_comprehension(checker: Checker, node: ast.Comprehension) -> ir.Expression | None:
-    """Check `function(body for k in low .. high [if condition])`."""
-    function = _PURE.get(node.function.text)
-    if function is None or function not in ir.REDUCTIONS:
-        known = sorted(f.value for f in ir.REDUCTIONS)
-        hint = f"the reductions are {', '.join(known)}"
-        checker.error("E211", node.function, f"`{node.function.text}` is not a reduction", hint)
-        return None
-    low = checker.whole(node.low, "the start of a reduction", -(10**9), 10**9)
-    high = checker.whole(node.high, "the end of a reduction", -(10**9), 10**9)
-    if low is None or high is None:
-        return None
-    iterations = checker.iterations * max(high - low + 1, 1)
-    if iterations > MAX_ITERATIONS:
-        checker.error("E211", node, f"{iterations} iterations; at most {MAX_ITERATIONS} are allowed")
-        return None
-    reject_reserved_name(checker.report, checker.scope, node.variable)
-    name = node.variable.text
-    unique = name if name not in checker.loops.values() else f"{name}'{len(checker.loops)}"
-    inner = replace(checker, loops={**checker.loops, name: unique}, iterations=iterations)
-    body = inner.visit(node.body)
-    condition = (
-        None if node.condition is None else inner.expect(node.condition, BOOL, "the `if` of a reduction")
-    )
-    if body is None or (condition is None and node.condition is not None):
-        return None
-    if isinstance(body.type, Array):
-        checker.error(
-            "E211", node.body, "the body of a reduction must be a scalar", "reduce the array inside it"
-        )
-        return None
-    result = reduction_result(checker, node, node.function, function, [body.type])
-    if result is None:
-        return None
-    return ir.Reduce(
-        type=result,
-        function=function,
-        variable=unique,
-        low=low,
-        high=high,
-        body=body,
-        condition=condition,
-        span=checker.span(node),
-    )
-
-
 # --- window, fresh, value_or, now ------------------------------------------------------------------
 
 
@@ -293,7 +254,8 @@ def _window(checker: Checker, node: ast.Call) -> ir.Expression | None:
     if reach is None:
         return None
     type_ = Array(array.type.element, 2 * reach + 1)
-    return ir.Window(type=type_, array=array, center=center, reach=reach, span=checker.span(node))
+    wraps, span = array.type.closes, checker.span(node)
+    return ir.Window(type=type_, array=array, center=center, reach=reach, wraps=wraps, span=span)
 
 
 def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
@@ -317,6 +279,14 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
             return ir.Fresh(type=BOOL, name=sensor.name, derived=False, span=checker.span(node))
         case LetSymbol(name=name, module=None):
             return ir.Fresh(type=BOOL, name=name, derived=True, span=checker.span(node))
+        case PlaceholderSymbol():
+            return ir.Constant(type=BOOL, value=True, span=checker.span(node))
+        case ArgumentSymbol(expression=expression):
+            if checker.in_contract_or_test and reads_parts(expression):
+                hint = "only sensors and file-level `let`s can be asked for"
+                checker.error("E202", argument, f"`{argument.text}` stands for more than these", hint)
+                return None
+            return freshness(expression, checker.span(node))
         case BrokenSymbol():
             return None
         case _ if symbol is not None or checker.visit(argument) is not None:  # it reports an unknown name

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from colony.dsl import ast
+from colony.dsl.check.arguments import reads_placeholder
 from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.constants import constant_value, literal, unit_of
 from colony.dsl.check.scope import Report, Scope, ValueSymbol, label, span_of
@@ -37,8 +38,11 @@ class Checker(ABC):
         memory: True if memory functions are allowed.
         constants_only: True if the expression must be constant.
         module_names: all names that the module declares, above or below the expression.
-        loops: the variables of enclosing reductions, with their unique names.
+        loops: the variables of enclosing reductions, which have unique names in the expression.
         iterations: the number of iterations of all enclosing reductions together.
+        taken_loops: unique names that no variable of a reduction may have: those of the callers.
+        in_call: True in the body of a function that is called.
+        in_function: True in the body of a function that is declared, where parameters have no values.
     """
 
     scope: Scope
@@ -48,12 +52,20 @@ class Checker(ABC):
     memory: bool = True
     constants_only: bool = False
     module_names: frozenset[str] = frozenset()
-    loops: Mapping[str, str] = field(default_factory=dict)
+    loops: Mapping[str, ir.LoopIndex | ir.LoopElement] = field(default_factory=dict)
     iterations: int = 1
+    taken_loops: frozenset[str] = frozenset()
+    in_call: bool = False
+    in_function: bool = False
 
     @abstractmethod
     def visit(self, node: ast.Expression) -> ir.Expression | None:
         """Check a subexpression, whose depth `check` has checked."""
+
+    @property
+    def taken_names(self) -> frozenset[str]:
+        """Return the unique names of the variables of all reductions around, those of callers included."""
+        return self.taken_loops.union(loop.name for loop in self.loops.values())
 
     # --- entry points
 
@@ -85,6 +97,8 @@ class Checker(ABC):
         if found is None:
             return None
         value = constant_value(found)
+        if self.in_function and value is None and reads_placeholder(found):
+            return None  # each call decides
         if value is None or isinstance(found.type, Array):
             self.error(
                 "E204", node, f"{what} must be constant", "use literals, params and arithmetic on them"
@@ -175,13 +189,17 @@ class Checker(ABC):
         return value
 
     def broadcast(self, node: ast.SyntaxNode, element: Scalar, *types: Type) -> Type | None:
-        """Return `element`, or an array of it: scalars fit any array, arrays must agree in length."""
+        """Return `element`, or an array of it: scalars fit any array, arrays must agree in length.
+
+        The array has the bearings of `types` if all arrays have the same.
+        """
         sizes = sorted({t.size for t in types if isinstance(t, Array)})
         if len(sizes) > 1:
             shown = " and ".join(str(s) for s in sizes)
             self.error("E206", node, f"the arrays differ in length: {shown} elements")
             return None
-        return Array(element, sizes[0]) if sizes else element
+        found = {t.bearings for t in types if isinstance(t, Array)}
+        return Array(element, sizes[0], found.pop() if len(found) == 1 else None) if sizes else element
 
     def array(self, node: ast.Expression) -> ir.Expression | None:
         """Check an expression that must be an array."""

@@ -47,7 +47,7 @@ def without_wildcard(type_: Type) -> Type:
 def with_article(type_: Type) -> str:
     """Return the name of a type with its article, for messages."""
     if isinstance(type_, Array):
-        return f"an array of {type_.size} {_plural(type_.element)}"
+        return f"an array of {type_.size} {plural(type_.element)}"
     if isinstance(type_, Bool):
         return "a bool"
     if isinstance(type_, Enum):
@@ -55,7 +55,8 @@ def with_article(type_: Type) -> str:
     return "a plain number" if type_.dimension == DIMENSIONLESS.dimension else f"a value in {type_}"
 
 
-def _plural(type_: Scalar) -> str:
+def plural(type_: Scalar) -> str:
+    """Return the name of several values of a type, for messages."""
     if isinstance(type_, Bool):
         return "bools"
     if isinstance(type_, Enum):

@@ -7,12 +7,13 @@ from dataclasses import replace
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
+from colony.dsl.check.constants import constant_value
 from colony.dsl.check.references import actuator_named
 from colony.dsl.check.reserved import RESTARTED
-from colony.dsl.check.scope import BrokenSymbol, SensorSymbol
+from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol, ValueSymbol
 from colony.dsl.check.sent import sent_field
 from colony.ir import program as ir
-from colony.ir.expression import Expression
+from colony.ir.expression import Element, Expression, Slice
 from colony.ir.types import BOOL, Array, Quantity, ScalarValue, element_type
 
 MAX_TEST_FRAMES = 1_000_000
@@ -72,7 +73,7 @@ def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
         times = _times(checker, step)
         restarts = [g for g in step.given if g.sensor.text == RESTARTED]
         restarted = [_given_restarted(checker, g, is_first=step is node.steps[0]) for g in restarts]
-        given = [_given(checker, g) for g in step.given if g.sensor.text != RESTARTED]
+        given = [x for g in step.given if g.sensor.text != RESTARTED for x in _given(checker, g)]
         contract_checker = replace(checker, in_contract_or_test=True)
         expectations = [contract_checker.expect(e, BOOL, "an expectation") for e in step.expect]
         if times is None:
@@ -88,7 +89,7 @@ def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
         steps.append(
             ir.Step(
                 times_ns=times,
-                given=tuple(g for g in given if g is not None),
+                given=tuple(given),
                 expectations=tuple(e for e in expectations if e is not None),
                 restarted=bool(restarted and restarted[-1]),
                 span=checker.span(step),
@@ -129,54 +130,87 @@ def _given_restarted(checker: Checker, node: ast.GivenDecl, *, is_first: bool) -
     return bool(checker.constant_in(node.value, BOOL, "", "the value given to `restarted`"))
 
 
-def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
+def _given(checker: Checker, node: ast.GivenDecl) -> list[ir.Given]:
     """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`, with or without its age."""
     if node.sensor.path[0] == ir.SENT:
         sent = sent_field(checker, node.sensor)
-        return None if sent is None else _given_to(checker, node, sent)
-    symbol = checker.scope.robot.values.get(node.sensor.text)
+        return [] if sent is None else _given_to(checker, node, sent)
+    symbol = checker.scope.robot.values.get(node.sensor.text) or _renamed_sensor(checker, node.sensor)
     if not isinstance(symbol, SensorSymbol):
         if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(node.sensor.text):
             hint = checker.report.suggest(node.sensor.text, checker.scope.robot.values)
             if checker.scope.value(node.sensor.text) is not None:
                 hint = "tests give values only to sensors; derived values are computed from them"
             checker.error("E603", node.sensor, f"unknown sensor `{node.sensor.text}`", hint)
-        return None
+        return []
     return _given_to(checker, node, symbol.sensor)
 
 
-def _given_to(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor) -> ir.Given | None:
-    """Check the value, and the age, that a step gives to a sensor."""
-    size = sensor.type.size if isinstance(sensor.type, Array) else None
-    index: int | None = None
+def _renamed_sensor(checker: Checker, node: ast.Reference) -> ValueSymbol | None:
+    """Return the sensor to which a `let NAME = SENSOR` gives another name."""
+    scope, path = checker.scope.resolve(node.path)
+    symbol = scope.value(path[0]) if len(path) == 1 else None
+    renamed = symbol.sensor if isinstance(symbol, LetSymbol) else None
+    return None if renamed is None else checker.scope.robot.values.get(renamed)
+
+
+def _given_to(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor) -> list[ir.Given]:
+    """Check the value, and the age, that a step gives to a sensor or to some of its elements."""
+    indices: tuple[int | None, ...] = (None,)
     if node.index is not None:
-        if size is None:
-            checker.error("E603", node, f"`{sensor.name}` is not an array")
-            return None
-        index = checker.whole(node.index, "the index", 0, size - 1)
-        if index is None:
-            return None
-    given = _given_value(checker, node, sensor, index)
-    if node.taken_ago is None:
-        return given
-    age_ns = _age_ns(checker, node.taken_ago, sensor, isinstance(node.value, ast.Missing))
-    return None if given is None or age_ns is None else replace(given, age_ns=age_ns)
+        found = _indices(checker, node, node.index, sensor)
+        if found is None:
+            return []
+        indices = found
+    given = _given_value(checker, node, sensor, len(indices))
+    age_ns: int | None = None
+    if node.taken_ago is not None:
+        age_ns = _age_ns(checker, node.taken_ago, sensor, isinstance(node.value, ast.Missing))
+        if age_ns is None:
+            return []
+    if given is None:
+        return []
+    if node.index is not None and isinstance(given.value, tuple):
+        pairs = zip(indices, given.value, strict=True)
+        return [replace(given, index=i, value=value, age_ns=age_ns) for i, value in pairs]
+    return [replace(given, index=i, age_ns=age_ns) for i in indices]
 
 
-def _given_value(
-    checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor, index: int | None
-) -> ir.Given | None:
+def _indices(
+    checker: Checker, node: ast.GivenDecl, index: ast.Expression, sensor: ir.Sensor
+) -> tuple[int, ...] | None:
+    """Return the elements that a step gives; None after an error."""
+    if not isinstance(sensor.type, Array):
+        checker.error("E603", node, f"`{sensor.name}` is not an array")
+        return None
+    start, end = node.start, (node.last or index).end + 1
+    if node.last is not None:
+        place = ast.SliceOf(array=node.sensor, first=index, last=node.last, start=start, end=end)
+        found = checker.visit(place)
+        return found.indices if isinstance(found, Slice) else None
+    if checker.constant(index, None, "the index") is None:
+        return None
+    element = checker.visit(ast.Index(array=node.sensor, index=index, start=start, end=end))
+    if not isinstance(element, Element):
+        return None
+    value = constant_value(element.index)
+    assert value is not None, "the index is constant"
+    return (round(value) % sensor.type.size,)
+
+
+def _given_value(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor, size: int) -> ir.Given | None:
+    """Return the value that a step gives; `size` is the number of elements, if it gives some of them."""
     span = checker.span(node)
     if isinstance(node.value, ast.Missing):
-        if index is not None:
+        if node.index is not None:
             hint = f"write `{sensor.name} = missing`"
             checker.error("E603", node, "one element cannot be missing, only the whole sensor", hint)
             return None
         return ir.Given(sensor=sensor.name, index=None, value=None, span=span)
     if isinstance(node.value, ast.Elements):
-        return _given_elements(checker, node, node.value, sensor, index)
+        return _given_elements(checker, node, node.value, sensor, size)
     value = _constant(checker, sensor, node.value)
-    return None if value is None else ir.Given(sensor=sensor.name, index=index, value=value, span=span)
+    return None if value is None else ir.Given(sensor=sensor.name, index=None, value=value, span=span)
 
 
 def _age_ns(checker: Checker, node: ast.Expression, sensor: ir.Sensor, is_missing: bool) -> int | None:
@@ -195,14 +229,16 @@ def _age_ns(checker: Checker, node: ast.Expression, sensor: ir.Sensor, is_missin
 
 
 def _given_elements(
-    checker: Checker, node: ast.GivenDecl, elements: ast.Elements, sensor: ir.Sensor, index: int | None
+    checker: Checker, node: ast.GivenDecl, elements: ast.Elements, sensor: ir.Sensor, size: int
 ) -> ir.Given | None:
     values = [_constant(checker, sensor, v) for v in elements.values]
-    if not isinstance(sensor.type, Array) or index is not None:
+    if not isinstance(sensor.type, Array) or (node.index is not None and node.last is None):
         checker.error("E603", elements, f"found a list of elements, expected one value for `{sensor.name}`")
         return None
-    if len(values) != sensor.type.size:
-        message = f"`{sensor.name}` has {sensor.type.size} elements, found {len(values)}"
+    expected = sensor.type.size if node.index is None else size
+    if len(values) != expected:
+        what = f"`{sensor.name}` has" if node.index is None else "the slice has"
+        message = f"{what} {expected} elements, found {len(values)}"
         checker.error("E603", elements, message)
         return None
     valid = tuple(v for v in values if v is not None)

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from colony.dsl import ast
 from colony.dsl.check.reserved import reject_reserved_names
-from colony.dsl.check.scope import ModuleSymbol, Report, Scope, WireSymbol, label
+from colony.dsl.check.scope import ModuleSymbol, Report, Scope, WireSymbol, is_private, label
 
-VALUE_DECLARATIONS = (ast.EnumDecl, ast.ParamDecl, ast.LetDecl, ast.StateDecl, ast.MachineDecl)
+VALUE_DECLARATIONS = (
+    ast.EnumDecl,
+    ast.ParamDecl,
+    ast.LetDecl,
+    ast.FunctionDecl,
+    ast.StateDecl,
+    ast.MachineDecl,
+)
 MODULE_DECLARATIONS = (ast.ModuleDecl, ast.DerivedModuleDecl, ast.PythonModuleDecl)
 
 
 def declare_names(report: Report, scopes: list[Scope]) -> None:
     """Fill in the visible names of every scope; report names declared twice, in a file or by an import."""
     sensors, actuators = _robot_names(scopes)
+    _name_private(scopes)
     for scope in scopes:
         scope.robot.sensor_names, scope.robot.actuator_names = sensors, actuators
         reject_reserved_names(report, scope)
@@ -87,6 +97,31 @@ def _declare_wire(
         scope.visible_network_symbols[name.text] = scope
 
 
+def _name_private(scopes: list[Scope]) -> None:
+    """Give the private names of each file full names; those of several files may be spelled alike."""
+    taken: set[str] = set()
+    for scope in reversed(scopes):  # importing files take short names first
+        prefix, stem = scope.file.prefix, scope.file.stem
+        for private in sorted(set(filter(is_private, _own_names(scope)))):
+            name, count = f"{prefix}{private}", 1
+            while name in taken:
+                name = f"{prefix}{stem}:{private}" if count == 1 else f"{prefix}{stem}:{private}:{count}"
+                count += 1
+            taken.add(name)
+            scope.private_names[private] = name
+
+
+def _own_names(scope: Scope) -> Iterator[str]:
+    """Yield the names of values, parts, contracts and aliases that a file declares."""
+    for node in scope.file.tree.declarations:
+        if isinstance(node, ast.NetworkDecl):
+            yield from (wire.name.text for wire in node.wires)
+        elif isinstance(node, ast.ImportDecl):
+            yield from () if node.alias is None else (node.alias.text,)
+        elif isinstance(node, (*VALUE_DECLARATIONS, *MODULE_DECLARATIONS, ast.ContractDecl)):
+            yield node.name.text
+
+
 def _name_actuator_wires(scopes: list[Scope]) -> None:
     """Name the wire of each actuator after the actuator.
 
@@ -104,7 +139,7 @@ def _name_actuator_wires(scopes: list[Scope]) -> None:
             scope.actuator_wires[actuator] = WireSymbol(name=name)
 
 
-def _allow_unknown_names(scope: Scope, node: ast.ImportDecl) -> None:
+def _allow_unknown_names(scope: Scope, node: ast.ImportDecl | ast.RobotImportDecl) -> None:
     """Suppress errors about names that the unreadable imported file may declare."""
     if node.alias is None:
         scope.incomplete = True
@@ -121,7 +156,9 @@ def _declare_once(report: Report, scope: Scope, names: dict[str, ast.Name], name
     return False
 
 
-def _import_names(report: Report, scope: Scope, target: Scope, node: ast.ImportDecl) -> None:
+def _import_names(
+    report: Report, scope: Scope, target: Scope, node: ast.ImportDecl | ast.RobotImportDecl
+) -> None:
     """Import all names of a file, under its alias if the import has one."""
     alias = node.alias
     if alias is not None:
@@ -135,13 +172,18 @@ def _import_names(report: Report, scope: Scope, target: Scope, node: ast.ImportD
         return
     scope.lost_names |= target.lost_names
     scope.incomplete |= target.incomplete
+    scope.hidden.update(target.hidden)
     for own, imported in (
         (scope.visible_values, target.visible_values),
         (scope.visible_network_symbols, target.visible_network_symbols),
         (scope.aliases, target.aliases),
     ):
         for name, owner in imported.items():
-            if own.setdefault(name, owner) is not owner:
+            if is_private(name):
+                scope.hidden[name] = target.file.source.name
+            elif own.setdefault(name, owner) is not owner:
                 message = f"`{name}` is declared here and in `{target.file.source.name}`"
-                hint = f'rename one of them, or write `import "{node.path}" as NAME`'
+                hint = "rename one of them"
+                if isinstance(node, ast.ImportDecl):
+                    hint += f', or write `import "{node.path}" as NAME`'
                 report.error(scope, "E102", node, message, hint)

@@ -17,7 +17,7 @@ from colony.dsl.check.scope import (
     ValueSymbol,
 )
 from colony.ir import program as ir
-from colony.ir.expression import Expression
+from colony.ir.expression import Expression, SensorValue
 from colony.ir.types import BOOL, Enum, Scalar, ScalarValue
 from colony.text.units import BASE_UNITS
 
@@ -134,4 +134,6 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
 
 def let_symbol(let: ir.Let, module: str | None = None) -> LetSymbol:
     """Return the symbol of a let."""
-    return LetSymbol(name=let.name, type=without_wildcard(let.expression.type), module=module)
+    sensor = let.expression.name if isinstance(let.expression, SensorValue) else None
+    type_ = without_wildcard(let.expression.type)
+    return LetSymbol(name=let.name, type=type_, module=module, sensor=sensor)

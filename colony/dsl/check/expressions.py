@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
+from typing import Any
 
 from colony.dsl import ast
-from colony.dsl.check import calls
+from colony.dsl.check.arrays import check_index, check_slice
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import unify, with_article, with_articles
-from colony.dsl.check.constants import constant_value, unit_of
+from colony.dsl.check.constants import unit_of
+from colony.dsl.check.functions import check_any_call
+from colony.dsl.check.reductions import check_comprehension
 from colony.dsl.check.references import resolve_reference, resolve_status, resolve_winner
 from colony.ir import expression as ir
 from colony.ir.types import (
     BOOL,
     DIMENSIONLESS,
     ZERO,
-    Array,
     Bool,
     Enum,
     Quantity,
@@ -32,33 +34,20 @@ class ExpressionChecker(Checker):
 
     def visit(self, node: ast.Expression) -> ir.Expression | None:
         """Check a subexpression, whose depth `check` has checked."""
-        match node:
-            case ast.Number():
-                return self._number(node)
-            case ast.Boolean():
-                return ir.Constant(type=BOOL, value=node.value, span=self.span(node))
-            case ast.Reference():
-                return resolve_reference(self, node)
-            case ast.Prefix():
-                return self._prefix(node)
-            case ast.Infix():
-                return self._infix(node)
-            case ast.If():
-                return self._if(node)
-            case ast.InRange():
-                return self._in_range(node)
-            case ast.Index():
-                return self._index(node)
-            case ast.SliceOf():
-                return self._slice(node)
-            case ast.Call():
-                return calls.check_call(self, node)
-            case ast.Comprehension():
-                return calls.check_comprehension(self, node)
-            case ast.By():
-                return resolve_winner(self, node)
-            case ast.Is():
-                return resolve_status(self, node)
+        size = self.report.size
+        size.nodes += 1
+        size.level += 1
+        if size.level > size.deepest:
+            size.deepest = size.level
+        if size.level > ir.NESTING_LIMIT:
+            size.too_deep, found = True, None  # in a function that is called: `check` refuses others
+        else:
+            found = _CHECKS[type(node)](self, node)
+        size.level -= 1
+        return found
+
+    def _boolean(self, node: ast.Boolean) -> ir.Expression:
+        return ir.Constant(type=BOOL, value=node.value, span=self.span(node))
 
     def _number(self, node: ast.Number) -> ir.Expression | None:
         value = self.literal(node, node.unit)
@@ -138,39 +127,23 @@ class ExpressionChecker(Checker):
             return None
         return ir.Within(type=type_, operand=operand, low=low, high=high, span=self.span(node))
 
-    def _index(self, node: ast.Index) -> ir.Expression | None:
-        array, index = self.array(node.array), self.visit(node.index)
-        if array is None or index is None:
-            return None
-        assert isinstance(array.type, Array)
-        if not isinstance(index.type, Quantity) or index.type.dimension != DIMENSIONLESS.dimension:
-            self.error(
-                "E202", node.index, f"an index must be a plain number, found {with_article(index.type)}"
-            )
-            return None
-        value = constant_value(index)
-        if value is not None and not (isfinite(value) and 0 <= round(value) < array.type.size):
-            last = array.type.size - 1
-            self.error(
-                "E205", node.index, f"index {value:g} is outside the array", f"its indices are 0 .. {last}"
-            )
-            return None
-        return ir.Element(type=array.type.element, array=array, index=index, span=self.span(node))
 
-    def _slice(self, node: ast.SliceOf) -> ir.Expression | None:
-        array = self.array(node.array)
-        if array is None:
-            return None
-        assert isinstance(array.type, Array)
-        last_index = array.type.size - 1
-        first = self.whole(node.first, "the start of a slice", 0, last_index)
-        last = self.whole(node.last, "the end of a slice", 0, last_index)
-        if first is None or last is None:
-            return None
-        stop = last if first <= last else last + array.type.size
-        indices = tuple(i % array.type.size for i in range(first, stop + 1))
-        type_ = Array(array.type.element, len(indices))
-        return ir.Slice(type=type_, array=array, indices=indices, span=self.span(node))
+_CHECKS: dict[type[ast.SyntaxNode], Callable[[ExpressionChecker, Any], ir.Expression | None]] = {
+    ast.Number: ExpressionChecker._number,
+    ast.Boolean: ExpressionChecker._boolean,
+    ast.Reference: resolve_reference,
+    ast.Prefix: ExpressionChecker._prefix,
+    ast.Infix: ExpressionChecker._infix,
+    ast.If: ExpressionChecker._if,
+    ast.InRange: ExpressionChecker._in_range,
+    ast.Index: check_index,
+    ast.SliceOf: check_slice,
+    ast.Call: check_any_call,
+    ast.Comprehension: check_comprehension,
+    ast.ElementsComprehension: check_comprehension,
+    ast.By: resolve_winner,
+    ast.Is: resolve_status,
+}
 
 
 # --- operators -------------------------------------------------------------------------------------

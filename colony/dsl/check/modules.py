@@ -12,6 +12,9 @@ from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.derived import check_let, check_nexts, check_param, check_state, let_symbol
 from colony.dsl.check.expressions import ExpressionChecker
+from colony.dsl.check.functions import declare_function
+from colony.dsl.check.inputs import Binding, Inputs, check_inputs, input_readings
+from colony.dsl.check.private import reject_private_member
 from colony.dsl.check.references import actuator_named, resolve_network_symbol, resolve_reference
 from colony.dsl.check.robot import command_arguments
 from colony.dsl.check.scope import (
@@ -28,15 +31,17 @@ from colony.ir import program as ir
 from colony.ir.expression import Constant, Expression
 from colony.ir.types import BOOL, ScalarValue
 from colony.record import Record, record
+from colony.text.diagnostics import has_errors
 
 ModuleNode = ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl
 _Clause = TypeVar("_Clause", bound=ast.Clause | ast.PythonClause)
+_DECLARING = (ast.InputDecl, ast.ParamDecl, ast.LetDecl, ast.FunctionDecl, ast.StateDecl)
 _PYTHON_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
 @record
 class Template(Record):
-    """A module's declaration, its scope, and the params that a derived module overrides.
+    """A module's declaration, its scope, and the params and inputs that derived modules give.
 
     `failsafe` is true if the module, or one that it is derived from, is declared so.
     """
@@ -45,6 +50,28 @@ class Template(Record):
     failsafe: bool
     scope: Scope
     params: Mapping[str, ParamSymbol]
+    inputs: Mapping[str, Binding]
+
+
+@record
+class CheckedModules(Record):
+    """The modules of a program, and the lets that their inputs are.
+
+    `templates` is the number of modules with inputs that are not bound; they are not part of the program.
+    """
+
+    modules: tuple[ir.AnyModule, ...]
+    input_lets: tuple[ir.Let, ...]
+    templates: int
+
+
+@record
+class Instance(Record):
+    """A module, None if it is wrong or only a template, its inputs, and its names as written."""
+
+    module: ir.AnyModule | None
+    inputs: Inputs
+    members: dict[str, ValueSymbol]
 
 
 @record
@@ -60,7 +87,7 @@ class PendingModule(Record):
         return self.scope.full_name(self.node.name.text)
 
 
-def check_modules(report: Report, declared: list[PendingModule]) -> list[ir.AnyModule]:
+def check_modules(report: Report, declared: list[PendingModule]) -> CheckedModules:
     """Check all modules of a program, in order, and store their symbols in the scopes of their files.
 
     Each scope already holds a placeholder symbol for each of its modules, with its full name.
@@ -68,20 +95,33 @@ def check_modules(report: Report, declared: list[PendingModule]) -> list[ir.AnyM
     by_name = {p.full_name: p for p in declared}
     templates: dict[str, Template | None] = {}
     modules: list[ir.AnyModule] = []
+    input_lets: list[ir.Let] = []
+    template_names = set[str]()
     for pending in declared:
         template = _template(report, pending, by_name, templates)
         if template is None:
             continue
-        module, members = _instance(report, pending, template)
-        if module is not None:
-            symbol = ModuleSymbol(name=module.name, actuator=module.actuator, members=members)
-            pending.scope.network_symbols[pending.node.name.text] = symbol
+        instance = _instance(report, pending, template)
+        module, unbound = instance.module, instance.inputs.unbound
+        if module is None:
+            continue
+        if unbound:
+            template_names.add(module.name)
+        else:
             modules.append(module)
-    checked = {m.name for m in modules}
+            input_lets += instance.inputs.lets
+        pending.scope.network_symbols[pending.node.name.text] = ModuleSymbol(
+            name=module.name,
+            actuator=module.actuator,
+            members=instance.members,
+            unbound=unbound,
+            home=template.scope,
+        )
+    checked = {m.name for m in modules} | template_names
     for pending in declared:
         if pending.full_name not in checked:
             pending.scope.network_symbols[pending.node.name.text] = BrokenSymbol()
-    return modules
+    return CheckedModules(modules=tuple(modules), input_lets=tuple(input_lets), templates=len(template_names))
 
 
 # --- derived modules -------------------------------------------------------------------------------
@@ -111,7 +151,9 @@ def _template(
         chain.append(current)
         if not isinstance(current.node, ast.DerivedModuleDecl):
             node, scope = current.node, current.scope
-            templates[current.full_name] = Template(node=node, failsafe=node.failsafe, scope=scope, params={})
+            templates[current.full_name] = Template(
+                node=node, failsafe=node.failsafe, scope=scope, params={}, inputs={}
+            )
             break
         current = _base(report, current, by_name)
         if current is None:
@@ -146,21 +188,26 @@ def _base(
 def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl, base: Template) -> Template:
     checker = ExpressionChecker(scope=pending.scope, report=report)
     known = [c.name.text for c in base.node.clauses if isinstance(c, ast.ParamDecl)]
+    known_inputs = [c.name.text for c in base.node.clauses if isinstance(c, ast.InputDecl)]
     declared: dict[str, ValueSymbol] = {}
     quiet = ExpressionChecker(scope=base.scope, report=Report(), local=declared)
     _params(quiet, _clauses(base.node, ast.ParamDecl), base.params, declared)
-    params = dict(base.params)
+    params, inputs = dict(base.params), dict(base.inputs)
     given: set[str] = set()
     for argument in node.arguments:
         name = argument.name.text
-        if name not in known:
-            hint = checker.report.suggest(name, known)
-            hint = hint or (f"its params are {', '.join(known)}" if known else "it has no params")
-            checker.error("E404", argument.name, f"`{node.base.text}` has no param `{name}`", hint)
+        if reject_private_member(checker, argument.name, base.scope, name):
+            continue
+        if name not in known and name not in known_inputs:
+            _report_unknown_argument(checker, node, argument.name, known, known_inputs)
             continue
         if name in given:
-            checker.error("E404", argument.name, f"param `{name}` is set twice")
+            what = f"param `{name}` is set" if name in known else f"input `{name}` is bound"
+            checker.error("E404", argument.name, f"{what} twice")
         given.add(name)
+        if name in known_inputs:
+            inputs[name] = Binding(name=argument.name, value=argument.value, scope=pending.scope)
+            continue
         found = checker.constant(argument.value, None, f"param `{name}`")
         param = declared.get(name)
         if found is None or not isinstance(param, ParamSymbol):
@@ -170,21 +217,38 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
         else:
             expected = f"param `{name}` of `{node.base.text}` is {with_article(param.type)}"
             checker.error("E404", argument.value, f"{expected}, found {with_article(found.type)}")
-    return replace(base, params=params, failsafe=base.failsafe or node.failsafe)
+    return replace(base, params=params, inputs=inputs, failsafe=base.failsafe or node.failsafe)
+
+
+def _report_unknown_argument(
+    checker: Checker, node: ast.DerivedModuleDecl, name: ast.Name, params: list[str], inputs: list[str]
+) -> None:
+    shown = [f"its {kind} are {', '.join(names)}" for kind, names in _kinds(params, inputs) if names]
+    similar = checker.report.suggest(name.text, [*params, *inputs])
+    kinds = "param or input" if inputs else "param"
+    hint = similar or "; ".join(shown) or "it has no params"
+    checker.error("E404", name, f"`{node.base.text}` has no {kinds} `{name.text}`", hint)
+
+
+def _kinds(params: list[str], inputs: list[str]) -> tuple[tuple[str, list[str]], ...]:
+    return (("inputs", inputs), ("params", params))
 
 
 # --- instances -------------------------------------------------------------------------------------
 
 
-def _instance(
-    report: Report, pending: PendingModule, template: Template
-) -> tuple[ir.AnyModule | None, dict[str, ValueSymbol]]:
-    """Return the module, and its params, lets and states by their names as written."""
+def _instance(report: Report, pending: PendingModule, template: Template) -> Instance:
+    """Return the module; the body of a template is checked, too."""
     derived = isinstance(pending.node, ast.DerivedModuleDecl)
     local: dict[str, ValueSymbol] = {}
+    cells, left = report.cells, report.size.left
     # A derived module repeats the errors of its base, which are reported already.
-    derived_report = Report(cells=report.cells) if derived else report
+    derived_report = Report(cells=report.cells, size=report.size) if derived else report
     checker = ExpressionChecker(scope=template.scope, report=derived_report, local=local)
+    before = len(derived_report.diagnostics)
+    clauses = _clauses(template.node, ast.InputDecl)
+    inputs = check_inputs(checker, report, pending.full_name, clauses, template.inputs)
+    derived_report.cells = report.cells  # bindings may have memory
     module: ir.AnyModule | None
     if isinstance(template.node, ast.PythonModuleDecl):
         module = _python_module(checker, pending, template.node, template.params, local)
@@ -194,21 +258,34 @@ def _instance(
         module = replace(module, failsafe=template.failsafe)
     if derived:
         report.cells = derived_report.cells
-        _report_misfits(report, pending, derived_report)
-    return module, local
+        _report_misfits(report, pending, template, derived_report)
+    if inputs.unbound:
+        report.cells = cells  # what a template reads is no part of the program
+        report.size.left = left if report.size.left >= 0 else report.size.left
+        if module is None and not has_errors(derived_report.diagnostics[before:]):
+            module = _stand_in(pending)
+    return Instance(module=module if inputs.are_valid else None, inputs=inputs, members=local)
 
 
-def _report_misfits(report: Report, pending: PendingModule, derived_report: Report) -> None:
-    """Report overridden params that do not fit the base module, at the derived module."""
-    if not derived_report.diagnostics:
-        return
-    base_errors = {(d.code, d.span.start, d.message) for d in report.diagnostics}
-    for d in derived_report.diagnostics:
+def _stand_in(pending: PendingModule) -> ir.Module:
+    """Return a module for a template that cannot be checked in full before its inputs are bound."""
+    span = span_of(pending.scope, pending.node.name)
+    return ir.Module(name=pending.full_name, span=span, when=Constant(type=BOOL, value=True))
+
+
+def _report_misfits(
+    report: Report, pending: PendingModule, template: Template, derived_report: Report
+) -> None:
+    """Report params and inputs that do not fit the base module, at the derived module."""
+    what = "params and inputs" if template.inputs else "params"
+    errors = [d for d in derived_report.diagnostics if d.severity == "error"]
+    base_errors = {(d.code, d.span.start, d.message) for d in report.diagnostics} if errors else set()
+    for d in errors:
         if (d.code, d.span.start, d.message) not in base_errors:
             line, _ = d.span.source.position(d.span.start)
             file = "" if d.span.source is pending.scope.file.source else f" of `{d.span.source.name}`"
-            message = f"with these params, line {line}{file}, in the base module, is wrong: {d.message}"
-            report.error(pending.scope, "E404", pending.node, message, d.hint)
+            message = f"with these {what}, line {line}{file}, in the base module, is wrong: {d.message}"
+            report.error(pending.scope, "E404", pending.node, message, d.hint, *d.labels)
             return
 
 
@@ -231,10 +308,13 @@ def _module(
     params = _params(checker, _clauses(node, ast.ParamDecl), overrides, local)
     states = _states(checker, full_name, _clauses(node, ast.StateDecl), local)
     lets: list[ir.Let] = []
-    for clause in _clauses(node, ast.LetDecl):
-        let = check_let(checker, clause, f"{full_name}.{clause.name.text}")
-        local[clause.name.text] = BrokenSymbol() if let is None else let_symbol(let, full_name)
-        lets += [let] if let else []
+    for clause in node.clauses:
+        if isinstance(clause, ast.FunctionDecl):
+            local[clause.name.text] = declare_function(checker, clause, local)
+        elif isinstance(clause, ast.LetDecl):
+            let = check_let(checker, clause, f"{full_name}.{clause.name.text}")
+            local[clause.name.text] = BrokenSymbol() if let is None else let_symbol(let, full_name)
+            lets += [let] if let else []
     state_symbols = {c.name.text: local[c.name.text] for c in _clauses(node, ast.StateDecl)}
     nexts = check_nexts(checker, _clauses(node, ast.NextDecl), state_symbols)
     when = checker.expect(node.when, BOOL, "the predicate after `when`")
@@ -257,7 +337,7 @@ def _module(
 def _report_duplicates(checker: Checker, clauses: tuple[ast.Clause | ast.PythonClause, ...]) -> None:
     names: dict[str, ast.Name] = {}
     for clause in clauses:
-        if isinstance(clause, ast.ParamDecl | ast.LetDecl | ast.StateDecl):
+        if isinstance(clause, _DECLARING):
             first = names.setdefault(clause.name.text, clause.name)
             if first is not clause.name:
                 message = f"`{clause.name.text}` is declared twice in the module"
@@ -307,12 +387,15 @@ def _command(checker: Checker, node: ast.DoDecl) -> ir.Command | None:
             checker.check(argument.value)
         return None
     names = [f.name for f in actuator.fields]
-    values = command_arguments(checker, node, node.arguments, names, actuator.name)
+    optional = {f.name for f in actuator.fields if f.default is not None}
+    values = command_arguments(checker, node, node.arguments, names, actuator.name, optional)
     fields: list[Expression] = []
     for field in actuator.fields:
         if field.name in values:
             found = checker.expect(values[field.name].value, field.type, f"field `{field.name}`")
             fields += [found] if found else []
+        elif field.default is not None:
+            fields.append(Constant(type=field.type, value=field.default, span=checker.span(node)))
     return ir.Command(actuator=actuator.name, fields=tuple(fields)) if len(fields) == len(names) else None
 
 
@@ -339,6 +422,7 @@ def _python_module(
         checker.error("E406", extra, f"`{word}` is given twice")
     reads = [r for clause in _clauses(node, ast.ReadsDecl) for r in clause.names]
     readings = [_reading(checker, r) for r in reads]
+    input_values = input_readings(checker, _clauses(node, ast.InputDecl), reads)
     actuator = actuator_named(checker, commands[0].actuator) if commands else None
     rate = checker.duration_ns(rates[0].period, "the rate") if rates else None
     if rate == 0:
@@ -354,10 +438,13 @@ def _python_module(
         module_path=module_path,
         class_name=class_name,
         params=params,
-        reads=tuple(
-            ir.PythonReading(name=node.text, expression=found)
-            for node, found in zip(reads, readings, strict=True)
-            if found is not None
+        reads=(
+            *(
+                ir.PythonReading(name=node.text, expression=found)
+                for node, found in zip(reads, readings, strict=True)
+                if found is not None
+            ),
+            *input_values,
         ),
         actuator=actuator.name if actuator else None,
         rate_ns=rate,

@@ -25,7 +25,9 @@ from colony.dsl.check.derived import (
     machine_type,
 )
 from colony.dsl.check.expressions import ExpressionChecker
+from colony.dsl.check.functions import declare_function
 from colony.dsl.check.modules import PendingModule, check_modules
+from colony.dsl.check.percent import percent_findings, plain_params
 from colony.dsl.check.phases import phase_findings
 from colony.dsl.check.robot import check_enum, check_robot, literal_frame_period
 from colony.dsl.check.scope import (
@@ -42,7 +44,7 @@ from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, nam
 from colony.dsl.files import SourceTree
 from colony.ir import program as ir
 from colony.ir.types import ScalarValue
-from colony.text.diagnostics import Diagnostic, Label, has_errors, in_order, warning
+from colony.text.diagnostics import Diagnostic, Label, error, has_errors, in_order, warning
 
 _Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
@@ -76,7 +78,8 @@ class _Check:
         self._constants()
         robot = self._robot()
         derived = self._derived()
-        modules = check_modules(self.report, self._pending_modules())
+        checked = check_modules(self.report, self._pending_modules())
+        modules = list(checked.modules)
         wires = self._wires(modules)
         limits = [check_limit(c, n) for c, n in self._each(ast.LimitDecl)]
         contracts = self._contracts()
@@ -88,13 +91,14 @@ class _Check:
             None in limits
             or None in tests
             or len(contracts) < self._count(ast.ContractDecl)
-            or len(modules) < self._count(*MODULE_DECLARATIONS)
+            or len(modules) + checked.templates < self._count(*MODULE_DECLARATIONS)
             or len(derived) < self._count(ast.LetDecl, ast.StateDecl, ast.MachineDecl)
         ), "a declaration was left out without an error"
+        derived = self._with_inputs(derived, checked.input_lets)
         self._warn_unused(robot, modules, wires)
         self._look_at_phases(derived)
         sent = sorted(self.robot.sent.values(), key=lambda sensor: _place(robot, sensor))
-        return ir.Program(
+        program = ir.Program(
             robot=replace(robot, sensors=(*robot.sensors, *sent)),
             derived=tuple(derived),
             modules=tuple(modules),
@@ -103,6 +107,10 @@ class _Check:
             contracts=tuple(contracts),
             tests=tuple(x for x in tests if x is not None),
         )
+        if not has_errors(self.report.diagnostics):
+            params = plain_params(scope.file.tree for scope in self.scopes)
+            self.report.diagnostics += dict.fromkeys(percent_findings(program, params))
+        return program
 
     def _each(self, kind: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
         """Yield every declaration of a kind in all files, with a checker in the scope of its file."""
@@ -137,7 +145,7 @@ class _Check:
             self.robot.absent = True
             if not any(d.code in _UNREADABLE_CODES for d in self.report.diagnostics):
                 start = ast.Name(text="", start=0, end=0)
-                hint = 'declare one, or import a file that does: `import "rome.colony"`'
+                hint = 'write `import robot`, or import a file that declares one: `import "rome"`'
                 self.report.error(self.root, "E301", start, "the program has no robot", hint)
             return None
         first_checker, node = found[0]
@@ -161,11 +169,31 @@ class _Check:
             symbol = BrokenSymbol() if found is None else StateSymbol(name=full_name, type=found[0])
             checker.scope.values.setdefault(state.name.text, symbol)
         derived: list[ir.Derived] = []
-        for checker, let in self._each(ast.LetDecl):
-            checked = check_let(checker, let, checker.scope.full_name(let.name.text))
-            checker.scope.values.setdefault(let.name.text, let_symbol(checked) if checked else BrokenSymbol())
-            derived += [checked] if checked else []
+        for scope in self.scopes:
+            derived += self._lets(scope)
         return derived + self._states(initial) + self._machines()
+
+    def _lets(self, scope: Scope) -> Iterator[ir.Let]:
+        """Check the lets and functions of a file, each of which may use those above it."""
+        checker = ExpressionChecker(scope=scope, report=self.report)
+        for node in scope.file.tree.declarations:
+            if isinstance(node, ast.FunctionDecl):
+                scope.values.setdefault(node.name.text, declare_function(checker, node, {}))
+            elif isinstance(node, ast.LetDecl):
+                let = check_let(checker, node, scope.full_name(node.name.text))
+                scope.values.setdefault(node.name.text, let_symbol(let) if let else BrokenSymbol())
+                yield from [let] if let else []
+
+    def _with_inputs(self, derived: list[ir.Derived], inputs: tuple[ir.Let, ...]) -> list[ir.Derived]:
+        """Return derived values with the inputs of modules, which other lets do not read, after the lets."""
+        first = {d.name: d for d in derived}
+        for let in inputs:
+            if let.name in first:
+                message = f"the program has a value `{let.name}` already"
+                labels = Label(first[let.name].span, "declared here")
+                self.report.diagnostics.append(error("E102", let.span, message, "rename the module", labels))
+        count = sum(isinstance(d, ir.Let) for d in derived)
+        return [*derived[:count], *inputs, *derived[count:]]
 
     def _states(self, initial: dict[str, ScalarValue]) -> list[ir.Derived]:
         states: list[ir.Derived] = []
@@ -297,4 +325,6 @@ def _place(robot: ir.Robot, sensor: ir.Sensor) -> tuple[int, int]:
     return [a.name for a in robot.actuators].index(sensor.sent[0]), sensor.sent[1]
 
 
-_UNREADABLE_CODES = frozenset({"E002", "E003", "E004", "E005", "E006", "E007", "E103"})
+_UNREADABLE_CODES = frozenset(
+    {"E002", "E003", "E004", "E005", "E006", "E007", "E103", "E320", "E321", "E323"}
+)

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import islice
 
 from colony.dsl import ast
+from colony.dsl.check.arguments import placeholder, with_new_cells
 from colony.dsl.check.calls import FORMER_FUNCTIONS, FUNCTION_NAMES
 from colony.dsl.check.checker import Checker
+from colony.dsl.check.private import reject_private_member, reject_private_name
+from colony.dsl.check.reductions import MAX_ITERATIONS
 from colony.dsl.check.reserved import RESTARTED
 from colony.dsl.check.scope import (
     ActuatorSymbol,
+    ArgumentSymbol,
     BrokenSymbol,
     EnumSymbol,
+    FunctionSymbol,
     LetSymbol,
     MachineSymbol,
     ModuleSymbol,
     NetworkSymbol,
     ParamSymbol,
+    PlaceholderSymbol,
     Scope,
     SensorSymbol,
     StateSymbol,
@@ -26,7 +33,8 @@ from colony.dsl.check.scope import (
 from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
-from colony.ir.types import BOOL, DIMENSIONLESS, DURATION, Enum
+from colony.ir.types import BOOL, DURATION, Enum
+from colony.text.wording import quoted
 
 
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
@@ -36,7 +44,7 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
         return _sent_before(checker, node)
     if len(node.path) == 1:
         if head in checker.loops:
-            return ir.LoopIndex(type=DIMENSIONLESS, name=checker.loops[head], span=checker.span(node))
+            return replace(checker.loops[head], span=checker.span(node))
         symbol = checker.local.get(head) or checker.scope.value(head)
         if symbol is not None:
             return _value(checker, node, symbol)
@@ -103,6 +111,14 @@ def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Exp
             return ir.LocalValue(type=type_, name=name, span=span)
         case StateSymbol(name=name, type=type_) | MachineSymbol(name=name, type=type_):
             return ir.StateValue(type=type_, name=name, span=span)
+        case PlaceholderSymbol(type=type_):
+            return placeholder(type_, span)
+        case ArgumentSymbol():
+            return _argument(checker, node, symbol)
+        case FunctionSymbol(parameters=parameters):
+            call = f"{node.text}({', '.join(p.name for p in parameters)})"
+            checker.error("E106", node, f"`{node.text}` is a function, not a value", f"call it: `{call}`")
+            return None
         case EnumSymbol(type=enum):
             example = f"{node.text}.{enum.members[0][0]}"
             checker.error(
@@ -111,6 +127,24 @@ def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Exp
             return None
         case BrokenSymbol():
             return None
+
+
+def _argument(checker: Checker, node: ast.Reference, symbol: ArgumentSymbol) -> ir.Expression | None:
+    """Return the argument that a parameter stands for, with memory of its own."""
+    iterations = checker.iterations * symbol.iterations
+    if iterations > MAX_ITERATIONS:
+        message = f"{iterations} iterations with what `{node.text}` stands for; "
+        checker.error("E211", node, f"{message}at most {MAX_ITERATIONS} are allowed")
+        return None
+    size = checker.report.size
+    size.nodes += symbol.nodes - 1  # the reference itself was counted
+    size.too_large |= size.nodes > size.limit
+    size.too_deep |= size.level + symbol.depth - 1 > ir.NESTING_LIMIT
+    if size.too_large or size.too_deep:
+        return None
+    if symbol.has_memory:
+        return with_new_cells(symbol.expression, checker.report.new_cell)
+    return symbol.expression
 
 
 def _member(
@@ -171,12 +205,14 @@ def _network_member(
                     return ir.SentField(type=field.type, actuator=actuator.name, field_index=index, span=span)
             suggestion = checker.report.suggest(name, [f.name for f in actuator.fields])
             checker.error("E108", node, f"actuator `{owner}` has no field `{name}`", suggestion)
-        case ModuleSymbol(members=members):
+        case ModuleSymbol(members=members, home=home):
+            if reject_private_member(checker, node, home, name):
+                return None
             if name in members:
                 return _value(checker, node, members[name])
             hint = (
                 checker.report.suggest(name, members)
-                or "a contract can read the module's params, lets and states"
+                or "a contract can read the module's params, inputs, lets and states"
             )
             checker.error("E108", node, f"module `{owner}` has no `{name}`", hint)
         case WireSymbol():
@@ -190,14 +226,15 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
     if isinstance(network_symbol, BrokenSymbol):
         return
     if network_symbol is not None:
-        kind = {ModuleSymbol: "module", WireSymbol: "wire", ActuatorSymbol: "actuator"}[type(network_symbol)]
         status = "commanded" if isinstance(network_symbol, ActuatorSymbol) else "active"
         status_hint = (
             f"write `{name} is {status}`"
             if checker.in_contract_or_test
             else "only contracts and tests can refer to it"
         )
-        checker.error("E106", node, f"`{name}` is {_with_article(kind)}, not a value", status_hint)
+        checker.error("E106", node, f"`{name}` is {kind_of_part(network_symbol)}, not a value", status_hint)
+        return
+    if reject_private_name(checker, node, scope, name):
         return
     if checker.constants_only and _declared_but_not_constant(scope, name):
         checker.error("E204", node, f"`{name}` is not constant", _CONSTANTS)
@@ -242,8 +279,15 @@ def _declared_but_not_constant(scope: Scope, name: str) -> bool:
     return name in scope.robot.sensor_names if owner is None else name not in owner.constant_names
 
 
-def _with_article(word: str) -> str:
-    return f"an {word}" if word[0] in "aeiou" else f"a {word}"
+def kind_of_part(symbol: NetworkSymbol) -> str:
+    """Return the kind of a part of the network with its article, for messages."""
+    match symbol:
+        case ActuatorSymbol():
+            return "an actuator"
+        case WireSymbol():
+            return "a wire"
+        case _:
+            return "a module"
 
 
 # --- `by` and `is` in contracts ------------------------------------------------------------------
@@ -325,7 +369,10 @@ def resolve_network_symbol(checker: Checker, node: ast.Reference) -> NetworkSymb
         hint = None if checker.in_contract_or_test else "a module reads values in `when` and `do`"
         checker.error("E106", node, message, hint)
         return None
-    if network_symbol is None:
+    if isinstance(network_symbol, ModuleSymbol) and network_symbol.unbound:
+        _report_unbound(checker, node, network_symbol)
+        return BrokenSymbol()
+    if network_symbol is None and not reject_private_name(checker, node, scope, path[0]):
         known_names = [*scope.visible_network_symbols, *scope.robot.network_symbols, *scope.aliases]
         checker.error(
             "E101",
@@ -334,6 +381,15 @@ def resolve_network_symbol(checker: Checker, node: ast.Reference) -> NetworkSymb
             checker.report.suggest(path[-1], known_names),
         )
     return network_symbol
+
+
+def _report_unbound(checker: Checker, node: ast.Reference, module: ModuleSymbol) -> None:
+    """Report a module that is used though it has inputs that are not bound."""
+    inputs = ", ".join(f"{name} = ..." for name in module.unbound)
+    plural = "inputs that are" if len(module.unbound) > 1 else "an input that is"
+    message = f"module `{node.text}` has {plural} not bound: {quoted(module.unbound)}"
+    hint = f"derive one with them, and use that: `module NAME = {node.text}({inputs})`"
+    checker.error("E408", node, message, hint)
 
 
 def actuator_named(checker: Checker, name: ast.Name) -> program_ir.Actuator | None:

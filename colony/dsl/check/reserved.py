@@ -44,8 +44,13 @@ def _declared_names(scope: Scope) -> Iterator[ast.Name]:
                 yield alias
             case ast.ModuleDecl(clauses=clauses) | ast.PythonModuleDecl(clauses=clauses):
                 yield node.name
-                local = (ast.ParamDecl, ast.LetDecl, ast.StateDecl)
+                local = (ast.InputDecl, ast.ParamDecl, ast.LetDecl, ast.FunctionDecl, ast.StateDecl)
                 yield from (clause.name for clause in clauses if isinstance(clause, local))
+                functions = [clause for clause in clauses if isinstance(clause, ast.FunctionDecl)]
+                yield from (p.name for function in functions for p in function.parameters)
+            case ast.FunctionDecl(parameters=parameters):
+                yield node.name
+                yield from (p.name for p in parameters)
             case (
                 ast.EnumDecl()
                 | ast.ParamDecl()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 from colony.dsl import ast
+from colony.dsl.check.arrays import check_bearings
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.constants import unit_of
+from colony.dsl.check.private import reject_private_name
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     BrokenSymbol,
@@ -48,7 +51,7 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
         return None
     if not all(part.isidentifier() for part in node.path):
         checker.error("E011", node, unit_error_text)
-    else:
+    elif not reject_private_name(checker, node, scope, path[0]):
         enums = [n for n in scope.visible_values if isinstance(scope.value(n), EnumSymbol)]
         known_names = [*enums, "bool", "number", "mm", "deg", "mm/s", "deg/s"]
         hint = checker.report.suggest(name, known_names) or "a type is `bool`, `number`, a unit or an enum"
@@ -128,6 +131,24 @@ def _range(
     return low, high
 
 
+def _default(
+    checker: Checker,
+    node: ast.Expression | None,
+    type_: Scalar,
+    unit: str,
+    low: float | None,
+    high: float | None,
+) -> ScalarValue | None:
+    """Return a default in base units; report one that is outside the range."""
+    if node is None:
+        return None
+    default = checker.constant_in(node, type_, unit, "the default")
+    outside = (low is not None and (default or 0) < low) or (high is not None and (default or 0) > high)
+    if default is not None and outside:
+        checker.error("E304", node, "the default is outside the range")
+    return default
+
+
 def _factor(unit: str) -> float:
     return float(unit_of(unit).factor) if unit else 1.0
 
@@ -141,25 +162,22 @@ def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
     within = None
     if item.within is not None:
         within = checker.duration_ns(item.within, "`within`")
+    bearings = None
+    if item.bearing is not None and (size is not None or item.size is None):
+        bearings = check_bearings(checker, item.bearing, size)
     if found is None or (item.size is not None and size is None):
         return None
     element, unit = found
     low, high = _range(checker, item.range, element, unit)
-    default: ScalarValue | None = None
-    if item.default is not None:
-        default = checker.constant_in(item.default, element, unit, "the default")
-        outside = (low is not None and (default or 0) < low) or (high is not None and (default or 0) > high)
-        if default is not None and outside:
-            checker.error("E304", item.default, "the default is outside the range")
     return ir.Sensor(
         name=item.name.text,
         span=checker.span(item.name),
-        type=element if size is None else Array(element, size),
+        type=element if size is None else Array(element, size, bearings),
         unit=unit,
         factor=_factor(unit),
         low=low,
         high=high,
-        default=default,
+        default=_default(checker, item.default, element, unit, low, high),
         server=item.server.text,
         field=item.field.text,
         within_ns=within,
@@ -197,6 +215,7 @@ def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
                 factor=_factor(found[1]),
                 low=low,
                 high=high,
+                default=_default(checker, field.default, *found, low, high),
             )
         )
     if not complete:
@@ -260,8 +279,9 @@ def command_arguments(
     arguments: tuple[ast.Argument, ...],
     fields: list[str],
     actuator: str,
+    optional: Collection[str] = (),
 ) -> dict[str, ast.Argument]:
-    """Return the arguments by field; report unknown, repeated and missing fields."""
+    """Return the arguments by field; report unknown, repeated and missing fields, except `optional` ones."""
     values: dict[str, ast.Argument] = {}
     for argument in arguments:
         name = argument.name.text
@@ -272,7 +292,7 @@ def command_arguments(
             checker.error("E401", argument.name, f"field `{name}` is given twice")
         else:
             values[name] = argument
-    left_out = [name for name in fields if name not in values]
+    left_out = [name for name in fields if name not in values and name not in optional]
     misspelled = sum(argument.name.text not in fields for argument in arguments)
     if len(left_out) > misspelled:
         shown = ", ".join(f"`{name}`" for name in left_out)

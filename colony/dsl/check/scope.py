@@ -6,18 +6,22 @@ and elements of the network (modules, wires, actuators). The robot is shared by 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
 from colony.dsl import ast
 from colony.dsl.files import ParsedFile
 from colony.ir import program as ir
-from colony.ir.types import Enum, Scalar, Type, Value
+from colony.ir.expression import Constant, Expression
+from colony.ir.types import Array, Enum, Scalar, Type, Value
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
 from colony.text.suggestions import did_you_mean
+
+MAX_NODES = 100_000
+"""Maximum number of nodes that calls of functions add to a program."""
 
 
 @record
@@ -44,11 +48,15 @@ class ParamSymbol(Record):
 
 @record
 class LetSymbol(Record):
-    """A let by its full name; `module` names the module that it is local to, if any."""
+    """A let by its full name.
+
+    `module` names the module that it is local to, if any; `sensor` the sensor to which it gives another name.
+    """
 
     name: str
     type: Type
     module: str | None = None
+    sensor: str | None = None
 
 
 @record
@@ -68,20 +76,115 @@ class MachineSymbol(Record):
 
 
 @record
+class PlaceholderSymbol(Record):
+    """A parameter where its function is declared: only its type is known."""
+
+    type: Type
+
+
+@record
+class ArgumentSymbol(Record):
+    """A parameter where its function is called: the expression that the call gives it.
+
+    Attributes:
+        expression: the argument, checked in the context of the caller; its type is the parameter's.
+        nodes: the number of nodes that were checked for it.
+        depth: its nesting depth.
+        iterations: the largest number of iterations of reductions nested in it.
+        loops: the unique names of the variables of reductions in it, or around it.
+        has_memory: True if it has memory functions.
+    """
+
+    expression: Expression
+    nodes: int
+    depth: int = 1
+    iterations: int = 1
+    loops: frozenset[str] = frozenset()
+    has_memory: bool = False
+
+
+@record
+class TypedParameter(Record):
+    """A parameter of a function or an input of a module; an array without `size` is of any length.
+
+    Only parameters of functions have a `default`.
+    """
+
+    name: str
+    element: Scalar
+    is_array: bool
+    size: int | None
+    default: Constant | None = None
+
+    @property
+    def type(self) -> Type | None:
+        """Return the type, None if that depends on the length of the argument."""
+        if not self.is_array:
+            return self.element
+        return None if self.size is None else Array(self.element, self.size)
+
+
+@record
+class FunctionSymbol(Record):
+    """A function, whose body is checked at each call.
+
+    Attributes:
+        declaration: its declaration.
+        parameters: its parameters, in order.
+        scope: the names of its file.
+        local: the names of its module above the declaration; empty for a function of a file.
+        module_names: all names that its module declares.
+        result: the type of its body, None if that depends on the arguments.
+        nodes: the least number of nodes that a call adds to the program.
+        depth: the least nesting depth of a call.
+    """
+
+    declaration: ast.FunctionDecl
+    parameters: tuple[TypedParameter, ...]
+    scope: Scope
+    local: Mapping[str, ValueSymbol]
+    module_names: frozenset[str]
+    result: Type | None = None
+    nodes: int = 1
+    depth: int = 1
+
+
+@record
 class BrokenSymbol(Record):
     """A name with an invalid or unreadable declaration: its uses report no further errors."""
 
 
-ValueSymbol = SensorSymbol | EnumSymbol | ParamSymbol | LetSymbol | StateSymbol | MachineSymbol | BrokenSymbol
+ValueSymbol = (
+    SensorSymbol
+    | EnumSymbol
+    | ParamSymbol
+    | LetSymbol
+    | StateSymbol
+    | MachineSymbol
+    | PlaceholderSymbol
+    | ArgumentSymbol
+    | FunctionSymbol
+    | BrokenSymbol
+)
 
 
 @record
 class ModuleSymbol(Record):
-    """A module by its full name; `members` are its params, lets and states, for contracts."""
+    """A module by its full name.
+
+    Attributes:
+        name: its full name.
+        actuator: the actuator that it commands, if any.
+        members: its params, inputs, lets and states, for contracts.
+        unbound: its inputs that are not bound; it is only a template if there are any.
+        home: the names of the file that its text is in; None before it is checked.
+    """
 
     name: str
     actuator: str | None
     members: dict[str, ValueSymbol]
+    unbound: tuple[str, ...] = ()
+    home: Scope | None = None
 
 
 @record
@@ -126,7 +229,8 @@ class Scope:
     `values` and `network_symbols` are the file's own declarations that have been checked. `visible_values`
     and `visible_network_symbols` map their names, and those of plain imports, to the scopes that own them.
     `lost_names` are names that unreadable text seems to declare; `incomplete` is true if an imported file is
-    unreadable, so that any name may be declared there.
+    unreadable, so that any name may be declared there. `hidden` maps the private names of imported files to
+    these files' names; `outside` is true for a scope that another file reads through an alias.
     """
 
     file: ParsedFile
@@ -140,20 +244,31 @@ class Scope:
     constant_names: set[str] = field(default_factory=set)  # the file's own params and enums
     lost_names: set[str] = field(default_factory=set)
     incomplete: bool = False
+    private_names: dict[str, str] = field(default_factory=dict)  # the file's own, with their full names
+    hidden: dict[str, str] = field(default_factory=dict)
+    outside: bool = False
 
     def value(self, name: str) -> ValueSymbol | None:
         """Return the value of a name, `BrokenSymbol` if it may be lost, None if it is unknown."""
-        owner = self.visible_values.get(name)
+        owner = None if self._hides(name) else self.visible_values.get(name)
         symbol = self.robot.values.get(name) if owner is None else owner.values.get(name)
         return BrokenSymbol() if symbol is None and self.may_be_lost(name) else symbol
 
     def network_symbol(self, name: str) -> NetworkSymbol | None:
         """Return the module, wire or actuator of a name; `BrokenSymbol` and None are as for `value`."""
-        owner = self.visible_network_symbols.get(name)
+        owner = None if self._hides(name) else self.visible_network_symbols.get(name)
         symbol = self.robot.network_symbols.get(name) if owner is None else owner.network_symbols.get(name)
         if self.robot.absent and isinstance(symbol, WireSymbol):
             return BrokenSymbol()  # it may be an actuator of the missing robot
         return BrokenSymbol() if symbol is None and self.may_be_lost(name) else symbol
+
+    def _hides(self, name: str) -> bool:
+        """Return True for a private name that another file asks for."""
+        return self.outside and is_private(name)
+
+    def declares_private(self, name: str) -> bool:
+        """Return True if the file declares this private name."""
+        return name in self.private_names
 
     def may_be_lost(self, name: str) -> bool:
         """Return True if the name may be declared in text that could not be read."""
@@ -165,25 +280,60 @@ class Scope:
         An alias does not lead to the robot's names: they are never prefixed.
         """
         scope = self
-        while len(path) > 1 and path[0] in scope.aliases:
+        while len(path) > 1 and path[0] in scope.aliases and (scope is self or not is_private(path[0])):
             scope, path = scope.aliases[path[0]], path[1:]
-        return (scope, path) if scope is self else (replace(scope, robot=RobotScope()), path)
+        return (scope, path) if scope is self else (replace(scope, robot=RobotScope(), outside=True), path)
 
     def full_name(self, name: str) -> str:
         """Return the full name, in the program, of a name declared in this file."""
-        return self.file.prefix + name
+        return self.private_names.get(name) or self.file.prefix + name
+
+
+def is_private(name: str) -> bool:
+    """Return True for a name that belongs to its file."""
+    return name.startswith("_")
+
+
+@dataclass(slots=True)
+class ProgramSize:
+    """The size of the program in nodes of expressions, as calls of functions let it grow.
+
+    Attributes:
+        nodes: the number of nodes that were checked so far; those of an argument count wherever it is read.
+        level: the nesting depth of the present node.
+        deepest: the largest `level` since it was last reset.
+        is_broken: True if the present function calls one that has errors, or calls too much.
+        too_deep: True if the present call nests too deep.
+        too_large: True if the present call is too large.
+        limit: the number of `nodes` at which the present call is too large.
+        left: the number of nodes that calls may still add to the program.
+        left_in_declarations: the number of nodes that may still be checked of calls in bodies of functions
+            only to find errors.
+    """
+
+    nodes: int = 0
+    level: int = 0
+    deepest: int = 0
+    is_broken: bool = False
+    too_deep: bool = False
+    too_large: bool = False
+    limit: int = 0
+    left: int = MAX_NODES
+    left_in_declarations: int = 20_000
 
 
 @dataclass(slots=True)
 class Report:
     """The findings of all checkers, and the number of memory cells so far.
 
-    `suggestions` is the number of suggestions that may still be made; they are slow to compute.
+    `suggestions` is the number of suggestions that may still be made; they are slow to compute. `size` counts
+    what calls of functions add to the program.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
     cells: int = 0
     suggestions: int = 100
+    size: ProgramSize = field(default_factory=lambda: ProgramSize())
 
     def error(
         self,

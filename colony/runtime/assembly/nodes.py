@@ -105,7 +105,18 @@ def build_observer(
         answer_assembler=answer_assembler if modules else None,
         request_servers=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
         frame_ns=compiled.frame_ns,
+        servers_read=_servers_read(compiled, bindings),
     )
+
+
+def _servers_read(compiled: Compiled, bindings: Bindings) -> dict[ClientKey, frozenset[str]]:
+    """Return the servers whose frames each client waits for."""
+    keys = [(a.actuator.name, client.module) for a in compiled.code.actuators for client in a.clients]
+    server = {b.sensor: b.server for b in bindings.sensors}
+    return {
+        key: frozenset(server[sensor] for sensor in needs.sensors)
+        for key, needs in needs_of_clients(clients_view(compiled.code, keys)).items()
+    }
 
 
 def _bindings_of(bindings: tuple[SensorBinding, ...], sensors: tuple[str, ...]) -> tuple[SensorBinding, ...]:

@@ -71,13 +71,16 @@ class AssembledFrame(NamedTuple):
     """Frame `tick.k` as a program sees it; `current` is True if no later tick has come.
 
     `answers` are those of the modules in Python, by module; the answer of a module that is not awaited may be
-    absent.
+    absent. `void` are the servers whose frame a later tick declares void; the frames of those in `discarded`
+    did arrive, so that other readers may have used them.
     """
 
     tick: Tick
     frame: Frame
     current: bool
     answers: Mapping[str, Answer]
+    void: frozenset[str] = frozenset()
+    discarded: frozenset[str] = frozenset()
 
     @property
     def restart(self) -> bool:
@@ -207,12 +210,19 @@ class FrameAssembler:
             del self._ticks[self._next]
             self._frames.pop(self._next, None)
             self._set_last(self._next)
+            void = frozenset([s for s, k in self._void if k == tick.k]) if absent else _NO_SERVERS
+            discarded = void.intersection(received)
             if absent:
                 received = {server: frame for server, frame in received.items() if server not in absent}
-            for void in tick.void:  # needed only until the tick that declares them is handed out
-                self._void.pop(void, None)
+            for declared in tick.void:  # needed only until the tick that declares them is handed out
+                self._void.pop(declared, None)
             yield AssembledFrame(
-                tick, self._assemble(tick, received), tick.k == self._latest, self._answers(received)
+                tick=tick,
+                frame=self._assemble(tick, received),
+                current=tick.k == self._latest,
+                answers=self._answers(received),
+                void=void,
+                discarded=discarded,
             )
 
     def resume(self, k: int) -> tuple[Effect, ...]:

@@ -38,6 +38,7 @@ from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, R
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment, client_addresses
 from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.interface import Interface, interface_problem
 from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
@@ -76,6 +77,7 @@ class Clock:
         on_deploy: callback for every deployment, before its first frame.
         stop_path: file that keeps the emergency stop; without it, a restart forgets the stop.
         report: callback for a line to users when that file cannot be read or written.
+        interface: that of the robot's description; programs that were checked against another are refused.
     """
 
     address = topics.CLOCK
@@ -89,7 +91,9 @@ class Clock:
         on_deploy: Callable[[Deployment], None] = lambda deployment: None,
         stop_path: Path | None = None,
         report: Callable[[str], None] = lambda line: None,
+        interface: Interface | None = None,
     ) -> None:
+        self._interface = interface or Interface()
         self._latch = StopLatch(stop_path, report=report)
         self._servers = servers
         self._frames_kept = frames_kept
@@ -247,6 +251,9 @@ class Clock:
             self._due_ns = now_ns + IDLE_FRAME_NS  # a program is deployed: no idle frame before it
 
     def _deploy(self, call_id: CallId, deployment: Deployment, now_ns: int) -> None:
+        problem = interface_problem(deployment.interface, self._interface)
+        if problem is not None:
+            raise RefusedError("interface", problem)
         new = self._leadership.take(call_id.caller, deployment) and deployment.run != self._run
         self._leader = call_id.caller
         if new or self._deployment is None:

@@ -51,7 +51,7 @@ def server_spec(description: Description) -> ServerSpec:
     """Return the server's interface in the form that `bind` takes.
 
     Raises:
-        ValueError: a unit is invalid, or not a base unit; fields are in mm, s and deg.
+        ValueError: a unit is invalid, or not a base unit; fields are in mm, s, deg, A, V and degC.
     """
     fields = tuple(FieldSpec(f.name, field_type(f), f.meaning) for f in description.fields)
     return ServerSpec(description.server, fields=fields)
@@ -69,7 +69,9 @@ def field_type(field: FieldDescription) -> Type:
         if field.unit:
             unit = parse_unit(field.unit)
             if unit.factor != 1:
-                raise ValueError(f"{field.name}: the unit `{field.unit}`; expected base units, mm, s and deg")
+                raise ValueError(
+                    f"{field.name}: the unit `{field.unit}`; expected base units: mm, s, deg, A, V, degC"
+                )
             dimension = unit.dimension
         element = Quantity(dimension)
     return element if field.size is None else Array(element, field.size)

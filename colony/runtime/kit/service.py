@@ -47,7 +47,7 @@ def field(
     boolean: bool = False,
     meaning: str = "",
 ) -> Field:
-    """Return a field for a server: numbers in a base unit (mm, s, deg, or plain), or bools.
+    """Return a field for a server: numbers in a base unit (mm, s, deg, A, V, degC, or plain), or bools.
 
     Raises:
         ValueError: the unit is invalid, or not a base unit.

@@ -6,7 +6,8 @@ summary, a progress line).
 The last frame of a server that is killed while publishing may reach the observer and no other node. If a
 later tick declares the frame void, the monitor has stepped over a frame that no client saw, and its memory is
 wrong for the rest of the epoch. Like a client in this situation, the observer then asks the Clock for a new
-epoch.
+epoch. It does the same if the frame is declared void before the observer has handed it out, but clients may
+have stepped over it: such a frame is disputed, and no reading of it explains all verdicts.
 
 The answers of modules in Python also arrive as frames. The observer waits for the answers and verdicts of
 each frame, up to a timeout.
@@ -17,6 +18,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import NamedTuple, Protocol, TypeVar
 
 from colony.ir.frame import Answer, Frame, Outcome
@@ -121,6 +123,7 @@ class Observer:
         request_servers: servers of the actuators whose requests are also passed to the sinks.
         answer_assembler: assembler of the answers of modules in Python, if there are any.
         frame_ns: period of the program's frames.
+        servers_read: servers whose frames a client waits for, by actuator and module.
     """
 
     address = topics.OBSERVER
@@ -135,6 +138,7 @@ class Observer:
         *,
         answer_assembler: FrameAssembler | None = None,
         frame_ns: int = 0,
+        servers_read: Mapping[tuple[str, str], frozenset[str]] = MappingProxyType({}),
     ) -> None:
         self._assembler = assembler
         self._answer_assembler = answer_assembler
@@ -149,6 +153,7 @@ class Observer:
         self._first = True
         self._keyframe_ns: int | None = None
         self._frame_ns = frame_ns
+        self._servers_read = servers_read
         self._skipped, self._memory_unknown = 0, True
         self._contradicted_epoch: int | None = None
         self._reported_ns: int | None = None
@@ -184,9 +189,6 @@ class Observer:
                     self._collect(now_ns)
                 if isinstance(message, Tick):
                     effects = (*effects, *self._report(message, now_ns))
-                if isinstance(message, Tick) and self._contradicted_epoch == self._assembler.start:
-                    restart = Restart(client=self.address, start=self._contradicted_epoch)
-                    effects = (*effects, Send(topics.RESTARTS, restart))
             case Verdict():
                 if message.actuator in self._actuators:
                     _data_of_frame(self._verdicts, message.k)[message.actuator] = message
@@ -198,6 +200,9 @@ class Observer:
                 return ()
         while self._pending and self._is_ready(self._pending[0], now_ns):
             self._release()
+        if isinstance(message, Tick) and self._contradicted_epoch == self._assembler.start:
+            restart = Restart(client=self.address, start=self._contradicted_epoch)
+            effects = (*effects, Send(topics.RESTARTS, restart))
         return effects
 
     def close(self) -> None:
@@ -266,11 +271,14 @@ class Observer:
             _pop_data_of_frame(self._requests, tick.k),
         )
         answers = _pop_data_of_frame(self._answers, tick.k)
+        disputed = self._is_disputed(assembled, verdicts)
+        if disputed and tick.start == self._assembler.start:
+            self._contradicted_epoch = tick.start
         if assembled.restart:
             self._monitor.restart()
-        elif memory_unknown:
+        if disputed or (memory_unknown and not assembled.restart):
             self._monitor.lose_memory()
-        keyframe = self._keyframe(tick.t_ns, assembled.restart or memory_unknown)
+        keyframe = self._keyframe(tick.t_ns, assembled.restart or memory_unknown or disputed)
         expected, disagreements = self._monitor.check(frame, verdicts, tick.lost, answers)
         log = FrameLog(
             tick=tick,
@@ -287,6 +295,18 @@ class Observer:
         self._first = False
         for sink in self._sinks:
             sink.take(log)
+
+    def _is_disputed(self, assembled: AssembledFrame, verdicts: Mapping[str, Verdict]) -> bool:
+        """Return True if clients may have stepped over frames of servers that are void by now.
+
+        A client that was heard in time had the frames of all servers that it reads.
+        """
+        return bool(assembled.discarded) or any(
+            fate not in UNHEARD
+            and not assembled.void.isdisjoint(self._servers_read.get((actuator, party), ()))
+            for actuator, verdict in (verdicts.items() if assembled.void else ())
+            for party, fate in verdict.fates
+        )
 
     def _keyframe(self, t_ns: int, after_gap: bool) -> Keyframe | None:
         """Return the memory before a frame if a keyframe is due, or after missing frames (`after_gap`)."""

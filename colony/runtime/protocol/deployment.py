@@ -20,6 +20,7 @@ from colony.ir.types import Bool, ScalarValue
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings
 from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.interface import MAX_PARTS, Interface, interface_of
 from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS
 
 MIN_FRAME_NS = FRAME_NUMBER_NS
@@ -85,7 +86,8 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modu
     `seed` is the seed of `Runtime.random`. `python_modules` are the modules in Python, whose answers DServer
     relays. `servers` are read in addition to the servers that every robot has. With `lockstep`, each frame
     begins as soon as the previous one is decided, instead of after `frame_ns`. `reads` are the variables that
-    the program's sensors are bound to: DServer's frames show them.
+    the program's sensors are bound to: DServer's frames show them. `interface` is the one against which
+    the program was checked.
     """
 
     run: str
@@ -97,6 +99,7 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modu
     lockstep: bool = False
     servers: tuple[str, ...] = ()
     reads: tuple[str, ...] = ()
+    interface: Interface = Interface()
 
 
 def deployment(
@@ -129,6 +132,7 @@ def deployment(
         lockstep=lockstep,
         servers=servers,
         reads=variables_read(bindings),
+        interface=interface_of(compiled.robot),
     )
 
 
@@ -181,6 +185,7 @@ def _too_many(deployed: Deployment) -> Iterator[str]:
         ("modules in Python", len(deployed.python_modules), MAX_ITEMS),
         ("servers", len(deployed.servers), MAX_ITEMS),
         ("variables", len(deployed.reads), MAX_ITEMS),
+        ("parts of the interface", len(deployed.interface.parts), MAX_PARTS),
     ]
     for what, count, limit in counts:
         if count > limit:

@@ -96,7 +96,7 @@ def _frame(compiled: Compiled) -> Schema:
 def _answer() -> Schema:
     command: Schema = {
         "type": "array",
-        "description": "the fields of its command in mm, s and deg; absent if it is not applicable",
+        "description": "the fields of its command in base units; absent if it is not applicable",
         "items": {"type": "number"},
     }
     return _object("", command=command, error=_scalar("boolean", "it raised, or gave no command"))

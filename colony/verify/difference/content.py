@@ -1,17 +1,23 @@
 """The content of a declaration, independent of its name: equal contents behave the same in every run.
 
-The content of an expression is a number that stands for the nested tuple of the expression's parts, with
-names replaced by the contents of what they name. Lets without memory are expanded. States may read each other
-in a cycle, so their contents are found by refinement: at first, states with equal initial values have the
-same color; then states whose `next` differs are separated, until nothing changes.
+The content of an expression is that of each of its elements, with arrays taken apart, reductions unrolled,
+lets expanded and constants folded; so it does not matter whether it reads elements by index, by angle or one
+after the other. This leaves out in which frames it is missing. So the content of a declaration contains the
+sensors that it needs, and that of a memory cell those without which it does not advance.
+
+States may read each other in a cycle, so their contents are found by refinement: at first, states with equal
+initial values have the same color; then states whose `next` differs are separated, until nothing changes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import assert_never
 
 from colony.ir import expression as ir
+from colony.ir.bearings import Bearings, nearest
 from colony.ir.program import (
     AnyModule,
     Derived,
@@ -23,21 +29,26 @@ from colony.ir.program import (
     PythonModule,
     State,
 )
-from colony.ir.types import Value
+from colony.ir.types import Array, Bool, Type, Value, element_type
 from colony.ir.walk import expressions_of
+from colony.verify.difference.table import Table, Values
+from colony.verify.reference.functions import NAN
 
-Loop = tuple[str, ...]
+Needs = frozenset[str]
+"""The sensors without which something is missing."""
 
 
-class Table:
-    """Numbers for contents. Mutable; shared by all programs that are compared."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scope:
+    """The context of an expression.
 
-    def __init__(self) -> None:
-        self._numbers: dict[Hashable, int] = {}
+    Attributes:
+        ready: the sensors without which its memory does not advance.
+        loops: by name, the contents of the variables and present elements of the enclosing reductions.
+    """
 
-    def number(self, *content: Hashable) -> int:
-        """Return the number of a content; a new content gets a new number."""
-        return self._numbers.setdefault(content, len(self._numbers))
+    ready: Needs
+    loops: Mapping[str, int] = field(default_factory=dict)
 
 
 class Contents:
@@ -48,16 +59,17 @@ class Contents:
         self._sensors = {s.name: s for s in program.robot.sensors}
         self._lets: dict[str, Let] = {}
         self._states: dict[str, State | Machine] = {}
+        self._module_of: dict[str, Module] = {}
         for derived in program.derived:
             self._declare(derived)
         for module in program.modules:
             if isinstance(module, Module):
                 self._lets |= {let.name: let for let in module.lets}
                 self._states |= {state.name: state for state in module.states}
-        self._file_level = {d.name for d in program.derived}
-        self._let_contents: dict[str, int] = {}
-        self._module_needs: dict[str, frozenset[str]] = {}
-        self._needed: dict[str, frozenset[str]] = {}
+                self._module_of |= {x.name: module for x in (*module.lets, *module.states)}
+        self._let_values: dict[str, Values] = {}
+        self._module_needs: dict[str, Needs] = {}
+        self._needed: dict[str, Needs] = {}
         self._colors = {name: self._initial_color(state) for name, state in self._states.items()}
 
     def _declare(self, derived: Derived) -> None:
@@ -82,12 +94,12 @@ class Contents:
 
     def refine(self) -> None:
         """Separate states by the current colors of the states that they read."""
-        self._let_contents.clear()
+        self._let_values.clear()
         self._colors = {
             name: self._table.number(self._colors[name], self._next_content(state))
             for name, state in self._states.items()
         }
-        self._let_contents.clear()
+        self._let_values.clear()
 
     def colors(self) -> frozenset[int]:
         """Return the colors of all states."""
@@ -96,9 +108,14 @@ class Contents:
     def _next_content(self, state: State | Machine) -> int:
         match state:
             case State(next=next_value):
-                return -1 if next_value is None else self.expression(next_value)
+                if next_value is None:
+                    return self._table.number("unchanging")
+                module = self._module_of.get(state.name)
+                return self._expression(next_value, None if module is None else self.needs(module))
             case Machine(transitions=transitions):
-                steps = [(t.sources, t.target, t.failsafe, self.expression(t.condition)) for t in transitions]
+                steps = [
+                    (t.sources, t.target, t.failsafe, self._expression(t.condition)) for t in transitions
+                ]
                 return self._table.number("transitions", *steps)
             case _:
                 assert_never(state)
@@ -108,8 +125,8 @@ class Contents:
     def derived(self, derived: Derived) -> int:
         """Return the content of a file-level derived value."""
         match derived:
-            case Let(name=name):
-                return self._let(name)
+            case Let(expression=expression):
+                return self._expression(expression)
             case State(name=name) | Machine(name=name):
                 return self._table.number("memory", self._colors[name])
             case _:
@@ -119,20 +136,19 @@ class Contents:
         """Return the content of a module, which leaves out the actuator's name."""
         match module:
             case Module(command=command):
-                fields = () if command is None else tuple(self.expression(e) for e in command.fields)
                 needs = self.needs(module)
+                fields = () if command is None else tuple(self._expression(e, needs) for e in command.fields)
                 state_colors = frozenset(self._colors[s.name] for s in module.states)
                 return self._table.number(
                     "module",
                     module.failsafe,
                     command is None,
-                    self.expression(module.when),
+                    self._expression(module.when, needs),
                     fields,
-                    needs,
                     state_colors,
                 )
             case PythonModule():
-                reads = tuple((r.name, self.expression(r.expression)) for r in module.reads)
+                reads = tuple((r.name, self._expression(r.expression)) for r in module.reads)
                 params = tuple((n, _value_key(v)) for n, v in module.params)
                 identity = (
                     module.failsafe,
@@ -147,62 +163,147 @@ class Contents:
 
     def limit(self, limit: Limit) -> int:
         """Return the content of a limit, which leaves out the actuator's name."""
-        condition = -1 if limit.condition is None else self.expression(limit.condition)
-        bound = self.expression(limit.bound)
+        condition = None if limit.condition is None else self._expression(limit.condition)
+        bound = self._expression(limit.bound)
         return self._table.number("limit", limit.field_index, limit.relation, bound, condition)
+
+    def _expression(self, e: ir.Expression, needs: Needs | None = None) -> int:
+        """Return the content of an expression, and in which frames it has a value.
+
+        By default, these are those in which nothing that it reads is missing.
+        """
+        ready = self.needed_sensors(e) if needs is None else needs
+        return self._table.number("expression", ready, self._values(e, Scope(ready=ready)))
 
     # --- expressions -----------------------------------------------------------------------------
 
-    def expression(self, e: ir.Expression, loop: Loop = ()) -> int:
-        """Return the content of an expression; `loop` has the variables of the enclosing reductions."""
+    def _value(self, e: ir.Expression, scope: Scope) -> int:
+        (value,) = self._values(e, scope)
+        return value
+
+    def _values(self, e: ir.Expression, scope: Scope) -> Values:
+        """Return the contents of the elements of an expression."""
+        table = self._table
+        match e:
+            case ir.UnaryOperation(operator=operator, operand=operand):
+                return _each(partial(table.unary, operator), self._values(operand, scope))
+            case ir.BinaryOperation(operator=operator, left=left, right=right):
+                return _each(
+                    partial(table.binary, operator), self._values(left, scope), self._values(right, scope)
+                )
+            case ir.Conditional():
+                return _each(table.select, *[self._values(x, scope) for x in ir.children(e)])
+            case ir.Within():
+                return _each(table.within, *[self._values(x, scope) for x in ir.children(e)])
+            case ir.Element() | ir.Slice() | ir.Window() | ir.Nearest():
+                return self._array_access(e, scope)
+            case ir.ValueOr():
+                return self._value_or(e, scope)
+            case ir.Call():
+                return self._call(e, scope)
+            case ir.Reduce():
+                return (self._reduce(e, scope),)
+            case ir.MemoryCall(function=function, duration_ns=duration_ns):
+                cell = partial(table.number, "cell", function, duration_ns, scope.ready)
+                return _each(cell, *[self._values(x, scope) for x in e.arguments])
+            case _:
+                return self._leaf(e, scope)
+
+    def _leaf(self, e: ir.Expression, scope: Scope) -> Values:
+        table = self._table
         match e:
             case ir.Constant(value=value):
-                return self._table.number("constant", _value_key(value))
-            case ir.SensorValue(name=name):
-                return self._table.number("sensor", name)
-            case ir.DerivedValue(name=name):
+                return tuple(table.constant(x) for x in (value if isinstance(value, tuple) else (value,)))
+            case ir.SensorValue(name=name, type=type_):
+                return tuple(table.number("sensor", name, i) for i in range(_size(type_)))
+            case ir.DerivedValue(name=name) | ir.LocalValue(name=name):
                 return self._let(name)
-            case ir.LocalValue(name=name):
-                return self._local(name)
             case ir.StateValue(name=name):
-                is_file_level = name in self._file_level
-                return self._table.number("memory" if is_file_level else "own memory", self._colors[name])
-            case ir.LoopIndex(name=name):
-                return self._table.number("index", loop[::-1].index(name))
+                return (table.number("memory", self._colors[name]),)
+            case ir.LoopIndex(name=name) | ir.LoopElement(name=name):
+                return (scope.loops[name],)
             case ir.Fresh(name=name, derived=derived):
-                return self._table.number("fresh", self._let(name) if derived else name)
-            case ir.Reduce(condition=condition):
-                inner = (*loop, e.variable)
-                condition_content = -1 if condition is None else self.expression(condition, inner)
-                body = self.expression(e.body, inner)
-                return self._table.number("reduce", e.function.value, e.low, e.high, body, condition_content)
+                needs = self.needed_sensors(self._lets[name].expression) if derived else frozenset((name,))
+                return (table.number("fresh", needs),)
+            case ir.Now() | ir.Restarted():
+                return (table.number(type(e).__name__),)
             case _:
-                parts = (self.expression(child, loop) for child in ir.children(e))
-                return self._table.number(type(e).__name__, *_attributes(e), *parts)
+                raise AssertionError(f"{type(e).__name__} stands only in contracts")
 
-    def _let(self, name: str) -> int:
-        if name not in self._let_contents:
-            expression = self._lets[name].expression
-            content = self.expression(expression)
-            remembers = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(expression))
-            self._let_contents[name] = self._table.number("let", content) if remembers else content
-        return self._let_contents[name]
+    def _let(self, name: str) -> Values:
+        if name not in self._let_values:
+            expression, module = self._lets[name].expression, self._module_of.get(name)
+            ready = self.needed_sensors(expression) if module is None else self.needs(module)
+            self._let_values[name] = self._values(expression, Scope(ready=ready))
+        return self._let_values[name]
 
-    def _local(self, name: str) -> int:
-        if name not in self._let_contents:
-            self._let_contents[name] = self.expression(self._lets[name].expression)
-        return self._let_contents[name]
+    def _value_or(self, e: ir.ValueOr, scope: Scope) -> Values:
+        table, needs = self._table, self.needed_sensors(e.expression)
+        inner, is_inside = replace(scope, ready=scope.ready | needs), True
+        values, others = self._values(e.expression, inner), self._values(e.other, scope)
+        if isinstance(e.expression, ir.Element):
+            index = self._value(e.expression.index, inner)
+            size = _size(e.expression.array.type)
+            known = table.is_inside(index, size, wraps=e.expression.wraps)
+            if known is False:
+                return others
+            is_inside = known is not None
+        if not needs and is_inside:
+            return _each(lambda value, _: value, values, others)
+        return _each(partial(table.number, "value or", needs, is_inside), values, others)
+
+    def _array_access(self, e: ir.Element | ir.Slice | ir.Window | ir.Nearest, scope: Scope) -> Values:
+        table = self._table
+        match e:
+            case ir.Nearest(bearings=bearings, angle=angle):
+                of_angle = partial(_nearest, bearings)
+                return (table.apply(("nearest", bearings), of_angle, self._value(angle, scope)),)
+            case ir.Element(array=array):
+                index = self._value(e.index, scope)
+                are_bools = isinstance(element_type(array.type), Bool)
+                whole = self._values(array, scope)
+                return (table.element(whole, index, wraps=e.wraps, are_bools=are_bools),)
+            case ir.Slice(array=array, indices=indices):
+                whole = self._values(array, scope)
+                return tuple(whole[i] for i in indices)
+            case ir.Window(array=array, center=center):
+                whole = self._values(array, scope)
+                content = table.number("window", e.reach, e.wraps, self._value(center, scope), whole)
+                return tuple(table.number("in window", content, i) for i in range(2 * e.reach + 1))
+
+    def _call(self, e: ir.Call, scope: Scope) -> Values:
+        table = self._table
+        arguments = [self._values(x, scope) for x in e.arguments]
+        if e.function in ir.REDUCTIONS:
+            return (table.call(e.function, *[x for values in arguments for x in values]),)
+        if e.function in ir.INDEX_FUNCTIONS:
+            (array,), (values,) = e.arguments, arguments
+            is_window = isinstance(array, ir.Window)  # then the index is one of the whole array, too
+            indices = array.indices if isinstance(array, ir.Slice) else range(len(values))
+            return (table.number(e.function, values, tuple(indices), is_window),)
+        return _each(partial(table.call, e.function), *arguments)
+
+    def _reduce(self, e: ir.Reduce, scope: Scope) -> int:
+        arrays = {name: self._values(array, scope) for name, array in e.arrays}
+        rounds = []
+        for k in range(e.low, e.high + 1):
+            elements = {name: values[k] for name, values in arrays.items()}
+            present = {e.variable: self._table.constant(float(k)), **elements}
+            inner = replace(scope, loops={**scope.loops, **present})
+            condition = self._table.constant(True) if e.condition is None else self._value(e.condition, inner)
+            rounds.append((condition, self._value(e.body, inner)))
+        return self._table.reduction(e.function, rounds)
 
     # --- needed sensors --------------------------------------------------------------------------
 
-    def needs(self, module: AnyModule) -> frozenset[str]:
+    def needs(self, module: AnyModule) -> Needs:
         """Return the sensors without which a module is silent, or blind if it is failsafe."""
         if module.name not in self._module_needs:
             needed = (self.needed_sensors(e) for e in expressions_of(module))
             self._module_needs[module.name] = frozenset[str]().union(*needed)
         return self._module_needs[module.name]
 
-    def needed_sensors(self, e: ir.Expression) -> frozenset[str]:
+    def needed_sensors(self, e: ir.Expression) -> Needs:
         """Return the sensors without which an expression is missing."""
         match e:
             case ir.SensorValue(name=name):
@@ -229,29 +330,19 @@ def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
     return pair
 
 
-def _attributes(e: ir.Expression) -> tuple[Hashable, ...]:
-    """Return the attributes of a node other than its operands."""
-    match e:
-        case ir.UnaryOperation(operator=operator):
-            return (operator.value,)
-        case ir.BinaryOperation(operator=operator):
-            return (operator.value,)
-        case ir.Slice(indices=indices):
-            return (indices,)
-        case ir.Window(reach=reach):
-            return (reach,)
-        case ir.Call(function=function):
-            return (function.value,)
-        case ir.MemoryCall(function=function, duration_ns=duration_ns):
-            return (function.value, duration_ns)
-        case ir.SentField(actuator=actuator, field_index=i):
-            return (actuator, i)
-        case ir.WonBy(actuator=actuator, module=module):
-            return (actuator, module)
-        case ir.IsCommanded(actuator=name) | ir.IsIdle(actuator=name) | ir.IsActive(name=name):
-            return (name,)
-        case _:
-            return ()
+def _each(function: Callable[..., int], *operands: Values) -> Values:
+    """Apply a function to the operands, element by element; a scalar stands for each element."""
+    size = max((len(x) for x in operands), default=1)
+    return tuple(function(*[x[i] if len(x) > 1 else x[0] for x in operands]) for i in range(size))
+
+
+def _size(type_: Type) -> int:
+    return type_.size if isinstance(type_, Array) else 1
+
+
+def _nearest(bearings: Bearings, angle: float) -> float:
+    index = nearest(bearings, angle)
+    return NAN if index is None else float(index)
 
 
 def _value_key(value: Value) -> str:

@@ -22,28 +22,7 @@ def rewrite_expression(e: ir.Expression, rename: Rename, shift: int) -> ir.Expre
             return replace(e, name=rename(name))
         case ir.Fresh(name=name, derived=derived):
             return replace(e, name=rename(name)) if derived else e
-        case ir.ValueOr():
-            return replace(e, expression=rewrite(e.expression), other=rewrite(e.other))
-        case ir.UnaryOperation():
-            return replace(e, operand=rewrite(e.operand))
-        case ir.BinaryOperation():
-            return replace(e, left=rewrite(e.left), right=rewrite(e.right))
-        case ir.Conditional():
-            return replace(e, condition=rewrite(e.condition), yes=rewrite(e.yes), no=rewrite(e.no))
-        case ir.Within():
-            return replace(e, operand=rewrite(e.operand), low=rewrite(e.low), high=rewrite(e.high))
-        case ir.Element():
-            return replace(e, array=rewrite(e.array), index=rewrite(e.index))
-        case ir.Slice():
-            return replace(e, array=rewrite(e.array))
-        case ir.Window():
-            return replace(e, array=rewrite(e.array), center=rewrite(e.center))
-        case ir.Call():
-            return replace(e, arguments=tuple(rewrite(x) for x in e.arguments))
-        case ir.Reduce():
-            condition = None if e.condition is None else rewrite(e.condition)
-            return replace(e, body=rewrite(e.body), condition=condition)
         case ir.MemoryCall():
-            return replace(e, arguments=tuple(rewrite(x) for x in e.arguments), cell=e.cell + shift)
+            return ir.rebuilt(replace(e, cell=e.cell + shift), rewrite)
         case _:
-            return e
+            return ir.rebuilt(e, rewrite)

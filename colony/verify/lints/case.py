@@ -10,7 +10,8 @@ from colony.ir import expression as ir
 from colony.ir.program import Actuator, ActuatorField, AnyModule, Derived, Let, Machine, Module, Program
 from colony.ir.types import BOOL, ScalarValue
 from colony.text.source import Source, Span
-from colony.verify.difference.content import Contents, Table
+from colony.verify.difference.content import Contents
+from colony.verify.difference.table import Table
 from colony.verify.lints.bounds import with_named_bounds
 from colony.verify.lints.network import NamedNetwork, network
 

@@ -12,10 +12,13 @@ from colony.verify.lints.proof import MAX_FRAMES
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run of the reference interpreter that shows a finding about `subject`, a field of `actuator`."""
+    """A run of the reference interpreter that shows a finding about `subject`, by the commands of `actuator`.
+
+    Without an actuator it shows those of all.
+    """
 
     subject: str
-    actuator: str
+    actuator: str | None
     trace: Trace
 
 

@@ -14,6 +14,7 @@ from colony.verify.lints import (
     contracts,
     fail_open,
     held_back,
+    indices,
     limits,
     never_blind,
     nodes,
@@ -34,7 +35,7 @@ _MAX_CANDIDATES = 12
 
 
 def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Finding, ...]:
-    """Return all findings, V020 to V035, in source order.
+    """Return all findings, V020 to V036, in source order.
 
     Findings that need more time than `time_budget` allows are left out.
     """
@@ -54,7 +55,7 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Findi
     dominators = {
         m: _minimal_dominators(case, m, time_budget) for m in case.modules if shadows.shadowed(m) in proved
     }
-    with_runs = tuple(limits.findings(case, prover))
+    with_runs = (*limits.findings(case, prover), *indices.findings(case, time_budget))
     runs = {f.diagnostic: f.run for f in with_runs}
     diagnostics = in_order(
         [

@@ -5,6 +5,7 @@ from __future__ import annotations
 from colony.ir.expression import IsIdle
 from colony.ir.program import Contract, Program
 from colony.ir.types import BOOL
+from colony.verify.claims import TRUE
 from colony.verify.contracts.table import table
 from colony.verify.lints.finding import Finding
 
@@ -14,6 +15,7 @@ def run_lines(program: Program, finding: Finding) -> tuple[str, ...]:
     run = finding.run
     if run is None:
         return ()
-    about = Contract(name=run.subject, expression=IsIdle(type=BOOL, actuator=run.actuator))
+    shown = TRUE if run.actuator is None else IsIdle(type=BOOL, actuator=run.actuator)
+    about = Contract(name=run.subject, expression=shown)
     rows = table(program, about, run.trace)
     return (f"{finding.diagnostic.code:8} {run.subject}", *(f"  {row}" for row in rows))

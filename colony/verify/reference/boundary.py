@@ -234,9 +234,14 @@ class PythonRunner:
     def _command(self, result: Any) -> Command:
         if result is None:
             return None
-        if not hasattr(result, "keys") or set(result) != {f.name for f in self._fields}:
+        if not hasattr(result, "keys"):
             raise InvalidValueError
-        return tuple(self._field(f.type, result[f.name]) for f in self._fields)
+        given = {f.name: f.default for f in self._fields if f.default is not None} | {
+            name: result[name] for name in result
+        }
+        if set(given) != {f.name for f in self._fields}:
+            raise InvalidValueError
+        return tuple(self._field(f.type, given[f.name]) for f in self._fields)
 
     def _field(self, type_: Scalar, x: object) -> ScalarValue:
         """Return a field, checked. NaN passes: a command that is not finite is a fault of its own."""

@@ -10,19 +10,36 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, assert_never
+from typing import Any, NamedTuple, TypeVar, assert_never, cast
 
 from colony.ir import expression as ir
+from colony.ir.bearings import Bearings, nearest
 from colony.ir.types import Array, ScalarValue, Value
-from colony.verify.reference.functions import NAN, binary, element_at, function, unary
+from colony.verify.reference.functions import (
+    NAN,
+    binary,
+    element_at,
+    function,
+    position,
+    unary,
+)
 
 T = TypeVar("T")
 
 Memory = dict[tuple[int, tuple[int, ...], int], Any]
 """State of the memory functions; an absent key is a call that was never evaluated (see `remember`)."""
 
-Loop = tuple[tuple[str, int], ...]
-"""The variables of the enclosing reductions and their values, outermost first."""
+
+class Round(NamedTuple):
+    """A round of a reduction: its variable, the variable's value, and the elements of its arrays by name."""
+
+    variable: str
+    k: int
+    elements: Mapping[str, Any]
+
+
+Loop = tuple[Round, ...]
+"""The present rounds of the enclosing reductions, outermost first."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -83,22 +100,18 @@ def evaluate(e: ir.Expression, frame_values: FrameValues, memory: Memory, loop: 
             return each(lambda x, y: x if truth else y, value(yes), value(no))
         case ir.Within(operand=operand, low=low, high=high):
             return each(lambda x, a, b: a <= x <= b, value(operand), value(low), value(high))
-        case ir.Element(array=array, index=index):
-            return element_at(elements(value(array)), scalar(value(index)))
-        case ir.Slice(array=array, indices=indices):
-            whole = elements(value(array))
-            return tuple(whole[i] for i in indices)
-        case ir.Window(array=array, center=center):
-            whole, chosen = elements(value(array)), window_indices(e, scalar(value(center)))
-            return tuple(element_at(whole, i) for i in chosen)
-        case ir.ValueOr(expression=expression, other=other):
-            first = None if missing(expression, frame_values) else value(expression)
-            second = value(other)
-            return broadcast(second if first is None else first, e)
+        case ir.Nearest(bearings=bearings, angle=angle):
+            return index_of_bearing(bearings, scalar(value(angle)))
+        case ir.Element() | ir.Slice() | ir.Window():
+            return array_access(e, elements(value(e.array)), value)
+        case ir.ValueOr():
+            return value_or(e, value, is_missing=missing(e.expression, frame_values))
         case ir.Call():
             return call(e, frame_values, memory, loop)
         case ir.Reduce():
             return reduce(e, frame_values, memory, loop)
+        case ir.LoopElement():
+            return cast("ScalarValue", loop_element(e, loop))
         case ir.MemoryCall():
             return recall(e, [value(a) for a in e.arguments], frame_values, memory, loop)
         case _:
@@ -119,7 +132,7 @@ def leaf(e: ir.Expression, frame_values: FrameValues, loop: Loop) -> Value:
         case ir.StateValue(name=name):
             return frame_values.states[name]
         case ir.LoopIndex(name=name):
-            return float([k for variable, k in loop if variable == name][-1])
+            return float([turn.k for turn in loop if turn.variable == name][-1])
         case ir.Now() | ir.Restarted():
             now = (frame_values.t_ns - frame_values.first_ns) / 1e9
             return now if isinstance(e, ir.Now) else frame_values.restarted
@@ -140,6 +153,35 @@ def leaf(e: ir.Expression, frame_values: FrameValues, loop: Loop) -> Value:
 
 
 # --- arrays --------------------------------------------------------------------------------------
+
+
+Evaluate = Callable[[ir.Expression], Value]
+
+
+def array_access(
+    e: ir.Element | ir.Slice | ir.Window, whole: tuple[ScalarValue, ...], value: Evaluate
+) -> Value:
+    """Return an element or some elements of an array."""
+    match e:
+        case ir.Element(index=index):
+            return element_at(whole, scalar(value(index)), e.wraps)
+        case ir.Slice(indices=indices):
+            return tuple(whole[i] for i in indices)
+        case ir.Window(center=center):
+            return tuple(element_at(whole, i, e.wraps) for i in window_indices(e, scalar(value(center))))
+
+
+def value_or(e: ir.ValueOr, value: Evaluate, *, is_missing: bool) -> Value:
+    """Return the first value; the second where the first is missing, or is an element that is outside."""
+    first: Value | None = None
+    if isinstance(e.expression, ir.Element) and not is_missing:
+        array, index = elements(value(e.expression.array)), scalar(value(e.expression.index))
+        place = position(index, len(array), e.expression.wraps)
+        first = None if place is None else array[place]
+    elif not is_missing:
+        first = value(e.expression)
+    second = value(e.other)
+    return broadcast(second if first is None else first, e)
 
 
 def each(f: Callable[..., T], *operands: T | tuple[T, ...]) -> T | tuple[T, ...]:
@@ -169,12 +211,18 @@ def scalar(value: Value) -> ScalarValue:
     return value
 
 
+def index_of_bearing(bearings: Bearings, angle: float) -> float:
+    """Return the index of the element nearest to an angle, NaN where that is outside or not finite."""
+    index = nearest(bearings, angle)
+    return NAN if index is None else float(index)
+
+
 def window_indices(e: ir.Window, center: float) -> list[float]:
-    """Return the indices of a window's elements, in order; NaN if the center is not finite."""
-    size, reach = len_of(e.array), e.reach
+    """Return the indices of a window's elements, in order; NaN for one that is outside."""
     if not math.isfinite(center):
-        return [NAN] * (2 * reach + 1)
-    return [float((round(center) + j) % size) for j in range(-reach, reach + 1)]
+        return [NAN] * (2 * e.reach + 1)
+    places = [position(round(center) + j, len_of(e.array), e.wraps) for j in range(-e.reach, e.reach + 1)]
+    return [NAN if place is None else float(place) for place in places]
 
 
 def len_of(e: ir.Expression) -> int:
@@ -207,7 +255,7 @@ def index_function(
         case ir.Window(array=array, center=center):
             whole = elements(evaluate(array, frame_values, memory, loop))
             chosen = window_indices(e, scalar(evaluate(center, frame_values, memory, loop)))
-            return chosen[int(function(f, [element_at(whole, i) for i in chosen]))]
+            return chosen[int(function(f, [element_at(whole, i, e.wraps) for i in chosen]))]
         case _:
             return function(f, elements(evaluate(e, frame_values, memory, loop)))
 
@@ -215,12 +263,18 @@ def index_function(
 def reduce(e: ir.Reduce, frame_values: FrameValues, memory: Memory, loop: Loop) -> ScalarValue:
     """Evaluate a reduction: its body and condition for each value of its variable."""
     included = []
+    arrays = {name: elements(evaluate(array, frame_values, memory, loop)) for name, array in e.arrays}
     for k in range(e.low, e.high + 1):
-        inner = (*loop, (e.variable, k))
+        inner = (*loop, Round(e.variable, k, {name: array[k] for name, array in arrays.items()}))
         body = scalar(evaluate(e.body, frame_values, memory, inner))
         if e.condition is None or evaluate(e.condition, frame_values, memory, inner):
             included.append(body)
     return function(e.function, included)
+
+
+def loop_element(e: ir.LoopElement, loop: Loop) -> Any:
+    """Return the present element of an array of an enclosing reduction."""
+    return [turn.elements[e.name] for turn in loop if e.name in turn.elements][-1]
 
 
 # --- memory --------------------------------------------------------------------------------------
@@ -230,7 +284,7 @@ def recall(
     e: ir.MemoryCall, arguments: list[Value], frame_values: FrameValues, memory: Memory, loop: Loop
 ) -> Value:
     """Evaluate a memory function; each element of an array and each loop index has its own memory."""
-    path = tuple(k for _, k in loop)
+    path = tuple(turn.k for turn in loop)
     sizes = [len(a) for a in arguments if isinstance(a, tuple)]
     results = []
     for i in range(sizes[0] if sizes else 1):

@@ -189,11 +189,20 @@ def whole(rounding: Callable[[float], int], x: float) -> float:
     return math.copysign(float(rounding(x)), x) if math.isfinite(x) else x
 
 
-def element_at(array: tuple[ScalarValue, ...], index: float) -> ScalarValue:
-    """Return the element at `index`, rounded (halves to even) and taken modulo the size.
+def position(index: float, size: int, wraps: bool) -> int | None:
+    """Return an index rounded (halves to even) and, if it `wraps`, taken modulo the size.
 
-    An index that is not finite gives NaN, or False of an array of bools.
+    None if it is outside, or not finite.
     """
     if not math.isfinite(index):
+        return None
+    place = round(index) % size if wraps else round(index)
+    return place if 0 <= place < size else None
+
+
+def element_at(array: tuple[ScalarValue, ...], index: float, wraps: bool) -> ScalarValue:
+    """Return the element at `index`, see `position`; outside it is NaN, or False of an array of bools."""
+    place = position(index, len(array), wraps)
+    if place is None:
         return False if isinstance(array[0], bool) else NAN
-    return array[round(index) % len(array)]
+    return array[place]

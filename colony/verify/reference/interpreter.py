@@ -24,6 +24,7 @@ from colony.ir.frame import (
     Record,
     RecordKind,
 )
+from colony.ir.given import value_sent
 from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
 from colony.verify.reference.boundary import (
@@ -411,7 +412,7 @@ class Interpreter:
     ) -> Decision:
         """Send the winner's command within its bounds, or the idle command where there is no such command."""
         if actuator.name in self._given:
-            return self._decide_given(actuator, self._given[actuator.name], frame_values)
+            return self._decide_given(actuator, self._given[actuator.name], frame_values, limits)
         winner = frame_values.winners[actuator.name]
         if winner in self._lost:  # failsafe: nobody sends its command, and nobody else's gets through
             winner = frame_values.winners[actuator.name] = None
@@ -439,13 +440,23 @@ class Interpreter:
         self._hold(actuator, sent, frame_values)
         return Decision(actuator.name, winner, declared)
 
-    def _decide_given(self, actuator: ir.Actuator, given: Given, frame_values: FrameValues) -> Decision:
+    def _decide_given(
+        self,
+        actuator: ir.Actuator,
+        given: Given,
+        frame_values: FrameValues,
+        limits: list[tuple[ir.Limit, float | None]],
+    ) -> Decision:
         """Return the decision for an actuator that was given something else than the network decided."""
         frame_values.winners[actuator.name] = None
         if given.values is None:
             return self._decide_idle(actuator, None, None, frame_values)
-        self._hold(actuator, given.values, frame_values)
-        return Decision(actuator.name, None, declared_command(actuator, given.values))
+        sent = []
+        for i, (field, value) in enumerate(zip(actuator.fields, given.values, strict=True)):
+            low, high = self._bounds(actuator, i, limits) or (None, None)
+            sent.append(value_sent(value, field.factor, low, high))
+        self._hold(actuator, tuple(sent), frame_values)
+        return Decision(actuator.name, None, declared_command(actuator, tuple(sent)))
 
     def _hold(self, actuator: ir.Actuator, sent: tuple[ScalarValue, ...], frame_values: FrameValues) -> None:
         """Record that an actuator was sent a command."""

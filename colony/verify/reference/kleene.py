@@ -10,20 +10,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import TypeGuard
+from typing import TypeGuard, cast
 
 from colony.ir import expression as ir
-from colony.ir.types import Array, Bool, ScalarValue, Value
+from colony.ir.types import Array, ScalarValue, Value
 from colony.verify.reference.expressions import (
     FrameValues,
     Loop,
     Memory,
+    Round,
     each,
+    index_of_bearing,
     leaf,
+    loop_element,
     remember,
     window_indices,
 )
-from colony.verify.reference.functions import NAN, binary, element_at, function, unary
+from colony.verify.reference.functions import binary, function, position, unary
 
 Scalar = ScalarValue | None
 """A scalar, or None: unknown."""
@@ -46,6 +49,8 @@ def known_value(e: ir.Expression, frame_values: FrameValues, memory: Memory, loo
             return each(choice, value(condition), value(yes), value(no))
         case ir.Within(operand=operand, low=low, high=high):
             return each(partial(strict, within), value(operand), value(low), value(high))
+        case ir.Nearest(angle=angle):
+            return strict(partial(index_of_bearing, e.bearings), scalar(value(angle)))
         case ir.Element() | ir.Slice() | ir.Window():
             return array_access(e, frame_values, memory, loop)
         case ir.ValueOr(expression=expression, other=other):
@@ -54,6 +59,8 @@ def known_value(e: ir.Expression, frame_values: FrameValues, memory: Memory, loo
             return call(e, frame_values, memory, loop)
         case ir.Reduce():
             return reduce(e, frame_values, memory, loop)
+        case ir.LoopElement():
+            return cast("Scalar", loop_element(e, loop))
         case ir.MemoryCall():
             return recall(e, [value(a) for a in e.arguments], frame_values, memory, loop)
         case _:
@@ -142,12 +149,12 @@ def array_access(
     whole = elements(known_value(e.array, frame_values, memory, loop))
     match e:
         case ir.Element(index=index):
-            return element(e, whole, scalar(known_value(index, frame_values, memory, loop)))
+            return element(whole, scalar(known_value(index, frame_values, memory, loop)), e.wraps)
         case ir.Slice(indices=indices):
             return tuple(whole[i] for i in indices)
         case ir.Window(center=center):
             middle = scalar(known_value(center, frame_values, memory, loop))
-            return tuple(element(e, whole, i) for i in indices_of_window(e, middle))
+            return tuple(element(whole, i, e.wraps) for i in indices_of_window(e, middle))
 
 
 def shaped(value: Known | Value, e: ir.Expression) -> Known:
@@ -169,20 +176,10 @@ def scalar(value: Known) -> Scalar:
     return value
 
 
-def element(e: ir.Element | ir.Window, whole: tuple[Scalar, ...], index: Scalar) -> Scalar:
-    """Return the element at `index` (see `functions.element_at`), unknown if the index is.
-
-    At an index that is not finite it is NaN or false, unknown if an element is.
-    """
-    if index is None:
-        return None
-    position = element_at(tuple(map(float, range(len(whole)))), index)
-    if position != position:  # NaN: the index is not finite
-        if None in whole:
-            return None
-        of = e.array.type
-        return False if isinstance(of, Array) and isinstance(of.element, Bool) else NAN
-    return whole[int(position)]
+def element(whole: tuple[Scalar, ...], index: Scalar, wraps: bool) -> Scalar:
+    """Return the element at `index` (see `functions.position`), unknown if it is outside, or the index is."""
+    place = None if index is None else position(index, len(whole), wraps)
+    return None if place is None else whole[place]
 
 
 def indices_of_window(e: ir.Window, center: Scalar) -> list[Scalar]:
@@ -225,12 +222,12 @@ def index_function(
     match e:
         case ir.Slice(array=array, indices=indices):
             whole = elements(value(array))
-            position = reduction(f, [whole[i] for i in indices])
-            return None if position is None else float(indices[int(position)])
+            best = reduction(f, [whole[i] for i in indices])
+            return None if best is None else float(indices[int(best)])
         case ir.Window(array=array, center=center):
             whole, chosen = elements(value(array)), indices_of_window(e, scalar(value(center)))
-            position = reduction(f, [element(e, whole, i) for i in chosen])
-            return None if position is None else chosen[int(position)]
+            best = reduction(f, [element(whole, i, e.wraps) for i in chosen])
+            return None if best is None else chosen[int(best)]
         case _:
             return reduction(f, elements(value(e)))
 
@@ -241,8 +238,9 @@ def reduce(e: ir.Reduce, frame_values: FrameValues, memory: Memory, loop: Loop) 
     Any other is unknown if one of its bodies or conditions is.
     """
     items: list[tuple[Scalar, Scalar]] = []
+    arrays = {name: elements(known_value(array, frame_values, memory, loop)) for name, array in e.arrays}
     for k in range(e.low, e.high + 1):
-        inner = (*loop, (e.variable, k))
+        inner = (*loop, Round(e.variable, k, {name: array[k] for name, array in arrays.items()}))
         body = scalar(known_value(e.body, frame_values, memory, inner))
         condition: Scalar = True
         if e.condition is not None:
@@ -266,7 +264,7 @@ def recall(
     e: ir.MemoryCall, arguments: list[Known], frame_values: FrameValues, memory: Memory, loop: Loop
 ) -> Known:
     """Evaluate a memory function, unknown and unchanged where an argument is unknown, element by element."""
-    path = tuple(k for _, k in loop)
+    path = tuple(turn.k for turn in loop)
     sizes = [len(a) for a in arguments if isinstance(a, tuple)]
     results: list[Scalar] = []
     for i in range(sizes[0] if sizes else 1):

@@ -6,39 +6,68 @@ Evaluation is strict, as in the interpreter: every operand is evaluated wherever
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import z3
 
 from colony.ir import expression as ir
 from colony.ir.types import Array, ScalarValue, element_type
 from colony.verify.symbolic.arithmetic import Arithmetic
+from colony.verify.symbolic.bearings import nearest
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import by_cases, constant, whole_of
 from colony.verify.symbolic.frame_values import FrameValues, evaluation_condition, missing
 from colony.verify.symbolic.functions import apply, binary, boolean, index_of, number, reduction, unary
-from colony.verify.symbolic.logic import FALSE, TRUE, any_of, both, is_false, negation, truth
+from colony.verify.symbolic.logic import FALSE, TRUE, any_of, both, either, is_false, negation, truth
 from colony.verify.symbolic.memory import recall
 from colony.verify.symbolic.numbers import compared, finite, select
 from colony.verify.symbolic.seconds import seconds
 from colony.verify.symbolic.system import Number, Scalar, Term
 
-Loop = tuple[tuple[str, int], ...]
-"""The variables of the enclosing reductions and their values, outermost first."""
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """A round of a reduction: its variable, the variable's value, and the elements of its arrays by name."""
+
+    variable: str
+    k: int
+    elements: Mapping[str, Any]
+
+
+Loop = tuple[Round, ...]
+"""The present rounds of the enclosing reductions, outermost first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """The conditions that an index is finite, and that it selects each element of an array."""
+    """The conditions under which an index, rounded, selects elements of an array of `size`.
 
+    `places` are the whole numbers that it may be, modulo the size if it `wraps`, each with its condition.
+    Without wrapping, `span` has its bounds, if they are known.
+    """
+
+    size: int
+    wraps: bool
     is_finite: z3.BoolRef
-    selects: tuple[z3.BoolRef, ...]
+    places: tuple[tuple[int, z3.BoolRef], ...]
+    span: tuple[int, int] | None = None
 
+    def at(self, offset: int) -> list[tuple[int, z3.BoolRef]]:
+        """Return the elements that the index can select when `offset` is added, each with its condition."""
+        moved = [(n + offset, condition) for n, condition in self.places if not is_false(condition)]
+        if self.wraps:
+            return [(n % self.size, condition) for n, condition in moved]
+        return [(n, condition) for n, condition in moved if 0 <= n < self.size]
 
-def _positions(is_finite: z3.BoolRef, selects: Sequence[z3.BoolRef]) -> Positions:
-    return Positions(is_finite, tuple(both(is_finite, selected) for selected in selects))
+    def is_inside(self, offset: int) -> z3.BoolRef:
+        """Return the condition that the index selects an element when `offset` is added."""
+        if self.wraps:
+            return self.is_finite
+        if self.span is not None and self.span[0] + offset >= 0 and self.span[1] + offset < self.size:
+            return self.is_finite
+        return any_of(condition for _, condition in self.at(offset))
 
 
 def constant_term(value: ScalarValue) -> Scalar:
@@ -108,6 +137,8 @@ class Expressions:
                 return each(lambda x, y: select(condition_term, x, y), self.value(yes), self.value(no))
             case ir.Within(operand=operand, low=low, high=high):
                 return each(within, self.value(operand), self.value(low), self.value(high))
+            case ir.Nearest():
+                return nearest(self.number(e.angle), e.bearings, arithmetic)
             case ir.Element() | ir.Slice() | ir.Window():
                 return self._array_access(e)
             case ir.ValueOr():
@@ -134,8 +165,9 @@ class Expressions:
                 return frame_values.locals[name][1]
             case ir.StateValue(name=name):
                 return frame_values.states[name]
-            case ir.LoopIndex(name=name):
-                return constant(float([k for variable, k in self.loop if variable == name][-1]))
+            case ir.LoopIndex(name=name) | ir.LoopElement(name=name):
+                is_index = isinstance(e, ir.LoopIndex)
+                return constant(float(self.index(name))) if is_index else cast("Scalar", self.element(name))
             case ir.Now() | ir.Restarted():
                 is_now = isinstance(e, ir.Now)
                 return seconds(frame_values.now, self.builder, e.span) if is_now else frame_values.restarted
@@ -167,8 +199,21 @@ class Expressions:
         inner = replace(
             self, advances=evaluation_condition(self.advances, e.expression, self.frame_values, self.own_lets)
         )
+        if isinstance(e.expression, ir.Element):
+            array, index = elements(inner.value(e.expression.array)), e.expression.index
+            positions = inner._positions(index, len(array), e.expression)
+            absent = either(absent, negation(positions.is_inside(0)))
+            return select(absent, self.scalar(e.other), element_of(array, positions, 0))
         first, second = _broadcast(inner.value(e.expression), e), _broadcast(self.value(e.other), e)
         return each(lambda x, y: select(absent, y, x), first, second)
+
+    def index(self, name: str) -> int:
+        """Return the present value of the variable of an enclosing reduction."""
+        return [turn.k for turn in self.loop if turn.variable == name][-1]
+
+    def element(self, name: str) -> Any:
+        """Return the present element of an array of an enclosing reduction."""
+        return [turn.elements[name] for turn in self.loop if name in turn.elements][-1]
 
     # --- parts of arrays -------------------------------------------------------------------------
 
@@ -178,37 +223,54 @@ class Expressions:
             case ir.Slice(indices=indices):
                 return tuple(array[i] for i in indices)
             case ir.Element(index=index):
-                return element_of(array, self._positions(index, len(array)), 0)
+                return element_of(array, self._positions(index, len(array), e), 0)
             case ir.Window(center=center, reach=reach):
-                positions = self._positions(center, len(array))
+                positions = self._positions(center, len(array), e)
                 return tuple(element_of(array, positions, j) for j in range(-reach, reach + 1))
 
-    def _positions(self, index: ir.Expression, size: int) -> Positions:
-        return self.positions(self.number(index), index, size)
+    def _positions(self, index: ir.Expression, size: int, e: ir.Element | ir.Window) -> Positions:
+        return self.positions(self.number(index), index, size, e)
 
-    def positions(self, x: Number, index: ir.Expression, size: int) -> Positions:
+    def positions(self, x: Number, index: ir.Expression, size: int, e: ir.Element | ir.Window) -> Positions:
         """Return the conditions under which an index of value `x` selects each element of an array."""
-        builder = self.builder
+        builder, reach = self.builder, e.reach if isinstance(e, ir.Window) else 0
         return builder.once(
-            ("positions", builder.key(x), size), lambda: self._compute_positions(x, index, size)
+            ("positions", builder.key(x), size, reach, e.wraps),
+            lambda: self._compute_positions(x, index, size, None if e.wraps else reach),
         )
 
-    def _compute_positions(self, x: Number, index: ir.Expression, size: int) -> Positions:
-        is_finite = finite(x)
+    def _compute_positions(self, x: Number, index: ir.Expression, size: int, reach: int | None) -> Positions:
+        """Return the positions of an index; `reach` is how far outside it may be, None if it wraps."""
+        is_finite, wraps = finite(x), reach is None
+        outer = range(size) if reach is None else range(-reach, size + reach)
+
+        def positions(places: Iterable[tuple[int, z3.BoolRef]], low: int, high: int) -> Positions:
+            kept = tuple((n, both(is_finite, condition)) for n, condition in places)
+            return Positions(size, wraps, is_finite, kept, None if wraps else (low, high))
+
         if not x.cases:
             x = Arithmetic(self.builder, index.span).round_of(replace(x, nan=FALSE, infinite=FALSE))
         if x.cases:
-            conditions_by_element = [
-                [c for v, c in x.cases if math.isfinite(v) and round(v) % size == k] for k in range(size)
-            ]
-            return _positions(is_finite, [any_of(conditions) for conditions in conditions_by_element])
+            by_place: dict[int, list[z3.BoolRef]] = {n: [] for n in outer}
+            values = [(round(v), condition) for v, condition in x.cases if math.isfinite(v)]
+            for n, condition in values:
+                by_place.get(n % size if wraps else n, []).append(condition)
+            places = [(n, any_of(conditions)) for n, conditions in by_place.items()]
+            span = [n for n, _ in values] or [0]
+            return positions(places, min(span), max(span))
         whole, low, high = whole_of(x), x.bounds.low, x.bounds.high
         assert whole is not None
-        if low is None or high is None or high - low > 4 * size:
-            return _positions(is_finite, [cast(z3.BoolRef, whole % size == k) for k in range(size)])
-        span = range(math.ceil(low), math.floor(high) + 1)
-        equal = {n: cast(z3.BoolRef, whole == n) for n in span}
-        return _positions(is_finite, [any_of(equal[n] for n in span if n % size == k) for k in range(size)])
+        if wraps and (low is None or high is None or high - low > 4 * size):
+            return positions([(k, cast(z3.BoolRef, whole % size == k)) for k in outer], 0, 0)
+        first, last = (
+            outer[0] - 1 if low is None else math.ceil(low),
+            size * 2 if high is None else math.floor(high),
+        )
+        if wraps:
+            equal = [(n, cast(z3.BoolRef, whole == n)) for n in range(first, last + 1)]
+            return positions([(k, any_of(c for n, c in equal if n % size == k)) for k in outer], first, last)
+        reached = [n for n in outer if first <= n <= last]
+        return positions([(n, cast(z3.BoolRef, whole == n)) for n in reached], first, last)
 
     # --- functions -------------------------------------------------------------------------------
 
@@ -228,7 +290,7 @@ class Expressions:
                 values, indices = elements(self.value(e)), [constant(float(i)) for i in sliced]
             case ir.Window(array=array, center=center, reach=reach):
                 values, size = elements(self.value(e)), size_of(array)
-                positions = self._positions(center, size)
+                positions = self._positions(center, size, e)
                 indices = [index_at(positions, j) for j in range(-reach, reach + 1)]
             case _:
                 values = elements(self.value(e))
@@ -237,8 +299,10 @@ class Expressions:
 
     def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Scalar:
         items = []
+        arrays = {name: elements(self.value(array)) for name, array in e.arrays}
         for k in range(e.low, e.high + 1):
-            inner = replace(self, loop=(*self.loop, (e.variable, k)))
+            turn = Round(e.variable, k, {name: array[k] for name, array in arrays.items()})
+            inner = replace(self, loop=(*self.loop, turn))
             body = inner.scalar(e.body)
             items.append((body, TRUE if e.condition is None else inner.boolean(e.condition)))
         return reduction(e.function, items, arithmetic)
@@ -263,18 +327,15 @@ def size_of(e: ir.Expression) -> int:
 
 
 def element_of(array: Sequence[Scalar], positions: Positions, offset: int) -> Scalar:
-    """Return the element `offset` after the selected one; NaN or false if the index is not finite."""
+    """Return the element `offset` after the selected one; NaN or false if there is none."""
     undefined: Scalar = constant(math.nan) if isinstance(array[0], Number) else FALSE
     result: Scalar | None = None
-    for k, selected in enumerate(positions.selects):
-        if not is_false(selected):
-            value = array[(k + offset) % len(array)]
-            result = value if result is None else select(selected, value, result)
-    return undefined if result is None else select(positions.is_finite, result, undefined)
+    for k, selected in positions.at(offset):
+        result = array[k] if result is None else select(selected, array[k], result)
+    return undefined if result is None else select(positions.is_inside(offset), result, undefined)
 
 
 def index_at(positions: Positions, offset: int) -> Number:
-    """Return the index `offset` after the selected one; NaN if it is not finite."""
-    size = len(positions.selects)
-    cases = [(float((k + offset) % size), selected) for k, selected in enumerate(positions.selects)]
-    return by_cases([*cases, (math.nan, negation(positions.is_finite))])
+    """Return the index `offset` after the selected one; NaN if it is outside, or not finite."""
+    cases = [(float(k), selected) for k, selected in positions.at(offset)]
+    return by_cases([*cases, (math.nan, negation(positions.is_inside(offset)))])

@@ -17,10 +17,12 @@ from colony.ir import expression as ir
 from colony.ir.expression import Binary, Function
 from colony.ir.types import element_type
 from colony.verify.symbolic.arithmetic import Arithmetic
+from colony.verify.symbolic.bearings import nearest
 from colony.verify.symbolic.cases import constant
 from colony.verify.symbolic.expressions import (
     Expressions,
     Positions,
+    Round,
     element_of,
     index_at,
     size_of,
@@ -69,6 +71,9 @@ class ContractEncoder:
                 return _each(_choice, self._value(condition), self._value(yes), self._value(no))
             case ir.Within(operand=operand, low=low, high=high):
                 return _each(partial(_strict, within), *map(self._value, (operand, low, high)))
+            case ir.Nearest(angle=angle):
+                x = scalar(self._value(angle))
+                return Known(nearest(number(x.value), e.bearings, arithmetic), x.known)
             case ir.Element() | ir.Slice() | ir.Window():
                 return self._array_access(e)
             case ir.ValueOr(expression=expression, other=other):
@@ -83,6 +88,8 @@ class ContractEncoder:
                 return self._leaf(e)
 
     def _leaf(self, e: ir.Expression) -> KnownTerm:
+        if isinstance(e, ir.LoopElement):
+            return cast("Known", self.expressions.element(e.name))
         known = negation(missing(e, self.expressions.frame_values))
         term = self.expressions.value(e)
         return tuple(Known(x, known) for x in term) if isinstance(term, tuple) else Known(term, known)
@@ -102,15 +109,17 @@ class ContractEncoder:
             case ir.Slice(indices=indices):
                 return tuple(array[i] for i in indices)
             case ir.Element(index=index):
-                return _element(array, *self._positions(index, len(array)), 0)
+                return _element(array, *self._positions(index, len(array), e), 0)
             case ir.Window(center=center, reach=reach):
-                positions, known = self._positions(center, len(array))
+                positions, known = self._positions(center, len(array), e)
                 return tuple(_element(array, positions, known, j) for j in range(-reach, reach + 1))
 
-    def _positions(self, index: ir.Expression, size: int) -> tuple[Positions, z3.BoolRef]:
+    def _positions(
+        self, index: ir.Expression, size: int, e: ir.Element | ir.Window
+    ) -> tuple[Positions, z3.BoolRef]:
         """Return the conditions that an index selects each element, and that it is known."""
         x = scalar(self._value(index))
-        return self.expressions.positions(number(x.value), index, size), x.known
+        return self.expressions.positions(number(x.value), index, size, e), x.known
 
     # --- functions -------------------------------------------------------------------------------
 
@@ -130,7 +139,7 @@ class ContractEncoder:
                 values, indices = elements(self._value(e)), [constant(float(i)) for i in sliced]
             case ir.Window(array=array, center=center, reach=reach):
                 whole = elements(self._value(array))
-                positions, known = self._positions(center, size_of(array))
+                positions, known = self._positions(center, size_of(array), e)
                 reached = range(-reach, reach + 1)
                 values = tuple(_element(whole, positions, known, j) for j in reached)
                 indices = [index_at(positions, j) for j in reached]
@@ -142,8 +151,10 @@ class ContractEncoder:
 
     def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Known:
         items = []
+        arrays = {name: elements(self._value(array)) for name, array in e.arrays}
         for k in range(e.low, e.high + 1):
-            loop = (*self.expressions.loop, (e.variable, k))
+            turn = Round(e.variable, k, {name: array[k] for name, array in arrays.items()})
+            loop = (*self.expressions.loop, turn)
             inner = replace(self, expressions=replace(self.expressions, loop=loop))
             condition = _ALWAYS if e.condition is None else scalar(inner._value(e.condition))
             items.append((condition, scalar(inner._value(e.body))))
@@ -230,13 +241,9 @@ def _reduction(function: Function, items: Sequence[tuple[Known, Known]], arithme
 
 
 def _element(array: Sequence[Known], positions: Positions, index_known: z3.BoolRef, offset: int) -> Known:
-    """Return the element `offset` after the selected one.
-
-    At an index that is not finite it is NaN or false, and known if all elements are.
-    """
+    """Return the element `offset` after the selected one, unknown if there is none."""
     value = element_of([x.value for x in array], positions, offset)
     known = array[0].known
     if not all(same(x.known, known) for x in array):
-        selected = boolean(element_of([x.known for x in array], positions, offset))  # false if not finite
-        known = either(selected, all_of(x.known for x in array))
-    return Known(value, both(index_known, known))
+        known = boolean(element_of([x.known for x in array], positions, offset))
+    return Known(value, all_of((index_known, positions.is_inside(offset), known)))

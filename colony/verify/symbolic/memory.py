@@ -7,6 +7,7 @@ module or node.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import assert_never, cast
 
@@ -251,10 +252,24 @@ def open_scalar_cell(
 def _enumerator(
     builder: Builder, name: str, of: Enum, start: Number
 ) -> tuple[Scalar, Callable[[Scalar], None]]:
+    """Open the cells of an enumerator, with one for NaN only if an element that is outside can get there."""
     old = cast(z3.ArithRef, builder.open_cell(name, z3.RealSort(), start.value))
-    value = enumerator(old, of)
+    value, shape = enumerator(old, of), builder.shapes.get(name)
+    if shape is not None and shape.nan:
+        nan = cast(z3.BoolRef, builder.open_cell(f"{name}.nan", z3.BoolSort(), start.nan))
+        cases = [(v, both(negation(nan), condition)) for v, condition in value.cases]
+        value = with_cases(old, (*cases, (math.nan, nan)))
     builder.invariant(old, any_of(c for _, c in value.cases))
-    return value, lambda x: builder.close_cell(name, cast(Number, x).value)
+
+    def close(x: Scalar) -> None:
+        assert isinstance(x, Number)
+        if not is_false(x.nan):
+            builder.numbers_in_memory[name] = (start, value, x)
+        if shape is not None and shape.nan:
+            builder.close_cell(f"{name}.nan", x.nan)
+        builder.close_cell(name, x.value)
+
+    return value, close
 
 
 def enumerator(term: z3.ArithRef, of: Enum) -> Number:

@@ -145,7 +145,7 @@ def _nearest_float(value: Fraction) -> float:
     try:
         return float(value)
     except OverflowError:
-        return math.copysign(_MAX_FLOAT, value)
+        return _MAX_FLOAT if value > 0 else -_MAX_FLOAT
 
 
 _MAX_FLOAT = math.nextafter(math.inf, 0.0)

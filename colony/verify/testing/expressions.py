@@ -7,29 +7,27 @@ that precedence does not matter here (the parser's own tests cover it).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
-from colony.ir.types import BOOL, DIMENSIONLESS, Array, Bool, Enum, Quantity, Scalar, Type, element_type
+from colony.ir.types import BOOL, Array, Bool, Enum, Quantity, Scalar, Type, element_type
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
-from colony.verify.testing.drawing import Choices
+from colony.verify.testing.array_expressions import ArrayExpressions
+from colony.verify.testing.bearings import angle_text
 from colony.verify.testing.scope import (
     DURATIONS_MS,
     LITERALS,
     ODD_NUMBERS,
     SPEED,
     TURN_RATE,
-    Named,
-    NamedArray,
     Scope,
 )
 
 
-class Expressions:
+class Expressions(ArrayExpressions):
     """Draws expressions over one scope. `depth` bounds the nesting of operators."""
 
-    def __init__(self, choices: Choices, scope: Scope) -> None:
-        self.choices = choices
-        self.scope = scope
+    def inside(self, scope: Scope) -> Expressions:
+        """Return what draws expressions over another scope."""
+        return Expressions(self.choices, scope)
 
     def any_scalar(self) -> Scalar:
         """Draw a type that expressions of this scope can have."""
@@ -96,7 +94,7 @@ class Expressions:
         array = self.some_array(BOOL, depth)
         if array is not None and not self.choices.one_in(4):
             return f"{function}({array})"
-        return self._comprehension(function, BOOL, depth)
+        return self.comprehension(function, BOOL, depth)
 
     def _bool_memory(self, depth: int) -> str:
         kind = self.choices.pick(
@@ -130,10 +128,10 @@ class Expressions:
 
     def _bool_other(self, depth: int) -> str:
         arrays = self.arrays(BOOL)
-        which = self.choices.up_to(2)
-        if which == 0 and arrays:
-            return self._element(self.choices.pick(arrays), depth)
-        if which == 1:
+        which = self.choices.up_to(3)
+        if which <= 1 and arrays:
+            return self.element_or(BOOL, self.choices.pick(arrays), depth)
+        if which == 2:
             return f"value_or({self.bool(depth)}, {self.bool(depth - 1)})"
         return f"(if {self.bool(depth - 1)} then {self.bool(depth)} else {self.bool(depth)})"
 
@@ -146,6 +144,9 @@ class Expressions:
     def enum(self, of: Enum, depth: int) -> str:
         """Return the text of an expression of an enum."""
         if depth <= 0 or of.kind == "machine" or self.choices.one_in(3):
+            arrays = self.arrays(of)
+            if arrays and depth > 0 and self.choices.one_in(2):
+                return self.element_or(of, self.choices.pick(arrays), depth - 1)
             return self.choices.pick((*self.atoms(of), f"{of.name}.{of.members[0][0]}", self.member(of)))
         condition, yes, no = self.bool(depth - 1), self.enum(of, depth - 1), self.enum(of, depth - 1)
         if self.scope.memory and self.choices.one_in(3):
@@ -186,7 +187,9 @@ class Expressions:
             return self.choices.pick(params) if params else self.literal(of)
         if self.choices.one_in(8):
             return f"({self.choices.pick(ODD_NUMBERS)} * {self.literal(of)})"
-        atoms = self.atoms(Quantity(of))
+        atoms, arrays = self.atoms(Quantity(of)), self.arrays(Quantity(of))
+        if arrays and self.choices.one_in(4):
+            return self.element_or(Quantity(of), self.choices.pick(arrays), 0)
         if atoms:
             return self.choices.pick(atoms)
         if of == TIME:
@@ -197,9 +200,10 @@ class Expressions:
     def atoms(self, of: Scalar) -> list[str]:
         """Return what can be read of a scalar type: names, and elements of arrays."""
         arrays = self.arrays(of)
+        ahead = [f"{a.text}[{angle_text(a.type.bearings.angles[0])}]" for a in arrays if a.type.bearings]
         first = [f"{a.text}[0]" for a in arrays]
         last = [f"{a.text}[{a.type.size - 1}]" for a in arrays if a.type.size > 1]
-        return [*self.scope.of(of), *first, *last]
+        return [*self.scope.of(of), *first, *last, *ahead]
 
     def _sum(self, of: Dimension, depth: int) -> str:
         left, right = self.quantity(of, depth), self.quantity(of, depth)
@@ -247,14 +251,14 @@ class Expressions:
 
     def _array_reduction(self, of: Dimension, depth: int) -> str:
         arrays = self.arrays(Quantity(of))
-        which = self.choices.up_to(3)
-        if arrays and which == 0:
-            return self._element(self.choices.pick(arrays), depth)
+        which = self.choices.up_to(4)
+        if arrays and which <= 1:
+            return self.element_or(Quantity(of), self.choices.pick(arrays), depth)
         function = self.choices.pick(("min", "max", "sum", "mean"))
         array = self.some_array(Quantity(of), depth)
-        if array is not None and which <= 2:
+        if array is not None and which <= 3:
             return f"{function}({array})"
-        return self._comprehension(function, Quantity(of), depth)
+        return self.comprehension(function, Quantity(of), depth)
 
     def _own(self, of: Dimension, depth: int) -> str:
         """Return the text of an expression that exists only for numbers, angles or times."""
@@ -276,9 +280,9 @@ class Expressions:
                 return f"round({self.quantity(NUMBER, depth)} + 0.5)"  # halves: where roundings differ
             case 0 | 6:
                 array = self.some_array(BOOL, depth)
-                return self._comprehension("count", BOOL, depth) if array is None else f"count({array})"
+                return self.comprehension("count", BOOL, depth) if array is None else f"count({array})"
             case 1 | 7:
-                return self._index_function(depth)
+                return self.index_function(depth)
             case 2:
                 return f"{self.choices.pick(('sin', 'cos', 'tan'))}({self.quantity(ANGLE, depth)})"
             case 3:
@@ -293,147 +297,6 @@ class Expressions:
         if self.choices.one_in(2):
             return f"captured({self.quantity(of, depth)}, {self.key(depth)})"
         return f"previous({self.quantity(of, depth)}, {self.quantity(of, 0)})"
-
-    # --- arrays ----------------------------------------------------------------------------------
-
-    def arrays(self, of: Scalar) -> list[NamedArray]:
-        """Return the arrays in scope with elements of this type."""
-        return [
-            NamedArray(text=n.text, type=n.type)
-            for n in self.scope.names
-            if isinstance(n.type, Array) and n.type.element == of
-        ]
-
-    def some_array(self, of: Scalar, depth: int) -> str | None:
-        """Draw an array with elements of type `of`, of any available length; None if there is none."""
-        sizes = [n.type.size for n in self.scope.names if isinstance(n.type, Array)]
-        if not self.arrays(of) and not (of == BOOL and sizes):
-            return None
-        match self.choices.up_to(3):
-            case 0 if self.arrays(of):
-                return self._slice(of)
-            case 1 if self.arrays(of):
-                return self._window(of, depth)
-            case _:
-                size = self.choices.pick(sizes if of == BOOL else [n.type.size for n in self.arrays(of)])
-                return self.array(of, size, depth)
-
-    def _slice(self, of: Scalar) -> str:
-        one = self.choices.pick(self.arrays(of))
-        last = one.type.size - 1
-        return f"{one.text}[{self.choices.up_to(last)}..{self.choices.up_to(last)}]"
-
-    def _window(self, of: Scalar, depth: int) -> str:
-        one = self.choices.pick(self.arrays(of))
-        reach = self.choices.up_to((one.type.size - 1) // 2)
-        return f"window({one.text}, {self.quantity(NUMBER, min(depth, 1))}, {reach})"
-
-    def array(self, of: Scalar, size: int, depth: int) -> str:
-        """Draw an array of exactly `size` elements; the scope must have an array of that size."""
-        named = [n.text for n in self.scope.names if n.type == Array(of, size)]
-        if not named and isinstance(of, Bool):
-            return self._compared(size, depth)
-        assert named
-        if depth <= 0 or self.choices.one_in(2):
-            return self.choices.pick(named)
-        return self._bool_array(size, depth - 1) if of == BOOL else self._number_array(of, size, depth - 1)
-
-    def _compared(self, size: int, depth: int) -> str:
-        """Return an array of bools that compares the elements of an array in scope."""
-        one = self.choices.pick(
-            [n for n in self.scope.names if isinstance(n.type, Array) and n.type.size == size]
-        )
-        element = element_type(one.type)
-        if isinstance(element, Bool):
-            return one.text
-        if isinstance(element, Enum):
-            return f"({one.text} == {self.member(element)})"
-        assert isinstance(element, Quantity)
-        operator = self.choices.pick(("<", ">=", "==", "!="))
-        compared = f"({one.text} {operator} {self.quantity(element.dimension, depth - 1)})"
-        if self.scope.memory and self.choices.one_in(2):
-            return self._bool_array_memory(compared, depth)
-        return compared
-
-    def _bool_array(self, size: int, depth: int) -> str:
-        one = self.array(BOOL, size, depth)
-        match self.choices.up_to(4):
-            case 0:
-                return f"(not {one})"
-            case 1:
-                return f"({one} {self.choices.pick(('and', 'or', 'implies', '!='))} {self.bool(depth)})"
-            case 2 if self.scope.memory:
-                return self._bool_array_memory(one, depth)
-            case 3:
-                return f"(if {self.bool(depth)} then {one} else {self.array(BOOL, size, depth - 1)})"
-            case _:
-                return f"value_or({one}, {self.bool(depth - 1)})"
-
-    def _bool_array_memory(self, one: str, depth: int) -> str:
-        match self.choices.up_to(4):
-            case 0:
-                return f"{self.choices.pick(('recently', 'sustained'))}({one}, {self.duration()})"
-            case 1:
-                return f"{self.choices.pick(('rising', 'falling', 'changed'))}({one})"
-            case 2:
-                return f"latch({one}, {self.bool(depth - 1)})"
-            case 3:
-                return f"previous({one}, {self.bool(0)})"
-            case _:
-                return f"captured({self.bool(depth - 1)}, {one})"
-
-    def _number_array(self, of: Scalar, size: int, depth: int) -> str:
-        if not isinstance(of, Quantity):
-            return self.array(of, size, 0)
-        one, other = self.array(of, size, depth), self.quantity(of.dimension, depth - 1)
-        match self.choices.up_to(6):
-            case 0:
-                return f"({one} {self.choices.pick(('+', '-'))} {other})"
-            case 1:
-                return f"({other} - {one})"
-            case 2:
-                return f"({one} * {self.quantity(NUMBER, depth - 1)})"
-            case 3:
-                return f"{self.choices.pick(('abs', 'floor'))}({one})"
-            case 4 if self.scope.memory:
-                return f"previous({one}, {self.quantity(of.dimension, 0)})"
-            case 5 if self.scope.memory:
-                return f"captured({one}, {self.key(depth)})"
-            case _:
-                return f"(if {self.bool(depth)} then {one} else {other})"
-
-    def _index_function(self, depth: int) -> str:
-        """Return the index of the least or greatest element of an array of numbers, or else `now()`."""
-        have = [
-            e for n in self.scope.names if isinstance(e := element_type(n.type), Quantity) and e != n.type
-        ]
-        if not have:
-            return "(now() / 1 s)"
-        array = self.some_array(self.choices.pick(have), depth)
-        return f"{self.choices.pick(('index_of_min', 'index_of_max'))}({array})"
-
-    def _element(self, one: NamedArray, depth: int) -> str:
-        """Return an element at a constant or computed index."""
-        numbers = self.scope.of(DIMENSIONLESS)
-        if numbers and self.choices.one_in(3):
-            return f"{one.text}[{self.choices.pick(numbers)} + {self.quantity(NUMBER, depth - 1)}]"
-        if self.choices.one_in(2):
-            return f"{one.text}[{self._index_function(depth)} + {self.choices.up_to(one.type.size)}]"
-        return f"{one.text}[{self.choices.up_to(one.type.size - 1)}]"
-
-    def _comprehension(self, function: str, of: Scalar, depth: int) -> str:
-        if self.scope.loops >= 2:
-            return self.scalar(DIMENSIONLESS if function == "count" else of, 0)
-        low = self.choices.between(-1, 1)
-        high = low + self.choices.between(-1, 2)
-        variable = f"k{self.scope.loops}"
-        inner = replace(self.scope, loops=self.scope.loops + 1).with_names(
-            Named(text=variable, type=DIMENSIONLESS)
-        )
-        writer = Expressions(self.choices, inner)
-        body = writer.scalar(of, depth)
-        condition = f" if {writer.bool(depth - 1)}" if self.choices.one_in(2) else ""
-        return f"{function}({body} for {variable} in {low} .. {high}{condition})"
 
     # --- parts -----------------------------------------------------------------------------------
 

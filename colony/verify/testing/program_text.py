@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from colony.ir.types import BOOL, DIMENSIONLESS, Array, Enum, Quantity, Scalar, Type
+from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, Array, Enum, Quantity, Scalar, Type
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
+from colony.verify.testing.bearings import draw_bearings
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.expressions import Expressions
 from colony.verify.testing.networks import Port, Wirings, draw_wires, wiring_text
@@ -142,14 +143,23 @@ class _Text:
             dimension = self.choices.pick([*UNITS])
             scalar, unit = Quantity(dimension), self.choices.pick(UNITS[dimension])
         size = self.choices.between(1, 5) if self.choices.one_in(2) else 0
+        if size and self.choices.one_in(6):
+            size = self.choices.between(6, 24)
+        bearing, bearings = "", None
+        if size and not self.choices.one_in(3):
+            text, bearings = draw_bearings(self.choices, size)
+            bearing = f" {text}"
         extra = self.range(9) if isinstance(scalar, Quantity) else ""
         if self.choices.one_in(3):
             default = {"bool": "true", "mood": "mood.alert"}.get(unit, "1")
             extra += f" default {default}"
         shape = f"[{size}]" if size else ""
         within = self.choices.pick(("", " within 300 ms"))
-        self.add(f"  sensor {name}{shape} : {unit}{extra} from DServer.{name}{within}")
-        self.readable(name, Array(scalar, size) if size else scalar, fresh=True)
+        self.add(f"  sensor {name}{shape} : {unit}{bearing}{extra} from DServer.{name}{within}")
+        self.readable(name, Array(scalar, size, bearings) if size else scalar, fresh=True)
+        if bearings is not None and self.choices.one_in(2):  # an angle to look along
+            self.add(f"  sensor {name}a : deg from DServer.{name}a")
+            self.readable(f"{name}a", DEGREES, fresh=True)
 
     # --- derived values --------------------------------------------------------------------------
 
@@ -192,16 +202,22 @@ class _Text:
 
     def lets(self, first: int, count: int) -> None:
         for i in range(first, first + count):
-            type_ = self.some_type()
-            self.add(f"let g{i} = {self.write(type_, 3)}")
+            text, type_ = self.some_value(3)
+            self.add(f"let g{i} = {text}")
             self.readable(f"g{i}", type_, fresh=True)
 
-    def some_type(self) -> Type:
-        """Return a scalar type or, less often, the type of an array in scope."""
-        arrays = [n.type for n in self.scope.names if isinstance(n.type, Array)]
-        if arrays and self.choices.one_in(3):
-            return self.choices.pick(arrays)
-        return Expressions(self.choices, self.scope).any_scalar()
+    def some_value(self, depth: int) -> tuple[str, Type]:
+        """Draw a scalar or, less often, an array."""
+        writer = Expressions(self.choices, self.scope)
+        arrays = writer.arrays()
+        if not arrays or not self.choices.one_in(3):
+            scalar = writer.any_scalar()
+            return writer.scalar(scalar, depth), scalar
+        looking = writer.looking(depth) if self.choices.one_in(2) else None
+        if looking is not None:
+            return looking.text, looking.type
+        type_ = replace(self.choices.pick(arrays).type, bearings=None)  # not known of what is drawn
+        return writer.any_value(type_, depth), type_
 
     def machine(self) -> None:
         phases = WORDS[: self.choices.between(2, 3)]
@@ -249,8 +265,8 @@ class _Text:
         """Write lets and a state of a module, with the same names in every module; return them."""
         members: list[Named] = []
         for i in range(self.choices.up_to(2)):
-            type_ = self.some_type()
-            self.add(f"  let x{i} = {self.write(type_, 2)}")
+            text, type_ = self.some_value(2)
+            self.add(f"  let x{i} = {text}")
             self.readable(f"x{i}", type_)
             members.append(Named(text=f"{name}.x{i}", type=type_))
         if self.choices.one_in(3):

@@ -12,7 +12,8 @@ from colony.ir import expression as ir
 from colony.ir.frame import Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, element_type
-from colony.text.units import Dimension
+from colony.text.units import ANGLE, Dimension
+from colony.verify.testing.bearings import breaks_of
 from colony.verify.testing.drawing import Choices
 
 ODD_READINGS: tuple[Reading, ...] = (
@@ -40,10 +41,16 @@ _MAX_THRESHOLDS = 40
 
 
 def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
-    """Return finite constants among expressions, sorted by dimension; at most `_MAX_THRESHOLDS` of each."""
+    """Return finite constants among expressions, sorted by dimension; at most `_MAX_THRESHOLDS` of each.
+
+    Of elements along an angle they are the angles where the nearest one changes.
+    """
     found: dict[Dimension, dict[float, None]] = {}
     for node in nodes:
         match node:
+            case ir.Nearest(bearings=bearings):
+                found.setdefault(ANGLE, {}).update(dict.fromkeys(breaks_of(bearings)))
+                continue
             case ir.UnaryOperation(operator=ir.Unary.NEGATE, operand=ir.Constant() as constant):
                 sign = -1.0
             case ir.Constant() as constant:

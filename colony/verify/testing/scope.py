@@ -37,7 +37,7 @@ class Named:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedArray:
-    """An array that an expression may read."""
+    """An array that an expression may read; its type has bearings if they are known."""
 
     text: str
     type: Array
@@ -45,13 +45,18 @@ class NamedArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scope:
-    """The names that an expression may use. `contract_conditions` may be used only in contracts."""
+    """The names that an expression may use.
+
+    `contract_conditions` may be used only in contracts. `loops` is the number of enclosing reductions, and
+    `rounds` that of their rounds together.
+    """
 
     names: tuple[Named, ...] = ()
     enums: tuple[Enum, ...] = ()
     memory: bool = True
     contract_conditions: tuple[str, ...] = ()
     loops: int = 0
+    rounds: int = 1
     constants: dict[Dimension, tuple[str, ...]] = field(default_factory=dict)  # params
 
     def of(self, type_: Type) -> list[str]:

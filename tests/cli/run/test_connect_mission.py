@@ -51,6 +51,7 @@ def test_the_robot_is_led_to_the_elevator_and_somebody_is_asked_to_press_its_but
     until(machine.stands, "the robot stands")
 
 
+@pytest.mark.long
 def test_a_robot_without_a_camera_that_looks_up_is_not_sent(machine: Machine, tmp_path: Path) -> None:
     two_floors(tmp_path)
     ground = str(tmp_path / "ground.stickrep")

@@ -7,6 +7,8 @@ import re
 import time
 from pathlib import Path
 
+import pytest
+
 from colony.runtime.kit.connection import Connection
 from colony.runtime.library import robot
 from tests.cli.conftest import Colony
@@ -21,6 +23,7 @@ def drive(base: Connection, count: int) -> None:
         time.sleep(0.1)
 
 
+@pytest.mark.long
 def test_what_a_joystick_sends_is_within_the_limits_of_each_frame(
     machine: Machine, colony: Colony, tmp_path: Path
 ) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from tests.cli.conftest import Colony
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
@@ -13,6 +15,7 @@ NAVIGATOR = str(ROOT / "behaviors" / "navigator.colony")
 MAP = str(ROOT / "maps" / "msu_engineering_3.stickrep")
 
 
+@pytest.mark.long
 def test_a_robot_is_sent_around_a_corner_and_arrives(colony: Colony, tmp_path: Path) -> None:
     way = ("--from", "A392L", "--to", "A340R", "--hazards", "3")
     result = colony("run", NAVIGATOR, "--map", MAP, *way, "--no-picture", "--format", "json")

@@ -71,7 +71,8 @@ def test_ctrl_c_stops_the_robot_and_keeps_the_recording(machine: Machine, colony
     audit(colony, run.folder / "run.mcap")
 
 
-@pytest.mark.parametrize("isolate", [long(True), False], ids=["alone", "together"])
+@pytest.mark.long
+@pytest.mark.parametrize("isolate", [True, False], ids=["alone", "together"])
 def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony, isolate: bool) -> None:
     def with_it(address: str) -> tuple[str, tuple[str, ...]]:
         """The process of a client, and the clients that it is."""
@@ -153,6 +154,7 @@ def test_a_leader_that_is_killed_leaves_nothing_behind(machine: Machine) -> None
     assert machine.directory.running() == {}
 
 
+@pytest.mark.long
 def test_a_robot_has_one_run_at_a_time(machine: Machine) -> None:
     run = start(machine, "--no-picture")
     driving(machine, run)
@@ -174,6 +176,7 @@ class Seeks:
 """
 
 
+@pytest.mark.long
 def test_a_module_in_python_that_cannot_live_ends_the_run(machine: Machine, tmp_path: Path) -> None:
     (tmp_path / "broken.py").write_text(BROKEN)
     (tmp_path / "b.colony").write_text(

@@ -15,6 +15,7 @@ import pytest
 
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
+from tests.sampling import long
 from tests.waiting import PATIENCE_S, killed_in_the_end, until
 
 MAP = str(ROOT / "maps" / "loop.stickrep")
@@ -174,7 +175,7 @@ def started() -> Iterator[subprocess.Popen[str]]:
         yield process
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, long(signal.SIGTERM)])
 def test_an_interrupted_run_closes_the_recording_and_tells_what_was_run(behavior: Path, number: int) -> None:
     with started() as process:
         process.send_signal(number)

@@ -13,6 +13,7 @@ import pytest
 
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
+from tests.sampling import long
 from tests.waiting import PATIENCE_S, killed_in_the_end, until
 
 TRUE = "contract backs: drive by back implies drive.velocity <= 0\n"
@@ -341,7 +342,7 @@ def busy_seconds(process: subprocess.Popen[str]) -> float:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="there is no /proc")
-@pytest.mark.parametrize("format_", ["text", "json"])
+@pytest.mark.parametrize("format_", [long("text"), "json"])
 def test_ctrl_c_tells_what_was_found_so_far(behavior: Path, format_: str) -> None:
     add(behavior, TRUE, OPEN)
     started = subprocess.Popen(

@@ -26,7 +26,7 @@ TEXT = to_json(
 def test_the_form() -> None:
     assert json.loads(TEXT) == {
         "format": "colony-clients/1",
-        "semantics": 3,
+        "semantics": 4,
         "failsafe": [],
         "actuators": {
             "drive": {

@@ -209,10 +209,12 @@ class Robot:
     def _script(
         self, random: Random, until_ns: int, asks: Callable[[Random], tuple[str, Ask[Any]]]
     ) -> Generator:
-        """Call something every now and then; at the end, undo what lasts."""
-        now_ns = 0
-        while now_ns < until_ns:
-            now_ns = yield from sleep(random.choice((0.01, 0.1, 0.1, 0.4, 0.4, 1.5)))
+        """Call something every now and then, begin no call after `until_ns`; at the end, undo what lasts.
+
+        A call that has begun may take 2 s more (a motion without progress); what it set in motion, and the
+        lock, end with the script.
+        """
+        while (yield from sleep(random.choice((0.01, 0.1, 0.1, 0.4, 0.4, 1.5)))) < until_ns:
             server, ask = asks(random)
             yield from _called(server, ask)
         if asks is _note:

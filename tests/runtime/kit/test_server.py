@@ -85,7 +85,7 @@ def test_it_says_what_it_has_so_that_programs_can_be_bound_to_it(environment: Ma
 def test_units_of_fields() -> None:
     speed = FieldDescription(name="speed", kind="number", unit="mm/s")
     assert field_type(speed) == Quantity(LENGTH.over(TIME))
-    with pytest.raises(ValueError, match="far: the unit `m`; expected base units, mm, s and deg"):
+    with pytest.raises(ValueError, match="far: the unit `m`; expected base units: mm, s, deg"):
         field("far", lambda: 1.0, unit="m")
     with pytest.raises(ValueError, match="`parsec` is not a unit"):
         server_spec(

@@ -15,6 +15,7 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import (
     Effect,
+    Fate,
     Message,
     Request,
     Restart,
@@ -27,6 +28,7 @@ from colony.runtime.protocol.messages import (
 from tests.runtime.scripted import Log
 
 KEEP = 4
+NOTHING_READ: Mapping[tuple[str, str], frozenset[str]] = {}
 
 
 class Counting:
@@ -52,12 +54,22 @@ SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", max_age_ns=None
 
 class Stage:
     def __init__(
-        self, request_servers: tuple[str, ...] = (), sensors: tuple[SensorBinding, ...] = ()
+        self,
+        request_servers: tuple[str, ...] = (),
+        sensors: tuple[SensorBinding, ...] = (),
+        servers_read: Mapping[tuple[str, str], frozenset[str]] = NOTHING_READ,
     ) -> None:
         self.log = Log()
         self.sent: list[Effect] = []
         assembler = FrameAssembler(sensors, run="run", frames_kept=KEEP)
-        self.observer = Observer(assembler, ("drive",), Monitor(Counting()), (self.log,), request_servers)
+        self.observer = Observer(
+            assembler,
+            ("drive",),
+            Monitor(Counting()),
+            (self.log,),
+            request_servers,
+            servers_read=servers_read,
+        )
 
     def take(self, *messages: Message, now_ns: int = 0) -> None:
         for message in messages:
@@ -176,3 +188,46 @@ def test_who_missed_frames_does_not_make_everybody_begin_anew(stage: Stage) -> N
     stage.frame(9, 99.0)
     stage.frame(10, 99.0)
     assert not any(isinstance(e, Send) and isinstance(e.message, Restart) for e in stage.sent)
+
+
+BUMPER = SensorBinding(sensor="bumper", server="R", field="bumper", max_age_ns=None, factor=1.0)
+VOID = Tick(k=2, t_ns=2, run="run", down=("P", "R"), void=(("P", 1), ("R", 1)))
+
+
+@pytest.mark.parametrize(
+    ("arrived", "fate", "disputed"),
+    [
+        (("P",), "won", True),
+        (("P",), "late", True),
+        ((), "won", True),
+        ((), "late", False),
+    ],
+)
+def test_a_frame_is_disputed_if_it_became_void_but_was_read(
+    arrived: tuple[str, ...], fate: Fate, disputed: bool
+) -> None:
+    """The Clock never heard frame 1 of P, and the observer waits for that of R; did `go` read it?"""
+    stage = Stage(sensors=(SONAR, BUMPER), servers_read={("drive", "go"): frozenset({"P"})})
+    stage.take(tick(0), *(ServerFrame(server=s, k=0, fields={}) for s in "PR"), verdict(0, 1.0))
+    stage.take(tick(1), *(ServerFrame(server=s, k=1, fields={}) for s in arrived))
+    values = (2.0,) if fate == "late" else (99.0,)
+    by = None if fate == "late" else "go"
+    stage.take(Verdict(k=1, t_ns=1, actuator="drive", by=by, values=values, fates=(("go", fate),)))
+    stage.take(VOID, verdict(2, 3.0))
+    restart = Send(topics.RESTARTS, Restart(client="Observer", start=0))
+    assert (restart in stage.sent) is disputed
+    found = [(f.tick.k, f.memory_unknown, f.disagreements) for f in stage.log.frames]
+    assert found == [(0, False, ()), (1, disputed, ()), (2, disputed, ())]
+    stage.take(Tick(k=3, t_ns=3, start=3, run="run", down=("P", "R")), verdict(3, 1.0))
+    assert not stage.log.frames[-1].memory_unknown
+
+
+def test_who_does_not_read_a_void_frame_disputes_nothing() -> None:
+    stage = Stage(sensors=(SONAR, BUMPER), servers_read={("drive", "go"): frozenset({"P"})})
+    stage.take(tick(0), ServerFrame(server="P", k=0, fields={}), verdict(0, 1.0))
+    stage.take(Tick(k=1, t_ns=1, run="run", down=("R",), void=(("R", 0),)), verdict(1, 2.0))
+    stage.take(ServerFrame(server="P", k=1, fields={}))
+    assert [(f.tick.k, f.memory_unknown, f.disagreements) for f in stage.log.frames] == [
+        (0, False, ()),
+        (1, False, ()),
+    ]

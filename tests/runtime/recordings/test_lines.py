@@ -137,9 +137,9 @@ READINGS: list[tuple[Reading, str]] = [
 
 @pytest.mark.parametrize(("reading", "text"), READINGS)
 def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str) -> None:
-    assert members(line({"n": reading})) == f'{{"t": 0.0, "@tick": 0, "@semantics": 3, "n": {text}}}'
+    assert members(line({"n": reading})) == f'{{"t": 0.0, "@tick": 0, "@semantics": 4, "n": {text}}}'
     array: Reading = (reading, 0.0)  # type: ignore[assignment]
-    assert members(line({"a": array})) == f'{{"t": 0.0, "@tick": 0, "@semantics": 3, "a": [{text}, 0.0]}}'
+    assert members(line({"a": array})) == f'{{"t": 0.0, "@tick": 0, "@semantics": 4, "a": [{text}, 0.0]}}'
     (row,) = Rows([line({"n": reading}).encode()], "x", small())
     if isinstance(reading, float) and math.isnan(reading):
         assert isinstance(row.frame.readings["n"], str)
@@ -148,8 +148,8 @@ def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str
 
 
 def test_faulty_readings_stay_faulty() -> None:
-    assert members(line({"a": (1.0,)})) == '{"t": 0.0, "@tick": 0, "@semantics": 3, "a": "1 elements"}'
-    assert members(line({"n": None, "b": False})) == '{"t": 0.0, "@tick": 0, "@semantics": 3, "b": false}'
+    assert members(line({"a": (1.0,)})) == '{"t": 0.0, "@tick": 0, "@semantics": 4, "a": "1 elements"}'
+    assert members(line({"n": None, "b": False})) == '{"t": 0.0, "@tick": 0, "@semantics": 4, "b": false}'
 
 
 def verdict(**changes: object) -> Verdict:
@@ -199,7 +199,7 @@ def rows(*lines: str) -> tuple[list[float], bool, bool]:
 
 
 def at(t: float) -> str:
-    return add_checksum(f'{{"t": {t}, "@tick": 0, "@semantics": 3, "b": true') + "\n"
+    return add_checksum(f'{{"t": {t}, "@tick": 0, "@semantics": 4, "b": true') + "\n"
 
 
 def bad(t: float) -> str:
@@ -248,11 +248,11 @@ def test_lines_of_another_version_of_the_semantics_are_refused(
         rows(at(0), add_checksum(f'{{"t": 1, {members}, "b": true') + "\n")
     (found,) = caught.value.diagnostics
     assert (found.code, found.span.source.position(found.span.start)) == ("A007", (2, column))
-    assert f"of version {version} of the semantics; this is version 3" in found.message
+    assert f"of version {version} of the semantics; this is version 4" in found.message
 
 
 def test_a_damaged_version_is_damage() -> None:
-    assert rows(at(0), at(1).replace('tics": 3', 'tics": 4'), at(2)) == ([0.0, 2.0], False, False)
+    assert rows(at(0), at(1).replace('tics": 4', 'tics": 5'), at(2)) == ([0.0, 2.0], False, False)
 
 
 def test_frames_that_nobody_recorded_need_no_version() -> None:

@@ -51,7 +51,7 @@ def test_what_other_tools_find() -> None:
     found = {m.name: m.metadata for m in reader.iter_metadata()}
     assert found["colony"] == {
         "format": "colony-recording/2",
-        "semantics": "3",
+        "semantics": "4",
         "version": "1.2.3",
         "robot": "rome",
         "program": "b.colony",

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.machine import ROBOT, Machine, Started
+from tests.sampling import long
 from tests.waiting import until
 
 VARIABLES = 40
@@ -55,7 +56,7 @@ def wrong_value(path: Path) -> None:
     database.close()
 
 
-@pytest.mark.parametrize("damage", [empty, without_database, wrong_value])
+@pytest.mark.parametrize("damage", [empty, long(without_database), long(wrong_value)])
 def test_a_damaged_store_is_kept_aside_and_everybody_is_told(
     machine: Machine, damage: Callable[[Path], None]
 ) -> None:

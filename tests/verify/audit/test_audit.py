@@ -23,6 +23,7 @@ from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import Run, network_runs, run_of_seed, runs
 from tests.paths import BEHAVIORS
+from tests.sampling import sampled
 from tests.verify.audit.recorded_runs import MS, as_lines, as_mcap, logs, read_lines, read_mcap
 
 TEXT = """
@@ -87,7 +88,7 @@ def test_any_other_winner_is_found_in_its_frame(run: Run, data: st.DataObject) -
         assert (report.first.index, report.first.actuator, report.differing) == (at, actuator, 1)
 
 
-@pytest.mark.parametrize("file", BEHAVIORS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("file", sampled(BEHAVIORS, every=3), ids=lambda path: path.stem)
 def test_agrees_on_the_behaviors(file: Path) -> None:
     program = load_file(file)
     for seed in range(5):

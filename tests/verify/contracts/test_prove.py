@@ -251,6 +251,7 @@ def test_what_no_answer_of_python_can_mend_is_refuted_though_python_is_asked() -
     assert [sorted(s.readings) for s in found.trace.snapshots] == [["far"]]
 
 
+@pytest.mark.long
 def test_what_rests_on_a_contract_that_holds_of_reals_does_too() -> None:
     """The first is proved of exact products; the second follows from it, and needs nothing of products."""
     phases = "\n".join(f"  p{i} -> p{i + 1} when true" for i in range(40))

@@ -20,13 +20,14 @@ from colony.execute.operators import Operator
 from colony.verify.equivalence.prove import prove, prove_json, prove_python
 from colony.verify.equivalence.results import Malformed, Proved, Result, WrongWinner
 from colony.verify.testing.strategies import run_of_seed
-from tests.paths import BEHAVIORS, ROOT
+from tests.paths import BEHAVIORS
 from tests.sampling import sampled
 
 
 @cache
 def compilation(name: str) -> Compilation:
-    return compile_program(load_file(str(ROOT / "behaviors" / f"{name}.colony")))
+    [path] = [path for path in BEHAVIORS if path.stem == name]
+    return compile_program(load_file(str(path)))
 
 
 def emitted(of: Compilation) -> Result:

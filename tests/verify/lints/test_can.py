@@ -8,7 +8,7 @@ import pytest
 
 from colony.dsl.load import load_file, load_text
 from colony.verify.lints import lint
-from tests.paths import ROOT
+from tests.paths import BEHAVIORS, ROOT
 from tests.sampling import sampled
 from tests.verify.lints.programs import ROBOT, USES, codes, found, linted
 from tests.verify.small_robot import go
@@ -159,7 +159,7 @@ def test_a_file_without_a_network_has_no_lints() -> None:
 WARNED = ROOT / "examples" / "sensor_loss" / "ordinary.colony"
 """Shows what V030 is about; docs/when-a-sensor-dies.md prints the warnings."""
 
-SHIPPED = sorted({*(ROOT / "behaviors").glob("*.colony"), *(ROOT / "examples").rglob("*.colony")} - {WARNED})
+SHIPPED = sorted({*BEHAVIORS, *(ROOT / "examples").rglob("*.colony")} - {WARNED})
 
 
 @pytest.mark.parametrize("path", sampled(SHIPPED, every=3), ids=lambda p: p.stem)

@@ -254,8 +254,8 @@ def test_a_failsafe_module_in_python_holds_a_safeguard_back() -> None:
 
 
 def test_a_module_that_drives_in_a_late_phase() -> None:
-    phases = "A -> B when level > 1  B -> C when level > 2  C -> D when level > 3"
-    text = f"machine m {{ start A  {phases} }}\n" + go("cruise", "m == m.D") + go("stop", "bumper", "0")
+    phases = "p -> q when level > 1  q -> r when level > 2  r -> z when level > 3"
+    text = f"machine m {{ start p  {phases} }}\n" + go("cruise", "m == m.z") + go("stop", "bumper", "0")
     assert len(messages(text + "network { drive = stop suppresses cruise }\n")) == 1
 
 

@@ -169,9 +169,9 @@ def test_a_contradiction_of_products() -> None:
 
 
 def test_a_contradiction_in_a_late_phase() -> None:
-    phases = "A -> B when level > 1  B -> C when level > 2  C -> D when level > 3  D -> E when level > 4"
-    machine = f"machine m {{ start A  {phases} }}\n"
-    limits = "limit lift.height <= 1 m when m == m.E\nlimit lift.height >= 1.5 m when level > 50\n"
+    phases = "a -> b when level > 1  b -> c when level > 2  c -> d when level > 3  d -> e when level > 4"
+    machine = f"machine m {{ start a  {phases} }}\n"
+    limits = "limit lift.height <= 1 m when m == m.e\nlimit lift.height >= 1.5 m when level > 50\n"
     assert [(d.code, d.severity) for d in of_lift(machine + limits)] == [("V033", "error")]
 
 

@@ -10,7 +10,7 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Decision, Frame, Given
-from colony.ir.program import PythonModule
+from colony.ir.program import PythonModule, in_base_units, in_declared_units
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.strategies import run_of_seed
@@ -86,6 +86,36 @@ def test_bounds_are_those_of_the_frame_whoever_commands() -> None:
     interpreter.step(Frame(50 * MS, {"go": True}), given={"drive": Given((0.0,))})
     assert interpreter.bounds(drive) == ((-1000.0, 300.0),)
     assert interpreter.bounds(lift) is None, "they contradict each other"
+
+
+@pytest.mark.parametrize(
+    ("unit", "bound"), [("rad/s", 30.0), ("rad/s", -90.0), ("rad/s", 1e-3), ("deg/s", 29.999999999999996)]
+)
+def test_a_command_at_a_bound_reads_back_as_the_bound(unit: str, bound: float) -> None:
+    """Whatever the conversion to declared units and back rounds, what is proved of the bound holds."""
+    text = f"""
+    robot r {{
+      sensor go : bool default false from PServer.go
+      actuator spin {{ turn : {unit} }} to RServer.spin idle spin(turn = 0)
+    }}
+    module cruise {{ when go do spin(turn = 0 deg/s) }}
+    network {{ spin = cruise }}
+    """
+    for relation in ("<=", ">="):
+        for executor in both_executors(
+            f"{text}limit spin.turn {relation} {bound!r} deg/s\n"
+            f"contract held: spin.turn {relation} {bound!r} deg/s"
+        ):
+            actuator = load_text(text).robot.actuators[0]
+            declared = in_declared_units((bound,), actuator.fields)
+            assert declared is not None
+            given = {"spin": Given(in_base_units(declared, actuator.fields))}
+            outcome = executor.step(Frame(0, {}), given=given)
+            assert outcome.breaches == ()
+            assert outcome.decisions[0].values == declared
+            beyond = 1e-9 if relation == "<=" else -1e-9
+            wrong = executor.step(Frame(50 * MS, {}), given={"spin": Given((bound + beyond,))})
+            assert wrong.breaches == ("held",)
 
 
 def drawn_given(choices: Choices, interpreter: Interpreter) -> dict[str, Given]:

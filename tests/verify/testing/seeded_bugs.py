@@ -11,6 +11,15 @@ from dataclasses import dataclass, replace
 from colony.compile.guards import Always, And, Not, Or, Recently
 from colony.compile.network import Inhibitor, Suppressor
 from colony.execute.operators import Operator
+from tests.verify.testing.bugs_in_arrays import (
+    always_found,
+    always_wrapped,
+    arrays,
+    higher_of_two,
+    looked_up,
+    never_outside,
+    never_wrapped,
+)
 from tests.verify.testing.bugs_in_code import (
     answers_at_once,
     bad_commands_sent,
@@ -204,6 +213,12 @@ BUGS: tuple[Bug, ...] = (
     Bug(name="unknown bounds at zero", plant=unknown_bounds_zero),
     Bug(name="commands that are not finite sent", plant=bad_commands_sent),
     Bug(name="Python modules answer at once", plant=answers_at_once),
+    # elements of arrays
+    Bug(name="all indices wrap", plant=arrays("position", always_wrapped)),
+    Bug(name="indices of rings do not wrap", plant=arrays("position", never_wrapped)),
+    Bug(name="value_or takes what is outside", plant=arrays("_found", always_found)),
+    Bug(name="the higher of two equally near", plant=looked_up(higher_of_two)),
+    Bug(name="nothing outside an arc", plant=looked_up(never_outside)),
     # generated Python
     Bug(name="generated Python forgets one memory", generated=True, plant=generated(without_memory)),
     Bug(

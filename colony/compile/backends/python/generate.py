@@ -24,7 +24,7 @@ from colony.compile.backends.python.support import definition_names, support
 from colony.compile.backends.python.text import Binding, literal
 from colony.execute.code import ClientCode, FrameTime, PythonCall
 from colony.execute.compiled import Compiled
-from colony.execute.machine import field_types
+from colony.execute.machine import defaults, field_types
 from colony.execute.sensors import age_limits
 from colony.execute.views import whole_view
 from colony.ir.version import SEMANTICS
@@ -128,6 +128,8 @@ class _Generator:
             instance = f"{_class_name(self.names, call)}({f'**{{{params}}}' if params else ''})"
             fields = field_types(call)
             arguments = f"{call.module!r}, {instance}, {fields!r}, {call.rate_ns}"
+            if left_out := defaults(call):
+                arguments += f", {left_out!r}"
             self.add(2, f"self.{self.names.python[call.module]} = PythonStep({arguments})")
         for sensor in self.sent:
             self.add(2, f"self.{self.names.last[sensor.name]} = None")

@@ -34,6 +34,7 @@ from colony.runtime.assembly.sharing import client_processes
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
+from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.topics import client_address
 from colony.runtime.store.reserve import Reserve
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
@@ -91,6 +92,7 @@ def server_parts(
     cameras: Iterable[tuple[str, str]] = (),
     fsync: bool = False,
     pinned_variables: dict[str, Value] | None = None,
+    interface: Interface | None = None,
 ) -> tuple[Part, ...]:
     """Return the parts of all servers of a robot.
 
@@ -100,6 +102,7 @@ def server_parts(
         cameras: pairs of a server's name and the name of its camera.
         fsync: as in `DServerPart`.
         pinned_variables: as in `DServerPart`.
+        interface: that of the robot's description, if it has one.
     """
     cameras = tuple(cameras)
     frame_servers = (
@@ -110,7 +113,7 @@ def server_parts(
         *(server for server, _ in cameras),
     )
     return (
-        ClockPart(servers=frame_servers, stop=str(state_folder / STOP)),
+        ClockPart(servers=frame_servers, stop=str(state_folder / STOP), interface=interface or Interface()),
         RServerPart(device=device),
         PServerPart(device=device),
         DServerPart(store=str(state_folder / STORE), fsync=fsync, pinned_variables=pinned_variables or {}),

@@ -25,6 +25,7 @@ from colony.runtime.assembly.processes.spec import (
     RServerPart,
     read_bindings,
 )
+from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.messages import Node
 from colony.runtime.store.store import PendingStore, Store, StoreFullError
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
@@ -65,8 +66,8 @@ def nodes_of(
         ValueError: the part needs drivers, or must run on the robot's own machine, and does not.
     """
     match part:
-        case ClockPart(servers=servers, stop=stop):
-            return _clock(servers, Path(stop))
+        case ClockPart(servers=servers, stop=stop, interface=interface):
+            return _clock(servers, Path(stop), interface)
         case RServerPart() | PServerPart() | CServerPart():
             return (_hardware_server(part, robot_address, devices, resources),)
         case DServerPart():
@@ -79,12 +80,18 @@ def nodes_of(
             assert_never(part)
 
 
-def _clock(servers: tuple[str, ...], stop: Path) -> tuple[Node, ...]:
+def _clock(servers: tuple[str, ...], stop: Path, interface: Interface) -> tuple[Node, ...]:
     from colony.runtime.frames.clock import Clock
     from colony.runtime.servers.runtime_server import RuntimeServer
 
     runtime = RuntimeServer()
-    clock = Clock(servers=servers, on_deploy=runtime.on_deploy, stop_path=stop, report=log_line)
+    clock = Clock(
+        servers=servers,
+        on_deploy=runtime.on_deploy,
+        stop_path=stop,
+        report=log_line,
+        interface=interface,
+    )
     return clock, runtime
 
 

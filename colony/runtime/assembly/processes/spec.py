@@ -16,6 +16,7 @@ from colony.ir.types import Value
 from colony.os_errors import naming
 from colony.runtime.assembly.sharing import ClientProcess, announcer_process_name
 from colony.runtime.protocol.bindings import Bindings
+from colony.runtime.protocol.interface import Interface
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
 
@@ -50,11 +51,13 @@ class Device(msgspec.Struct, frozen=True, kw_only=True):
 class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
     """The Clock, with the server `Runtime`.
 
-    `servers` must answer ticks; the file `stop` stores an emergency stop.
+    `servers` must answer ticks; the file `stop` stores an emergency stop. `interface` is that of the robot's
+    description; without parts, any program fits.
     """
 
     servers: tuple[str, ...]
     stop: str
+    interface: Interface = Interface()
 
 
 class RServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="RServer"):

@@ -13,6 +13,7 @@ from colony.ir.frame import Frame
 from colony.ir.program import Program
 from tests.executors import outcomes
 from tests.programs import generated
+from tests.sampling import sampled
 
 TEXT = """
 robot r {
@@ -79,7 +80,7 @@ def test_what_is_checked(
 
 
 @pytest.mark.parametrize("idle", ["hold", "out(v = 3, b = true)"])
-@pytest.mark.parametrize("factor", [1.0, 1000.0, 0.001])
+@pytest.mark.parametrize("factor", sampled([0.001, 1.0, 1000.0], every=3))
 @pytest.mark.parametrize("low", [None, -HUGE, 1.0, 3.0])
 @pytest.mark.parametrize("high", [None, HUGE, 9.0, 7.0])
 def test_what_is_sent(low: float | None, high: float | None, factor: float, idle: str) -> None:

@@ -241,6 +241,7 @@ def test_deep_nesting() -> None:
     _agree(replace(program, modules=(module,)), {"x": 0.0, "b": True}, {"x": 0.0, "b": False})
 
 
+@pytest.mark.long
 def test_big_arrays() -> None:
     text = (
         DEEP.replace("sensor x", "sensor a[3000] : number range -9 .. 9 from DServer.a\n  sensor x")

@@ -1,0 +1,99 @@
+"""The robot that a behavior is for, from the option `--robot NAME[=DESCRIPTION]`.
+
+The description, by default the one called NAME, is what `import robot` brings in. The choice is kept in the
+context of the command, where everything that reads a behavior finds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from colony.dsl.descriptions import RobotChoice
+
+F = TypeVar("F", bound=Callable[..., object])
+
+DESCRIPTION_FORM = "NAME[=DESCRIPTION]"
+
+_DESCRIPTION = (
+    "The robot that `import robot` brings in: the name of a description that comes with colony or is in the "
+    "folder robots of the project, or NAME=PATH. [default: that of the project's colony.toml]"
+)
+_CHOICE = "colony.robot"
+
+
+def description_option() -> Callable[[F], F]:
+    """Return the option `--robot NAME[=DESCRIPTION]` of a command that reads behaviors."""
+    return click.option(
+        "--robot", metavar=DESCRIPTION_FORM, callback=_choose, expose_value=False, help=_DESCRIPTION
+    )
+
+
+def descriptions_option() -> Callable[[F], F]:
+    """Return the option `--robot NAME[=DESCRIPTION]`, which may be repeated, as `robots`: choices by name."""
+    help = f"{_DESCRIPTION} May be repeated, to check against each."
+    return click.option(
+        "--robot", "robots", multiple=True, metavar=DESCRIPTION_FORM, callback=_all, help=help
+    )
+
+
+def described_robot_option(help: str, *, required: bool = False) -> Callable[[F], F]:
+    """Return the option `--robot NAME[=DESCRIPTION]` of a command that addresses a robot, as `robot`: its
+    name.
+
+    A name may be one of no description: that is found elsewhere then.
+    """
+    return click.option(
+        "--robot", required=required, metavar=DESCRIPTION_FORM, callback=_choose_and_address, help=help
+    )
+
+
+def chosen_robot() -> RobotChoice | None:
+    """Return the description that the options of the current command choose, None if they choose none."""
+    context = click.get_current_context(silent=True)
+    return None if context is None else context.meta.get(_CHOICE)
+
+
+def _choose(context: click.Context, option: click.Parameter, text: str | None) -> None:
+    context.meta[_CHOICE] = None if text is None else _choice(context, option, text)
+
+
+def _all(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, RobotChoice]:
+    found: dict[str, RobotChoice] = {}
+    for text in texts:
+        name = text.partition("=")[0]
+        found[text if name in found else name] = _choice(context, option, text)
+    return found
+
+
+def _choice(context: click.Context, option: click.Parameter, text: str) -> RobotChoice:
+    from colony.dsl.descriptions import RobotChoice
+
+    name, has_description, description = text.partition("=")
+    if not name or (has_description and not description):
+        message = f"found `{text}`; expected {DESCRIPTION_FORM}, such as amr or lab=robots/amr.colony"
+        raise click.BadParameter(message, context, option)
+    return RobotChoice(text=description or name, origin=f"--robot {text}")
+
+
+def _choose_and_address(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
+    if text is None:
+        return None
+    name = check_robot_name(context, option, text.partition("=")[0])
+    choice = _choice(context, option, text)
+    context.meta[_CHOICE] = choice if "=" in text else replace(choice, is_name=True)
+    return name
+
+
+def check_robot_name(context: click.Context, option: click.Parameter, name: str | None) -> str | None:
+    """Return the name of a robot as it is; report one that is invalid."""
+    from colony.runtime.transport.live.names import check_name
+
+    try:
+        return None if name is None else check_name("robot", name)
+    except ValueError as problem:
+        raise click.BadParameter(str(problem), context, option) from None

@@ -1,0 +1,265 @@
+"""Checking of elements and slices of arrays, by whole index or by bearing, and of the bearings of sensors."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from colony.dsl import ast
+from colony.dsl.check.checker import Checker
+from colony.dsl.check.compatibility import with_article
+from colony.dsl.check.constants import constant_value
+from colony.ir import expression as ir
+from colony.ir.bearings import (
+    TURN,
+    Bearings,
+    arc,
+    between,
+    listed_bearings,
+    nearest,
+    part,
+    reaches_beyond,
+    sweep,
+    uniform,
+)
+from colony.ir.types import DEGREES, DIMENSIONLESS, Array, Quantity, Type
+from colony.text.diagnostics import note, warning
+from colony.text.units import ANGLE, NUMBER
+from colony.text.wording import listed
+
+_SHOWN_BEARINGS = 8
+
+
+def is_angle(type_: Type) -> bool:
+    """Return True for the type of an angle, which a literal 0 is not."""
+    return isinstance(type_, Quantity) and type_.dimension == ANGLE and not type_.wildcard
+
+
+# --- elements --------------------------------------------------------------------------------------
+
+
+def check_index(checker: Checker, node: ast.Index) -> ir.Expression | None:
+    """Check `array[index]`, where the index is a whole number or an angle."""
+    array, index = checker.array(node.array), checker.visit(node.index)
+    if array is None or index is None:
+        return None
+    assert isinstance(array.type, Array)
+    if is_angle(index.type):
+        place = _index_of_bearing(checker, node, array, index)
+    elif not isinstance(index.type, Quantity) or index.type.dimension != NUMBER:
+        found = with_article(index.type)
+        checker.error("E202", node.index, f"an index must be a plain number or an angle, found {found}")
+        return None
+    else:
+        place = _whole_index(checker, node, array.type, index)
+    if place is None:
+        return None
+    span, wraps = checker.span(node), array.type.closes
+    return ir.Element(type=array.type.element, array=array, index=place, wraps=wraps, span=span)
+
+
+def _index_of_bearing(
+    checker: Checker, node: ast.Index, array: ir.Expression, angle: ir.Expression
+) -> ir.Expression | None:
+    bearings = _bearings(checker, node.array, array)
+    if bearings is None:
+        return None
+    value = constant_value(angle)
+    if value is None:
+        return ir.Nearest(type=DIMENSIONLESS, bearings=bearings, angle=angle, span=angle.span)
+    index = nearest(bearings, value)
+    if index is None:
+        message = f"no element of `{_text(checker, node.array)}` looks along {_degrees(value)}"
+        checker.error("E215", node.index, message, _looks(bearings))
+        return None
+    return ir.Constant(type=DIMENSIONLESS, value=float(index), span=angle.span)
+
+
+def _whole_index(
+    checker: Checker, node: ast.Index, type_: Array, index: ir.Expression
+) -> ir.Expression | None:
+    value = constant_value(index)
+    if value is None:
+        return index
+    if not isfinite(value) or not (type_.closes or 0 <= round(value) < type_.size):
+        _outside(checker, node.index, f"index {value:g}", type_)
+        return None
+    if type_.bearings is not None:
+        angle = type_.bearings.angles[round(value) % type_.size]
+        _note_plain(checker, node, f"looks along {_degrees(angle)}", _degrees(angle))
+    return index
+
+
+def _outside(checker: Checker, node: ast.SyntaxNode, what: str, type_: Array) -> None:
+    last = type_.size - 1
+    checker.error("E205", node, f"{what} is outside the array, whose last index is {last}", _NO_WRAP)
+
+
+_NO_WRAP = "indices wrap in a ring that closes: a sensor with `bearing`"
+
+
+# --- slices ----------------------------------------------------------------------------------------
+
+
+def check_slice(checker: Checker, node: ast.SliceOf) -> ir.Expression | None:
+    """Check `array[first..last]`, where both ends are constant: whole numbers or angles."""
+    array = checker.array(node.array)
+    first = checker.constant(node.first, None, "the start of a slice")
+    last = checker.constant(node.last, None, "the end of a slice")
+    if array is None or first is None or last is None:
+        return None
+    assert isinstance(array.type, Array)
+    by_bearing = is_angle(first.type) or is_angle(last.type)
+    indices = (_indices_between if by_bearing else _whole_indices)(checker, node, array)
+    if indices is None:
+        return None
+    bearings = array.type.bearings
+    if bearings is not None:
+        bearings = arc(bearings, indices) if by_bearing else part(bearings, indices)
+    type_ = Array(array.type.element, len(indices), bearings)
+    return ir.Slice(type=type_, array=array, indices=indices, span=checker.span(node))
+
+
+def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) -> tuple[int, ...] | None:
+    type_ = array.type
+    assert isinstance(type_, Array)
+    size, far = type_.size, 10**9
+    first = checker.whole(node.first, "the start of a slice", -far, far)
+    last = checker.whole(node.last, "the end of a slice", -far, far)
+    if first is None or last is None:
+        return None
+    count = last - first + 1 if first <= last else (last - first) % size + 1
+    if count > size or not (type_.closes or (0 <= first < size and 0 <= last < size)):
+        _outside(checker, node, f"the slice from {first} to {last}", type_)
+        return None
+    if first > last and not type_.closes:
+        message = f"the slice goes from {first} on to {last}, but only rings that close wrap"
+        checker.error("E217", node, message, f"the last index is {size - 1}; {_NO_WRAP}")
+    indices = tuple(i % size for i in range(first, first + count))
+    if type_.bearings is not None:
+        a, b = (_degrees(type_.bearings.angles[i]) for i in (indices[0], indices[-1]))
+        _note_plain(checker, node, f"looks from {a} to {b}", f"{a} .. {b}")
+    return indices
+
+
+def _indices_between(checker: Checker, node: ast.SliceOf, array: ir.Expression) -> tuple[int, ...] | None:
+    bearings = _bearings(checker, node.array, array)
+    start = checker.constant(node.first, DEGREES, "the start of a slice by bearing")
+    end = checker.constant(node.last, DEGREES, "the end of a slice by bearing")
+    if bearings is None or start is None or end is None:
+        return None
+    assert isinstance(start.value, float)
+    assert isinstance(end.value, float)
+    first, last = start.value, end.value
+    if last - first > TURN:
+        checker.error(
+            "E215", node, "the slice takes more than a full turn", "a turn is `-180 deg .. 180 deg`"
+        )
+        return None
+    indices = between(bearings, first, last)
+    if not indices:
+        shown = f"{_degrees(first)} .. {_degrees(last)}"
+        message = f"no element of `{_text(checker, node.array)}` looks along {shown}"
+        checker.error("E215", node, message, _looks(bearings))
+        return None
+    _warn_about_slice(checker, node, bearings, first, last)
+    return indices
+
+
+def _warn_about_slice(
+    checker: Checker, node: ast.SliceOf, bearings: Bearings, first: float, last: float
+) -> None:
+    findings = checker.report.diagnostics
+    width = float(sweep(first, last))
+    if first > last and width > TURN / 2:
+        message = f"the slice goes through the rear and takes {_degrees(width)}"
+        hint = f"counterclockwise angles rise: write `{_degrees(last)} .. {_degrees(first)}` for the front"
+        findings.append(warning("W013", checker.span(node), message, hint))
+    elif reaches_beyond(bearings, first, last):
+        message = f"the slice reaches beyond `{_text(checker, node.array)}`"
+        findings.append(warning("W012", checker.span(node), message, _looks(bearings)))
+
+
+# --- bearings --------------------------------------------------------------------------------------
+
+
+def _bearings(checker: Checker, node: ast.Expression, array: ir.Expression) -> Bearings | None:
+    """Return the bearings of an array, or None after reporting that it has none."""
+    assert isinstance(array.type, Array)
+    if array.type.bearings is None:
+        hint = "a sensor has them with `bearing START step ANGLE`; a `window` has none"
+        checker.error("E216", node, f"`{_text(checker, node)}` has no bearings", hint)
+    return array.type.bearings
+
+
+def bearings_of(checker: Checker, node: ast.Expression, array: ir.Expression) -> ir.Constant | None:
+    """Return the bearings of an array as an array of constants, or None after reporting that it has none."""
+    bearings = _bearings(checker, node, array)
+    if bearings is None:
+        return None
+    type_ = Array(DEGREES, len(bearings.angles))
+    return ir.Constant(type=type_, value=bearings.angles, span=array.span)
+
+
+def check_bearings(checker: Checker, node: ast.BearingDecl, size: int | None) -> Bearings | None:
+    """Check the bearings of a sensor of `size` elements; None after an error."""
+    if size is None:
+        hint = "write the number of its elements, as in `sonar[24]`"
+        checker.error("E311", node, "only an array has bearings", hint)
+        return None
+    if node.angles is not None:
+        angles = [_angle(checker, angle, "a bearing") for angle in node.angles]
+        known = [angle for angle in angles if angle is not None]
+        if len(angles) != size:
+            checker.error("E311", node, f"the array has {size} elements, found {len(angles)} bearings")
+        return listed_bearings(known) if len(known) == size == len(angles) else None
+    assert node.first is not None
+    start = _angle(checker, node.first, "the first bearing")
+    step = None if node.step is None else _angle(checker, node.step, "the step of bearings")
+    if start is None or (step is None and node.step is not None):
+        return None
+    if step == 0:
+        checker.error("E311", node, "a step of 0 deg", "list equal bearings: `bearing [0 deg, 0 deg]`")
+        return None
+    bearings = uniform(start, step, size)
+    if bearings is None:
+        message = f"{size} elements that are {_degrees(step or 0)} apart take more than a full turn"
+        checker.error("E311", node, message, f"a ring that closes has a step of {_degrees(TURN / size)}")
+    return bearings
+
+
+def _angle(checker: Checker, node: ast.Expression, what: str) -> float | None:
+    found = checker.constant(node, DEGREES, what)
+    return None if found is None else float(found.value)  # type: ignore[arg-type]
+
+
+# --- wording ---------------------------------------------------------------------------------------
+
+
+def _note_plain(checker: Checker, node: ast.Index | ast.SliceOf, looks: str, bearing: str) -> None:
+    """Note where a plain index looks, since on another robot it looks elsewhere."""
+    array = _text(checker, node.array)
+    message = f"`{_text(checker, node)}` {looks}"
+    hint = f"write `{array}[{bearing}]`, which means the same on every robot"
+    checker.report.diagnostics.append(note("N002", checker.span(node), message, hint))
+
+
+def _text(checker: Checker, node: ast.SyntaxNode) -> str:
+    return " ".join(checker.scope.file.source.text[node.start : node.end].split())
+
+
+def _degrees(angle: float) -> str:
+    return f"{angle:.10g} deg"
+
+
+def _looks(bearings: Bearings) -> str:
+    """Return a hint that names the bearings that there are."""
+    if bearings.closes:
+        return f"its bearings are {_degrees(bearings.spacing)} apart, from {_degrees(bearings.angles[0])}"
+    if len(bearings.angles) <= _SHOWN_BEARINGS:
+        return f"its bearings are {listed([_degrees(a) for a in bearings.angles])}"
+    if bearings.step is not None:
+        ends = bearings.ends or (0, -1)
+        first, last = (_degrees(bearings.angles[i]) for i in ends)
+        return f"its bearings go from {first} to {last}, {_degrees(bearings.spacing)} apart"
+    shown = ", ".join(_degrees(a) for a in sorted(bearings.angles)[:_SHOWN_BEARINGS])
+    return f"its {len(bearings.angles)} bearings begin with {shown}"

@@ -1,0 +1,141 @@
+"""Descriptions of robots, for `import robot`: which one a program is for, and where it is.
+
+A description is a file that declares a robot. It is given by its path, or by its name if it comes with colony
+or is in the folder `robots` of the project. The project of a behavior is the nearest folder from its own
+upwards with a `colony.toml`, or a `pyproject.toml` that has a table `[tool.colony]`; there, `robot = "NAME"`
+is the robot of all behaviors of which nothing else says so.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from colony.files import read_file, reason
+from colony.record import Record, record
+from colony.shipped import Shipped
+from colony.text.suggestions import did_you_mean
+
+ROBOTS = "robots"
+"""The folder of a project's own descriptions."""
+
+MAX_PROJECT_BYTES = 1024 * 1024
+"""Byte limit of a project's file."""
+
+
+@record
+class RobotChoice(Record):
+    """The description that somebody chose.
+
+    Attributes:
+        text: its name or path, as given.
+        origin: what gave it, for messages: `--robot amr`.
+        is_name: True if `text` is first of all the name of a running robot. It may then be no description at
+            all,
+            and a program that declares another robot keeps its own.
+    """
+
+    text: str
+    origin: str
+    is_name: bool = False
+
+
+@record
+class Project(Record):
+    """A project's folder, its file, and the description that the file names, if any."""
+
+    folder: Path
+    file: Path
+    robot: str | None
+
+
+class ProjectError(ValueError):
+    """A project's file cannot be used; the message gives the file and the reason."""
+
+
+def find_project(folder: Path) -> Project | None:
+    """Return the project of a folder: that of the nearest project file, upwards.
+
+    Raises:
+        ProjectError: the file cannot be read, is not TOML, or its `robot` is not a text.
+    """
+    start = Path(os.path.abspath(folder))
+    for place in (start, *start.parents):
+        own = place / "colony.toml"
+        if os.path.lexists(own):
+            return Project(folder=place, file=own, robot=_robot_of(own, _read(own)))
+        shared = place / "pyproject.toml"
+        if os.path.lexists(shared):
+            tool = _read(shared).get("tool")
+            table = tool.get("colony") if isinstance(tool, dict) else None
+            if isinstance(table, dict):
+                return Project(folder=place, file=shared, robot=_robot_of(shared, table))
+    return None
+
+
+def _read(path: Path) -> dict[str, object]:
+    import tomllib  # only programs with `import robot` have a project
+
+    try:
+        return tomllib.loads(read_file(path, MAX_PROJECT_BYTES).decode())
+    except OSError as problem:
+        raise ProjectError(f"cannot read `{shown(path)}`: {reason(problem)}") from None
+    except (ValueError, RecursionError) as problem:  # not UTF-8, or not TOML
+        raise ProjectError(f"`{shown(path)}` is not TOML: {problem}") from None
+
+
+def _robot_of(path: Path, table: dict[str, object]) -> str | None:
+    robot = table.get("robot")
+    if robot is None or (isinstance(robot, str) and robot):
+        return robot
+    raise ProjectError(f"`robot` in `{shown(path)}` is {robot!r}; expected the name or path of a description")
+
+
+def find_description(text: str, folder: Path, project: Path | None) -> Path | None:
+    """Return the file of a description; None if there is none.
+
+    Args:
+        text: its name or path.
+        folder: where relative paths begin.
+        project: the folder of the project, whose own descriptions come before those of colony.
+    """
+    if is_path(text):
+        found = Shipped.ROBOT.user_file(folder / text)
+        return None if found is None else Path(found)
+    for place in dict.fromkeys((project or folder, folder)):
+        found = Shipped.ROBOT.user_file(place / ROBOTS / text)
+        if found is not None:
+            return Path(found)
+    return Shipped.ROBOT.file_named(text)
+
+
+def is_path(text: str) -> bool:
+    """Return True for the path of a description, False for its name."""
+    return os.path.basename(text) != text or text.endswith(Shipped.ROBOT.suffix) or text in ("", ".", "..")
+
+
+def known_descriptions(folder: Path) -> tuple[str, ...]:
+    """Return the names of the descriptions in `robots` of this folder and of those that come with colony."""
+    own = [path.stem for path in (folder / ROBOTS).glob(f"*{Shipped.ROBOT.suffix}")]
+    return tuple(sorted({*own, *Shipped.ROBOT.names()}))
+
+
+def listed_descriptions(folder: Path) -> str:
+    """Return a text with the names of all descriptions, for hints."""
+    own = sorted(path.stem for path in (folder / ROBOTS).glob(f"*{Shipped.ROBOT.suffix}"))
+    texts = [f"robots that come with colony: {', '.join(Shipped.ROBOT.names())}"]
+    if own:
+        texts.append(f"in `{shown(folder / ROBOTS)}`: {', '.join(own)}")
+    return "; ".join(texts)
+
+
+def suggestion(text: str, folder: Path) -> str:
+    """Return a hint for a description that there is not."""
+    close = None if is_path(text) else did_you_mean(text, known_descriptions(folder))
+    return close or listed_descriptions(folder)
+
+
+def shown(path: Path) -> str:
+    """Return a path as messages show it: relative to the current folder if it is inside."""
+    relative = os.path.relpath(path)
+    return os.path.abspath(path) if relative.startswith(os.pardir) else relative

@@ -1,0 +1,142 @@
+"""The robot of `import robot`: the one that the program declares, or else the one that was chosen for it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from colony.dsl import ast
+from colony.dsl.descriptions import (
+    Project,
+    ProjectError,
+    RobotChoice,
+    find_description,
+    find_project,
+    listed_descriptions,
+    shown,
+    suggestion,
+)
+from colony.record import Record, record
+from colony.shipped import Shipped
+from colony.text.diagnostics import Diagnostic, error
+from colony.text.source import Source, Span
+
+
+@record
+class Surroundings(Record):
+    """Where a program stands, and what was chosen for it.
+
+    Attributes:
+        choice: the description that the caller chose, if any.
+        folder: the folder whose project decides otherwise; None if no project does, because the program is a
+            text.
+        is_shipped: True for a behavior that comes with colony; its own project decides last.
+    """
+
+    choice: RobotChoice | None = None
+    folder: Path | None = None
+    is_shipped: bool = False
+
+
+def surroundings_of(path: Path, choice: RobotChoice | None) -> Surroundings:
+    """Return the surroundings of a file: behaviors that come with colony are those of the current folder."""
+    try:
+        is_shipped = Path(os.path.realpath(path)).parent in {
+            Path(os.path.realpath(k.folder)) for k in Shipped
+        }
+    except (OSError, ValueError):  # no path at all, as reading it reports
+        is_shipped = False
+    return Surroundings(choice=choice, folder=Path() if is_shipped else path.parent, is_shipped=is_shipped)
+
+
+class Place(NamedTuple):
+    """A file of the program with its tree."""
+
+    key: str
+    source: Source
+    tree: ast.File
+
+    def span(self, node: ast.SyntaxNode) -> Span:
+        """Return the span of a node of the file."""
+        return Span(self.source, node.start, node.end)
+
+
+def declarer(files: Iterable[Place]) -> tuple[Place, ast.RobotDecl] | None:
+    """Return the first file that declares a robot."""
+    for file in files:
+        for node in file.tree.declarations:
+            if isinstance(node, ast.RobotDecl):
+                return file, node
+    return None
+
+
+def request(files: Iterable[Place]) -> Span | None:
+    """Return the span of the first `import robot`."""
+    for file in files:
+        for node in file.tree.declarations:
+            if isinstance(node, ast.RobotImportDecl):
+                return file.span(node)
+    return None
+
+
+def chosen_description(request: Span, around: Surroundings) -> Path | Diagnostic:
+    """Return the file of the description for a program that declares no robot, or the error."""
+    project: Project | None = None
+    try:
+        project = None if around.folder is None else find_project(around.folder)
+        if around.is_shipped and (project is None or project.robot is None):
+            project = find_project(Shipped.BEHAVIOR.folder)
+    except ProjectError as problem:
+        return error("E323", request, str(problem), "name the robot there, or give --robot NAME")
+    project_folder = Path() if project is None else project.folder
+    choice = around.choice
+    if choice is not None:
+        found = find_description(choice.text, Path(), project_folder)
+        if found is not None:
+            return found
+        if not choice.is_name:
+            return _unknown(request, choice, project_folder)
+    if project is not None and project.robot is not None:
+        found = find_description(project.robot, project.folder, project.folder)
+        if found is not None:
+            return found
+        named = RobotChoice(text=project.robot, origin=f"`{shown(project.file)}`")
+        return _unknown(request, named, project.folder)
+    return _unbound(request, around, project)
+
+
+def _unknown(request: Span, choice: RobotChoice, folder: Path) -> Diagnostic:
+    message = f"no robot is described by `{choice.text}`, which {choice.origin} names"
+    return error("E321", request, message, suggestion(choice.text, folder))
+
+
+def _unbound(request: Span, around: Surroundings, project: Project | None) -> Diagnostic:
+    folder = Path() if project is None else project.folder
+    if around.folder is None:
+        how = "give `robot=`"
+    elif around.choice is not None:
+        how = f"`{around.choice.text}` is no description: give --robot {around.choice.text}=DESCRIPTION"
+    elif project is None:
+        how = 'give --robot NAME, or write `robot = "NAME"` in colony.toml'
+    else:
+        how = f'give --robot NAME, or write `robot = "NAME"` in `{shown(project.file)}`'
+    return error(
+        "E320", request, "no robot is chosen for this program", f"{how}; {listed_descriptions(folder)}"
+    )
+
+
+def other_choice(
+    declared: tuple[Place, ast.RobotDecl], keys: Mapping[str, object], around: Surroundings
+) -> Diagnostic | None:
+    """Return the error of a program that declares a robot, and another one was chosen; None without one."""
+    choice, (file, node) = around.choice, declared
+    if choice is None or choice.is_name:
+        return None
+    found = find_description(choice.text, Path(), Path())
+    if found is not None and os.path.realpath(found) in keys:
+        return None
+    message = f"the program has its own robot, `{node.name.text}`; {choice.origin} names another"
+    hint = "write `import robot` in its place, and the description in a file of its own"
+    return error("E322", file.span(node.name), message, hint)

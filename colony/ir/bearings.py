@@ -1,0 +1,209 @@
+"""Bearings: the directions along which the elements of an array look.
+
+An angle is in degrees, counterclockwise positive, 0 ahead. Comparisons are exact: floats are taken as the
+rational numbers that they are, so that no executor can round differently.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+TURN = 360
+LIST_STEP = 30.0
+"""The step in degrees of bearings that are listed: how far an angle beyond the ends still has an element."""
+_DENSE = 60
+_CLOSED_WITHIN = Fraction(1, 10**6)
+
+
+@dataclass(frozen=True, slots=True)
+class Bearings:
+    """The bearing of each element of an array.
+
+    Attributes:
+        angles: bearings in degrees, each in [-180, 180).
+        step: angle from each element to the next, negative where they go clockwise; None for listed bearings.
+        ends: indices of the first and the last element counterclockwise, beyond which there is none; None
+            for a ring that closes, and for a list without a large gap.
+        closes: True for a ring that closes, whose plain indices wrap.
+    """
+
+    angles: tuple[float, ...]
+    step: float | None
+    ends: tuple[int, int] | None
+    closes: bool = False
+
+    @property
+    def spacing(self) -> float:
+        """Return the angle in degrees between neighbors, for a list the one that stands for it."""
+        return LIST_STEP if self.step is None else abs(self.step)
+
+
+def uniform(start: float, step: float | None, size: int) -> Bearings | None:
+    """Return the bearings START + i * STEP of `size` elements, None if they take more than a turn.
+
+    Without a step they are a ring that closes. `start` and `step` are decimals as they print, so that 0.1
+    means a tenth.
+    """
+    first = Fraction(repr(start))
+    exact_step = Fraction(TURN, size) if step is None else Fraction(repr(step))
+    taken = size * abs(exact_step)
+    closes = abs(taken - TURN) <= _CLOSED_WITHIN
+    if taken > TURN and not closes:
+        return None
+    angles = tuple(_normal(first + i * exact_step) for i in range(size))
+    ends = (0, size - 1) if exact_step >= 0 else (size - 1, 0)
+    return Bearings(angles, float(exact_step), None if closes else ends, closes)
+
+
+def listed_bearings(angles: Iterable[float]) -> Bearings:
+    """Return bearings in any order.
+
+    Their ends lie on both sides of the largest gap, of equal gaps the first counterclockwise from -180
+    degrees; without a gap above 60 degrees they have none.
+    """
+    normal = tuple(_normal(Fraction(repr(angle))) for angle in angles)
+    order = sorted(set(normal))
+    gaps = [(_gap(a, b), a, b) for a, b in zip(order, [*order[1:], order[0]], strict=True)]
+    largest, before, after = max(gaps, key=lambda gap: gap[0])
+    ends = normal.index(after), normal.index(before)
+    return Bearings(normal, None, ends if largest > _DENSE else None)
+
+
+def part(bearings: Bearings, indices: tuple[int, ...]) -> Bearings:
+    """Return the bearings of some elements: an arc that ends where they end."""
+    angles = tuple(bearings.angles[i] for i in indices)
+    if bearings.step is None:
+        return listed_bearings(angles)
+    ends = (0, len(angles) - 1) if bearings.step >= 0 else (len(angles) - 1, 0)
+    return Bearings(angles, bearings.step, ends)
+
+
+def arc(bearings: Bearings, indices: tuple[int, ...]) -> Bearings:
+    """Return the bearings of elements that are in counterclockwise order, from the first to the last."""
+    angles = tuple(bearings.angles[i] for i in indices)
+    step = None if bearings.step is None else abs(bearings.step)
+    return Bearings(angles, step, (0, len(angles) - 1))
+
+
+def nearest(bearings: Bearings, angle: float) -> int | None:
+    """Return the index of the element nearest to an angle, of two the lower.
+
+    The angle is first taken to [0, 360), rounded to a float as `mod` rounds it.
+    None if the angle is not finite, or is outside: beyond the ends by half a step or more (30 degrees or more
+    where the bearings are listed).
+    """
+    if not math.isfinite(angle):
+        return None
+    exact = Fraction(angle % TURN)
+    distances = [_distance(Fraction(b), exact) for b in bearings.angles]
+    if bearings.ends is not None:
+        first, last = bearings.ends
+        gap = _gap(bearings.angles[last], bearings.angles[first])
+        beyond = (exact - Fraction(bearings.angles[last])) % TURN
+        if 0 < beyond < gap and min(beyond, gap - beyond) >= margin(bearings):
+            return None
+    return distances.index(min(distances))
+
+
+def margin(bearings: Bearings) -> Fraction:
+    """Return how far beyond the ends, in degrees, an angle is outside."""
+    return Fraction(LIST_STEP) if bearings.step is None else Fraction(repr(abs(bearings.step))) / 2
+
+
+def between(bearings: Bearings, first: float, last: float) -> tuple[int, ...]:
+    """Return the elements from one angle counterclockwise to another, both included, in this order."""
+    start, width = Fraction(repr(first)), sweep(first, last)
+    offsets = [((Fraction(repr(b)) - start) % TURN, i) for i, b in enumerate(bearings.angles)]
+    return tuple(i for offset, i in sorted(offsets) if offset <= width)
+
+
+def sweep(first: float, last: float) -> Fraction:
+    """Return the angle in degrees from `first` counterclockwise to `last`, at most a turn."""
+    width = Fraction(repr(last)) - Fraction(repr(first))
+    return width if 0 <= width <= TURN else width % TURN
+
+
+def reaches_beyond(bearings: Bearings, first: float, last: float) -> bool:
+    """Return True if a slice reaches more than one step beyond the ends of the bearings."""
+    if bearings.ends is None:
+        return False
+    low, high = bearings.ends
+    step = Fraction(repr(bearings.spacing))
+    gap = _gap(bearings.angles[high], bearings.angles[low])
+    bare = gap - 2 * step  # the part of the gap that is more than a step from both ends
+    into = (Fraction(repr(first)) - Fraction(bearings.angles[high]) - step) % TURN or TURN
+    return bare > 0 and (into < bare or into + sweep(first, last) > TURN)
+
+
+def _normal(angle: Fraction) -> float:
+    """Return an angle taken to [-180, 180)."""
+    turned = float((angle + TURN // 2) % TURN - TURN // 2)
+    return -180.0 if turned == 180.0 else turned
+
+
+def _gap(before: float, after: float) -> Fraction:
+    """Return the angle from one bearing counterclockwise to the next; from a bearing to itself, a turn."""
+    return (Fraction(after) - Fraction(before)) % TURN or Fraction(TURN)
+
+
+def _distance(a: Fraction, b: Fraction) -> Fraction:
+    turned = (a - b) % TURN
+    return min(turned, TURN - turned)
+
+
+# --- lookup ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Lookup:
+    """`nearest` as a step function of an angle in [0, 360].
+
+    The element is `indices[n]`, where n is the number of `breaks` below the angle; None is outside.
+    """
+
+    breaks: tuple[float, ...]
+    indices: tuple[int | None, ...]
+
+
+def lookup(bearings: Bearings) -> Lookup:
+    """Return the step function that gives the element nearest to an angle."""
+    pieces = sorted(_pieces(bearings), key=lambda piece: piece[0])
+    breaks, indices = list[float](), list[int | None]()
+    for upper, index in pieces:
+        if breaks and breaks[-1] >= upper:
+            continue  # no float lies between them
+        breaks.append(upper)
+        indices.append(index)
+    if breaks[0] >= 0:
+        return Lookup(tuple(breaks), (*indices, indices[0]))
+    breaks.append(math.nextafter(TURN, 0))  # a piece ends right below 0: at 360 the next one begins
+    return Lookup(tuple(breaks), (*indices, indices[0], indices[1]))
+
+
+def _pieces(bearings: Bearings) -> Iterator[tuple[float, int | None]]:
+    """Yield the element, and up to which angle it is the nearest, for all angles from 0 to 360."""
+    by_direction: dict[Fraction, int] = {}
+    for i, angle in enumerate(bearings.angles):
+        by_direction.setdefault(Fraction(angle) % TURN, i)
+    order, edge = sorted(by_direction), margin(bearings)
+    last = None if bearings.ends is None else Fraction(bearings.angles[bearings.ends[1]]) % TURN
+    for here, there in zip(order, [*order[1:], order[0]], strict=True):
+        i, j = by_direction[here], by_direction[there]
+        gap = (there - here) % TURN or Fraction(TURN)
+        if here == last and gap >= 2 * edge:
+            yield from _upto(here + edge, i, inclusive=False)
+            yield from _upto(there - edge, None, inclusive=True)
+        else:
+            yield from _upto(here + gap / 2, i, inclusive=i <= j)
+
+
+def _upto(limit: Fraction, index: int | None, *, inclusive: bool) -> Iterator[tuple[float, int | None]]:
+    """Yield a piece that ends at `limit`, taken to [0, 360)."""
+    turned = limit % TURN
+    upper = float(turned)
+    while Fraction(upper) > turned or (not inclusive and Fraction(upper) == turned):
+        upper = math.nextafter(upper, -math.inf)
+    yield upper, index

@@ -1,0 +1,90 @@
+"""The interface of a robot: what makes two differ, and which programs a robot takes."""
+
+from __future__ import annotations
+
+import pytest
+
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_text
+from colony.ir.program import Robot
+from colony.runtime.protocol.interface import MAX_PARTS, Interface, interface_of, interface_problem
+
+TEXT = """language 2
+enum gait { walk = 0, run = 1 }
+robot r {
+  frame 50 ms
+  sensor near : mm range 0 .. 5000 default 10 from PServer.near within 300 ms
+  sensor rays[3] : m from PServer.rays
+  sensor pace : gait from DServer.pace
+  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s default 0 }
+           to RServer.drive idle drive(velocity = 0, turn = 0)
+}
+"""
+
+
+def robot(change: tuple[str, str] = ("", ""), more: str = "") -> Robot:
+    assert change[0] in TEXT
+    return load_text(TEXT.replace(*change, 1) + more).robot
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        (("50 ms", "40 ms"), "frame period"),
+        (("0 .. 5000", "0 .. 4000"), "near"),
+        (("default 10", "default 11"), "near"),
+        (("300 ms", "200 ms"), "near"),
+        (("PServer.near", "PServer.far"), "near"),
+        (("near : mm", "near : cm"), "near"),
+        (("rays[3]", "rays[4]"), "rays"),
+        (("run = 1", "run = 2"), "pace"),
+        (("-600 .. 600", "-600 .. 500"), "drive"),
+        (("deg/s default 0", "deg/s default 1"), "drive"),
+        (("deg/s default 0", "deg/s"), "drive"),
+        (("velocity = 0, turn = 0", "velocity = 0, turn = 1 deg/s"), "drive"),
+        (("turn = 0)", "turn = 0) on_loss degrade"), "drive"),
+    ],
+)
+def test_each_part_counts(change: tuple[str, str], part: str) -> None:
+    problem = interface_problem(interface_of(robot(change)), interface_of(robot()))
+    assert problem == (
+        f"the program was checked against another interface (`r`) than the robot's (`r`): `{part}` differs"
+    )
+
+
+def test_names_and_what_the_program_adds_do_not_count() -> None:
+    more = "let far = near > 1 m\nlimit drive.velocity <= 10 mm/s\nlet slow = last.drive.velocity"
+    assert interface_of(robot(more=more)) == interface_of(robot())
+    renamed = robot(("robot r", "robot other"))
+    assert interface_problem(interface_of(renamed), interface_of(robot())) is None
+
+
+def test_a_robot_may_have_more_but_not_less() -> None:
+    less = robot(("  sensor rays[3] : m from PServer.rays\n", ""))
+    assert interface_problem(interface_of(less), interface_of(robot())) is None
+    problem = interface_problem(interface_of(robot()), interface_of(less))
+    assert problem is not None
+    assert problem.endswith(": `rays` is not there")
+
+
+def test_a_robot_without_a_description_takes_any_program() -> None:
+    assert interface_problem(interface_of(robot()), Interface()) is None
+    assert interface_problem(Interface(), interface_of(robot())) is None
+
+
+def test_a_compiled_program_has_the_interface_of_its_source() -> None:
+    program = load_text(TEXT + "let slow = last.drive.velocity")
+    assert interface_of(compile_program(program).compiled.robot) == interface_of(program.robot)
+
+
+def test_a_long_list_of_differences_is_cut() -> None:
+    def many(unit: str, count: int) -> Interface:
+        sensors = "".join(f"sensor s{i} : {unit} from DServer.s{i} " for i in range(count))
+        return interface_of(load_text(f"robot r {{ {sensors} }}").robot)
+
+    problem = interface_problem(many("mm", 9), many("m", 9))
+    assert problem is not None
+    assert problem.endswith("`s0` differs, `s1` differs, `s2` differs, `s3` differs, `s4` differs and 4 more")
+    large = many("mm", MAX_PARTS)
+    assert len(large.parts) == 1
+    assert interface_problem(large, large) is None
