@@ -40,10 +40,10 @@ def never_wrapped(original: Any, lowering: Any, e: Any, *rest: Any) -> int:
     return original(lowering, replace(e, wraps=False), *rest)  # type: ignore[no-any-return]
 
 
-def always_found(original: Any, lowering: Any, e: Any, scope: Any) -> tuple[int, int]:
+def always_found(original: Any, lowering: Any, *rest: Any) -> tuple[int, int]:
     """`value_or` of an element that is outside is that element."""
-    value, _ = original(lowering, e, scope)
-    return value, lowering.builder.literal(True)
+    value, _ = original(lowering, *rest)
+    return value, lowering.builder.literal(0.0)
 
 
 def higher_of_two(bearings: Bearings) -> Lookup:

@@ -216,7 +216,7 @@ BUGS: tuple[Bug, ...] = (
     # elements of arrays
     Bug(name="all indices wrap", plant=arrays("position", always_wrapped)),
     Bug(name="indices of rings do not wrap", plant=arrays("position", never_wrapped)),
-    Bug(name="value_or takes what is outside", plant=arrays("_found", always_found)),
+    Bug(name="value_or takes what is outside", plant=arrays("_element", always_found)),
     Bug(name="the higher of two equally near", plant=looked_up(higher_of_two)),
     Bug(name="nothing outside an arc", plant=looked_up(never_outside)),
     # generated Python
