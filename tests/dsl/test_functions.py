@@ -240,6 +240,14 @@ def test_an_error_that_only_a_call_shows_names_all_calls() -> None:
     assert findings(f"{text}\nlet b = twice(sonar[0..8])\nlet c = twice(sonar)") == ["1:25 E205", "1:25 E205"]
 
 
+def test_an_array_has_the_bearings_of_the_argument() -> None:
+    text = (
+        "let f(s[24] : bool) = any(s[-30 deg .. 30 deg]) and any(b and a > 0 deg for b, a in s)\nlet a = f("
+    )
+    assert findings(f"{text}not infrared)") == []
+    assert findings(f"{text}sonar > 1 m)") == ["1:27 E216", "1:85 E216"]
+
+
 def test_a_constant_that_depends_on_a_parameter_is_asked_of_each_call() -> None:
     text = "let f(b : bool, t : s) = sustained(b, t)\nlet g(t : s) = f(bumper, t * 2)\nlet a = g(1 s)"
     assert findings(text) == []

@@ -171,6 +171,12 @@ def test_the_text_of_a_template_is_checked() -> None:
     ]
 
 
+def test_an_array_of_a_template_has_the_bearings_of_what_is_bound() -> None:
+    text = "module m { input s[24] : bool when any(s[-30 deg .. 30 deg]) and s[180 deg] and s[25] }"
+    assert findings(f"{text}\nmodule a = m(s = infrared)") == []
+    assert findings(f"{text}\nmodule b = m(s = sonar > 1 m)")[-1] == "2:1 E404"
+
+
 def test_a_template_is_no_part_of_the_program() -> None:
     whole = program(FOLLOW)
     assert whole.modules == ()

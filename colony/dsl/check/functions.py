@@ -173,10 +173,8 @@ def _default(checker: Checker, node: ast.Parameter, typed: TypedParameter) -> ir
 
 
 def _placeholders(parameters: tuple[TypedParameter, ...]) -> dict[str, ValueSymbol]:
-    types = {p.name: p.type for p in parameters}
-    return {
-        n: BrokenSymbol() if type_ is None else PlaceholderSymbol(type=type_) for n, type_ in types.items()
-    }
+    """Return what parameters are in the declaration: the bearings of an array are only those of arguments."""
+    return {p.name: BrokenSymbol() if p.is_array else PlaceholderSymbol(type=p.element) for p in parameters}
 
 
 # --- calls -----------------------------------------------------------------------------------------

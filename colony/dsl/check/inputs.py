@@ -71,10 +71,10 @@ def check_inputs(
         if binding is None and clause.initial is not None:
             binding = Binding(name=clause.name, value=clause.initial, scope=checker.scope)
         if binding is None:
-            unbound.append(name)
-            type_ = None if typed is None else typed.type
-            full_name = f"{module}.{name}"
-            local[name] = BrokenSymbol() if type_ is None else LetSymbol(name=full_name, type=type_)
+            unbound.append(name)  # an array has bearings only where it is bound, and is checked there
+            local[name] = BrokenSymbol()
+            if typed is not None and not typed.is_array:
+                local[name] = LetSymbol(name=f"{module}.{name}", type=typed.element)
             continue
         let = None if typed is None else _bound(report, f"{module}.{name}", typed, binding)
         local[name] = BrokenSymbol() if let is None else LetSymbol(name=let.name, type=let.expression.type)
