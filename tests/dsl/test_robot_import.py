@@ -281,3 +281,16 @@ def test_an_upgrade_keeps_it(project: Path) -> None:
 
 def test_behaviors_in_the_repository_have_their_robot() -> None:
     assert robot_of(load_file(ROOT / "behaviors" / "wander.colony")) == "rome"
+
+
+def test_what_a_robot_lacks_is_said_once(project: Path) -> None:
+    (project / "go.colony").write_text(
+        GO + 'let a = wide\nlet b = bumper or wide\ntest "t" { at 0 s given bumper = true expect b }\n'
+    )
+    found = check_file("go.colony", robot=RobotChoice(text="amr", origin="--robot amr"))
+    assert [(d.code, d.span.text) for d in found.diagnostics if d.severity == "error"] == [
+        ("E101", "wide"),
+        ("E101", "bumper"),
+    ]
+    hint = next(d.hint for d in found.diagnostics if d.code == "E101")
+    assert hint == f"the robot `amr` ({Path('robots/amr.colony')}) has none, neither sensor nor `let`"

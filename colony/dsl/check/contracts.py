@@ -8,7 +8,7 @@ from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.constants import constant_value
-from colony.dsl.check.references import actuator_named
+from colony.dsl.check.references import actuator_named, report_unknown
 from colony.dsl.check.reserved import RESTARTED
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol, ValueSymbol
 from colony.dsl.check.sent import sent_field
@@ -141,7 +141,7 @@ def _given(checker: Checker, node: ast.GivenDecl) -> list[ir.Given]:
             hint = checker.report.suggest(node.sensor.text, checker.scope.robot.values)
             if checker.scope.value(node.sensor.text) is not None:
                 hint = "tests give values only to sensors; derived values are computed from them"
-            checker.error("E603", node.sensor, f"unknown sensor `{node.sensor.text}`", hint)
+            report_unknown(checker, "E603", node.sensor, f"unknown sensor `{node.sensor.text}`", hint)
         return []
     return _given_to(checker, node, symbol.sensor)
 

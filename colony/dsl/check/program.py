@@ -154,6 +154,7 @@ class _Check:
             checker.error(
                 "E302", other.name, message, "a program has one robot", first_checker.label(node.name)
             )
+        self.robot.title = f"the robot `{node.name.text}` ({first_checker.scope.file.source.name})"
         return check_robot(first_checker, node)
 
     def _derived(self) -> list[ir.Derived]:

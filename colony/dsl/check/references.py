@@ -249,7 +249,18 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
         checker.error("E101", node, f"unknown name `{node.text}`", prefixed)
         return
     hint = _WORD_HINTS.get(name) or _member_hint(scope, name) or checker.report.suggest(name, known_names)
-    checker.error("E101", node, f"unknown name `{name}`", hint)
+    report_unknown(checker, "E101", node, f"unknown name `{name}`", hint)
+
+
+def report_unknown(checker: Checker, code: str, node: ast.Reference, message: str, hint: str | None) -> None:
+    """Report an unknown name; in files with `import robot` once, with the robot that may lack it."""
+    robot = checker.scope.robot
+    if not robot.title or not checker.scope.is_for_any_robot:
+        checker.error(code, node, message, hint)
+    elif node.text not in robot.lacks:
+        robot.lacks.add(node.text)
+        lacks = f"{robot.title} has none, neither sensor nor `let`"
+        checker.error(code, node, message, f"{lacks}; {hint}" if hint else lacks)
 
 
 _CONSTANTS = "use literals, params and arithmetic on them"

@@ -210,10 +210,13 @@ class RobotScope:
 
     If the program has no robot, or its text cannot be read, unknown names are not reported. `sent` are the
     fields `last.ACTUATOR.FIELD` that something reads, by name; `frame_ns` is the frame period, None while it
-    is unknown.
+    is unknown. `title` is the robot with its file, for messages; `lacks` are the names that files with
+    `import robot` read and nothing declares.
     """
 
     absent: bool = False
+    title: str = ""
+    lacks: set[str] = field(default_factory=set)
     frame_ns: int | None = None
     sent: dict[str, ir.Sensor] = field(default_factory=dict)
     sensor_names: set[str] = field(default_factory=set)
@@ -247,6 +250,11 @@ class Scope:
     private_names: dict[str, str] = field(default_factory=dict)  # the file's own, with their full names
     hidden: dict[str, str] = field(default_factory=dict)
     outside: bool = False
+
+    @property
+    def is_for_any_robot(self) -> bool:
+        """Return True for a file with `import robot`."""
+        return any(isinstance(d, ast.RobotImportDecl) for d in self.file.tree.declarations)
 
     def value(self, name: str) -> ValueSymbol | None:
         """Return the value of a name, `BrokenSymbol` if it may be lost, None if it is unknown."""
