@@ -177,6 +177,12 @@ def test_an_array_of_a_template_has_the_bearings_of_what_is_bound() -> None:
     assert findings(f"{text}\nmodule b = m(s = sonar > 1 m)")[-1] == "2:1 E404"
 
 
+def test_a_contract_cannot_read_a_template() -> None:
+    text = f"{LEFT}contract c: follow.side < 1 m or follow.keep > 1 mm"
+    assert [finding.split()[1] for finding in findings(text)] == ["E408", "E408"]
+    assert findings(text.replace("follow.", "left.").replace("module left = left.", "")) == []
+
+
 def test_a_template_is_no_part_of_the_program() -> None:
     whole = program(FOLLOW)
     assert whole.modules == ()

@@ -38,6 +38,14 @@ def found(text: str) -> list[Diagnostic]:
         ("let a = previous(battery, 0) < 20", "20"),
         ("let a = abs(battery - 50 percent) < 20", "20"),
         ("let a = -battery < 20", "20"),
+        ("let a = min(battery, 30)", "30"),
+        ("let a = clamp(battery, 0.1, 30)", "30"),
+        ("let f(b : percent) = b let a = f(20)", "20"),
+        ("let f(b : percent = 20) = b let a = f()", "20"),
+        (
+            "module m { input b : percent when b > 0.5 do fan(level = 0) } module n = m(b = 20) network { fan = n }",
+            "20",
+        ),
         ("let a = (if load > 3 then battery else 0.5) < 20", "20"),
         ("let a = value_or(battery, 100) < 0.2", "100"),
         ("let b = battery - 0.1 let a = b < 20", "20"),
@@ -52,6 +60,11 @@ def found(text: str) -> list[Diagnostic]:
 )
 def test_a_plain_number_beyond_one_is_an_error(text: str, place: str) -> None:
     assert [(d.code, d.severity, d.span.text) for d in found(text)] == [("E220", "error", place)]
+
+
+def test_in_the_body_of_a_function_the_argument_is_shown() -> None:
+    [diagnostic] = found("let g(b : number) = b < 20\nlet a = g(battery)")
+    assert [(label.span.text, label.text) for label in diagnostic.labels] == [("battery", "given here")]
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from tests.dsl.test_imports import Files
+from tests.dsl.texts import findings
 
 PART = """
 import "rome"
@@ -121,3 +122,7 @@ def test_the_robot_is_for_all_files(tmp_path: Path) -> None:
         top='import "robot" as robot\nmodule m { when _b do _a(on = true) }\nnetwork { _a = m }',
     )
     assert files.findings("top") == []
+
+
+def test_a_name_of_this_file_is_only_used_too_early() -> None:
+    assert findings("let z = _near\nlet _near = 3 m") == ["1:9 E105"]

@@ -18,6 +18,7 @@ from colony.dsl.check.calls import FORMER_FUNCTIONS, FUNCTION_NAMES, check_call,
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.parameters import check_parameter, takes, what_it_takes
+from colony.dsl.check.percent import argument_findings
 from colony.dsl.check.private import reject_private_name
 from colony.dsl.check.references import kind_of_part
 from colony.dsl.check.scope import (
@@ -169,7 +170,10 @@ def _default(checker: Checker, node: ast.Parameter, typed: TypedParameter) -> ir
         message = f"the array `{node.name.text}` cannot have a default: there are no constant arrays"
         checker.error("E204", node.initial, message, "leave it out")
         return None
-    return checker.constant(node.initial, typed.element, f"the default of `{node.name.text}`")
+    found = checker.constant(node.initial, typed.element, f"the default of `{node.name.text}`")
+    if found is not None:
+        checker.report.diagnostics += argument_findings(typed, found)
+    return found
 
 
 def _placeholders(parameters: tuple[TypedParameter, ...]) -> dict[str, ValueSymbol]:
@@ -196,6 +200,7 @@ def _arguments(
         found = checker.visit(value)
         nodes = checker.report.size.nodes - before
         if found is not None and _fits(checker, node, value, parameter, found.type):
+            checker.report.diagnostics += argument_findings(parameter, found)
             arguments[parameter.name] = argument_symbol(found, parameter.type, nodes)
     return arguments if len(arguments) == len(function.parameters) else None
 

@@ -16,6 +16,7 @@ from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.parameters import check_parameter, takes, what_it_takes
+from colony.dsl.check.percent import argument_findings
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, Report, Scope, TypedParameter, ValueSymbol
 from colony.ir import program as ir
 from colony.ir.expression import DerivedValue
@@ -95,6 +96,7 @@ def _bound(report: Report, full_name: str, typed: TypedParameter, binding: Bindi
         what = f"input `{typed.name}` takes {what_it_takes(typed)}"
         checker.error("E404", binding.value, f"{what}, found {with_article(found.type)}")
         return None
+    report.diagnostics += argument_findings(typed, found)
     if typed.type is None:
         found = without_wildcard_type(found)
     elif found.type != typed.type:

@@ -20,7 +20,8 @@ def check_parameter(checker: Checker, node: ast.Parameter) -> TypedParameter | N
             return None
     if found is None:
         return None
-    return TypedParameter(name=node.name.text, element=found[0], is_array=node.is_array, size=size)
+    element, unit = found
+    return TypedParameter(name=node.name.text, element=element, unit=unit, is_array=node.is_array, size=size)
 
 
 def takes(parameter: TypedParameter, found: Type) -> bool:

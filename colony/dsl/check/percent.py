@@ -11,10 +11,11 @@ from collections.abc import Collection, Iterable, Iterator
 from itertools import chain
 
 from colony.dsl import ast
+from colony.dsl.check.scope import TypedParameter
 from colony.ir import expression as ir
 from colony.ir.program import Module, Program
 from colony.ir.walk import expressions
-from colony.text.diagnostics import Diagnostic, error
+from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
 
 PERCENT = "percent"
@@ -31,16 +32,8 @@ _COMPARISONS = frozenset(
     }
 )
 _SUMS = frozenset({ir.Binary.ADD, ir.Binary.SUBTRACT})
-_SAME_UNIT = frozenset(
-    {
-        ir.Function.MIN,
-        ir.Function.MAX,
-        ir.Function.SUM,
-        ir.Function.MEAN,
-        ir.Function.ABS,
-        ir.Function.CLAMP,
-    }
-)
+_COMPARED = frozenset({ir.Function.MIN, ir.Function.MAX, ir.Function.CLAMP})
+_SAME_UNIT = _COMPARED | {ir.Function.SUM, ir.Function.MEAN, ir.Function.ABS}
 _SAME_UNIT_MEMORY = frozenset({ir.MemoryFunction.PREVIOUS, ir.MemoryFunction.CAPTURED})
 
 PlainParams = frozenset[tuple[str, float]]
@@ -79,7 +72,9 @@ def percent_findings(program: Program, params: PlainParams) -> Iterator[Diagnost
         for node in ir.subexpressions(root):
             for value, numbers in _comparison(node):
                 if units.in_percent(value):
-                    yield from _findings(_shown(value.span), numbers, params)
+                    is_inlined = not all(_is_inside(n.span, node.span) for n in (value, *numbers))
+                    origin = (Label(value.span, "given here"),) if is_inlined else ()
+                    yield from _findings(_shown(value.span), numbers, params, *origin)
     for where, value in chain(_limits(program, units), _commands(program, units)):
         yield from _findings(where, (value,), params)
 
@@ -94,8 +89,17 @@ def _comparison(node: ir.Expression) -> Iterator[tuple[ir.Expression, tuple[ir.E
             yield operand, (low, high)
         case ir.ValueOr(expression=expression, other=other):
             yield expression, (other,)
+        case ir.Call(function=function, arguments=arguments) if function in _COMPARED:
+            for value in arguments:
+                yield value, tuple(other for other in arguments if other is not value)
         case _:
             pass
+
+
+def argument_findings(parameter: TypedParameter, value: ir.Expression) -> Iterator[Diagnostic]:
+    """Yield an error for a plain number beyond 1 that is given to a parameter or input in percent."""
+    if parameter.unit == PERCENT:
+        yield from _findings(f"`{parameter.name}`", (value,), ())
 
 
 def _limits(program: Program, units: _Units) -> Iterator[tuple[str, ir.Expression]]:
@@ -115,7 +119,7 @@ def _commands(program: Program, units: _Units) -> Iterator[tuple[str, ir.Express
 
 
 def _findings(
-    what: str, numbers: Iterable[ir.Expression], params: Collection[tuple[str, float]]
+    what: str, numbers: Iterable[ir.Expression], params: Collection[tuple[str, float]], *origin: Label
 ) -> Iterator[Diagnostic]:
     for node in numbers:
         while isinstance(node, ir.UnaryOperation):
@@ -130,7 +134,11 @@ def _findings(
         else:
             continue
         message = f"{what} is in percent: {found} means {node.value * 100:.15g} percent"
-        yield error("E220", node.span, message, hint)
+        yield error("E220", node.span, message, hint, *origin)
+
+
+def _is_inside(part: Span, whole: Span) -> bool:
+    return part.source is whole.source and whole.start <= part.start and part.end <= whole.end
 
 
 def _shown(span: Span) -> str:

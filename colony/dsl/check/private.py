@@ -11,8 +11,10 @@ _HINT = "a name that begins with `_` can be used only in its file"
 
 def reject_private_name(checker: Checker, node: ast.SyntaxNode, scope: Scope, name: str) -> bool:
     """Report a name that is unknown in a scope because it belongs to another file; return True if so."""
+    if not is_private(name) or (scope is checker.scope and scope.declares_private(name)):
+        return False
     owner = scope.file.source.name if scope.declares_private(name) else scope.hidden.get(name)
-    if owner is None or not is_private(name):
+    if owner is None:
         return False
     checker.error("E110", node, f"`{name}` belongs to `{owner}`", _HINT)
     return True

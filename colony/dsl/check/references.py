@@ -208,6 +208,9 @@ def _network_member(
         case ModuleSymbol(members=members, home=home):
             if reject_private_member(checker, node, home, name):
                 return None
+            if network_symbol.unbound:
+                _report_unbound(checker, node, owner, network_symbol)
+                return None
             if name in members:
                 return _value(checker, node, members[name])
             hint = (
@@ -381,7 +384,7 @@ def resolve_network_symbol(checker: Checker, node: ast.Reference) -> NetworkSymb
         checker.error("E106", node, message, hint)
         return None
     if isinstance(network_symbol, ModuleSymbol) and network_symbol.unbound:
-        _report_unbound(checker, node, network_symbol)
+        _report_unbound(checker, node, node.text, network_symbol)
         return BrokenSymbol()
     if network_symbol is None and not reject_private_name(checker, node, scope, path[0]):
         known_names = [*scope.visible_network_symbols, *scope.robot.network_symbols, *scope.aliases]
@@ -394,12 +397,12 @@ def resolve_network_symbol(checker: Checker, node: ast.Reference) -> NetworkSymb
     return network_symbol
 
 
-def _report_unbound(checker: Checker, node: ast.Reference, module: ModuleSymbol) -> None:
+def _report_unbound(checker: Checker, node: ast.Reference, name: str, module: ModuleSymbol) -> None:
     """Report a module that is used though it has inputs that are not bound."""
-    inputs = ", ".join(f"{name} = ..." for name in module.unbound)
+    inputs = ", ".join(f"{unbound} = ..." for unbound in module.unbound)
     plural = "inputs that are" if len(module.unbound) > 1 else "an input that is"
-    message = f"module `{node.text}` has {plural} not bound: {quoted(module.unbound)}"
-    hint = f"derive one with them, and use that: `module NAME = {node.text}({inputs})`"
+    message = f"module `{name}` has {plural} not bound: {quoted(module.unbound)}"
+    hint = f"derive one with them, and use that: `module NAME = {name}({inputs})`"
     checker.error("E408", node, message, hint)
 
 

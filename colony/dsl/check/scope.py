@@ -107,11 +107,12 @@ class ArgumentSymbol(Record):
 class TypedParameter(Record):
     """A parameter of a function or an input of a module; an array without `size` is of any length.
 
-    Only parameters of functions have a `default`.
+    `unit` is the declared unit of its values, if any. Only parameters of functions have a `default`.
     """
 
     name: str
     element: Scalar
+    unit: str
     is_array: bool
     size: int | None
     default: Constant | None = None
