@@ -94,4 +94,5 @@ CODES: dict[str, str] = {
     "W011": "nothing leaves a phase",
     "W012": "a slice reaches beyond the bearings of its array",
     "W013": "a slice goes through the rear",
+    "W014": "a plain index that wraps",
 }

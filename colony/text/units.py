@@ -144,6 +144,19 @@ def parse_unit(text: str) -> Unit:
     return Unit(text, dimension, factor)
 
 
+def common_units(dimension: Dimension) -> tuple[str, ...]:
+    """Return up to three units of a dimension that people write, the base unit among them.
+
+    Example:
+        >>> common_units(LENGTH), common_units(LENGTH.over(TIME))
+        (('mm', 'cm', 'm'), ('mm/s', 'm/s'))
+    """
+    names = [name for name, (of, _) in BASE_UNITS.items() if of == dimension]
+    base = str(dimension)
+    metric = re.sub(r"\bmm\b", "m", re.sub(r"\bdeg\b", "rad", base))
+    return tuple(names[:3] or dict.fromkeys((base, metric)))
+
+
 def nanoseconds(seconds: float) -> int:
     """Return a finite time in seconds as whole nanoseconds, rounded once (half to even)."""
     return round(Fraction(seconds) * 1_000_000_000)

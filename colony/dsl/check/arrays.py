@@ -85,7 +85,8 @@ def _whole_index(
         return None
     if type_.bearings is not None:
         angle = type_.bearings.angles[round(value) % type_.size]
-        _note_plain(checker, node, f"looks along {_degrees(angle)}", _degrees(angle))
+        is_inside = 0 <= round(value) < type_.size
+        _note_plain(checker, node, f"looks along {_degrees(angle)}", _degrees(angle), is_inside)
     return index
 
 
@@ -137,7 +138,8 @@ def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) ->
     indices = tuple(i % size for i in range(first, first + count))
     if type_.bearings is not None:
         a, b = (_degrees(type_.bearings.angles[i]) for i in (indices[0], indices[-1]))
-        _note_plain(checker, node, f"looks from {a} to {b}", f"{a} .. {b}")
+        is_inside = first >= 0 and last < size
+        _note_plain(checker, node, f"looks from {a} to {b}", f"{a} .. {b}", is_inside)
     return indices
 
 
@@ -235,12 +237,21 @@ def _angle(checker: Checker, node: ast.Expression, what: str) -> float | None:
 # --- wording ---------------------------------------------------------------------------------------
 
 
-def _note_plain(checker: Checker, node: ast.Index | ast.SliceOf, looks: str, bearing: str) -> None:
-    """Note where a plain index looks, since on another robot it looks elsewhere."""
-    array = _text(checker, node.array)
-    message = f"`{_text(checker, node)}` {looks}"
+def _note_plain(
+    checker: Checker, node: ast.Index | ast.SliceOf, looks: str, bearing: str, is_inside: bool
+) -> None:
+    """Note where a plain index looks; warn of one that wraps: perhaps an angle without its unit."""
+    array, span = _text(checker, node.array), checker.span(node)
     hint = f"write `{array}[{bearing}]`, which means the same on every robot"
-    checker.report.diagnostics.append(note("N002", checker.span(node), message, hint))
+    if is_inside:
+        message = f"`{_text(checker, node)}` {looks}"
+        checker.report.diagnostics.append(note("N002", span, message, hint))
+        return
+    message = f"`{_text(checker, node)}` wraps, and {looks}: a number without a unit is an index"
+    ends = (node.index,) if isinstance(node, ast.Index) else (node.first, node.last)
+    meant = " .. ".join(f"{_text(checker, end)} deg" for end in ends)
+    hint = f"write `{array}[{meant}]` for the angle, `{array}[{bearing}]` for what it looks along"
+    checker.report.diagnostics.append(warning("W014", span, message, hint))
 
 
 def _text(checker: Checker, node: ast.SyntaxNode) -> str:

@@ -20,7 +20,8 @@ from colony.ir import expression as ir
 from colony.ir.types import DIMENSIONLESS, Array, Bool, Quantity, Scalar, ScalarValue, Type
 from colony.text.diagnostics import Label
 from colony.text.source import Span
-from colony.text.units import TIME, UnitError, nanoseconds
+from colony.text.units import TIME, UnitError, common_units, nanoseconds
+from colony.text.wording import listed
 
 MAX_DURATION_NS = 10**18
 """Maximum duration in nanoseconds, so that sums of times fit 64 bits in every executor."""
@@ -84,7 +85,7 @@ class Checker(ABC):
             return None
         if fits(found.type, expected):
             return found
-        hint = _type_hint(node, found.type, expected)
+        hint = type_hint(node, found.type, expected)
         self.error(
             "E202", node, f"{what} must be {with_article(expected)}, found {with_article(found.type)}", hint
         )
@@ -210,7 +211,8 @@ class Checker(ABC):
         return found
 
 
-def _type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
+def type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
+    """Return a hint for an expression whose type is not the expected one, if there is one."""
     if isinstance(found, Array) and not isinstance(expected, Array):
         if isinstance(expected, Bool):
             return "reduce the array with `any(...)` or `all(...)`"
@@ -218,7 +220,14 @@ def _type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
     if not isinstance(found, Quantity) or not isinstance(expected, Quantity):
         return None
     if isinstance(node, ast.Number) and node.unit is None:
-        return f"write its unit, for example `{node.digits[:20]} {expected}`"
+        return unit_hint(node, expected)
     if found == DIMENSIONLESS:
-        return f"give it a unit: times `1 {expected}`"
+        units = [f"`1 {unit}`" for unit in common_units(expected.dimension)]
+        return f"give it a unit: times {listed(units, 'or')}"
     return f"divide by a unit for a plain number: `x / 1 {found}`" if expected == DIMENSIONLESS else None
+
+
+def unit_hint(number: ast.Number, expected: Quantity) -> str:
+    """Return a hint for a number without a unit; which unit was meant, only its author knows."""
+    units = [f"`{number.digits[:20]} {unit}`" for unit in common_units(expected.dimension)]
+    return f"write its unit: {listed(units, 'or')}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from colony.dsl import ast
 from colony.dsl.check.arrays import check_index, check_slice
-from colony.dsl.check.checker import Checker
+from colony.dsl.check.checker import Checker, unit_hint
 from colony.dsl.check.compatibility import unify, with_article, with_articles
 from colony.dsl.check.constants import unit_of
 from colony.dsl.check.functions import check_any_call
@@ -26,6 +26,8 @@ from colony.ir.types import (
     Type,
     element_type,
 )
+from colony.text.units import common_units
+from colony.text.wording import listed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,8 +192,9 @@ def _infix_hint(node: ast.Infix, operator: ir.Binary, left: Type, right: Type) -
     ):
         plain, unit = (node.left, b) if a == DIMENSIONLESS else (node.right, a)
         if isinstance(plain, ast.Number):
-            return f"write its unit, for example `{plain.digits[:20]} {unit}`"
-        return f"give it a unit, times `1 {unit}`; or divide the other: `x / 1 {unit}` is a plain number"
+            return unit_hint(plain, unit)
+        units = listed([f"`1 {name}`" for name in common_units(unit.dimension)], "or")
+        return f"give it a unit, times {units}; or divide the other: `x / 1 {unit}` is a plain number"
     if isinstance(a, Bool) and isinstance(b, Bool) and operator not in _BOOLEAN:
         return "turn a bool into a number with `if b then 1 else 0`, or count bools with `count`"
     return None

@@ -17,7 +17,7 @@ from colony.dsl.check.arguments import argument_symbol, placeholder, without_wil
 from colony.dsl.check.calls import FORMER_FUNCTIONS, FUNCTION_NAMES, check_call, reject_named_arguments
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
-from colony.dsl.check.parameters import check_parameter, takes, what_it_takes
+from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
 from colony.dsl.check.percent import argument_findings
 from colony.dsl.check.private import reject_private_name
 from colony.dsl.check.references import kind_of_part
@@ -251,7 +251,8 @@ def _fits(
     if takes(parameter, found):
         return True
     what = f"parameter `{parameter.name}` of `{node.function.text}` takes {what_it_takes(parameter)}"
-    checker.error("E202", value, f"{what}, found {with_article(found)}")
+    hint = argument_hint(value, parameter, found)
+    checker.error("E202", value, f"{what}, found {with_article(found)}", hint)
     return False
 
 

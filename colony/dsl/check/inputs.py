@@ -15,7 +15,7 @@ from colony.dsl.check.arguments import without_wildcard_type
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.parameters import check_parameter, takes, what_it_takes
+from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
 from colony.dsl.check.percent import argument_findings
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, Report, Scope, TypedParameter, ValueSymbol
 from colony.ir import program as ir
@@ -94,7 +94,8 @@ def _bound(report: Report, full_name: str, typed: TypedParameter, binding: Bindi
         return None
     if not takes(typed, found.type):
         what = f"input `{typed.name}` takes {what_it_takes(typed)}"
-        checker.error("E404", binding.value, f"{what}, found {with_article(found.type)}")
+        hint = argument_hint(binding.value, typed, found.type)
+        checker.error("E404", binding.value, f"{what}, found {with_article(found.type)}", hint)
         return None
     report.diagnostics += argument_findings(typed, found)
     if typed.type is None:

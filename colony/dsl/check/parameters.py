@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.dsl import ast
-from colony.dsl.check.checker import Checker
+from colony.dsl.check.checker import Checker, type_hint
 from colony.dsl.check.compatibility import fits, plural, with_article
 from colony.dsl.check.robot import MAX_ELEMENTS, check_type
 from colony.dsl.check.scope import TypedParameter
@@ -30,6 +30,13 @@ def takes(parameter: TypedParameter, found: Type) -> bool:
     if expected is None:
         return isinstance(found, Array) and fits(found.element, parameter.element)
     return fits(found, expected)
+
+
+def argument_hint(node: ast.Expression, parameter: TypedParameter, found: Type) -> str | None:
+    """Return a hint for a value that a parameter does not take, if there is one."""
+    if not parameter.is_array:
+        return type_hint(node, found, parameter.element)
+    return type_hint(node, found.element, parameter.element) if isinstance(found, Array) else None
 
 
 def what_it_takes(parameter: TypedParameter) -> str:
