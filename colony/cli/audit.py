@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.params_choice import params_option
 from colony.cli.reporting import PROGRESS_DELAY_S, load_program, refuse, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 @click.argument("recording", metavar="RECORDING")
 @click.argument("file", metavar="[FILE]", required=False, type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(recording: str, file: str | None, format_: str) -> None:
     """Decide every frame of a recording again, and show the first frame decided differently.

@@ -9,6 +9,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, output_option, write_whole
+from colony.cli.params_choice import params_option
 from colony.cli.reporting import report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -31,6 +32,7 @@ CLIENTS_BYTES = 64 * 1024 * 1024
 @click.command("compile", short_help="compile a behavior to prioritized clients")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option(
     "--explain",
     is_flag=True,

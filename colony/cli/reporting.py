@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.params_choice import chosen_params
 from colony.cli.robot_choice import chosen_robot
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, headline, render
@@ -94,7 +95,7 @@ def check_to_run(path: str) -> Checked:
     """Check a file; also search its directory and the current one for Python modules."""
     from colony.dsl.load import check_file
 
-    checked = check_file(path, robot=chosen_robot())
+    checked = check_file(path, robot=chosen_robot(), params=chosen_params())
     if checked.program is not None:
         sys.path += [str(Path(path).resolve().parent), os.curdir]
     return checked

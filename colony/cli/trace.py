@@ -12,6 +12,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, output_option, write_whole
+from colony.cli.params_choice import params_option
 from colony.cli.reporting import load_program, one_line, refuse, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 @click.command("trace", short_help="replay recorded frames through any executor")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option(
     "--input", "input_", required=True, metavar="FRAMES", help="A file of frames, or - for standard input."
 )
