@@ -87,8 +87,8 @@ def refuse(diagnostics: Sequence[Diagnostic]) -> NoReturn:
 
 
 def is_unreadable(diagnostics: Sequence[Diagnostic]) -> bool:
-    """Return True if the file itself could not be read, which is misuse rather than an error in the file."""
-    return len(diagnostics) == 1 and diagnostics[0].code in ("E001", "E003")
+    """Return True if the file itself, or that of params, could not be read, which is misuse."""
+    return len(diagnostics) == 1 and diagnostics[0].code in ("E001", "E003", "E701")
 
 
 def check_to_run(path: str) -> Checked:

@@ -130,8 +130,8 @@ class _Catalog:
             case ast.RobotDecl(items=items):
                 for item in items:
                     if isinstance(item, ast.SensorDecl | ast.ActuatorDecl):
-                        kind = "a sensor" if isinstance(item, ast.SensorDecl) else "an actuator"
-                        self._add(scope, item.name.text, item.name, kind)
+                        noun = "a sensor" if isinstance(item, ast.SensorDecl) else "an actuator"
+                        self._add(scope, item.name.text, item.name, noun)
             case ast.ModuleDecl() | ast.PythonModuleDecl() | ast.DerivedModuleDecl():
                 full_name = scope.full_name(node.name.text)
                 self._add(scope, full_name, node.name, "a module")
