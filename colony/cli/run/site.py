@@ -29,6 +29,9 @@ def load_for_run(file: str, *, unproved: bool) -> Compiled:
     if is_compiled(file):
         return _of_compiled(file, load_compiled(file), params, unproved=unproved)
     if params is None:
+        if unproved:
+            message = "--unproved requires --params, or a compiled program with params"
+            raise click.UsageError(message, click.get_current_context())
         return load_compiled(file)
     compilation = compile_file(file)
     if unproved:
