@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
@@ -17,6 +17,7 @@ from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
     from colony.compile.pipeline import Compilation
+    from colony.dsl.site import SiteParams
     from colony.execute.checked import CheckedExecutor
     from colony.execute.compiled import Compiled
     from colony.ir.program import Program
@@ -25,11 +26,19 @@ if TYPE_CHECKING:
     from colony.verify.contracts.results import Result as ContractResult
     from colony.verify.difference.results import Result as Difference
 
+Params = str | PathLike[str] | Mapping[str, object]
+"""Values of params: the path of a TOML file, or a mapping of names to values, or to further such mappings."""
+
 PROOF_TIMEOUT_S = 60.0
 """Timeout of z3 in seconds for one question of a proof."""
 
 
-def load(path: str | PathLike[str], *, robot: str | PathLike[str] | None = None) -> Program:
+def load(
+    path: str | PathLike[str],
+    *,
+    robot: str | PathLike[str] | None = None,
+    params: Params | None = None,
+) -> Program:
     """Check the file at `path`, with everything that it imports, and return its program.
 
     Args:
@@ -37,6 +46,8 @@ def load(path: str | PathLike[str], *, robot: str | PathLike[str] | None = None)
         robot: The description that `import robot` brings in, by its name or path. By default it is that of
             the
             project: `robot` in the nearest colony.toml.
+        params: Values of params in place of those in the text: the path of a TOML file, or a mapping such as
+            `{"cruising": "250 mm/s", "avoid": {"clearance": "0.7 m"}}`.
 
     Raises:
         DiagnosticError: there are errors; it has all diagnostics, warnings included.
@@ -44,7 +55,7 @@ def load(path: str | PathLike[str], *, robot: str | PathLike[str] | None = None)
     from colony.dsl.load import load_file
 
     _expect_path(path)
-    return load_file(Shipped.BEHAVIOR.find(str(path)), robot=_description(robot))
+    return load_file(Shipped.BEHAVIOR.find(str(path)), robot=_description(robot), params=_site(params))
 
 
 def loads(
@@ -53,10 +64,12 @@ def loads(
     directory: str | PathLike[str] = ".",
     *,
     robot: str | PathLike[str] | None = None,
+    params: Params | None = None,
 ) -> Program:
     """Check a text and return its program; messages call it `name`, imports are relative to `directory`.
 
     `robot` is the description that `import robot` brings in, by its name or path: a text has no project.
+    `params` are as in `load`.
 
     Raises:
         DiagnosticError: there are errors; it has all diagnostics, warnings included.
@@ -66,7 +79,18 @@ def loads(
     _expect(text, str, "the text of a behavior; `load` takes the path of a file")
     _expect(name, str, "the name of a text")
     _expect_path(directory)
-    return load_text(text, name, str(directory), robot=_description(robot))
+    return load_text(text, name, str(directory), robot=_description(robot), params=_site(params))
+
+
+def _site(params: Params | None) -> SiteParams | None:
+    if params is None:
+        return None
+    from colony.dsl.site_reading import params_from_values, read_params
+
+    _expect(params, (str, PathLike, Mapping), "the path of a TOML file, or a mapping of names to values")
+    if isinstance(params, Mapping):
+        return params_from_values(params, "<params>")
+    return read_params(str(params))
 
 
 def _description(robot: str | PathLike[str] | None) -> str | None:

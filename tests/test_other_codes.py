@@ -81,7 +81,7 @@ def make(files: list[Fence]) -> list[str]:
                 Path("example.stickrep").write_text(fence.text)
             case ["json"]:
                 Path("frames.jsonl").write_text(fence.text)
-            case ["python", name]:
+            case ["python" | "toml", name]:
                 Path(name).write_text(fence.text)
             case ["colony", *words]:
                 alone = words == ["alone"] or fence.text.startswith(("robot ", "import "))
@@ -94,6 +94,7 @@ def make(files: list[Fence]) -> list[str]:
 def typed(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
     """The exit code of a command, and what it prints on both streams, as on a terminal."""
     printed, before = io.StringIO(), set(sys.modules)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(Path("cache").absolute()))
     monkeypatch.setattr(sys, "argv", words)
     monkeypatch.setattr(sys, "path", list(sys.path))
     with redirect_stdout(printed), redirect_stderr(printed), pytest.raises(SystemExit) as stopped:

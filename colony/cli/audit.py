@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.params_choice import choose_params, chosen_params, params_option
 from colony.cli.reporting import PROGRESS_DELAY_S, load_program, refuse, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -26,16 +27,18 @@ if TYPE_CHECKING:
 @click.argument("recording", metavar="RECORDING")
 @click.argument("file", metavar="[FILE]", required=False, type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(recording: str, file: str | None, format_: str) -> None:
     """Decide every frame of a recording again, and show the first frame decided differently.
 
     The program is taken from the recording. A recording as JSON lines does not contain its program: give
-    the program as FILE. If a client was late or lost, the idle command is accepted as well. Frames in
-    which a connection from outside the network commanded, or in which the emergency stop or a lock was
-    on, are counted; what was sent from outside must be within the limits of its frame, unless the
-    connection ignored them. A truncated recording is audited up to its end, a damaged one before and after
-    the damage.
+    the program as FILE. Params that a site set are those in the recording, unless --params gives others.
+
+    If a client was late or lost, the idle command is accepted as well. Frames in which a connection from
+    outside the network commanded, or in which the emergency stop or a lock was on, are counted; what was sent
+    from outside must be within the limits of its frame, unless the connection ignored them. A truncated
+    recording is audited up to its end, a damaged one before and after the damage.
 
     Modules in Python are not run: the recording contains their answers.
 
@@ -48,13 +51,15 @@ def command(recording: str, file: str | None, format_: str) -> None:
       colony audit run.mcap
       colony audit run.mcap changed.colony
     """
-    from colony.runtime.recordings.opening import open_recording, read_recording
+    from colony.dsl.site_reading import params_of
+    from colony.runtime.recordings.opening import open_recording, read_recording, recorded_site
     from colony.text.diagnostics import DiagnosticError
     from colony.verify.audit.audit import audit_recording
 
     try:
         with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
             reader = read_recording(stream, recording)
+            choose_params(params_of(recorded_site(recording)))
             program = _program(reader, recording, file, Path(folder))
             result = audit_recording(program, reader, _Progress(stream))
             _refuse_empty(recording, reader, result)
@@ -82,7 +87,7 @@ def _program(reader: RecordingReader, recording: str, file: str | None, folder: 
 
     if reader.run is None:
         raise DiagnosticError([unusable(recording, "a recording as JSON lines does not contain its program")])
-    return recorded_program(reader.run, recording, folder)
+    return recorded_program(reader.run, recording, folder, chosen_params())
 
 
 def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) -> None:
@@ -116,6 +121,8 @@ def _print_json(
         "seed": run.seed if run else None,
         "run": run.run if run else None,
         "truncated": reader.truncation,
+        "params": None if program.site is None else dict(program.site.values),
+        "params_hash": None if program.site is None else program.site.hash,
     }
     click.echo(json.dumps(summary | result.as_json(), indent=2))
 

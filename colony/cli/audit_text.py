@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator, Program
+from colony.ir.site import Site
 from colony.runtime.recordings.recorded import RunInfo
 from colony.text.wording import counted
 from colony.verify.audit.report import AuditReport, Difference
@@ -34,6 +35,7 @@ def render(
     lines = [
         f"{name}: {title}{by}, {counted(report.frames, 'frame')}"
         f" from {_seconds(report.first_ns)} to {_seconds(report.last_ns)}",
+        *_indented(_site(program.site, None if run is None else run.site)),
         *_indented(_counts(report)),
         *_indented(_contracts(report, program)),
         *([f"  truncated: {truncation}; audited as far as it goes"] if truncation else []),
@@ -55,6 +57,13 @@ def render(
 
 def _indented(lines: Iterator[str]) -> Iterator[str]:
     return (f"  {line}" for line in lines)
+
+
+def _site(site: Site | None, recorded: Site | None) -> Iterator[str]:
+    if site is not None:
+        values = ", ".join(f"{name} = {value}" for name, value in site.values)
+        unproved = " (the run was not proved with them)" if recorded and recorded.proved is None else ""
+        yield f"params of {site.file}: {values}{unproved}"
 
 
 def _counts(report: AuditReport) -> Iterator[str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, cast
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import Format, format_option, is_unreadable, one_line, report, say
 from colony.cli.robot_choice import descriptions_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -28,6 +29,7 @@ _ANY: dict[str, RobotChoice | None] = {"": None}
 @click.command("check", short_help="find errors in behavior files")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @descriptions_option()
+@params_option()
 @format_option
 def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str) -> None:
     """Check behavior files and everything that they import: syntax, names, types, units, wiring.
@@ -53,7 +55,10 @@ def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str
         noted: set[str] = set()
         unreadable = False
         for file in files:
-            by_robot = {name: check_file(file, robot=robot) for name, robot in (robots or _ANY).items()}
+            by_robot = {
+                name: check_file(file, robot=robot, params=chosen_params())
+                for name, robot in (robots or _ANY).items()
+            }
             checked = next(iter(by_robot.values()))
             notes = [note for one in by_robot.values() for note in _notes(one, noted)]
             found = in_order((*_of_all({name: one.diagnostics for name, one in by_robot.items()}), *notes))

@@ -9,6 +9,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, output_option, write_whole
+from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -31,6 +32,7 @@ CLIENTS_BYTES = 64 * 1024 * 1024
 @click.command("compile", short_help="compile a behavior to prioritized clients")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option(
     "--explain",
     is_flag=True,
@@ -88,7 +90,7 @@ def command(
       colony compile --prove wander.py wander
 
     With -o NAME.colonyc the output is the compiled program with its sources, which `colony run` takes in
-    place of a behavior.
+    place of a behavior. With --params it has their values, and the contracts that are proved with them.
     """
     if explain and format_ != "table":
         raise click.UsageError("--explain requires --format table", click.get_current_context())
@@ -124,7 +126,17 @@ def command(
     if output is None:
         click.echo(text, nl=False)
     else:
-        write_whole(output, encode(compilation.compiled) if output.suffix == SUFFIX else text)
+        write_whole(output, encode(_proved(compilation, file, no_proof)) if output.suffix == SUFFIX else text)
+
+
+def _proved(compilation: Compilation, file: str, no_proof: bool) -> Compiled:
+    """Return the compiled program; with params of a site, with the contracts that are proved with them."""
+    params = chosen_params()
+    if params is None or no_proof:
+        return compilation.compiled
+    from colony.cli.site_proof import with_proof
+
+    return with_proof(compilation, file, params, instead="--no-proof")
 
 
 def _text(compilation: Compilation, format_: str, explain: bool) -> str:

@@ -8,6 +8,7 @@ import time
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
+from colony.cli.params_choice import params_option
 from colony.cli.reporting import load_program, report
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -21,6 +22,7 @@ from colony.verify.interruption import reliable_interrupts
 @click.argument("a", metavar="A.colony", type=BEHAVIOR)
 @click.argument("b", metavar="B.colony", type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option(
     "--ignore",
     multiple=True,

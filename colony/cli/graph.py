@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from colony.cli.outputs import check_output, write_whole
+from colony.cli.params_choice import params_option
 from colony.cli.reporting import load_program
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -17,6 +18,7 @@ FORMATS = ("svg", "dot", "graphml")
 @click.command("graph", short_help="draw the network as SVG, DOT or GraphML")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option(
     "-o",
     "--output",

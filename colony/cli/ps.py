@@ -143,7 +143,8 @@ def _priorities(state: RobotState) -> dict[str, int]:
 
 
 def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
-    yield f"run {run.run} of {run.file}, led by process {run.process}"
+    params = f" with the params of {run.params}" if run.params else ""
+    yield f"run {run.run} of {run.file}{params}, led by process {run.process}"
     text = f"frame {run.k}, {run.frames} decided"
     if run.restarts:
         text += f", memory was reset {run.restarts} times"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.params_choice import chosen_params
 from colony.cli.robot_choice import chosen_robot
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, headline, render
@@ -86,15 +87,15 @@ def refuse(diagnostics: Sequence[Diagnostic]) -> NoReturn:
 
 
 def is_unreadable(diagnostics: Sequence[Diagnostic]) -> bool:
-    """Return True if the file itself could not be read, which is misuse rather than an error in the file."""
-    return len(diagnostics) == 1 and diagnostics[0].code in ("E001", "E003")
+    """Return True if the file itself, or that of params, could not be read, which is misuse."""
+    return len(diagnostics) == 1 and diagnostics[0].code in ("E001", "E003", "E701")
 
 
 def check_to_run(path: str) -> Checked:
     """Check a file; also search its directory and the current one for Python modules."""
     from colony.dsl.load import check_file
 
-    checked = check_file(path, robot=chosen_robot())
+    checked = check_file(path, robot=chosen_robot(), params=chosen_params())
     if checked.program is not None:
         sys.path += [str(Path(path).resolve().parent), os.curdir]
     return checked

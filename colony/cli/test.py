@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.params_choice import params_option
 from colony.cli.reporting import check_to_run, is_unreadable, one_line, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 @click.command("test", short_help="run the tests that behavior files contain")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 @click.option(
     "--only",

@@ -12,6 +12,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, output_option, write_whole
+from colony.cli.params_choice import choose_params, params_option
 from colony.cli.reporting import load_program, one_line, refuse, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 @click.command("trace", short_help="replay recorded frames through any executor")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option(
     "--input", "input_", required=True, metavar="FRAMES", help="A file of frames, or - for standard input."
 )
@@ -42,6 +44,9 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
     missing. Recordings of `colony run --record`, as JSON lines or MCAP, are valid input. If a line is
     invalid, an error is reported, nothing is printed, and the exit code is 2.
 
+    Params that a site set are those in the recording, unless --params gives others. Give --params for a
+    recording that comes by a pipe.
+
     In a damaged recording the undamaged frames are decided, the damaged time span is reported, and the exit
     code is 1. After the damage the backend `network` continues from the recorded memory, the others from the
     next epoch.
@@ -54,8 +59,13 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
     """
     if output is not None:
         check_output(output, [file, input_])
+    from colony.runtime.recordings.opening import read_frames, recorded_site
+
+    if input_ != "-":
+        from colony.dsl.site_reading import params_of
+
+        choose_params(params_of(recorded_site(input_)))
     program = load_program(file)
-    from colony.runtime.recordings.opening import read_frames
     from colony.runtime.recordings.replay import outcome_line
     from colony.text.diagnostics import DiagnosticError
     from colony.verify.audit.deciding import Decider

@@ -58,7 +58,8 @@ class Compilation:
             SourceFile(kind="behavior", path=path, data=source.text.encode("utf-8", "replace"))
             for path, source in files
         ]
-        return replace(lowered, sources=(*texts, *self.python), root=files[-1][0] if files else "")
+        root = files[-1][0] if files else ""
+        return replace(lowered, sources=(*texts, *self.python), root=root, site=self.program.site)
 
 
 def compile_program(program: Program, python: tuple[SourceFile, ...] = ()) -> Compilation:

@@ -2,8 +2,9 @@
 
 Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
 when each occurs and how to fix it. E0xx is about text and files, E1xx about names, E2xx about types and
-constants, E3xx about the robot, E4xx about modules, E5xx about the network, E6xx about limits and tests;
-N0xx are notes, U0xx what a person has to decide in an upgrade, W0xx warnings and notes.
+constants, E3xx about the robot, E4xx about modules, E5xx about the network, E6xx about limits and tests, E7xx
+about params of a site; N0xx are notes, U0xx what a person has to decide in an upgrade, W0xx warnings and
+notes.
 """
 
 from __future__ import annotations
@@ -79,6 +80,10 @@ CODES: dict[str, str] = {
     "E602": "the times of a test do not increase",
     "E603": "a value that cannot be given to a sensor",
     "E604": "a step of a test is too long or has no period",
+    "E701": "a file of params cannot be read",
+    "E702": "a file of params is not TOML",
+    "E703": "a name of no param that a site may set",
+    "E704": "a value that a param cannot have",
     "N001": "a file does not name its version",
     "N002": "a plain index of an array with bearings",
     "U001": "limits that can contradict each other",

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from colony.dsl.check.program import check_program
+from colony.dsl.check.site_labels import with_site_labels
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import SourceTree, load_tree, relative_sources
 from colony.dsl.robot_import import Surroundings, surroundings_of
+from colony.dsl.site import SiteParams
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, DiagnosticError
 
@@ -22,20 +24,25 @@ class Checked(NamedTuple):
     tree: SourceTree
 
 
-def _check_tree(tree: SourceTree, path: Path) -> Checked:
-    program, diagnostics = check_program(tree)
+def _check_tree(tree: SourceTree, path: Path, params: SiteParams | None) -> Checked:
+    program, diagnostics = check_program(tree, params=params)
+    if params is not None and program is None:
+        diagnostics = with_site_labels(diagnostics, check_program(tree)[1], params)
     if program is not None:
         program = replace(program, files=relative_sources(tree, path))
     return Checked(program, diagnostics, tree)
 
 
-def check_file(path: str | Path, *, robot: RobotChoice | str | None = None) -> Checked:
+def check_file(
+    path: str | Path, *, robot: RobotChoice | str | None = None, params: SiteParams | None = None
+) -> Checked:
     """Check the file at `path` with all its imports; errors become diagnostics, never exceptions.
 
     `robot` is the description that `import robot` brings in; by default, the project of the file says it.
+    The values of `params` stand in for those in the text.
     """
     around = surroundings_of(Path(path), _choice(robot))
-    return _check_tree(load_tree(Path(path), str(path), around=around), Path(path))
+    return _check_tree(load_tree(Path(path), str(path), around=around), Path(path), params)
 
 
 def check_text(
@@ -44,19 +51,22 @@ def check_text(
     directory: str | Path = ".",
     *,
     robot: RobotChoice | str | None = None,
+    params: SiteParams | None = None,
 ) -> Checked:
-    """Check a text; imports are relative to `directory`. `robot` is the one that `import robot` brings in."""
+    """Check a text; imports are relative to `directory`. `robot` and `params` are as in `check_file`."""
     path = Path(directory) / (Path(name).name or "<text>")
-    return _check_tree(load_tree(path, name, text, around=Surroundings(choice=_choice(robot))), path)
+    return _check_tree(load_tree(path, name, text, around=Surroundings(choice=_choice(robot))), path, params)
 
 
-def load_file(path: str | Path, *, robot: RobotChoice | str | None = None) -> Program:
-    """Return the program of a file; `robot` is as in `check_file`.
+def load_file(
+    path: str | Path, *, robot: RobotChoice | str | None = None, params: SiteParams | None = None
+) -> Program:
+    """Return the program of a file; `robot` and `params` are as in `check_file`.
 
     Raises:
         DiagnosticError: there is an error; it holds all errors and warnings.
     """
-    return _program(check_file(path, robot=robot))
+    return _program(check_file(path, robot=robot, params=params))
 
 
 def load_text(
@@ -65,13 +75,14 @@ def load_text(
     directory: str | Path = ".",
     *,
     robot: RobotChoice | str | None = None,
+    params: SiteParams | None = None,
 ) -> Program:
-    """Return the program of a text; `directory` and `robot` are as in `check_text`.
+    """Return the program of a text; `directory`, `robot` and `params` are as in `check_text`.
 
     Raises:
         DiagnosticError: there is an error; it holds all errors and warnings.
     """
-    return _program(check_text(text, name, directory, robot=robot))
+    return _program(check_text(text, name, directory, robot=robot, params=params))
 
 
 def _choice(robot: RobotChoice | str | None) -> RobotChoice | None:

@@ -10,6 +10,7 @@ from typing import Literal
 
 from colony.execute.code import Code, ContractCode
 from colony.ir.program import Robot
+from colony.ir.site import Site
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +35,7 @@ class Compiled:
         code: Sensors, actuators with their prioritized clients, modules in Python, contracts and memory.
         sources: Source files; empty for a program built in memory.
         root: Path of the compiled behavior file, "" without sources.
+        site: The params that a site set, which the code has; None if no site set any.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Compiled:
     code: Code
     sources: tuple[SourceFile, ...] = ()
     root: str = ""
+    site: Site | None = None
 
     @property
     def robot(self) -> Robot:

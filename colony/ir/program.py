@@ -12,6 +12,7 @@ from reprlib import repr as short
 from typing import Literal, Protocol
 
 from colony.ir.expression import Expression
+from colony.ir.site import Site
 from colony.ir.types import Enum, Scalar, ScalarValue, Type
 from colony.record import Record, record
 from colony.text.source import NOWHERE, Source, Span
@@ -394,7 +395,7 @@ class Program(Record):
     `derived` and `wires` are sorted topologically: each comes after those that it is computed from.
     `modules`, `limits` and `contracts` are in the order written. `files` are the source texts, imported files
     first, each with the relative path (with `/`) by which other files import it; none if the program was
-    built in memory.
+    built in memory. `site` has the params that a site set, if it set any; they are part of all else already.
     """
 
     robot: Robot
@@ -405,6 +406,7 @@ class Program(Record):
     contracts: tuple[Contract, ...] = ()
     tests: tuple[Example, ...] = ()
     files: tuple[tuple[str, Source], ...] = field(default=(), compare=False, repr=False)
+    site: Site | None = field(default=None, compare=False, repr=False)
 
 
 def modules_that_can_be_lost(program: Program) -> tuple[str, ...]:

@@ -183,7 +183,11 @@ class _Run:
             servers=tuple(server.name for server in additional_servers),
         )
         self._tally = Tally(compiled)
-        self._status_tracker = RunStatusTracker(self._deployed, file=os.path.abspath(request.file))
+        self._status_tracker = RunStatusTracker(
+            self._deployed,
+            file=os.path.abspath(request.file),
+            params="" if compiled.site is None else os.path.abspath(compiled.site.file),
+        )
         self._window = Window(
             request.length_ns,
             frame_ns=compiled.frame_ns,

@@ -9,6 +9,8 @@ from colony.dsl.check.program import check_program
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import SHIPPED, SourceTree, load_tree, real_path
 from colony.dsl.robot_import import Surroundings
+from colony.dsl.site import SiteParams
+from colony.dsl.site_reading import params_of
 from colony.ir.program import Program
 from colony.os_errors import naming
 from colony.runtime.recordings.recorded import RunInfo
@@ -19,10 +21,11 @@ MAX_DESCRIPTIONS = 20
 """Maximum number of files of a recording that are tried as the description of the robot."""
 
 
-def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
+def recorded_program(run: RunInfo, name: str, folder: Path, params: SiteParams | None = None) -> Program:
     """Return the program of a recording; its sources are unpacked into `behavior` and `python` in `folder`.
 
-    `name` is the name of the recording in messages. No Python module is run.
+    `name` is the name of the recording in messages. The params of a site are `params`, by default
+    those in the recording. No Python module is run.
 
     Raises:
         DiagnosticError: A005, the recording does not have the whole program, or the program has errors.
@@ -49,7 +52,7 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
                 )
             ]
         )
-    program, diagnostics = check_program(tree)
+    program, diagnostics = check_program(tree, params=params or params_of(run.site))
     if program is None:
         first = next(d for d in diagnostics if has_errors([d]))
         raise DiagnosticError([unusable(name, f"its program has errors: {headline(first)}")])

@@ -123,6 +123,7 @@ def recording_into(
             sources=compiled.sources,
             run=run,
             started=started,
+            site=compiled.site,
         )
         return RunRecording(McapRecording(compiled, info, file), path)
     except BlockingIOError:

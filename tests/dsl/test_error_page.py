@@ -14,6 +14,7 @@ import colony.dsl
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.errors import CODES
 from colony.dsl.load import check_file
+from colony.dsl.site_reading import read_params
 from colony.text.diagnostics import Diagnostic, render
 from tests.paths import ROOT
 
@@ -69,7 +70,7 @@ def make(files: list[Fence]) -> None:
             subprocess.run("\n".join(commands), shell=True, check=True)
             continue
         _, _, name = fence.info.partition(" ")
-        if name.endswith(".colony"):
+        if name.endswith((".colony", ".toml")):
             Path(name).write_text(fence.text)
         else:
             alone = name == "alone" or fence.text.startswith("robot r ")
@@ -80,7 +81,9 @@ def checked(files: list[Fence]) -> tuple[Diagnostic, ...]:
     make(files)
     [text] = re.findall(r" --robot (\S+)$", files[-1].text) or [None]
     robot = None if text is None else RobotChoice(text=text, origin=f"--robot {text}")
-    return check_file("example.colony", robot=robot).diagnostics
+    [site] = re.findall(r" --params (\S+)$", files[-1].text) or [None]
+    params = None if site is None else read_params(site)
+    return check_file("example.colony", robot=robot, params=params).diagnostics
 
 
 def test_every_code_of_the_sources_is_registered_and_none_besides() -> None:

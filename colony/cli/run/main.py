@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.cli.params_choice import params_option
 from colony.cli.reporting import refuse, report, say
 from colony.cli.robot_choice import described_robot_option
 from colony.cli.robot_options import (
@@ -98,6 +99,12 @@ PICTURE = "run.png"
     metavar="SEED",
     help="With --to: simulate hazards drawn from this seed: people, open doors, broken lights and more.",
 )
+@params_option("A contract that is proved without them must be proved with them, too.")
+@click.option(
+    "--unproved",
+    is_flag=True,
+    help="With --params: run even if contracts are not proved with these values; the recording says so.",
+)
 @click.option("--fsync", is_flag=True, help="With --processes: make DServer's data survive a power failure.")
 @click.option(
     "--isolate", is_flag=True, help="With --processes or --connect: run each client in its own process."
@@ -122,6 +129,10 @@ def command(**arguments: Any) -> None:
     terminal to press them. With --connect the robot must stand before the room --from, on the map --map
     (docs/missions.md).
 
+    With --params each contract that is proved of the program must be proved with these values, too, or the
+    run is refused. The proof is made before the first frame, unless it is in the cache (~/.cache/colony) or
+    in the compiled program.
+
     At the end the command prints a summary (how long each client drove, the distance, the bumps, the broken
     contracts) and draws the path. Ctrl-C stops the robot, closes the recording and prints the summary; the
     exit code is then 130. A recording that fails, for example on a full disk, ends the run in the same way,
@@ -139,6 +150,7 @@ def command(**arguments: Any) -> None:
       colony run navigator --connect --map loop --from 201 --to 216
       colony run teleop --map loop --realtime --set TeleopVelocity=200
       colony run wander --map loop --processes --duration 30
+      colony run wander --map loop --params site.toml
       colony run wander --connect --robot rome
       colony run wander --connect tls/rome.lab:7447 --security ada.toml
     """
@@ -146,11 +158,11 @@ def command(**arguments: Any) -> None:
     reason = objection(options)
     if reason is not None:
         raise click.UsageError(reason, click.get_current_context())
-    from colony.cli.programs import load_compiled
+    from colony.cli.run.site import load_for_run
 
     if options.map_path is not None:
         expect_extras("sim", *(["vision"] if options.goal is not None else []))
-    compiled = load_compiled(options.file)
+    compiled = load_for_run(options.file, unproved=options.unproved)
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
     with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, draw

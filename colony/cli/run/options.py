@@ -51,6 +51,7 @@ class Options:
     hazards: int | None
     fsync: bool
     isolate: bool
+    unproved: bool
     format_: Literal["text", "json"]
 
 

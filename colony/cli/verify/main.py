@@ -8,6 +8,7 @@ from typing import cast
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.params_choice import params_option
 from colony.cli.reporting import Format, format_option, is_unreadable
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
@@ -24,6 +25,7 @@ from colony.verify.interruption import reliable_interrupts
 @click.command("verify", short_help="prove contracts, and find modules that can never act")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @description_option()
+@params_option()
 @click.option(
     "--contract", "names", multiple=True, metavar="NAME", help="Verify only this contract. May be repeated."
 )

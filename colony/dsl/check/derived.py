@@ -16,18 +16,21 @@ from colony.dsl.check.scope import (
     StateSymbol,
     ValueSymbol,
 )
+from colony.dsl.check.site_values import site_param
 from colony.ir import program as ir
 from colony.ir.expression import Expression, SensorValue
 from colony.ir.types import BOOL, Enum, Scalar, ScalarValue
 from colony.text.units import BASE_UNITS
 
 
-def check_param(checker: Checker, node: ast.ParamDecl) -> ParamSymbol | BrokenSymbol:
-    """Check a named constant."""
+def check_param(checker: Checker, node: ast.ParamDecl, full_name: str) -> ParamSymbol | BrokenSymbol:
+    """Check a named constant; what a site sets for its full name stands in for its value."""
     found = checker.constant(node.value, None, f"param `{node.name.text}`")
-    return (
-        BrokenSymbol() if found is None else ParamSymbol(type=without_wildcard(found.type), value=found.value)
-    )
+    if found is None:
+        return BrokenSymbol()
+    given = checker.scope.site.get(full_name)
+    own = ParamSymbol(type=without_wildcard(found.type), value=found.value)
+    return own if given is None else site_param(checker, given, own, node)
 
 
 def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:

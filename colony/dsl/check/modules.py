@@ -27,6 +27,7 @@ from colony.dsl.check.scope import (
     ValueSymbol,
     span_of,
 )
+from colony.dsl.check.site_values import site_param
 from colony.ir import program as ir
 from colony.ir.expression import Constant, Expression
 from colony.ir.types import BOOL, ScalarValue
@@ -43,9 +44,11 @@ _PYTHON_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 class Template(Record):
     """A module's declaration, its scope, and the params and inputs that derived modules give.
 
-    `failsafe` is true if the module, or one that it is derived from, is declared so.
+    `failsafe` is true if the module, or one that it is derived from, is declared so. `owner` is the full name
+    of the module whose declaration it is.
     """
 
+    owner: str
     node: ast.ModuleDecl | ast.PythonModuleDecl
     failsafe: bool
     scope: Scope
@@ -152,7 +155,12 @@ def _template(
         if not isinstance(current.node, ast.DerivedModuleDecl):
             node, scope = current.node, current.scope
             templates[current.full_name] = Template(
-                node=node, failsafe=node.failsafe, scope=scope, params={}, inputs={}
+                owner=current.full_name,
+                node=node,
+                failsafe=node.failsafe,
+                scope=scope,
+                params={},
+                inputs={},
             )
             break
         current = _base(report, current, by_name)
@@ -191,7 +199,7 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
     known_inputs = [c.name.text for c in base.node.clauses if isinstance(c, ast.InputDecl)]
     declared: dict[str, ValueSymbol] = {}
     quiet = ExpressionChecker(scope=base.scope, report=Report(), local=declared)
-    _params(quiet, _clauses(base.node, ast.ParamDecl), base.params, declared)
+    _params(quiet, base, declared)
     params, inputs = dict(base.params), dict(base.inputs)
     given: set[str] = set()
     for argument in node.arguments:
@@ -217,6 +225,12 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
         else:
             expected = f"param `{name}` of `{node.base.text}` is {with_article(param.type)}"
             checker.error("E404", argument.value, f"{expected}, found {with_article(found.type)}")
+    for name in known:
+        site_value = pending.scope.site.get(f"{pending.full_name}.{name}")
+        param = declared.get(name)
+        if site_value is not None and isinstance(param, ParamSymbol):
+            set_param = site_param(checker, site_value, param, node.name)
+            params |= {name: set_param} if isinstance(set_param, ParamSymbol) else {}
     return replace(base, params=params, inputs=inputs, failsafe=base.failsafe or node.failsafe)
 
 
@@ -251,9 +265,9 @@ def _instance(report: Report, pending: PendingModule, template: Template) -> Ins
     derived_report.cells = report.cells  # bindings may have memory
     module: ir.AnyModule | None
     if isinstance(template.node, ast.PythonModuleDecl):
-        module = _python_module(checker, pending, template.node, template.params, local)
+        module = _python_module(checker, pending, template.node, template, local)
     else:
-        module = _module(checker, pending, template.node, template.params, local)
+        module = _module(checker, pending, template.node, template, local)
     if module is not None:
         module = replace(module, failsafe=template.failsafe)
     if derived:
@@ -297,7 +311,7 @@ def _module(
     checker: Checker,
     pending: PendingModule,
     node: ast.ModuleDecl,
-    overrides: Mapping[str, ParamSymbol],
+    template: Template,
     local: dict[str, ValueSymbol],
 ) -> ir.Module | None:
     """Check a module written in the language; return None if anything in it is wrong."""
@@ -305,7 +319,7 @@ def _module(
     names = frozenset(c.name.text for c in node.clauses if not isinstance(c, ast.NextDecl))
     checker = replace(checker, module_names=names)
     _report_duplicates(checker, node.clauses)
-    params = _params(checker, _clauses(node, ast.ParamDecl), overrides, local)
+    params = _params(checker, template, local)
     states = _states(checker, full_name, _clauses(node, ast.StateDecl), local)
     lets: list[ir.Let] = []
     for clause in node.clauses:
@@ -345,17 +359,14 @@ def _report_duplicates(checker: Checker, clauses: tuple[ast.Clause | ast.PythonC
 
 
 def _params(
-    checker: Checker,
-    clauses: list[ast.ParamDecl],
-    overrides: Mapping[str, ParamSymbol],
-    local: dict[str, ValueSymbol],
+    checker: Checker, template: Template, local: dict[str, ValueSymbol]
 ) -> tuple[tuple[str, ScalarValue], ...]:
     """Return the params in order, as written or overridden; each may read those above it."""
     params: list[tuple[str, ScalarValue]] = []
-    for clause in clauses:
+    for clause in _clauses(template.node, ast.ParamDecl):
         name = clause.name.text
-        symbol: ParamSymbol | BrokenSymbol = check_param(checker, clause)
-        local[name] = symbol = overrides.get(name, symbol)
+        symbol: ParamSymbol | BrokenSymbol = check_param(checker, clause, f"{template.owner}.{name}")
+        local[name] = symbol = template.params.get(name, symbol)
         if isinstance(symbol, ParamSymbol):
             params.append((name, symbol.value))  # type: ignore[arg-type]
     return tuple(params)
@@ -406,13 +417,13 @@ def _python_module(
     checker: Checker,
     pending: PendingModule,
     node: ast.PythonModuleDecl,
-    overrides: Mapping[str, ParamSymbol],
+    template: Template,
     local: dict[str, ValueSymbol],
 ) -> ir.PythonModule | None:
     """Check a module whose step is Python. Its class is not imported: checking runs no user code."""
     before = len(checker.report.diagnostics)
     _report_duplicates(checker, node.clauses)
-    params = _params(checker, _clauses(node, ast.ParamDecl), overrides, local)
+    params = _params(checker, template, local)
     if not _PYTHON_PATH.fullmatch(node.path):
         hint = 'for example "colony.nav.hallway:CenterHallway"'
         checker.error("E405", node, f'"{node.path}" does not name a class as "package.module:Class"', hint)

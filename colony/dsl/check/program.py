@@ -40,8 +40,11 @@ from colony.dsl.check.scope import (
     StateSymbol,
     WireSymbol,
 )
+from colony.dsl.check.site_names import bind_params
+from colony.dsl.check.site_values import site_numbers
 from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, names_reaching_actuators
 from colony.dsl.files import SourceTree
+from colony.dsl.site import SiteParams
 from colony.ir import program as ir
 from colony.ir.types import ScalarValue
 from colony.text.diagnostics import Diagnostic, Label, error, has_errors, in_order, warning
@@ -50,15 +53,16 @@ _Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
 
 def check_program(
-    tree: SourceTree, *, tolerated: frozenset[str] = frozenset()
+    tree: SourceTree, *, tolerated: frozenset[str] = frozenset(), params: SiteParams | None = None
 ) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:
     """Return the program (None if there are errors), and all errors and warnings in order.
 
-    Errors with the codes `tolerated` are reported, but the program is returned.
+    Errors with the codes `tolerated` are reported, but the program is returned. The values of `params` stand
+    in for those in the text.
     """
-    report = Report(diagnostics=list(tree.diagnostics))
+    report = Report(diagnostics=[*tree.diagnostics, *([] if params is None else params.diagnostics)])
     is_readable = bool(tree.files) and not any(d.code == "E008" for d in tree.diagnostics)
-    program = _Check(tree, report).run() if is_readable else None
+    program = _Check(tree, report, params).run() if is_readable else None
     diagnostics = in_order(report.diagnostics)
     fatal = has_errors(d for d in diagnostics if d.code not in tolerated)
     return (None if fatal else program), diagnostics
@@ -67,12 +71,13 @@ def check_program(
 class _Check:
     """A check of one program in progress."""
 
-    def __init__(self, tree: SourceTree, report: Report) -> None:
+    def __init__(self, tree: SourceTree, report: Report, params: SiteParams | None) -> None:
         self.report = report
         self.robot = RobotScope()
         self.scopes = [Scope(file=f, robot=self.robot) for f in tree.files]
         self.root = self.scopes[-1]
         declare_names(report, self.scopes)
+        self.site = None if params is None else bind_params(report, self.scopes, params)
 
     def run(self) -> ir.Program | None:
         self._constants()
@@ -106,9 +111,10 @@ class _Check:
             limits=tuple(x for x in limits if x is not None),
             contracts=tuple(contracts),
             tests=tuple(x for x in tests if x is not None),
+            site=self.site,
         )
         if not has_errors(self.report.diagnostics):
-            params = plain_params(scope.file.tree for scope in self.scopes)
+            params = plain_params(scope.file.tree for scope in self.scopes) | site_numbers(self.root.site)
             self.report.diagnostics += dict.fromkeys(percent_findings(program, params))
         return program
 
@@ -136,7 +142,8 @@ class _Check:
                     symbol = EnumSymbol(type=type_) if type_ else BrokenSymbol()
                     scope.values.setdefault(node.name.text, symbol)
                 elif isinstance(node, ast.ParamDecl):
-                    scope.values.setdefault(node.name.text, check_param(checker, node))
+                    full_name = scope.full_name(node.name.text)
+                    scope.values.setdefault(node.name.text, check_param(checker, node, full_name))
 
     def _robot(self) -> ir.Robot | None:
         """Check the one robot of the program."""

@@ -12,6 +12,7 @@ from itertools import islice
 
 from colony.dsl import ast
 from colony.dsl.files import ParsedFile
+from colony.dsl.site import SiteValue
 from colony.ir import program as ir
 from colony.ir.expression import Constant, Expression
 from colony.ir.types import Array, Enum, Scalar, Type, Value
@@ -239,6 +240,7 @@ class Scope:
 
     file: ParsedFile
     robot: RobotScope
+    site: Mapping[str, SiteValue] = field(default_factory=dict)  # by the full names of params
     values: dict[str, ValueSymbol] = field(default_factory=dict)
     network_symbols: dict[str, NetworkSymbol] = field(default_factory=dict)
     visible_values: dict[str, Scope] = field(default_factory=dict)

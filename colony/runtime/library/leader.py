@@ -37,7 +37,8 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     `process` is the id of the leader's process; `processes` has the ids of the processes that it started, by
     name. `restarts` counts the frames in which all memory was restarted. `commanded_by` has the client that
     commanded each actuator in the newest frame, None if none did. `disagreements` counts the frames in which
-    the runtime deviated from the program: it should be 0.
+    the runtime deviated from the program: it should be 0. `params` is the file with the params
+    that a site set, "" for none.
     """
 
     run: str
@@ -51,6 +52,7 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     commanded_by: dict[str, str | None]
     clients: tuple[ClientStanding, ...]
     processes: dict[str, int] = {}
+    params: str = ""
 
 
 def run_status() -> Ask[RunStatus]:

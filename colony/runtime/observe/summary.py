@@ -9,6 +9,7 @@ from typing import assert_never
 from colony.execute.compiled import Compiled
 from colony.execute.needs import BOUNDS
 from colony.ir.frame import RecordKind
+from colony.ir.site import Site
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Fate, Hold
 from colony.runtime.protocol.topics import client_address
@@ -88,6 +89,15 @@ class Travel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ParamsSummary:
+    """The params that a site set in `file`, and their hash; `proved` is False for a run without a proof."""
+
+    file: str
+    hash: str
+    proved: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
     """Summary of one run; `contracts` is the number of contracts of the program.
 
@@ -96,7 +106,7 @@ class RunSummary:
 
     `restarts` counts the restarts of all memory, `skipped` the frames that could not be observed, and
     `unknown` the frames that could not be checked because memory was unknown. On a real robot the travel is
-    unknown: `bumps`, `distance_mm` and `mean_speed_mm_s` are None.
+    unknown: `bumps`, `distance_mm` and `mean_speed_mm_s` are None. `params` is None if no site set any.
     """
 
     robot: str
@@ -119,6 +129,7 @@ class RunSummary:
     broke_off: str | None = None
     unwritten: tuple[str, ...] = ()
     unknown: int = 0
+    params: ParamsSummary | None = None
 
     def as_json(self) -> dict[str, object]:
         """Return the summary as plain dicts and lists."""
@@ -219,6 +230,7 @@ class Tally:
             skipped=self._skipped,
             disagreements=tuple(self._disagreements),
             unknown=self._unknown,
+            params=_params(self._compiled.site),
         )
 
     def _actuator(self, name: str) -> ActuatorSummary:
@@ -239,6 +251,12 @@ class Tally:
         )
 
 
+def _params(site: Site | None) -> ParamsSummary | None:
+    if site is None:
+        return None
+    return ParamsSummary(file=site.file, hash=site.hash, proved=site.proved is not None)
+
+
 def _mean_speed(distance_mm: float, duration_s: float) -> float:
     return distance_mm / duration_s if duration_s > 0 else 0.0
 
@@ -249,6 +267,9 @@ def render(summary: RunSummary) -> str:
     length = f"{summary.duration_s:.1f} s, {counted(summary.frames, 'frame')}"
     head = f"{summary.robot}: {length}, seed {summary.seed}{end}"
     lines = [head]
+    if summary.params is not None:
+        proved = "" if summary.params.proved else ", UNPROVED"
+        lines.append(f"  with the params of {summary.params.file} ({summary.params.hash[:12]}){proved}")
     for actuator in summary.actuators:
         width = max(len(s.module or "(nobody)") for s in actuator.shares)
         lines.append(f"  {actuator.actuator} was commanded by")

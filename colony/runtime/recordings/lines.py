@@ -14,7 +14,8 @@ that were late, lost, refused or overruled, `@outside` with the connection outsi
 (and `@unlimited` if the limits of the program did not hold for it), or `@held_by` with the reason of a hold.
 Broken contracts are not written, because they follow from the rest. `@python` has the answers of modules in
 Python (`answers.py`). `@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least every
-half second, the memory from which a reader resumes after a damaged line (`keyframes.py`).
+half second, the memory from which a reader resumes after a damaged line (`keyframes.py`). Beside it,
+`@params` has the params that a site set (`site.py`).
 
 MCAP recordings (`mcap_writer.py`) contain more.
 """
@@ -34,6 +35,8 @@ from colony.runtime.protocol.messages import Verdict
 from colony.runtime.recordings.answers import answers_text
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
 from colony.runtime.recordings.keyframes import keyframe_members
+from colony.runtime.recordings.replay import PARAMS
+from colony.runtime.recordings.site import site_text
 
 
 class ByteFile(Protocol):
@@ -85,6 +88,7 @@ def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
     """Return a function that encodes frames of a program: sensors, then actuators, in the order declared."""
     sensors = compiled.robot.sensors
     actuators = compiled.robot.actuators
+    site_members = [] if compiled.site is None else [f'"{PARAMS}": {site_text(compiled.site)}']
 
     def encode(log: FrameLog) -> str:
         parts = [f'"t": {seconds_text(log.frame.t_ns)}', f'"@tick": {log.tick.k}', _SEMANTICS]
@@ -98,6 +102,7 @@ def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
             parts.append(f'"@skipped": {log.skipped}')
         if log.keyframe is not None:
             parts.append(f'"@keyframe": {{{", ".join(keyframe_members(log.keyframe))}}}')
+            parts += site_members
         if log.answers:
             parts.append(f'"@python": {answers_text(log.answers)}')
         parts += sensor_members(log.frame, sensors)

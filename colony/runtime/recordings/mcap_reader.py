@@ -37,6 +37,8 @@ from colony.runtime.recordings.mcap_writer import (
     CLIENTS,
     FORMAT,
     METADATA,
+    SITE,
+    SITE_MEMBER,
     ContractsMessage,
     VerdictMessage,
 )
@@ -44,6 +46,7 @@ from colony.runtime.recordings.reader import BREAKS_OFF, command_values, gaps
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
 from colony.runtime.recordings.replay import RECORD_AGAIN
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
+from colony.runtime.recordings.site import read_site
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
@@ -186,7 +189,8 @@ class McapReader:
                 for module, priority in members.items()
                 if module != CHECKSUM
             )
-        except (msgspec.ValidationError, ValueError) as problem:
+            site = read_site(json.loads(metadata[SITE][SITE_MEMBER])) if SITE in metadata else None
+        except (msgspec.ValidationError, ValueError, KeyError, RecursionError) as problem:
             self._fail("A002", f"its metadata is malformed: {problem}")
         self._actuators = frozenset(
             name.removeprefix(CLIENTS) for name in metadata if name.startswith(CLIENTS)
@@ -209,6 +213,7 @@ class McapReader:
             sources=sources,
             run=run.run,
             started=run.started,
+            site=site,
         )
 
     def _fail(

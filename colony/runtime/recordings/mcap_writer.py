@@ -48,6 +48,7 @@ from colony.runtime.recordings.schemas import (
     VERDICTS,
     channel_schemas,
 )
+from colony.runtime.recordings.site import site_text
 
 FORMAT = "colony-recording/2"
 """Format of recordings. Version 1 had no checksums."""
@@ -57,6 +58,12 @@ METADATA = "colony"
 
 CLIENTS = "colony clients of "
 """Prefix of metadata names; metadata `<prefix><actuator>` has the priorities of its clients."""
+
+SITE = "colony params"
+"""Name of the metadata about the params that a site set."""
+
+SITE_MEMBER = "json"
+"""Name of the member of `SITE` with them as a JSON object."""
 
 CHECKSUM = "checksum"
 """Name of the metadata member with the checksum of the other members."""
@@ -176,6 +183,8 @@ class McapRecording:
         writer = self._writer
         writer.start(library=f"colony {run.version}")
         self._add_metadata(METADATA, _metadata(run))
+        if run.site is not None:
+            self._add_metadata(SITE, {SITE_MEMBER: site_text(run.site)})
         clients: dict[str, tuple[str, ...]] = {}
         for actuator in self._compiled.robot.actuators:
             priorities = {

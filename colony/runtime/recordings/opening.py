@@ -6,9 +6,11 @@ from io import BufferedReader
 from typing import BinaryIO, NoReturn
 
 from colony.files import open_regular, reason
+from colony.ir.site import Site
 from colony.runtime.recordings.reader import MAGIC, FramesReader, LinesReader
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.runtime.recordings.replay import CHECKSUM_PREFIX
+from colony.runtime.recordings.site import site_of_lines
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
@@ -40,6 +42,16 @@ def read_frames(file: BinaryIO, name: str) -> RecordingReader:
 
         return McapReader(file, name)
     return FramesReader(file, name)
+
+
+def recorded_site(path: str) -> Site | None:
+    """Return the params of a site in the file of a recording; None if it has none, or is no recording."""
+    try:
+        with open_regular(path) as file:
+            reader = read_recording(file, path)
+            return site_of_lines(file) if reader.run is None else reader.run.site
+    except (OSError, DiagnosticError):  # reported where its frames are read
+        return None
 
 
 def _raise_unreadable(path: str, why: str) -> NoReturn:

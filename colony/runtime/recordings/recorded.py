@@ -9,6 +9,7 @@ from typing import Protocol
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
+from colony.ir.site import Site
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.protocol.messages import Tick, Verdict
 
@@ -19,6 +20,7 @@ class RunInfo:
 
     `program` is the path in `sources` of the behavior that was run, "" if the sources are unknown. `run` is
     the name of a run on a real robot, and `started` its start time as text for users.
+    `site` has the params that a site set.
     """
 
     robot: str
@@ -30,6 +32,7 @@ class RunInfo:
     sources: tuple[SourceFile, ...] = ()
     run: str = ""
     started: str = ""
+    site: Site | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -110,10 +110,13 @@ def has_valid_checksum(line: bytes) -> bool:
     return match is not None and int(match[1], 16) == zlib.crc32(line[:start].removeprefix(BOM_UTF8))
 
 
+PARAMS = "@params"
+"""Member of a line with the params that a site set."""
+
 RESERVED = frozenset(
     {
         *("t", "restarted"),
-        *("@tick", "@previous", "@semantics", "@restart", "@skipped", "@keyframe", "@python", "@sum"),
+        *("@tick", "@previous", "@semantics", "@restart", "@skipped", "@keyframe", "@python", PARAMS, "@sum"),
     }
 )
 """Members of a line that are not sensors or actuators; names in a program cannot contain `@`."""

@@ -30,9 +30,10 @@ class RunStatusTracker:
     The client of an actuator's bounds is on time unless a command from outside waited for it in vain.
     """
 
-    def __init__(self, deployment: Deployment, *, file: str) -> None:
+    def __init__(self, deployment: Deployment, *, file: str, params: str = "") -> None:
         self._deployment = deployment
         self._file = file
+        self._params = params
         self._clients = {address: _Client() for address, _ in client_addresses(deployment)}
         self._commanded_by: dict[str, str | None] = {}
         self._k = -1
@@ -95,6 +96,7 @@ class RunStatusTracker:
             disagreements=self._disagreements,
             commanded_by=dict(self._commanded_by),
             processes=dict(self._pids()),
+            params=self._params,
             clients=tuple(
                 ClientStanding(
                     address=address,

@@ -1,0 +1,68 @@
+"""The program of `colony run`, with the params of a site if it may run with them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import click
+
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.params_choice import chosen_params
+from colony.cli.reporting import report, say
+from colony.execute.colonyc import is_compiled
+
+if TYPE_CHECKING:
+    from colony.dsl.site import SiteParams
+    from colony.execute.compiled import Compiled
+
+
+def load_for_run(file: str, *, unproved: bool) -> Compiled:
+    """Return the compiled program of a file, for a run; with params of a site, one with which it may run.
+
+    Exits like `load_compiled`; with 1 if a contract is not proved any more with the params; with 2 if that
+    cannot be proved here, or if the file was compiled with other params.
+    """
+    from colony.cli.programs import compile_file, load_compiled
+
+    params = chosen_params()
+    if is_compiled(file):
+        return _of_compiled(file, load_compiled(file), params, unproved=unproved)
+    if params is None:
+        if unproved:
+            message = "--unproved requires --params, or a compiled program with params"
+            raise click.UsageError(message, click.get_current_context())
+        return load_compiled(file)
+    compilation = compile_file(file)
+    if unproved:
+        return compilation.compiled
+    from colony.cli.site_proof import with_proof
+
+    return with_proof(compilation, file, params, instead="--unproved")
+
+
+def _of_compiled(file: str, compiled: Compiled, params: SiteParams | None, *, unproved: bool) -> Compiled:
+    """Return a compiled program that may run; it has its params, and the proof that was made with them."""
+    site = compiled.site
+    if params is not None:
+        if params.diagnostics:
+            report(params.diagnostics)
+            raise click.exceptions.Exit(EXIT_ERRORS)
+        given = tuple(sorted((value.name, value.text or "") for value in params.values))
+        if site is None or site.values != given:
+            say(
+                f"{file}: error: it was not compiled with the params of {params.file}; compile it again: "
+                f"colony compile FILE --params {params.file} -o {file}"
+            )
+            raise click.exceptions.Exit(EXIT_MISUSE)
+    if site is None:
+        return compiled
+    if unproved:
+        return replace(compiled, site=replace(site, proved=None))
+    if site.proved is None:
+        say(
+            f"{file}: error: it was compiled with the params of {site.file}, and without a proof of them; "
+            "compile it again without --no-proof, or give --unproved"
+        )
+        raise click.exceptions.Exit(EXIT_MISUSE)
+    return compiled
