@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 
 from colony.cli import site_proof
 from tests.cli.conftest import Colony
+from tests.paths import ROOT
 
 BEHAVIOR = """language 2
 import "rome"
@@ -184,9 +187,26 @@ def test_other_commands_take_params(colony: Colony, site: Path) -> None:
 
 
 def test_the_page_shows_what_runs(colony: Colony, site: Path) -> None:
-    from tests.paths import ROOT
 
     page = (ROOT / "docs" / "params.md").read_text(encoding="utf-8")
     Path("site.toml").write_text(page.partition("```toml\n")[2].partition("```")[0])
     assert colony("check", "wander", "--params", "site.toml").code == 0
-    assert os.path.exists("site.toml")
+
+
+def test_ctrl_c_ends_the_proof(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text('[hallway]\ncruising = "450 mm/s"\n')
+    words = ["run", "navigator", *("--map", "loop", "--from", "201", "--to", "216"), "--no-picture"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "colony", *words, "--params", "site.toml", "--record", "r.mcap"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "proving contracts with the params of site.toml\n"
+        process.send_signal(signal.SIGINT)
+        assert "Traceback" not in process.stderr.read()
+    assert process.returncode == 130
+    assert not (tmp_path / "r.mcap").exists()
