@@ -45,7 +45,7 @@ def _run(
     return subprocess.run(
         [sys.executable, "-c", code.format(missing=missing, arguments=arguments)],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(folder / "cache")},
         capture_output=True,
         text=True,
         check=False,
@@ -126,3 +126,24 @@ def test_all_that_is_missing_is_named_at_once(monkeypatch: pytest.MonkeyPatch) -
         str(missing.value)
         == "extras verify and vision not installed (no z3); run: pip install 'colony-robotics[verify,vision]'"
     )
+
+
+def test_params_of_a_site_are_refused_without_a_prover(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text('roaming = "250 mm/s"')
+    words = ("run", "wander", "--map", "loop", "--params", "site.toml")
+    ran = _run(COMMAND, *words, folder=tmp_path, missing=("z3",))
+    assert ran.returncode == 2
+    assert "12 contracts must be proved with these params, and z3 is not installed" in ran.stderr
+    assert "--unproved" in ran.stderr
+    compiled = _run(
+        COMMAND,
+        "compile",
+        *("wander", "--params", "site.toml", "-o", "w.colonyc"),
+        folder=tmp_path,
+        missing=(),
+    )
+    assert compiled.returncode == 0, compiled.stderr
+    driven = ("run", "w.colonyc", "--map", "loop", "--duration", "0.2", "--no-picture")
+    ran = _run(COMMAND, *driven, folder=tmp_path, missing=("z3",))
+    assert ran.returncode == 0, ran.stderr
+    assert "  with the params of site.toml (" in ran.stdout

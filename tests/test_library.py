@@ -313,3 +313,16 @@ def test_stepping_does_not_import_numpy() -> None:
         [sys.executable, "-c", f"{code}; print(*sys.modules)"], capture_output=True, text=True, check=True
     )
     assert not set(done.stdout.split()) & {"numpy", "zenoh", "lark", "click"}
+
+
+def test_load_takes_the_params_of_a_site(tmp_path: Path) -> None:
+    site = tmp_path / "site.toml"
+    site.write_text('roaming = "250 mm/s"\n[avoid]\nclearance = "0.7 m"\n')
+    by_file = colony.load("wander", params=site)
+    assert by_file == colony.load("wander", params={"roaming": "250 mm/s", "avoid": {"clearance": "0.7 m"}})
+    assert by_file != colony.load("wander")
+    with pytest.raises(colony.DiagnosticError) as refused:
+        colony.load("wander", params={"roaming": 250, "avoid.cleerance": "1 m"})
+    assert [d.code for d in refused.value.diagnostics] == ["E704", "E703"]
+    with pytest.raises(TypeError, match="a mapping of names to values"):
+        colony.load("wander", params=3)  # type: ignore[arg-type]

@@ -31,6 +31,9 @@ MAX_BYTES = 64 * 1024
 MAX_TEXT = 1000
 """Maximum number of characters of a value."""
 
+MAX_DOTS = 100
+"""Maximum number of dots in a line: `tomllib` takes minutes for a key of many thousand parts."""
+
 _TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 
@@ -51,6 +54,13 @@ def read_params(path: str | Path) -> SiteParams:
 
 def params_from_toml(source: Source) -> SiteParams:
     """Return the params in a TOML text."""
+    start = 0
+    for line in source.text.split("\n"):
+        if line.count(".") > MAX_DOTS:
+            message = f"`{source.name}` has a line with more than {MAX_DOTS} dots"
+            problem = error("E702", Span(source, start, start + 1), message, "names have few parts")
+            return _unusable(source.name, problem)
+        start += len(line) + 1
     try:
         tables = tomllib.loads(source.text)
     except RecursionError:

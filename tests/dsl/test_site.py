@@ -259,6 +259,7 @@ def test_texts_that_are_no_values(folder: Path, text: str) -> None:
         (b"a = " + b"[" * 5000 + b"]" * 5000, "E702"),
         (b"a = " + b"1" * 5000, "E702"),
         (b"#" * (MAX_BYTES + 1), "E701"),
+        (b"a = 1\nb" + b".b" * 30_000 + b" = 1", "E702"),
         (b"colonyc\x05\x04\xff", "E702"),
     ],
 )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 
 from colony.cli import site_proof
 from tests.cli.conftest import Colony
+from tests.paths import ROOT
 
 BEHAVIOR = """language 2
 import "rome"
@@ -147,12 +150,9 @@ def test_without_z3_a_run_is_refused_but_for_a_compiled_program(
     monkeypatch.setattr(site_proof, "installed", lambda module: False)
     refused = colony("run", "b.colony", *RUN, "--params", "safe.toml")
     assert refused.code == 2
-    assert "2 contracts must be proved with these params, and z3 is not installed" in refused.err
+    assert "7 contracts must be proved with these params, and z3 is not installed" in refused.err
     assert "give --unproved" in refused.err
     assert "with the params of safe.toml" in colony("run", "x.colonyc", *RUN).out
-    Path("none.colony").write_text(BEHAVIOR.partition("contract")[0])
-    Path("none.toml").write_text("other = 2")
-    assert "with the params" in colony("run", "none.colony", *RUN, "--params", "none.toml").out
 
 
 def test_a_program_with_errors_of_its_own_must_prove_everything(colony: Colony, site: Path) -> None:
@@ -183,13 +183,30 @@ def test_other_commands_take_params(colony: Colony, site: Path) -> None:
     assert "400" in colony("compile", "b.colony", *option, "--format", "python").out
     assert colony("diff", "b.colony", "b.colony", *option).code == 0
     frame = '{"t": 0, "bumper": false}'
-    assert '"velocity": 400.0' in colony("trace", "b.colony", *option, "--input", "-", stdin=frame).out
+    assert '"by": "go"' in colony("trace", "b.colony", *option, "--input", "-", stdin=frame).out
 
 
 def test_the_page_shows_what_runs(colony: Colony, site: Path) -> None:
-    from tests.paths import ROOT
 
     page = (ROOT / "docs" / "params.md").read_text(encoding="utf-8")
     Path("site.toml").write_text(page.partition("```toml\n")[2].partition("```")[0])
     assert colony("check", "wander", "--params", "site.toml").code == 0
-    assert os.path.exists("site.toml")
+
+
+def test_ctrl_c_ends_the_proof(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text('[hallway]\ncruising = "450 mm/s"\n')
+    words = ["run", "navigator", *("--map", "loop", "--from", "201", "--to", "216"), "--no-picture"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "colony", *words, "--params", "site.toml", "--record", "r.mcap"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "proving contracts with the params of site.toml\n"
+        process.send_signal(signal.SIGINT)
+        assert "Traceback" not in process.stderr.read()
+    assert process.returncode == 130
+    assert not (tmp_path / "r.mcap").exists()
