@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -21,10 +22,16 @@ def test_commands_print_what_the_page_shows(tmp_path: Path, monkeypatch: pytest.
     for folder in ("behaviors", "maps"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     monkeypatch.chdir(tmp_path)
-    assert len(EXAMPLES) == 3
+    assert len(EXAMPLES) == 4
     for commands, shown in EXAMPLES:
         printed = [typed(line, monkeypatch) for line in commands.splitlines()]
         assert printed[-1] == shown
+    assert "](scan.svg)" in PAGE
+    drawn, kept = (folder.joinpath("scan.svg").read_text() for folder in (tmp_path, ROOT / "docs"))
+    with_version = r"<dc:title>(Matplotlib [^<]*)</dc:title>"
+    # Another matplotlib may set the same picture in another way.
+    if re.findall(with_version, drawn) == re.findall(with_version, kept):
+        assert drawn == kept
 
 
 def test_every_name_is_told_of() -> None:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.params_choice import choose_params, chosen_params, params_option
-from colony.cli.reporting import PROGRESS_DELAY_S, load_program, refuse, report, say
+from colony.cli.params_choice import choose_params, params_option
+from colony.cli.recorded import program_for
+from colony.cli.reporting import PROGRESS_DELAY_S, refuse, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.ir.version import SEMANTICS
@@ -60,7 +61,7 @@ def command(recording: str, file: str | None, format_: str) -> None:
         with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
             reader = read_recording(stream, recording)
             choose_params(params_of(recorded_site(recording)))
-            program = _program(reader, recording, file, Path(folder))
+            program = program_for(reader, recording, file, Path(folder))
             result = audit_recording(program, reader, _Progress(stream))
             _refuse_empty(recording, reader, result)
     except DiagnosticError as failure:
@@ -77,17 +78,6 @@ def command(recording: str, file: str | None, format_: str) -> None:
         click.echo(render(recording, reader.run, program, result, file=file, truncation=reader.truncation))
     if not result.agrees or result.damaged:
         raise click.exceptions.Exit(EXIT_ERRORS)
-
-
-def _program(reader: RecordingReader, recording: str, file: str | None, folder: Path) -> Program:
-    if file is not None:
-        return load_program(file)
-    from colony.robots.recorded_program import recorded_program, unusable
-    from colony.text.diagnostics import DiagnosticError
-
-    if reader.run is None:
-        raise DiagnosticError([unusable(recording, "a recording as JSON lines does not contain its program")])
-    return recorded_program(reader.run, recording, folder, chosen_params())
 
 
 def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) -> None:

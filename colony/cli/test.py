@@ -5,11 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.frame_picture import check_picture, draw_test
 from colony.cli.params_choice import params_option
 from colony.cli.reporting import check_to_run, is_unreadable, one_line, report, say
 from colony.cli.robot_choice import description_option
@@ -17,7 +19,9 @@ from colony.cli.shipped_files import BEHAVIOR
 from colony.text.wording import counted
 
 if TYPE_CHECKING:
+    from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
+    from colony.verify.testing.examples import ExampleResult
 
 
 @click.command("test", short_help="run the tests that behavior files contain")
@@ -31,7 +35,27 @@ if TYPE_CHECKING:
     metavar="NAME",
     help="Run only the tests whose names contain NAME. May be repeated.",
 )
-def command(files: tuple[str, ...], format_: str, only: tuple[str, ...]) -> None:
+@click.option(
+    "--picture",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="Draw a frame of the one test that is run, PNG or SVG: the arrays with bearings around the robot, "
+    "and the decisions.",
+)
+@click.option(
+    "--frame",
+    "frame_number",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="The frame to draw, counted from 0. [default: the first in which the test fails, else the last]",
+)
+def command(
+    files: tuple[str, ...],
+    format_: str,
+    only: tuple[str, ...],
+    picture: Path | None,
+    frame_number: int | None,
+) -> None:
     """Run every `test` block, and check all contracts in each of its frames.
 
     Exit code: 0 if all tests pass, 1 if a test fails or a file has errors, 2 if a file cannot be read or
@@ -41,9 +65,11 @@ def command(files: tuple[str, ...], format_: str, only: tuple[str, ...]) -> None
     Example:
       colony test wander
       colony test wander --only bump
+      colony test wander --only middle --picture middle.png
     """
     from colony.text.diagnostics import to_json
 
+    drawing = _checked_drawing(files, picture, frame_number)
     passed = failed = 0
     unreadable = False
     diagnostics: list[Diagnostic] = []
@@ -66,6 +92,9 @@ def command(files: tuple[str, ...], format_: str, only: tuple[str, ...]) -> None
     if only and not (passed or failed or diagnostics):
         names = " or ".join(f"`{name}`" for name in only)
         raise click.UsageError(f"no test has {names} in its name", click.get_current_context())
+    if drawing is not None and tested.program is not None:
+        with redirect_stdout(sys.stderr):
+            draw_test(drawing.picture, tested.program, files[0], tested.results, drawing.frame_number)
     if unreadable:
         raise click.exceptions.Exit(EXIT_MISUSE)
     if diagnostics:
@@ -73,12 +102,36 @@ def command(files: tuple[str, ...], format_: str, only: tuple[str, ...]) -> None
 
 
 class _Tested(NamedTuple):
-    """The results of one file's tests: a line per test, and the diagnostics."""
+    """The results of one file's tests: the diagnostics, a line per test, and the tests that were run."""
 
     diagnostics: Sequence[Diagnostic]
     lines: Sequence[str] = ()
     passed: int = 0
     failed: int = 0
+    program: Program | None = None
+    results: Sequence[ExampleResult] = ()
+
+
+class _Drawing(NamedTuple):
+    """A picture to be drawn, and the number of its frame."""
+
+    picture: Path
+    frame_number: int | None
+
+
+def _checked_drawing(
+    files: tuple[str, ...], picture: Path | None, frame_number: int | None
+) -> _Drawing | None:
+    if picture is None:
+        if frame_number is not None:
+            message = "--frame chooses the frame that --picture draws; found no --picture"
+            raise click.UsageError(message, click.get_current_context())
+        return None
+    if len(files) > 1:
+        message = f"--picture draws a frame of one test; found {len(files)} files"
+        raise click.UsageError(message, click.get_current_context())
+    check_picture(picture, files)
+    return _Drawing(picture, frame_number)
 
 
 def _test(file: str, only: tuple[str, ...]) -> _Tested:
@@ -99,4 +152,5 @@ def _test(file: str, only: tuple[str, ...]) -> _Tested:
         frames = counted(result.frames, "frame")
         lines.append(f"{file}: {verdict}: {result.name} ({frames})")
     passed = sum(result.passed for result in results)
-    return _Tested(failures_as_diagnostics(results), lines, passed, len(results) - passed)
+    failed = len(results) - passed
+    return _Tested(failures_as_diagnostics(results), lines, passed, failed, checked.program, results)

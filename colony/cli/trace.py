@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-import io
 import sys
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.frame_picture import check_picture, draw_frame, expect_bearings, frame_title, refuse_frame
 from colony.cli.outputs import check_output, output_option, write_whole
 from colony.cli.params_choice import choose_params, params_option
+from colony.cli.recorded import program_for
 from colony.cli.reporting import load_program, one_line, refuse, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.files import open_regular, reason
 
 if TYPE_CHECKING:
+    from colony.ir.frame import Outcome
+    from colony.ir.program import Program
+    from colony.runtime.recordings.recorded import RecordedFrame, RecordingReader
     from colony.verify.audit.deciding import Backend
 
 
 @click.command("trace", short_help="replay recorded frames through any executor")
-@click.argument("file", metavar="FILE", type=BEHAVIOR)
+@click.argument("file", metavar="[FILE]", required=False, type=BEHAVIOR)
 @description_option()
 @params_option()
 @click.option(
@@ -36,13 +42,35 @@ if TYPE_CHECKING:
     show_default=True,
     help="The executor: the reference interpreter, the client list, or the generated Python.",
 )
+@click.option(
+    "--frame",
+    "frame_number",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Print only the decision of the frame with this number, as `colony audit` counts them.",
+)
+@click.option(
+    "--picture",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="Draw the frame of --frame, by default the last one, PNG or SVG: the arrays with bearings around "
+    "the robot, and the decisions.",
+)
 @output_option
-def command(file: str, input_: str, backend: Backend, output: Path | None) -> None:
+def command(
+    file: str | None,
+    input_: str,
+    backend: Backend,
+    frame_number: int | None,
+    picture: Path | None,
+    output: Path | None,
+) -> None:
     """Run a behavior over recorded frames and print its decisions, one line per frame.
 
     A frame is a JSON object on one line: "t" in seconds, and sensors in declared units; an absent sensor is
-    missing. Recordings of `colony run --record`, as JSON lines or MCAP, are valid input. If a line is
-    invalid, an error is reported, nothing is printed, and the exit code is 2.
+    missing. Recordings of `colony run --record`, as JSON lines or MCAP, are valid input. An MCAP recording
+    contains its program, so that FILE may be left out, unless it has modules in Python. If a line is invalid,
+    an error is reported, nothing is printed, and the exit code is 2.
 
     Params that a site set are those in the recording, unless --params gives others. Give --params for a
     recording that comes by a pipe.
@@ -53,33 +81,38 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
 
     \b
     Example:
-      colony run wander --map loop --record run.jsonl
-      colony trace wander --input run.jsonl
+      colony run wander --map loop --record run.mcap
+      colony trace --input run.mcap
+      colony trace --input run.mcap --frame 120 --picture scan.png
       echo '{"t": 0, "bumper": true}' | colony trace wander --input -
     """
+    inputs = [path for path in (file, input_) if path is not None]
     if output is not None:
-        check_output(output, [file, input_])
+        check_output(output, inputs)
+    if picture is not None:
+        check_picture(picture, [*inputs, *([str(output)] if output is not None else [])])
     from colony.runtime.recordings.opening import read_frames, recorded_site
 
     if input_ != "-":
         from colony.dsl.site_reading import params_of
 
         choose_params(params_of(recorded_site(input_)))
-    program = load_program(file)
-    from colony.runtime.recordings.replay import outcome_line
+    program = None if file is None else load_program(file)
     from colony.text.diagnostics import DiagnosticError
-    from colony.verify.audit.deciding import Decider
 
-    lines = io.StringIO()
     name = "<stdin>" if input_ == "-" else input_
-    with _open(input_) as frames, redirect_stdout(sys.stderr):  # for prints of Python modules
-        decider = Decider(program, backend)
+    with (
+        _open(input_) as frames,
+        TemporaryDirectory(prefix="colony-trace-") as folder,
+        redirect_stdout(sys.stderr),  # for prints of Python modules
+    ):
         try:
             reader = read_frames(frames, name)
-            for recorded in reader.frames(program):
-                outcome = decider.step(recorded)
-                if outcome is not None:
-                    lines.write(outcome_line(program, recorded.frame.t_ns, outcome) + "\n")
+            if program is None:
+                program = _recorded_program(reader, name, Path(folder))
+            if picture is not None:
+                expect_bearings(program, file or name)
+            decided = _decide(program, reader, backend, frame_number)
         except DiagnosticError as failure:
             if failure.diagnostics[0].code == "A006":
                 say(one_line(failure.diagnostics[0]))
@@ -87,18 +120,90 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
             refuse(failure.diagnostics)
         except OSError as problem:
             _unreadable(name, reason(problem))
-    decider.end(damaged=reader.damaged)
+    if frame_number is not None and not decided.is_found:
+        refuse_frame(name, frame_number, decided.first, decided.last)
     if output is None:
-        click.echo(lines.getvalue(), nl=False)
+        click.echo("".join(decided.lines), nl=False)
     else:
-        write_whole(output, lines.getvalue())
+        write_whole(output, "".join(decided.lines))
+    if picture is not None:
+        subject = Path(file or (reader.run.program if reader.run else name)).name
+        _draw(picture, program, subject, decided, name)
+    _report(name, reader, decided)
+
+
+class _Decided:
+    """The decisions of a trace. Stateful: grows with the frames.
+
+    Attributes:
+        lines: a line for each decision that is printed.
+        first: the number of the first frame, and `last` that of the last one; there are none if it is below.
+        is_found: True if the frame of `--frame` was found.
+        shown: the last frame of which the decision is printed, if there is one; `active` are its modules.
+        damage, undecided: as `Decider` has them.
+    """
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.first, self.last = 0, -1
+        self.is_found = False
+        self.shown: tuple[RecordedFrame, Outcome] | None = None
+        self.active: tuple[str, ...] | None = None
+        self.damage: Sequence[str] = ()
+        self.undecided = 0
+
+
+def _decide(program: Program, reader: RecordingReader, backend: Backend, number: int | None) -> _Decided:
+    """Decide all frames, or those up to the one with a number, of which alone the decision is a line."""
+    from colony.runtime.recordings.replay import outcome_line
+    from colony.verify.audit.deciding import Decider
+
+    decider, decided = Decider(program, backend), _Decided()
+    for recorded in reader.frames(program):
+        outcome, k = decider.step(recorded), recorded.tick.k
+        decided.first, decided.last = (k if decided.last < 0 else decided.first), k
+        decided.is_found = number is None or k == number
+        if decided.is_found and outcome is not None:
+            decided.lines.append(outcome_line(program, recorded.frame.t_ns, outcome) + "\n")
+            decided.shown = recorded, outcome
+        if decided.is_found and number is not None:
+            break
+    decider.end(damaged=reader.damaged)
+    decided.active = decider.active_modules() if decided.shown else None
+    decided.damage, decided.undecided = decider.damage, decider.undecided
+    return decided
+
+
+def _recorded_program(reader: RecordingReader, name: str, folder: Path) -> Program:
+    """Return the program in a recording; it must not have modules in Python, which are not run from there."""
+    from colony.ir.program import PythonModule
+    from colony.robots.recorded_program import unusable
+    from colony.text.diagnostics import DiagnosticError
+
+    program = program_for(reader, name, None, folder)
+    if any(isinstance(m, PythonModule) for m in program.modules):
+        raise DiagnosticError([unusable(name, "the modules in Python of a recording are not run")])
+    return program
+
+
+def _draw(picture: Path, program: Program, subject: str, decided: _Decided, name: str) -> None:
+    if decided.shown is None:
+        say(f"{name}: error: --picture: found no frame that is decided")
+        raise click.exceptions.Exit(EXIT_ERRORS)
+    recorded, outcome = decided.shown
+    title = frame_title(subject, recorded.tick.k, recorded.frame.t_ns)
+    draw_frame(picture, program, title, recorded.frame, outcome, decided.active)
+
+
+def _report(name: str, reader: RecordingReader, decided: _Decided) -> None:
+    """Report what of the recording was not decided, and why; exit with 1 if it is damaged."""
     if reader.truncation:
         say(f"{name}: {reader.truncation}; decided as far as it goes")
-    for text in decider.damage:
+    for text in decided.damage:
         say(f"{name}: error: {text}")
-    if decider.undecided:
-        say(f"{name}: frames not decided because the memory is unknown: {decider.undecided}")
-    if decider.damage:
+    if decided.undecided:
+        say(f"{name}: frames not decided because the memory is unknown: {decided.undecided}")
+    if decided.damage:
         raise click.exceptions.Exit(EXIT_ERRORS)
 
 

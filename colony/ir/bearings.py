@@ -154,6 +154,30 @@ def _distance(a: Fraction, b: Fraction) -> Fraction:
     return min(turned, TURN - turned)
 
 
+# --- names of elements -----------------------------------------------------------------------------
+
+_DECIMALS = 3
+
+
+def naming_angle(bearings: Bearings | None, index: int) -> str | None:
+    """Return the angle in degrees that names an element: `-7.5`.
+
+    It has at most three decimals and, as an index, selects exactly this element. None if no such angle does:
+    the array has no bearings, an element with a lower index looks along the same one, or they are too dense.
+    """
+    if bearings is None:
+        return None
+    text = f"{bearings.angles[index]:.{_DECIMALS}f}".rstrip("0").rstrip(".")
+    text = "0" if text == "-0" else text
+    return text if nearest(bearings, float(text)) == index else None
+
+
+def index_text(bearings: Bearings | None, index: int) -> str:
+    """Return an element's index as tests and people write it: `-7.5 deg`, or `12` if no angle names it."""
+    angle = naming_angle(bearings, index)
+    return str(index) if angle is None else f"{angle} deg"
+
+
 # --- lookup ----------------------------------------------------------------------------------------
 
 

@@ -29,12 +29,11 @@ from colony.nav.maps.stickrep.geometry import Point, corners, link_endpoints, sh
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import Walls, lights_of, walls_of
 from colony.view.map_names import FONT_POINTS, WEIGHTS, Box, Name, Rank, place_names
+from colony.view.palette import FLOOR, INK, MUTED, PAPER, SERIES
 
 PictureFormat = Literal["png", "svg"]
 
-_INK, _MUTED, _PAPER, _FLOOR = "#2b2f36", "#7a8290", "#eceef1", "#ffffff"
 _DOOR, _ELEVATOR, _LIGHT, _LINK = "#c8752a", "#7a4fb5", "#f2c53d", "#0f8f86"
-_PATHS = ("#1769d6", "#0f9d76", "#c2335f", "#5d6b00", "#8a3fb8", "#00879e")
 _MIN_INCHES, _MAX_INCHES = 11.0, 24.0
 _MM_PER_INCH = 6_500.0  # pictures of large buildings are larger, so that names are legible
 _MARGIN_POINTS = 16.0
@@ -76,7 +75,7 @@ def draw_map(
     """
     walls = walls_of(map_)
     sheet, placed = _sheet_for(map_, walls)
-    figure = Figure(dpi=_DPI, facecolor=_PAPER)
+    figure = Figure(dpi=_DPI, facecolor=PAPER)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     _draw_floor(axes, map_)
     _draw_edges(axes, walls)
@@ -87,14 +86,14 @@ def draw_map(
         for i, path in enumerate(paths):
             name = names[i] if i < len(names) else ("robot" if len(paths) == 1 else f"robot {i}")
             name += " (○ start, ■ end)" if i == 0 else ""
-            label = name if i < len(_PATHS) else "_"
-            _draw_path(axes, path, _PATHS[i % len(_PATHS)], label)
+            label = name if i < len(SERIES) else "_"
+            _draw_path(axes, path, SERIES[i % len(SERIES)], label)
     else:
         _draw_start(axes, map_)
     _draw_scale(axes, sheet)
     axes.text(
         sheet.low_x, sheet.above(_TITLE_POINTS / 2), title or map_.name,
-        fontsize=13, color=_INK, weight="bold", va="center",
+        fontsize=13, color=INK, weight="bold", va="center",
     )  # fmt: skip
     _fit(figure, axes, sheet, _draw_legend(axes, sheet))
     return figure
@@ -156,7 +155,7 @@ def _draw_legend(axes: Axes, sheet: _Sheet) -> float:
         bbox_to_anchor=(sheet.high_x, sheet.below(_STRIP_POINTS / 2))
         if fits_beside else (sheet.low_x, sheet.below(_STRIP_POINTS)),
         bbox_transform=axes.transData, borderaxespad=0, fontsize=FONT_POINTS, frameon=False,
-        labelcolor=_INK, handlelength=1.6, columnspacing=1.4,
+        labelcolor=INK, handlelength=1.6, columnspacing=1.4,
     )  # fmt: skip
     return _STRIP_POINTS if fits_beside else _STRIP_POINTS * (2.0 + 0.6 * math.ceil(len(labels) / columns))
 
@@ -195,12 +194,12 @@ def _draw_floor(axes: Axes, map_: Map) -> None:
         nodes = corners(ring)
         vertices += [*nodes, nodes[0]]
         codes += [Outline.MOVETO, *([Outline.LINETO] * (len(nodes) - 1)), Outline.CLOSEPOLY]
-    axes.add_patch(PathPatch(Outline(vertices, codes), facecolor=_FLOOR, edgecolor="none", zorder=1))
+    axes.add_patch(PathPatch(Outline(vertices, codes), facecolor=FLOOR, edgecolor="none", zorder=1))
 
 
 def _draw_edges(axes: Axes, walls: Walls) -> None:
     styles = (
-        (EdgeKind.WALL, _INK, 2.2, "wall"),
+        (EdgeKind.WALL, INK, 2.2, "wall"),
         (EdgeKind.DOOR, _DOOR, 4.5, "door"),
         (EdgeKind.ELEVATOR, _ELEVATOR, 4.5, "elevator"),
     )
@@ -214,7 +213,7 @@ def _draw_edges(axes: Axes, walls: Walls) -> None:
             axes.add_collection(lines)
 
 
-_NAME_COLORS: dict[Rank, str] = {"elevator": _ELEVATOR, "door": _MUTED, "corner": _INK}
+_NAME_COLORS: dict[Rank, str] = {"elevator": _ELEVATOR, "door": MUTED, "corner": INK}
 
 
 def _draw_names(axes: Axes, names: Sequence[Name]) -> None:
@@ -269,7 +268,7 @@ def _draw_start(axes: Axes, map_: Map) -> None:
     """Draw the robot where it starts, as a triangle that points to the front."""
     start = map_.start
     axes.plot(
-        start.x_mm, start.y_mm, marker=(3, 0, start.heading_deg), color=_PATHS[0], markersize=11,
+        start.x_mm, start.y_mm, marker=(3, 0, start.heading_deg), color=SERIES[0], markersize=11,
         linestyle="none", markeredgecolor="white", label="start", zorder=5,
     )  # fmt: skip
 
@@ -280,6 +279,6 @@ def _draw_scale(axes: Axes, sheet: _Sheet) -> None:
     power = 10.0 ** math.floor(math.log10(max_length))
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= max_length)
     x, y = sheet.low_x, sheet.below(_STRIP_POINTS / 2)
-    axes.plot([x, x + length], [y, y], color=_INK, linewidth=2.0, solid_capstyle="butt", zorder=3)
+    axes.plot([x, x + length], [y, y], color=INK, linewidth=2.0, solid_capstyle="butt", zorder=3)
     text_x = x + length + 8.0 * sheet.mm_per_point
-    axes.text(text_x, y, f"{length / 1000.0:g} m", fontsize=9, color=_INK, va="center")
+    axes.text(text_x, y, f"{length / 1000.0:g} m", fontsize=9, color=INK, va="center")

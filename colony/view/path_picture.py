@@ -13,8 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from colony.nav.maps.stickrep.model import Map
 from colony.view.map_picture import draw_map, encode_picture
+from colony.view.palette import BAD, GOOD, INK, PAPER
 
-_REACHED, _FAILED, _INK, _PAPER = "#1769d6", "#c2335f", "#2b2f36", "#eceef1"
 _BIN_MM = 20.0
 _DPI = 150
 
@@ -34,7 +34,7 @@ def draw_paths(map_: Map, drives: Sequence[DrivenPath], title: str) -> Figure:
     for legend in [axes.get_legend(), *figure.legends]:
         if legend is not None:
             legend.remove()
-    for reached, color, width, alpha in ((True, _REACHED, 1.2, 0.6), (False, _FAILED, 1.8, 0.9)):
+    for reached, color, width, alpha in ((True, GOOD, 1.2, 0.6), (False, BAD, 1.8, 0.9)):
         paths = [np.array(d.path, dtype=float) for d in drives if d.reached is reached and len(d.path) > 1]
         axes.add_collection(
             LineCollection(paths, colors=color, linewidths=width, alpha=alpha, zorder=6, capstyle="round")
@@ -48,18 +48,16 @@ def draw_paths(map_: Map, drives: Sequence[DrivenPath], title: str) -> Figure:
 
 def draw_errors(overshoots_mm: Sequence[float], title: str) -> Figure:
     """Draw a histogram of the distances by which robots overshot their goals, up to a meter."""
-    figure = Figure(figsize=(8.0, 4.0), dpi=_DPI, facecolor=_PAPER, layout="constrained")
+    figure = Figure(figsize=(8.0, 4.0), dpi=_DPI, facecolor=PAPER, layout="constrained")
     axes = figure.add_subplot()
     values = np.clip(np.array(overshoots_mm, dtype=float), -1000.0, 1000.0)
     limit = max(200.0, _BIN_MM * math.ceil(np.abs(values).max(initial=0.0) / _BIN_MM))
-    axes.hist(
-        values / 1000.0, bins=list(np.arange(-limit, limit + _BIN_MM, _BIN_MM) / 1000.0), color=_REACHED
-    )
-    axes.axvline(0.0, color=_INK, linewidth=0.8)
-    axes.set_xlabel("beyond the goal, along the last leg (m)", color=_INK)
-    axes.set_ylabel("runs", color=_INK)
+    axes.hist(values / 1000.0, bins=list(np.arange(-limit, limit + _BIN_MM, _BIN_MM) / 1000.0), color=GOOD)
+    axes.axvline(0.0, color=INK, linewidth=0.8)
+    axes.set_xlabel("beyond the goal, along the last leg (m)", color=INK)
+    axes.set_ylabel("runs", color=INK)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_title(f"{title}: {len(values)} runs that reached the goal", color=_INK, loc="left")
+    axes.set_title(f"{title}: {len(values)} runs that reached the goal", color=INK, loc="left")
     axes.spines[["top", "right"]].set_visible(False)
     return figure
 

@@ -14,8 +14,10 @@ from colony.ir.bearings import (
     Bearings,
     arc,
     between,
+    index_text,
     listed_bearings,
     lookup,
+    naming_angle,
     nearest,
     part,
     reaches_beyond,
@@ -259,3 +261,36 @@ def test_slices_that_reach_beyond() -> None:
     assert not reaches_beyond(ring(-180.0, None, 24), 100.0, -100.0)
     assert not reaches_beyond(listed_bearings([0.0, 100.0]), -30.0, 130.0)
     assert reaches_beyond(listed_bearings([0.0, 100.0]), -31.0, 100.0)
+
+
+# --- names of elements -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("bearings", "index", "text"),
+    [
+        (ring(-180, 15, 24), 15, "45 deg"),
+        (ring(-180, 15, 24), 0, "-180 deg"),
+        (ring(-180, 15, 24), 12, "0 deg"),
+        (ring(-135, 0.5, 541), 1, "-134.5 deg"),
+        (ring(0, None, 7), 1, "51.429 deg"),
+        (ring(-180, None, 4096), 1, "-179.912 deg"),
+        (ring(0.0004, 0.0001, 20), 0, "0"),
+        (listed_bearings([90, 45, 90]), 0, "90 deg"),
+        (listed_bearings([90, 45, 90]), 2, "2"),
+        (None, 3, "3"),
+    ],
+)
+def test_an_element_is_named_by_the_angle_that_selects_it(
+    bearings: Bearings | None, index: int, text: str
+) -> None:
+    assert index_text(bearings, index) == text
+
+
+@pytest.mark.parametrize("size", [1, 2, 7, 24, 113])
+def test_each_angle_that_names_an_element_selects_it_again(size: int) -> None:
+    bearings = ring(-180, None, size)
+    for i in range(size):
+        angle = naming_angle(bearings, i)
+        assert angle is not None
+        assert nearest(bearings, float(angle)) == i

@@ -96,9 +96,10 @@ class FramesReader(_Lines):
             OSError: the file cannot be read.
         """
         rows = Rows(bounded_lines(self._file, LINE_BYTES), self._name, program)
-        for k, row in enumerate(rows):
+        for index, row in enumerate(rows):
+            k = row.values.get("@tick")
             yield RecordedFrame(
-                tick=Tick(k=k, t_ns=row.frame.t_ns),
+                tick=Tick(k=k if type(k) is int else index, t_ns=row.frame.t_ns),
                 frame=row.frame,
                 verdicts={},
                 restart=row.values.get("@restart") is True,

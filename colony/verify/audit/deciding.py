@@ -50,6 +50,14 @@ class Decider:
             return None
         return self._executor.step(recorded.frame)
 
+    def active_modules(self) -> tuple[str, ...] | None:
+        """Return the modules that were active in the last frame; None unless the interpreter decided it.
+
+        Call it after the first frame.
+        """
+        executor = self._executor
+        return executor.active_modules() if isinstance(executor, Interpreter) else None
+
     def end(self, *, damaged: bool) -> None:
         """If `damaged`, record that the recording is damaged after the last frame."""
         if damaged:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from colony.dsl import ast
 from colony.dsl.printer import print_file
+from colony.ir.bearings import naming_angle
 from colony.ir.program import Program, Sensor
-from colony.ir.types import Enum, ScalarValue, Value, element_type
+from colony.ir.types import Array, Enum, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import NumberText, number_text, seconds
 from colony.verify.contracts.results import Trace
-
-_MAX_DIFFERING = 6
+from colony.verify.sparse import differing, sparse
 
 
 def title(contract: str) -> str:
@@ -73,8 +72,8 @@ def _given(
         yield _scalar_assignment(sensor, None, value)
         return
     if isinstance(before, tuple):
-        changed = [(i, x) for i, (x, y) in enumerate(zip(value, before, strict=True)) if x != y]
-        if len(changed) <= _MAX_DIFFERING:
+        changed = differing(value, before)
+        if changed is not None:
             yield from (_scalar_assignment(sensor, i, x) for i, x in changed)
             return
     yield from _array_assignments(sensor, value)
@@ -90,11 +89,10 @@ def _of_value(sensor: Sensor, value: Value | None) -> ast.GivenDecl | None:
 
 def _array_assignments(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterator[ast.GivenDecl | None]:
     """Yield the commonest value for all elements and the few that differ, or every element."""
-    [(common, _), *_] = Counter(value).most_common(1)
-    differing = [(i, x) for i, x in enumerate(value) if x != common]
-    if len(differing) <= _MAX_DIFFERING:
-        yield _scalar_assignment(sensor, None, common)
-        yield from (_scalar_assignment(sensor, i, x) for i, x in differing)
+    found = sparse(value)
+    if found is not None:
+        yield _scalar_assignment(sensor, None, found.common)
+        yield from (_scalar_assignment(sensor, i, x) for i, x in found.differing)
         return
     elements = [_expression(sensor, x) for x in value]
     expressible = tuple(e for e in elements if e is not None)
@@ -113,8 +111,18 @@ def _scalar_assignment(sensor: Sensor, index: int | None, value: ScalarValue) ->
 def _assignment(
     sensor: Sensor, index: int | None, value: ast.Expression | ast.Missing | ast.Elements
 ) -> ast.GivenDecl:
-    at = None if index is None else ast.Number(digits=str(index), unit=None)
+    at = None if index is None else _index(sensor, index)
     return ast.GivenDecl(sensor=ast.Reference(path=tuple(sensor.name.split("."))), index=at, value=value)
+
+
+def _index(sensor: Sensor, index: int) -> ast.Expression:
+    """Return the angle that names an element, or its number."""
+    bearings = sensor.type.bearings if isinstance(sensor.type, Array) else None
+    angle = naming_angle(bearings, index)
+    if angle is None:
+        return ast.Number(digits=str(index), unit=None)
+    number = ast.Number(digits=angle.removeprefix("-"), unit="deg")
+    return ast.Prefix(operator="-", operand=number) if angle.startswith("-") else number
 
 
 def _expression(sensor: Sensor, value: ScalarValue) -> ast.Expression | None:

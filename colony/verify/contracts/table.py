@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from colony.ir import expression as ir
@@ -12,8 +11,7 @@ from colony.ir.types import Bool, Enum, Scalar, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import number_text, seconds
 from colony.verify.contracts.results import Trace
 from colony.verify.snapshot import Snapshot
-
-_MAX_DIFFERING = 6
+from colony.verify.sparse import sparse_text
 
 
 def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]:
@@ -70,7 +68,7 @@ def reading_cell(sensor: Sensor, snapshot: Snapshot) -> str:
 
 
 def reading_text(sensor: Sensor, value: Value | None) -> str:
-    """Return a sensor's reading in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`.
+    """Return a sensor's reading in its unit: `5 m`, `all 5 m, [0 deg] 0.4 m`, `missing`.
 
     Where nothing was sent before, the idle command's value stands in: `none (0 mm/s stands in)`.
     """
@@ -80,13 +78,8 @@ def reading_text(sensor: Sensor, value: Value | None) -> str:
         return "missing"
     if not isinstance(value, tuple):
         return _scalar_text(sensor, value)
-    [(common, _), *_] = Counter(value).most_common(1)
-    differing = [(i, x) for i, x in enumerate(value) if x != common]
-    if len(differing) > _MAX_DIFFERING:
-        return f"[{', '.join(_scalar_text(sensor, x) for x in value)}]"
-    return ", ".join(
-        (f"all {_scalar_text(sensor, common)}", *(f"[{i}] {_scalar_text(sensor, x)}" for i, x in differing))
-    )
+    text = sparse_text(value, sensor.type, lambda x: _scalar_text(sensor, x))
+    return text or f"[{', '.join(_scalar_text(sensor, x) for x in value)}]"
 
 
 def _scalar_text(sensor: Sensor, value: ScalarValue) -> str:

@@ -161,6 +161,10 @@ class Interpreter:
         assert self._moment is not None, "no frame yet"
         return self._moment.outputs[name] is not None
 
+    def active_modules(self) -> tuple[str, ...]:
+        """Return the modules that were active in the last frame, in the order declared."""
+        return tuple(m.name for m in self.program.modules if self.is_active(m.name))
+
     def is_silent(self, module: str) -> bool:
         """Return True if a module was silent in the last frame because a value that it reads was missing.
 

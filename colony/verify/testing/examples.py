@@ -24,6 +24,7 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.kleene import is_known
 from colony.verify.snapshot import Snapshot
 from colony.verify.source_text import source_text
+from colony.verify.sparse import sparse_text
 from colony.verify.testing.example_frames import GivenReadings
 from colony.verify.testing.silence import Silence
 
@@ -310,11 +311,15 @@ _MAX_ELEMENTS = 8
 def shown(value: Value, type_: Type, unit: str = "") -> str:
     """Return the text of a value in this unit (or the base unit), or the name of an enumerator.
 
-    Long arrays are truncated.
+    Long arrays are abridged: `all 5 m, [0 deg] 0.4 m`, or the first elements if many differ.
     """
     if not isinstance(value, tuple):
         return _scalar(value, element_type(type_), unit)
     assert isinstance(type_, Array)
+    if len(value) > _MAX_ELEMENTS:
+        text = sparse_text(value, type_, lambda x: _scalar(x, type_.element, unit))
+        if text is not None:
+            return text
     parts = [_scalar(x, type_.element, unit) for x in value[:_MAX_ELEMENTS]]
     return f"[{', '.join(parts)}{', ...' if len(value) > _MAX_ELEMENTS else ''}]"
 

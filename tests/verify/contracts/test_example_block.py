@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from colony.dsl.load import load_text
 from colony.ir.types import Value
 from colony.verify.contracts.example_block import example_block
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
 from colony.verify.snapshot import Snapshot
+from colony.verify.testing.example_frames import snapshots_of
 from colony.verify.testing.examples import run_examples
-from tests.verify.contracts.behaviors import program
+from tests.verify.contracts.behaviors import ROBOT, program
 
 RAYS = (1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0)
 
@@ -51,6 +53,26 @@ def test_arrays_are_one_value_with_exceptions_or_element_by_element() -> None:
     assert steps({"rays": RAYS}) == [
         "at 0 s given rays = 1 m, rays[1] = 2 m, rays[2] = 3 m, rays[3] = 4 m, rays[4] = 5 m, rays[5] = 6 m"
     ]
+
+
+@pytest.mark.parametrize(
+    ("bearing", "index"),
+    [
+        ("bearing -75 deg step 25 deg", "-25 deg"),
+        ("bearing 0 deg step -22.5 deg", "-45 deg"),
+        ("bearing 10 deg step 51.42857 deg", "112.857 deg"),
+        ("bearing [0 deg, 90 deg, 0 deg, 5 deg, 5 deg, 5 deg]", "2"),
+    ],
+)
+def test_elements_are_given_by_angle_where_that_reads_back(bearing: str, index: str) -> None:
+    robot = ROBOT.replace("rays[6] : m range", f"rays[6] : m {bearing} range")
+    text = robot + "contract c: rays[1] > rays[0]"
+    readings: Value = (1000.0, 1000.0, 250.0, 1000.0, 1000.0, 1000.0)
+    block = example_block(load_text(text), "c", trace({"rays": readings}))
+    assert block is not None
+    assert f"rays[{index}] = 0.25 m" in block
+    again = load_text(f"{text}\n{block}")
+    assert [s.readings for s in snapshots_of(again, again.tests[0])] == [{"rays": readings}]
 
 
 def test_an_infinite_reading_cannot_be_written() -> None:

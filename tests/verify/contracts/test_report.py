@@ -217,3 +217,10 @@ def test_a_proof_that_is_told_has_its_depth_and_invariants() -> None:
     found = proved(text)
     made = row(program(text), replace(found, invariants=("n <= 4",)))
     assert (made["k"], made["invariants"]) == (found.k, ["n <= 4"])
+
+
+def test_elements_with_bearings_are_named_by_angle() -> None:
+    text = ROBOT.replace("rays[6] : m", "rays[6] : m bearing -50 deg step 20 deg")
+    rays = next(s for s in load_text(text).robot.sensors if s.name == "rays")
+    frame = Snapshot(0, {"rays": (5000.0, 5000.0, 5000.0, 400.0, 5000.0, 5000.0)})
+    assert reading_cell(rays, frame) == "all 5 m, [10 deg] 0.4 m"

@@ -235,10 +235,14 @@ def test_enumerators_and_idle_hold_are_shown() -> None:
     assert second.endswith("found: out is idle, nothing sent so far")
 
 
-def test_long_arrays_are_cut() -> None:
-    behavior = "robot r { sensor many[24] : number from DServer.many }"
-    [message] = failed('test "t" { at 0 s given many = 1 expect many[0] > 1 }', behavior)
-    assert message.endswith("many = [1, 1, 1, 1, 1, 1, 1, 1, ...]")
+def test_long_arrays_are_abridged() -> None:
+    behavior = "robot r { sensor many[24] : number bearing -180 deg from DServer.many }"
+    given = "at 0 s given many = 1, many[-15 deg] = 2"
+    [message] = failed(f'test "t" {{ {given} expect many[0 deg] > 1 }}', behavior)
+    assert message.endswith("many = all 1, [-15 deg] 2")
+    given = f"at 0 s given many = [{', '.join(map(str, range(24)))}]"
+    [message] = failed(f'test "t" {{ {given} expect many[0 deg] > 12 }}', behavior)
+    assert message.endswith("many = [0, 1, 2, 3, 4, 5, 6, 7, ...]")
 
 
 SILENT = """
