@@ -43,7 +43,8 @@ def found(text: str) -> list[Diagnostic]:
         ("let f(b : percent) = b let a = f(20)", "20"),
         ("let f(b : percent = 20) = b let a = f()", "20"),
         (
-            "module m { input b : percent when b > 0 do fan(level = 0) } module n = m(b = 20) network { fan = n }",
+            "module m { input b : percent when b > 0 do fan(level = 0) } module n = m(b = 20)"
+            " network { fan = n }",
             "20",
         ),
         ("let a = (if load > 3 then battery else 0.5) < 20", "20"),
