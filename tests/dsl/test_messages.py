@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from colony.dsl.load import check_text
 from tests.dsl.texts import MODULES, findings, messages
 
 PARTS = MODULES.split("network")[0]
@@ -179,3 +180,27 @@ test "f" { at 0 s given eleven = 1 expect twelve, thirteen }"""
 def test_a_message_is_never_endless() -> None:
     assert len(messages("let a = " + "b" * 100_000)) < 2000
     assert len(messages("let a = sonar" + ".b" * 100_000)) < 2000
+
+
+TURNED = """robot r {
+  sensor rev[8] : mm bearing 0 deg step -45 deg from PServer.a
+  sensor lst[5] : mm bearing [90 deg, 0 deg, -90 deg, 0 deg, 40 deg] from PServer.b
+  actuator drive { velocity : mm/s } to RServer.drive idle drive(velocity = 0)
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("plain", "by_angle"),
+    [
+        ("rev[0..2]", "rev[-90 deg .. 0 deg]"),
+        ("rev[6..1]", "rev[-45 deg .. 90 deg]"),
+        ("lst[1]", "lst[0 deg]"),
+        ("lst[3]", None),
+        ("lst[0..1]", None),
+    ],
+)
+def test_a_plain_index_has_the_hint_that_takes_the_same_elements(plain: str, by_angle: str | None) -> None:
+    [found] = [d for d in check_text(f"let a = {plain}\n{TURNED}").diagnostics if d.code == "N002"]
+    hint = None if by_angle is None else f"write `{by_angle}`, which means the same on every robot"
+    assert found.hint == hint

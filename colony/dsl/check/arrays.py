@@ -84,9 +84,11 @@ def _whole_index(
         _outside(checker, node.index, f"index {value:g}", type_)
         return None
     if type_.bearings is not None:
-        angle = type_.bearings.angles[round(value) % type_.size]
+        place = round(value) % type_.size
+        angle = type_.bearings.angles[place]
+        same = _degrees(angle) if nearest(type_.bearings, angle) == place else None
         is_inside = 0 <= round(value) < type_.size
-        _note_plain(checker, node, f"looks along {_degrees(angle)}", _degrees(angle), is_inside)
+        _note_plain(checker, node, f"looks along {_degrees(angle)}", same, is_inside)
     return index
 
 
@@ -135,11 +137,15 @@ def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) ->
     if first > last and not type_.closes:
         message = f"the slice goes from {first} on to {last}, but only rings that close wrap"
         checker.error("E217", node, message, f"the last index is {size - 1}; {_NO_WRAP}")
+        return None
     indices = tuple(i % size for i in range(first, first + count))
     if type_.bearings is not None:
-        a, b = (_degrees(type_.bearings.angles[i]) for i in (indices[0], indices[-1]))
+        a, b = (type_.bearings.angles[i] for i in (indices[0], indices[-1]))
+        same = [ends for ends in ((a, b), (b, a)) if set(between(type_.bearings, *ends)) == set(indices)]
+        written = f"{_degrees(same[0][0])} .. {_degrees(same[0][1])}" if same else None
         is_inside = first >= 0 and last < size
-        _note_plain(checker, node, f"looks from {a} to {b}", f"{a} .. {b}", is_inside)
+        looks = f"looks from {_degrees(a)} to {_degrees(b)}"
+        _note_plain(checker, node, looks, written, is_inside)
     return indices
 
 
@@ -238,19 +244,24 @@ def _angle(checker: Checker, node: ast.Expression, what: str) -> float | None:
 
 
 def _note_plain(
-    checker: Checker, node: ast.Index | ast.SliceOf, looks: str, bearing: str, is_inside: bool
+    checker: Checker, node: ast.Index | ast.SliceOf, looks: str, bearing: str | None, is_inside: bool
 ) -> None:
-    """Note where a plain index looks; warn of one that wraps: perhaps an angle without its unit."""
+    """Note where a plain index looks; warn of one that wraps: perhaps an angle without its unit.
+
+    `bearing` is the index or slice that takes the same elements by angle, None if there is none.
+    """
     array, span = _text(checker, node.array), checker.span(node)
-    hint = f"write `{array}[{bearing}]`, which means the same on every robot"
     if is_inside:
         message = f"`{_text(checker, node)}` {looks}"
+        hint = None if bearing is None else f"write `{array}[{bearing}]`, which means the same on every robot"
         checker.report.diagnostics.append(note("N002", span, message, hint))
         return
     message = f"`{_text(checker, node)}` wraps, and {looks}: a number without a unit is an index"
     ends = (node.index,) if isinstance(node, ast.Index) else (node.first, node.last)
     meant = " .. ".join(f"{_text(checker, end)} deg" for end in ends)
-    hint = f"write `{array}[{meant}]` for the angle, `{array}[{bearing}]` for what it looks along"
+    hint = f"write `{array}[{meant}]` if that is an angle"
+    if bearing is not None:
+        hint += f", else `{array}[{bearing}]`"
     checker.report.diagnostics.append(warning("W014", span, message, hint))
 
 
