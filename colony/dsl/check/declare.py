@@ -172,7 +172,7 @@ def _import_names(
         return
     scope.lost_names |= target.lost_names
     scope.incomplete |= target.incomplete
-    scope.hidden.update(target.hidden)
+    scope.private_owners.update(target.private_owners)
     for own, imported in (
         (scope.visible_values, target.visible_values),
         (scope.visible_network_symbols, target.visible_network_symbols),
@@ -180,7 +180,7 @@ def _import_names(
     ):
         for name, owner in imported.items():
             if is_private(name):
-                scope.hidden[name] = target.file.source.name
+                scope.private_owners[name] = target.file.source.name
             elif own.setdefault(name, owner) is not owner:
                 message = f"`{name}` is declared here and in `{target.file.source.name}`"
                 hint = "rename one of them"

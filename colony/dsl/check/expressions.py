@@ -37,15 +37,8 @@ class ExpressionChecker(Checker):
     def visit(self, node: ast.Expression) -> ir.Expression | None:
         """Check a subexpression, whose depth `check` has checked."""
         size = self.report.size
-        size.nodes += 1
-        size.level += 1
-        if size.level > size.deepest:
-            size.deepest = size.level
-        if size.level > ir.NESTING_LIMIT:
-            size.too_deep, found = True, None  # in a function that is called: `check` refuses others
-        else:
-            found = _CHECKS[type(node)](self, node)
-        size.level -= 1
+        found = _CHECKS[type(node)](self, node) if size.enter_node() else None
+        size.leave_node()
         return found
 
     def _boolean(self, node: ast.Boolean) -> ir.Expression:

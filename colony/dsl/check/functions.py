@@ -3,14 +3,14 @@
 A body is checked where it is declared, with parameters that have only types, so that its errors show once.
 Each call checks its arguments once, in the caller's context, and then the body again: in the scope of its
 declaration, with parameters that stand for the arguments. So the program has no functions, and memory belongs
-to the place of the call. A chain of calls can double at each step; sizes are therefore counted, and a call
-that would make the program too large is refused before its body is checked.
+to the place of the call. `program_size` counts what this adds, and refuses calls that add too much.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import assert_never
 
 from colony.dsl import ast
 from colony.dsl.check.arguments import argument_symbol, placeholder, without_wildcard_type
@@ -20,9 +20,9 @@ from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
 from colony.dsl.check.percent import argument_findings
 from colony.dsl.check.private import reject_private_name
+from colony.dsl.check.program_size import MAX_NODES, Excess
 from colony.dsl.check.references import kind_of_part
 from colony.dsl.check.scope import (
-    MAX_NODES,
     ArgumentSymbol,
     BrokenSymbol,
     EnumSymbol,
@@ -135,8 +135,8 @@ def declare_function(
         local=dict(local),
         module_names=checker.module_names,
     )
-    cells, nodes, size = report.cells, report.size.nodes, report.size
-    size.deepest, size.is_broken = 0, False
+    cells, size = report.cells, report.size
+    nodes = size.begin_declaration()
     inner = replace(checker, local={**local, **_placeholders(parameters)}, in_function=True)
     found = inner.check(node.value)
     depth, added = size.deepest, size.nodes - nodes
@@ -261,36 +261,20 @@ def _inlined(
 ) -> ir.Expression | None:
     """Return the body of a function with these arguments, or None after reporting an error."""
     size, is_outermost = checker.report.size, not checker.in_call
-    if is_outermost:
-        if not checker.in_function and size.left < 0:
-            return None  # an earlier call was too large
-        if checker.in_function and size.is_broken:
-            return None
-        size.limit = size.nodes + (MAX_NODES if checker.in_function else size.left)
-    elif size.too_deep or size.too_large:
+    if is_outermost and not size.begin_outermost_call(in_declaration=checker.in_function):
         return None
-    start, before = size.nodes, len(checker.report.diagnostics)
-    size.too_large = size.nodes + function.nodes > size.limit
-    size.too_deep = size.level + function.depth > ir.NESTING_LIMIT
     found: ir.Expression | None = None
-    if not size.too_large and not size.too_deep:
-        if is_outermost and checker.in_function and size.left_in_declarations < function.nodes:
-            return _unexpanded(checker, node, function)
+    if size.admits(function.nodes, function.depth):
+        if is_outermost and size.count_unchecked(function.nodes, function.depth):
+            return None if function.result is None else placeholder(function.result, checker.span(node))
+        before = len(checker.report.diagnostics)
         found = _body_checker(checker, function, arguments).visit(function.declaration.value)
         _show_call(checker.report, before, Label(span_of(checker.scope, node), "called here"))
     if is_outermost:
-        _end_outermost_call(checker, node, size.nodes - start)
-    if found is None or size.too_large or size.too_deep:
+        _report_excess(checker, node, size.end_outermost_call())
+    if found is None or size.excess is not None:
         return None
     return replace(without_wildcard_type(found), span=checker.span(node))
-
-
-def _unexpanded(checker: Checker, node: ast.Call, function: FunctionSymbol) -> ir.Expression | None:
-    """Return a stand-in for a call in the declaration of a function: enough such calls have been checked."""
-    size = checker.report.size
-    size.nodes += function.nodes
-    size.deepest = max(size.deepest, size.level + function.depth)
-    return None if function.result is None else placeholder(function.result, checker.span(node))
 
 
 def _body_checker(
@@ -319,22 +303,18 @@ def _show_call(report: Report, before: int, call: Label) -> None:
         ]
 
 
-def _end_outermost_call(checker: Checker, node: ast.Call, added: int) -> None:
-    """Count what a call added to the program, and report it if that is too large or nests too deep."""
-    size = checker.report.size
-    if checker.in_function:
-        size.left_in_declarations -= added
-    else:
-        size.left -= added
-    size.is_broken |= size.too_deep or size.too_large
-    if size.too_deep:
-        message = (
-            f"with the functions called here, the expression nests more than {ir.NESTING_LIMIT} levels deep"
-        )
-        checker.error("E004", node, message, "name parts of it with `let`")
-    elif size.too_large:
-        size.left = size.left if checker.in_function else -1
-        message = (
-            f"with the functions called here, the program has more than {MAX_NODES:,} parts of expressions"
-        )
-        checker.error("E012", node, message, "name what is computed often with `let`")
+def _report_excess(checker: Checker, node: ast.Call, excess: Excess | None) -> None:
+    """Report the limit that an outermost call exceeds, if any."""
+    match excess:
+        case Excess.DEPTH:
+            what = f"the expression nests more than {ir.NESTING_LIMIT} levels deep"
+            hint = "name parts of it with `let`"
+            checker.error("E004", node, f"with the functions called here, {what}", hint)
+        case Excess.SIZE:
+            what = f"the program has more than {MAX_NODES:,} parts of expressions"
+            hint = "name what is computed often with `let`"
+            checker.error("E012", node, f"with the functions called here, {what}", hint)
+        case None:
+            pass
+        case _:
+            assert_never(excess)

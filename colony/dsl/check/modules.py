@@ -255,7 +255,7 @@ def _instance(report: Report, pending: PendingModule, template: Template) -> Ins
     """Return the module; the body of a template is checked, too."""
     derived = isinstance(pending.node, ast.DerivedModuleDecl)
     local: dict[str, ValueSymbol] = {}
-    cells, left = report.cells, report.size.left
+    cells, budget = report.cells, report.size.budget
     # A derived module repeats the errors of its base, which are reported already.
     derived_report = Report(cells=report.cells, size=report.size) if derived else report
     checker = ExpressionChecker(scope=template.scope, report=derived_report, local=local)
@@ -275,7 +275,7 @@ def _instance(report: Report, pending: PendingModule, template: Template) -> Ins
         _report_misfits(report, pending, template, derived_report)
     if inputs.unbound:
         report.cells = cells  # what a template reads is no part of the program
-        report.size.left = left if report.size.left >= 0 else report.size.left
+        report.size.refund(budget)
         if module is None and not has_errors(derived_report.diagnostics[before:]):
             module = _stand_in(pending)
     return Instance(module=module if inputs.are_valid else None, inputs=inputs, members=local)

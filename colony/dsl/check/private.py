@@ -13,7 +13,7 @@ def reject_private_name(checker: Checker, node: ast.SyntaxNode, scope: Scope, na
     """Report a name that is unknown in a scope because it belongs to another file; return True if so."""
     if not is_private(name) or (scope is checker.scope and scope.declares_private(name)):
         return False
-    owner = scope.file.source.name if scope.declares_private(name) else scope.hidden.get(name)
+    owner = scope.file.source.name if scope.declares_private(name) else scope.private_owners.get(name)
     if owner is None:
         return False
     checker.error("E110", node, f"`{name}` belongs to `{owner}`", _HINT)

@@ -136,11 +136,7 @@ def _argument(checker: Checker, node: ast.Reference, symbol: ArgumentSymbol) -> 
         message = f"{iterations} iterations with what `{node.text}` stands for; "
         checker.error("E211", node, f"{message}at most {MAX_ITERATIONS} are allowed")
         return None
-    size = checker.report.size
-    size.nodes += symbol.nodes - 1  # the reference itself was counted
-    size.too_large |= size.nodes > size.limit
-    size.too_deep |= size.level + symbol.depth - 1 > ir.NESTING_LIMIT
-    if size.too_large or size.too_deep:
+    if not checker.report.size.add_argument(symbol.nodes, symbol.depth):
         return None
     if symbol.has_memory:
         return with_new_cells(symbol.expression, checker.report.new_cell)

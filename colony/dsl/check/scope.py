@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 
 from colony.dsl import ast
+from colony.dsl.check.program_size import ProgramSize
 from colony.dsl.files import ParsedFile
 from colony.dsl.site import SiteValue
 from colony.ir import program as ir
@@ -20,9 +21,6 @@ from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
 from colony.text.suggestions import did_you_mean
-
-MAX_NODES = 100_000
-"""Maximum number of nodes that calls of functions add to a program."""
 
 
 @record
@@ -234,8 +232,9 @@ class Scope:
     `values` and `network_symbols` are the file's own declarations that have been checked. `visible_values`
     and `visible_network_symbols` map their names, and those of plain imports, to the scopes that own them.
     `lost_names` are names that unreadable text seems to declare; `incomplete` is true if an imported file is
-    unreadable, so that any name may be declared there. `hidden` maps the private names of imported files to
-    these files' names; `outside` is true for a scope that another file reads through an alias.
+    unreadable, so that any name may be declared there. `private_owners` maps the private names of imported
+    files to these files' names; `is_read_by_alias` is true for a scope that another file reads through an
+    alias.
     """
 
     file: ParsedFile
@@ -251,8 +250,8 @@ class Scope:
     lost_names: set[str] = field(default_factory=set)
     incomplete: bool = False
     private_names: dict[str, str] = field(default_factory=dict)  # the file's own, with their full names
-    hidden: dict[str, str] = field(default_factory=dict)
-    outside: bool = False
+    private_owners: dict[str, str] = field(default_factory=dict)
+    is_read_by_alias: bool = False
 
     @property
     def is_for_any_robot(self) -> bool:
@@ -275,7 +274,7 @@ class Scope:
 
     def _hides(self, name: str) -> bool:
         """Return True for a private name that another file asks for."""
-        return self.outside and is_private(name)
+        return self.is_read_by_alias and is_private(name)
 
     def declares_private(self, name: str) -> bool:
         """Return True if the file declares this private name."""
@@ -293,7 +292,11 @@ class Scope:
         scope = self
         while len(path) > 1 and path[0] in scope.aliases and (scope is self or not is_private(path[0])):
             scope, path = scope.aliases[path[0]], path[1:]
-        return (scope, path) if scope is self else (replace(scope, robot=RobotScope(), outside=True), path)
+        return (
+            (scope, path)
+            if scope is self
+            else (replace(scope, robot=RobotScope(), is_read_by_alias=True), path)
+        )
 
     def full_name(self, name: str) -> str:
         """Return the full name, in the program, of a name declared in this file."""
@@ -303,34 +306,6 @@ class Scope:
 def is_private(name: str) -> bool:
     """Return True for a name that belongs to its file."""
     return name.startswith("_")
-
-
-@dataclass(slots=True)
-class ProgramSize:
-    """The size of the program in nodes of expressions, as calls of functions let it grow.
-
-    Attributes:
-        nodes: the number of nodes that were checked so far; those of an argument count wherever it is read.
-        level: the nesting depth of the present node.
-        deepest: the largest `level` since it was last reset.
-        is_broken: True if the present function calls one that has errors, or calls too much.
-        too_deep: True if the present call nests too deep.
-        too_large: True if the present call is too large.
-        limit: the number of `nodes` at which the present call is too large.
-        left: the number of nodes that calls may still add to the program.
-        left_in_declarations: the number of nodes that may still be checked of calls in bodies of functions
-            only to find errors.
-    """
-
-    nodes: int = 0
-    level: int = 0
-    deepest: int = 0
-    is_broken: bool = False
-    too_deep: bool = False
-    too_large: bool = False
-    limit: int = 0
-    left: int = MAX_NODES
-    left_in_declarations: int = 20_000
 
 
 @dataclass(slots=True)
@@ -344,7 +319,7 @@ class Report:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     cells: int = 0
     suggestions: int = 100
-    size: ProgramSize = field(default_factory=lambda: ProgramSize())
+    size: ProgramSize = field(default_factory=ProgramSize)
 
     def error(
         self,
