@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from colony.dsl.declaration_hints import declaration_hint
 from colony.dsl.lalr import UnexpectedInputError
 from colony.dsl.recovery import expected_terminals, new_declaration
 from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for, misspelled_relation
@@ -79,7 +80,8 @@ def describe(source: Source, problem: UnexpectedInputError, declaration_start: i
         return error("E005", Span(source, start, start + len(word)), message, hint)
     shown = "the end of the file" if at_end else _quoted(found)
     message = f"found {shown}, expected {_expected(accepted)}"
-    return error("E005", span, message, hint_for(text, offset, found, accepted))
+    form = declaration_hint(text, declaration_start, offset, found, accepted)
+    return error("E005", span, message, form or hint_for(text, offset, found, accepted))
 
 
 def _accepted_before(read: str, accepted: frozenset[str]) -> frozenset[str]:

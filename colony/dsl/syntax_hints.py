@@ -109,7 +109,7 @@ def _punctuation_hint(text: str, offset: int, found: str, accepted: frozenset[st
     ):
         return "a unit is written without spaces: `mm/s`"
     if found == ":" and {"DOTS", "RSQB"} <= accepted:
-        return "a slice is written `sonar[1..3]`, with both ends"
+        return "a slice is written `sonar[1..3]` or `sonar[-30 deg .. 30 deg]`, with both ends"
     if found == ":" and "ASSIGN" in accepted:
         return "write `=`"
     if found == "," and {"AT", "EXPECT"} <= accepted:

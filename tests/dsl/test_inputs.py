@@ -134,7 +134,7 @@ ERRORS = [
     ("module a = follow(x = 1 mm)", "E404", "no param or input `x`", "are side; its params are keep"),
     ("module a = follow(side = 0, side = 1 mm)", "E404", "input `side` is bound twice", ""),
     ("module a = follow(side = nothing)", "E101", "unknown name `nothing`", ""),
-    ("module a = follow(keep = sonar[0])", "E204", "param `keep` must be constant", "use literals"),
+    ("module a = follow(keep = sonar[0])", "E204", "param `keep` must be constant", "as `input keep : mm`"),
     ("module a = follow(side = drive by left)", "E210", "only in contracts and tests", ""),
     ("module a = follow(side = left.side)", "E106", "only in contracts and tests", ""),
     ("network { drive = follow }", "E408", "module `follow` has an input that is not bound: `side`",

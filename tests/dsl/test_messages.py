@@ -70,7 +70,39 @@ SLIPS = [
     ("module m { when true\nmodule n { when true }", "`module` begins a declaration before", "missing `}`"),
     ("network {\n  a = b\nlimit drive.velocity <= 0", "`limit` begins a declaration before", "missing `}`"),
     ("let a = 1 +\nlet b = 2", "`let` begins a declaration, and the one before it is not complete", ""),
+    # forms of declarations
+    ("let near(r, limit : mm) = r < limit", "found `,`, expected `:` or `[`", "for example `r : mm`"),
+    ("module t { input side when side < 1 m }", "found `when`, expected `:` or `[`", "`input side : mm`"),
+    ("robot r { sensor a from A.b }", "found `from`, expected `:` or `[`", "`sensor a : mm`"),
+    ("let wide(scan : m[]) = min(scan) > 1 m", "found `[`", "after the name: `scan[] : m`"),
+    ("module t { input scan : m[8] when true }", "found `[`", "after the name: `scan[8] : m`"),
+    ("robot r { sensor scan : m/s[8] from A.b }", "found `[`", "after the name: `scan[8] : m/s`"),
+    ("let f(x : m) : m = x", "found `:`, expected `=`", "the type of the result is not written"),
+    ("let f(x : m) -> m = x", "found `->`, expected `=`", "the type of the result is not written"),
+    ("let x : m = 1 m", "found `:`, expected `(` or `=`", "the type of a `let` is not written"),
+    ("module l = avoid(1 m)", "found `1`", "inputs and params are given by name: `avoid(NAME = VALUE)`"),
+    ("module l = avoid(near)", "found `)`, expected `=`", "given by name: `avoid(NAME = VALUE)`"),
+    ("module l = avoid(-1 m)", "found `-`", "given by name: `avoid(NAME = VALUE)`"),
+    ("module m { when true do lamp(true) }", "found `true`", "by name: `lamp(FIELD = VALUE)`"),
+    ("module t(side : mm) { when true }", "found `(`", "inside: `module t { input NAME : TYPE ... }`"),
+    ("network { drive = avoid(clearance = 1 m) }", "found `(`", "`module NAME = avoid(...)`"),
+    ("let a = min([r for r in sonar])", "found `[`", "a reduction has no brackets"),
+    ("let a = [1, 2]", "found `[`", "there are no lists of values"),
+    ("let a = min(r for (r, a) in infrared)", "found `(`, expected a name", "`for r, a in ranges`"),
+    ("let a = min(r for r in sonar where r > 1 m)", "found `where`", "write `if`"),
+    ("let a = min(r for r in sonar when r > 1 m)", "found `when`", "write `if`"),
+    ("let a = any(infrared[0 deg : 30 deg])", "found `:`", "`sonar[-30 deg .. 30 deg]`, with both ends"),
+    ("robot r { sensor k[8] : m from P.k bearing 0 deg }", "found `bearing`", "the order is: type"),
+    ("robot r { sensor k : m range 0 .. 1 range 0 .. 2 from P.k }", "found `range`", "`range` is given once"),
+    ("robot r { sensor k[8] : m bearing 0 .. 90 deg from P.k }", "found `..`", "`bearing 0 deg step 30 deg`"),
+    ('import robot "scout"', 'found `"scout"`', "`import robot` takes no name"),
+    ("import robot as r", "found `as`", "`import robot` takes no alias"),
+    ("contract c: drive.turn > 0 when bumper # !", "found `when`", "first: `bumper implies ...`"),
     # names
+    ("let a = len(sonar)", "unknown function `len`", "the length of an array is declared"),
+    ("let a = avg(sonar)", "unknown function `avg`", "write `mean`"),
+    ("let a = argmin(sonar)", "unknown function `argmin`", "write `index_of_min`"),
+    ("let a = argmax(sonar)", "unknown function `argmax`", "write `index_of_max`"),
     ("let a = bumpr", "unknown name `bumpr`", "did you mean `bumper`?"),
     ("let a = True", "unknown name `True`", "write `true`"),
     ("let a = recently", "unknown name `recently`", "it is a function: `recently(...)`"),
@@ -91,6 +123,8 @@ SLIPS = [
     ("module m { when true do drive(velocity = 0) }", "missing: `turn` of `drive`", ""),
     ("module m { when true do drive(velocty = 0, turn = 0) }", "no field `velocty`", "mean `velocity`?"),
     # types
+    ("module l = avoid(clearance = sonar[1])", "`clearance` must be constant", "as `input clearance : mm`"),
+    ("let a = recently(bumper, -2)", "must be a value in s, found a plain number", "`-2 s` or"),
     ("let a = sonar < 3", "`<` needs two numbers of one dimension", "unit: `3 mm`, `3 cm` or `3 m`"),
     ("let a = sonar[0] + docked_at", "a value in mm and a plain number", "`x / 1 mm` is a plain number"),
     ("let a = sonar[0] + heading", "found a value in mm and a value in deg", ""),
@@ -115,6 +149,25 @@ def test_a_slip_is_one_error_with_its_hint(text: str, message: str, hint: str) -
     assert message in headline, shown
     assert hint in rest.rpartition("hint: ")[2], shown
     assert shown.count(": error[") == 1, shown
+
+
+def test_the_first_bearing_without_its_unit() -> None:
+    shown = messages("robot r { sensor k[8] : m bearing -90 from P.k }", robot="")
+    assert "the first bearing must be a value in deg, found a plain number" in shown
+    assert "hint: write its unit, for example `-90 deg`" in shown
+
+
+def test_an_element_and_its_bearing_that_are_swapped() -> None:
+    robot = """
+robot r {
+  sensor   ranges[8] : m bearing 0 deg from P.k
+  actuator drive { velocity : mm/s } to R.drive idle hold
+}
+"""
+    shown = messages("let ahead = min(r * cos(a) for a, r in ranges)", robot)
+    assert "`cos` takes an angle, found a value in mm" in shown
+    assert "hint: the element comes first, then its bearing: `for r, a in ranges`" in shown
+    assert "comes first" not in messages("let ahead = min(cos(r) for r in ranges)", robot)
 
 
 def test_the_end_of_the_file() -> None:

@@ -41,6 +41,17 @@ FORMER_FUNCTIONS = {
 }
 """Hints for functions of version 1 of the language."""
 
+FOREIGN_FUNCTIONS = {
+    **dict.fromkeys(("avg", "average"), "write `mean`"),
+    **dict.fromkeys(("argmin", "index_min", "min_index"), "write `index_of_min`"),
+    **dict.fromkeys(("argmax", "index_max", "max_index"), "write `index_of_max`"),
+    **dict.fromkeys(
+        ("len", "length", "size"),
+        "the length of an array is declared, and no function returns it; `count` takes bools",
+    ),
+}
+"""Hints for functions that other languages have."""
+
 
 def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
     """Check a call of a function of the language, but not a reduction over a variable."""
@@ -135,9 +146,26 @@ def _pure(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Express
 
 
 def _report_type(
-    checker: Checker, argument: ast.Expression, node: ast.Call, wanted: str, found: Scalar
+    checker: Checker,
+    argument: ast.Expression,
+    node: ast.Call,
+    wanted: str,
+    found: Scalar,
+    hint: str | None = None,
 ) -> None:
-    checker.error("E202", argument, f"`{node.function.text}` takes {wanted}, found {with_article(found)}")
+    message = f"`{node.function.text}` takes {wanted}, found {with_article(found)}"
+    checker.error("E202", argument, message, hint)
+
+
+def _swapped_variables(checker: Checker, argument: ast.Expression) -> str | None:
+    """Return a hint if an element of a reduction stands where an angle is expected, and it has a bearing."""
+    if not isinstance(argument, ast.Reference) or len(argument.path) > 1:
+        return None
+    loop = checker.loops.get(argument.text)
+    bearings = (v for v in checker.loops.values() if isinstance(v, ir.LoopElement) and v.type == DEGREES)
+    if not isinstance(loop, ir.LoopElement) or next(bearings, None) is None:
+        return None
+    return "the element comes first, then its bearing: `for r, a in ranges`"
 
 
 def _elementwise_result(
@@ -148,7 +176,9 @@ def _elementwise_result(
         case ir.Function.SIN | ir.Function.COS | ir.Function.TAN | ir.Function.ANGLE_DIFFERENCE:
             for argument, element in zip(node.arguments, elements, strict=True):
                 if element.dimension != ANGLE and not element.wildcard:
-                    _report_type(checker, argument, node, "an angle", element)
+                    _report_type(
+                        checker, argument, node, "an angle", element, _swapped_variables(checker, argument)
+                    )
                     return None
             return DEGREES if function is ir.Function.ANGLE_DIFFERENCE else DIMENSIONLESS
         case ir.Function.ASIN | ir.Function.ACOS:

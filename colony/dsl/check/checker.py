@@ -91,8 +91,13 @@ class Checker(ABC):
         )
         return None
 
-    def constant(self, node: ast.Expression, expected: Scalar | None, what: str) -> ir.Constant | None:
-        """Check a finite constant of type `expected` (any scalar type if None)."""
+    def constant(
+        self, node: ast.Expression, expected: Scalar | None, what: str, hint: str | None = None
+    ) -> ir.Constant | None:
+        """Check a finite constant of type `expected` (any scalar type if None).
+
+        `hint` is for a value that is not constant.
+        """
         constants = replace(self, memory=False, constants_only=True)
         found = constants.check(node) if expected is None else constants.expect(node, expected, what)
         if found is None:
@@ -101,9 +106,8 @@ class Checker(ABC):
         if self.in_function and value is None and reads_placeholder(found):
             return None  # each call decides
         if value is None or isinstance(found.type, Array):
-            self.error(
-                "E204", node, f"{what} must be constant", "use literals, params and arithmetic on them"
-            )
+            hint = hint or "use literals, params and arithmetic on them"
+            self.error("E204", node, f"{what} must be constant", hint)
             return None
         if not abs(value) < float("inf"):
             self.error("E212", node, f"{what} is not a finite number")
@@ -219,15 +223,18 @@ def type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
         return "take an element, or reduce the array with `min`, `max`, `mean` or `sum`"
     if not isinstance(found, Quantity) or not isinstance(expected, Quantity):
         return None
-    if isinstance(node, ast.Number) and node.unit is None:
-        return unit_hint(node, expected)
+    sign, number = "", node
+    if isinstance(node, ast.Prefix) and node.operator == "-":
+        sign, number = "-", node.operand
+    if isinstance(number, ast.Number) and number.unit is None:
+        return unit_hint(f"{sign}{number.digits[:20]}", expected)
     if found == DIMENSIONLESS:
         units = [f"`1 {unit}`" for unit in common_units(expected.dimension)]
         return f"give it a unit: times {listed(units, 'or')}"
     return f"divide by a unit for a plain number: `x / 1 {found}`" if expected == DIMENSIONLESS else None
 
 
-def unit_hint(number: ast.Number, expected: Quantity) -> str:
+def unit_hint(number: str, expected: Quantity) -> str:
     """Return a hint for a number without a unit; which unit was meant, only its author knows."""
-    units = [f"`{number.digits[:20]} {unit}`" for unit in common_units(expected.dimension)]
+    units = [f"`{number} {unit}`" for unit in common_units(expected.dimension)]
     return f"write its unit: {listed(units, 'or')}"

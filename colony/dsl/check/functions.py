@@ -14,7 +14,13 @@ from typing import assert_never
 
 from colony.dsl import ast
 from colony.dsl.check.arguments import argument_symbol, placeholder, without_wildcard_type
-from colony.dsl.check.calls import FORMER_FUNCTIONS, FUNCTION_NAMES, check_call, reject_named_arguments
+from colony.dsl.check.calls import (
+    FOREIGN_FUNCTIONS,
+    FORMER_FUNCTIONS,
+    FUNCTION_NAMES,
+    check_call,
+    reject_named_arguments,
+)
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
@@ -110,7 +116,8 @@ def _report_unknown(checker: Checker, name: ast.Name, scope: Scope, rest: tuple[
         checker.error("E105", name, f"`{name.text}` is used before it is declared", hint)
         return
     known = [*FUNCTION_NAMES, *checker.local, *scope.visible_values]
-    suggestion = FORMER_FUNCTIONS.get(name.text) or checker.report.suggest(rest[-1], known)
+    suggestion = {**FORMER_FUNCTIONS, **FOREIGN_FUNCTIONS}.get(name.text)
+    suggestion = suggestion or checker.report.suggest(rest[-1], known)
     checker.error("E107", name, f"unknown function `{name.text}`", suggestion)
 
 

@@ -30,7 +30,7 @@ from colony.dsl.check.scope import (
 from colony.dsl.check.site_values import site_param
 from colony.ir import program as ir
 from colony.ir.expression import Constant, Expression
-from colony.ir.types import BOOL, ScalarValue
+from colony.ir.types import BOOL, DIMENSIONLESS, Enum, ScalarValue
 from colony.record import Record, record
 from colony.text.diagnostics import has_errors
 
@@ -216,8 +216,8 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
         if name in known_inputs:
             inputs[name] = Binding(name=argument.name, value=argument.value, scope=pending.scope)
             continue
-        found = checker.constant(argument.value, None, f"param `{name}`")
         param = declared.get(name)
+        found = checker.constant(argument.value, None, f"param `{name}`", _computed_param(name, param))
         if found is None or not isinstance(param, ParamSymbol):
             continue
         if fits(found.type, param.type):
@@ -232,6 +232,14 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
             set_param = site_param(checker, site_value, param, node.name)
             params |= {name: set_param} if isinstance(set_param, ParamSymbol) else {}
     return replace(base, params=params, inputs=inputs, failsafe=base.failsafe or node.failsafe)
+
+
+def _computed_param(name: str, param: ValueSymbol | None) -> str | None:
+    """Return a hint for a param that is given a value that is no constant."""
+    if not isinstance(param, ParamSymbol) or isinstance(param.type, Enum):
+        return None
+    type_ = {BOOL: "bool", DIMENSIONLESS: "number"}.get(param.type, str(param.type))
+    return f"a param is constant; for a value that is computed, declare it as `input {name} : {type_}`"
 
 
 def _report_unknown_argument(
