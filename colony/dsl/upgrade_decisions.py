@@ -35,7 +35,9 @@ def decisions_about(program: Program, errors: tuple[Diagnostic, ...], source: So
             message = "`idle hold` is refused for an actuator with a speed or rate; version 1 accepted it"
             yield warning("U005", found.span, message, found.hint)
         if found.code == "E217" and found.span.source is source:
-            yield warning("U007", found.span, "this slice wrapped in version 1; now it is refused", _RING)
+            yield warning(
+                "U007", found.span, "what is outside wrapped in version 1; now it is refused", _RING
+            )
 
 
 # --- indices ---------------------------------------------------------------------------------------
@@ -54,6 +56,8 @@ def _wrapping_indices(
         assert isinstance(e.array.type, Array)
         center, reach = (e.center, e.reach) if isinstance(e, ir.Window) else (e.index, 0)
         found, size = _interval(center, loops), e.array.type.size
+        if isinstance(e, ir.Element) and isinstance(center, ir.Constant):
+            found = (0, 0)  # a constant index outside is refused
         if found is None or found[0] - reach < -0.5 or found[1] + reach > size - 0.5:
             message = "this index was taken modulo the size in version 1; outside it now gives NaN, or false"
             yield warning("U007", e.span, message, _RING)

@@ -45,7 +45,7 @@ MAX_ARRAY_SIZE = 100_000
 MAX_TIME_NS = 2**62
 """Bound on the absolute value of times in a program: the sum of two fits into 64 bits."""
 
-_NAME = re.compile(r"[A-Za-z_]\w{0,254}(\.[A-Za-z_]\w{0,254}){0,9}")
+_NAME = re.compile(r"[A-Za-z_]\w{0,254}([.:]\w{1,255}){0,12}")
 _SIMPLE_NAME = re.compile(r"[A-Za-z_]\w{0,254}")
 
 

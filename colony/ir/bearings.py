@@ -16,6 +16,8 @@ LIST_STEP = 30.0
 """The step in degrees of bearings that are listed: how far an angle beyond the ends still has an element."""
 _DENSE = 60
 _CLOSED_WITHIN = Fraction(1, 10**6)
+_ROUNDING = 1e-6
+"""More degrees than distances in floats are off; what is nearer to equal is compared exactly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,15 +99,18 @@ def nearest(bearings: Bearings, angle: float) -> int | None:
     """
     if not math.isfinite(angle):
         return None
-    exact = Fraction(angle % TURN)
-    distances = [_distance(Fraction(b), exact) for b in bearings.angles]
+    turned = angle % TURN
+    exact = Fraction(turned)
     if bearings.ends is not None:
         first, last = bearings.ends
         gap = _gap(bearings.angles[last], bearings.angles[first])
         beyond = (exact - Fraction(bearings.angles[last])) % TURN
         if 0 < beyond < gap and min(beyond, gap - beyond) >= margin(bearings):
             return None
-    return distances.index(min(distances))
+    near = [abs((b - turned + TURN / 2) % TURN - TURN / 2) for b in bearings.angles]
+    limit = min(near) + _ROUNDING
+    candidates = [i for i, distance in enumerate(near) if distance <= limit]
+    return min(candidates, key=lambda i: _distance(Fraction(bearings.angles[i]), exact))
 
 
 def margin(bearings: Bearings) -> Fraction:

@@ -154,7 +154,7 @@ def test_a_slip_is_one_error_with_its_hint(text: str, message: str, hint: str) -
 def test_the_first_bearing_without_its_unit() -> None:
     shown = messages("robot r { sensor k[8] : m bearing -90 from P.k }", robot="")
     assert "the first bearing must be a value in deg, found a plain number" in shown
-    assert "hint: write its unit, for example `-90 deg`" in shown
+    assert "hint: write its unit: `-90 deg` or `-90 rad`" in shown
 
 
 def test_an_element_and_its_bearing_that_are_swapped() -> None:

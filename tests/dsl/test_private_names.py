@@ -7,6 +7,7 @@ from random import Random
 
 import pytest
 
+import colony
 from colony.dsl.load import check_file
 from colony.text.diagnostics import render
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
@@ -126,3 +127,15 @@ def test_the_robot_is_for_all_files(tmp_path: Path) -> None:
 
 def test_a_name_of_this_file_is_only_used_too_early() -> None:
     assert findings("let z = _near\nlet _near = 3 m") == ["1:9 E105"]
+
+
+def test_what_has_private_modules_compiles_and_is_saved(tmp_path: Path) -> None:
+    files = Files(tmp_path)
+    files.write(
+        one=PART.format(1), top='import "one"\nimport "2-more"\nnetwork { drive = way1 suppresses way2 }'
+    )
+    (tmp_path / "2-more.colony").write_text((tmp_path / "one.colony").read_text().replace("1", "2"))
+    build = colony.build(colony.load(tmp_path / "top.colony"))
+    assert ":_rest" in build.table()
+    build.save(tmp_path / "top.colonyc")
+    colony.read(tmp_path / "top.colonyc")

@@ -80,8 +80,8 @@ def _whole_index(
     value = constant_value(index)
     if value is None:
         return index
-    if not isfinite(value) or not (type_.closes or 0 <= round(value) < type_.size):
-        _outside(checker, node.index, f"index {value:g}", type_)
+    is_inside = isfinite(value) and (type_.closes or 0 <= round(value) < type_.size)
+    if not is_inside and not _is_tolerated(checker, node.index, f"index {value:g}", type_, isfinite(value)):
         return None
     if type_.bearings is not None:
         place = round(value) % type_.size
@@ -92,9 +92,12 @@ def _whole_index(
     return index
 
 
-def _outside(checker: Checker, node: ast.SyntaxNode, what: str, type_: Array) -> None:
-    last = type_.size - 1
-    checker.error("E205", node, f"{what} is outside the array, whose last index is {last}", _NO_WRAP)
+def _is_tolerated(checker: Checker, node: ast.SyntaxNode, what: str, type_: Array, wrapped: bool) -> bool:
+    """Report what is outside an array; return True if it `wrapped` in version 1, and the text is of that."""
+    is_tolerated = wrapped and "E217" in checker.report.tolerated
+    message = f"{what} is outside the array, whose last index is {type_.size - 1}"
+    checker.error("E217" if is_tolerated else "E205", node, message, _NO_WRAP)
+    return is_tolerated
 
 
 _NO_WRAP = "indices wrap in a ring that closes: a sensor with `bearing`"
@@ -131,8 +134,9 @@ def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) ->
     if first is None or last is None:
         return None
     count = last - first + 1 if first <= last else (last - first) % size + 1
-    if count > size or not (type_.closes or (0 <= first < size and 0 <= last < size)):
-        _outside(checker, node, f"the slice from {first} to {last}", type_)
+    is_inside = count <= size and (type_.closes or (0 <= first < size and 0 <= last < size))
+    what = f"the slice from {first} to {last}"
+    if not is_inside and not _is_tolerated(checker, node, what, type_, count <= size):
         return None
     if first > last and not type_.closes:
         message = f"the slice goes from {first} on to {last}, but only rings that close wrap"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from colony.dsl import ast
@@ -101,7 +102,7 @@ def _name_private(scopes: list[Scope]) -> None:
     """Give the private names of each file full names; those of several files may be spelled alike."""
     taken: set[str] = set()
     for scope in reversed(scopes):  # importing files take short names first
-        prefix, stem = scope.file.prefix, scope.file.stem
+        prefix, stem = scope.file.prefix, _identifier(scope.file.stem)
         for private in sorted(set(filter(is_private, _own_names(scope)))):
             name, count = f"{prefix}{private}", 1
             while name in taken:
@@ -109,6 +110,12 @@ def _name_private(scopes: list[Scope]) -> None:
                 count += 1
             taken.add(name)
             scope.private_names[private] = name
+
+
+def _identifier(stem: str) -> str:
+    """Return the name of a file as a part of names, in the characters that names have."""
+    written = re.sub(r"\W", "_", stem)[:255]
+    return written if written[:1].isidentifier() else f"_{written}"
 
 
 def _own_names(scope: Scope) -> Iterator[str]:
@@ -129,7 +136,7 @@ def _name_actuator_wires(scopes: list[Scope]) -> None:
     """
     taken = set(scopes[-1].robot.actuator_names)
     for scope in reversed(scopes):  # importing files take short names first
-        prefix, stem = scope.file.prefix, scope.file.stem
+        prefix, stem = scope.file.prefix, _identifier(scope.file.stem)
         for actuator in scope.actuator_wires:
             name, count = f"{prefix}{actuator}", 1
             while name in taken and not scope.file.is_root:

@@ -60,7 +60,9 @@ def check_program(
     Errors with the codes `tolerated` are reported, but the program is returned. The values of `params` stand
     in for those in the text.
     """
-    report = Report(diagnostics=[*tree.diagnostics, *([] if params is None else params.diagnostics)])
+    report = Report(
+        diagnostics=[*tree.diagnostics, *([] if params is None else params.diagnostics)], tolerated=tolerated
+    )
     is_readable = bool(tree.files) and not any(d.code == "E008" for d in tree.diagnostics)
     program = _Check(tree, report, params).run() if is_readable else None
     diagnostics = in_order(report.diagnostics)
