@@ -83,10 +83,26 @@ def test_errors_of_the_base_are_told_once() -> None:
     ]
 
 
-def test_a_param_that_does_not_fit_in_the_base_is_told_where_it_is_set() -> None:
+def test_a_param_that_does_not_fit_in_the_base_shows_the_derivation() -> None:
     text = "module a { param i = 3 when sonar[i] < 1 m }\nmodule b = a(i = 30)"
-    assert findings(text) == ["2:1 E404"]
-    assert "line 1, in the base module, is wrong: index 30 is outside the array" in messages(text)
+    assert findings(text) == ["1:35 E205"]
+    shown = messages(text)
+    assert "error[E205]: index 30 is outside the array" in shown
+    assert "<text>:2:1: note: derived here\n  2 | module b = a(i = 30)" in shown
+
+
+def test_all_places_that_a_param_makes_wrong_are_reported_once() -> None:
+    text = "module a { param i = 3 when sonar[i] < sonar[i + 1] }\nmodule b = a(i = 30)\nmodule c = b"
+    assert findings(text) == ["1:35 E205", "1:46 E205"]
+
+
+def test_a_call_in_the_base_shows_the_call_and_the_derivation() -> None:
+    text = (
+        "let at(i : number) = sonar[4 / i]\nmodule a { param i = 4 when at(i) < 1 m }\nmodule b = a(i = 0.1)"
+    )
+    shown = messages(text)
+    assert findings(text) == ["1:28 E205"]
+    assert shown.index("note: called here") < shown.index("note: derived here")
 
 
 def test_a_param_of_the_wrong_type_is_told_at_its_value() -> None:

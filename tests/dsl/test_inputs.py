@@ -90,7 +90,8 @@ def test_arrays_of_any_length() -> None:
     sizes = {d.name: str(d.expression.type) for d in program(text).derived if isinstance(d, Let)}
     assert sizes == {"a.scan": "mm[24]", "a.bits": "bool[24]", "b.scan": "mm[5]", "b.bits": "bool[24]"}
     shown = messages(f"{text}\nmodule c = a(scan = sonar[3..6])")
-    assert "with these params and inputs, line 2, in the base module, is wrong: index 4 is outside" in shown
+    assert shown.startswith("<text>:2:67: error[E205]: index 4 is outside the array, whose last index is 3")
+    assert "note: derived here\n  6 | module c = a(scan = sonar[3..6])" in shown
 
 
 def test_a_default_makes_an_ordinary_module() -> None:
@@ -138,10 +139,15 @@ ERRORS = [
     ("module a = follow(side = drive by left)", "E210", "only in contracts and tests", ""),
     ("module a = follow(side = left.side)", "E106", "only in contracts and tests", ""),
     ("network { drive = follow }", "E408", "module `follow` has an input that is not bound: `side`",
-     "derive one with them, and use that: `module NAME = follow(side = ...)`"),
+     "derive a module that binds it, and use that: `module NAME = follow(side = ...)`"),
     ("contract c: follow is active", "E408", "an input that is not bound", ""),
     ("contract c: drive by follow", "E408", "an input that is not bound", ""),
-    ("module a = follow(keep = 1 m)\nnetwork { w = a }", "E408", "module `a` has an input", ""),
+    ("module a = follow(keep = 1 m)\nnetwork { w = a }", "E408", "module `a` has an input",
+     "bind `side` there: `module a = follow(..., side = ...)`"),
+    ("module a = follow()\nnetwork { w = a }", "E408", "module `a` has an input",
+     "bind `side` there: `module a = follow(side = ...)`"),
+    ("module a = follow(sid = 1 m)\nnetwork { w = a }", "E404", "no param or input `sid`", "mean `side`?"),
+    ("module a = follow(sid = 1 m)\nmodule b = a(keep = 1 m)\nnetwork { w = b }", "E404", "`sid`", ""),
     ("module a { input x : mm param x = 3 when true }", "E102", "`x` is declared twice in the module", ""),
     ("module a { input x : mm let x = 3 when true }", "E102", "`x` is declared twice in the module", ""),
     ("module a { input last : mm when true }", "E109", "`last` is a reserved name", ""),
@@ -164,6 +170,11 @@ def test_an_error_is_reported_once(text: str, code: str, message: str, hint: str
     assert hint in shown.rpartition("hint: ")[2], shown
 
 
+def test_a_module_with_unbound_inputs_shows_where_it_is_derived() -> None:
+    shown = messages(f"module a = follow()\nnetwork {{ w = a }}\n{LEFT}")
+    assert "note: `a` is derived here\n  1 | module a = follow()" in shown
+
+
 def test_the_text_of_a_template_is_checked() -> None:
     assert findings("module m { input a : mm input s[] : mm when s[3] < a and a < 1 s and nothing }") == [
         "1:58 E201",
@@ -174,7 +185,7 @@ def test_the_text_of_a_template_is_checked() -> None:
 def test_an_array_of_a_template_has_the_bearings_of_what_is_bound() -> None:
     text = "module m { input s[24] : bool when any(s[-30 deg .. 30 deg]) and s[180 deg] and s[25] }"
     assert findings(f"{text}\nmodule a = m(s = infrared)") == []
-    assert findings(f"{text}\nmodule b = m(s = sonar > 1 m)")[-1] == "2:1 E404"
+    assert findings(f"{text}\nmodule b = m(s = sonar > 1 m)") == ["1:40 E216", "1:66 E216", "1:83 E205"]
 
 
 def test_a_contract_cannot_read_a_template() -> None:

@@ -25,6 +25,7 @@ from colony.dsl.check.scope import (
     Scope,
     StateSymbol,
     ValueSymbol,
+    label,
     span_of,
 )
 from colony.dsl.check.site_values import site_param
@@ -32,7 +33,7 @@ from colony.ir import program as ir
 from colony.ir.expression import Constant, Expression
 from colony.ir.types import BOOL, DIMENSIONLESS, Enum, ScalarValue
 from colony.record import Record, record
-from colony.text.diagnostics import has_errors
+from colony.text.diagnostics import Diagnostic, has_errors
 
 ModuleNode = ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl
 _Clause = TypeVar("_Clause", bound=ast.Clause | ast.PythonClause)
@@ -45,7 +46,8 @@ class Template(Record):
     """A module's declaration, its scope, and the params and inputs that derived modules give.
 
     `failsafe` is true if the module, or one that it is derived from, is declared so. `owner` is the full name
-    of the module whose declaration it is.
+    of the module whose declaration it is. `is_valid` is False if an argument was refused: inputs may be unbound
+    for that reason.
     """
 
     owner: str
@@ -54,6 +56,7 @@ class Template(Record):
     scope: Scope
     params: Mapping[str, ParamSymbol]
     inputs: Mapping[str, Binding]
+    is_valid: bool = True
 
 
 @record
@@ -106,7 +109,7 @@ def check_modules(report: Report, declared: list[PendingModule]) -> CheckedModul
             continue
         instance = _instance(report, pending, template)
         module, unbound = instance.module, instance.inputs.unbound
-        if module is None:
+        if module is None or (unbound and not template.is_valid):
             continue
         if unbound:
             template_names.add(module.name)
@@ -119,12 +122,22 @@ def check_modules(report: Report, declared: list[PendingModule]) -> CheckedModul
             members=instance.members,
             unbound=unbound,
             home=template.scope,
+            derivation=_derivation(pending.node),
+            span=span_of(pending.scope, pending.node),
         )
     checked = {m.name for m in modules} | template_names
     for pending in declared:
         if pending.full_name not in checked:
             pending.scope.network_symbols[pending.node.name.text] = BrokenSymbol()
     return CheckedModules(modules=tuple(modules), input_lets=tuple(input_lets), templates=len(template_names))
+
+
+def _derivation(node: ModuleNode) -> str | None:
+    """Return the declaration of a derived module up to further arguments, with `...` for those it has."""
+    if not isinstance(node, ast.DerivedModuleDecl):
+        return None
+    given = "..., " if node.arguments else ""
+    return f"module {node.name.text} = {node.base.text}({given}"
 
 
 # --- derived modules -------------------------------------------------------------------------------
@@ -202,12 +215,15 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
     _params(quiet, base, declared)
     params, inputs = dict(base.params), dict(base.inputs)
     given: set[str] = set()
+    is_valid = base.is_valid
     for argument in node.arguments:
         name = argument.name.text
         if reject_private_member(checker, argument.name, base.scope, name):
+            is_valid = False
             continue
         if name not in known and name not in known_inputs:
             _report_unknown_argument(checker, node, argument.name, known, known_inputs)
+            is_valid = False
             continue
         if name in given:
             what = f"param `{name}` is set" if name in known else f"input `{name}` is bound"
@@ -231,7 +247,8 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
         if site_value is not None and isinstance(param, ParamSymbol):
             set_param = site_param(checker, site_value, param, node.name)
             params |= {name: set_param} if isinstance(set_param, ParamSymbol) else {}
-    return replace(base, params=params, inputs=inputs, failsafe=base.failsafe or node.failsafe)
+    failsafe = base.failsafe or node.failsafe
+    return replace(base, params=params, inputs=inputs, failsafe=failsafe, is_valid=is_valid)
 
 
 def _computed_param(name: str, param: ValueSymbol | None) -> str | None:
@@ -282,7 +299,7 @@ def _instance(report: Report, pending: PendingModule, template: Template) -> Ins
         module = replace(module, failsafe=template.failsafe)
     if derived:
         report.cells = derived_report.cells
-        _report_misfits(report, pending, template, derived_report)
+        _report_misfits(report, pending, derived_report)
     if inputs.unbound:
         report.cells = cells  # what a template reads is no part of the program
         report.size.refund(budget)
@@ -297,20 +314,18 @@ def _stand_in(pending: PendingModule) -> ir.Module:
     return ir.Module(name=pending.full_name, span=span, when=Constant(type=BOOL, value=True))
 
 
-def _report_misfits(
-    report: Report, pending: PendingModule, template: Template, derived_report: Report
-) -> None:
-    """Report params and inputs that do not fit the base module, at the derived module."""
-    what = "params and inputs" if template.inputs else "params"
+def _report_misfits(report: Report, pending: PendingModule, derived_report: Report) -> None:
+    """Report errors in the text of the base module that these params and inputs cause."""
     errors = [d for d in derived_report.diagnostics if d.severity == "error"]
-    base_errors = {(d.code, d.span.start, d.message) for d in report.diagnostics} if errors else set()
-    for d in errors:
-        if (d.code, d.span.start, d.message) not in base_errors:
-            line, _ = d.span.source.position(d.span.start)
-            file = "" if d.span.source is pending.scope.file.source else f" of `{d.span.source.name}`"
-            message = f"with these {what}, line {line}{file}, in the base module, is wrong: {d.message}"
-            report.error(pending.scope, "E404", pending.node, message, d.hint, *d.labels)
-            return
+    known = {_identity(d) for d in report.diagnostics} if errors else set()
+    derivation = label(pending.scope, pending.node, "derived here")
+    report.diagnostics += [
+        replace(d, labels=(*d.labels, derivation)) for d in errors if _identity(d) not in known
+    ]
+
+
+def _identity(d: Diagnostic) -> tuple[object, ...]:
+    return d.code, id(d.span.source), d.span.start, d.message
 
 
 def _clauses(node: ast.ModuleDecl | ast.PythonModuleDecl, kind: type[_Clause]) -> list[_Clause]:

@@ -34,6 +34,7 @@ from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
 from colony.ir.types import BOOL, DURATION, Enum
+from colony.text.diagnostics import Label
 from colony.text.wording import quoted
 
 
@@ -398,8 +399,13 @@ def _report_unbound(checker: Checker, node: ast.Reference, name: str, module: Mo
     inputs = ", ".join(f"{unbound} = ..." for unbound in module.unbound)
     plural = "inputs that are" if len(module.unbound) > 1 else "an input that is"
     message = f"module `{name}` has {plural} not bound: {quoted(module.unbound)}"
-    hint = f"derive one with them, and use that: `module NAME = {name}({inputs})`"
-    checker.error("E408", node, message, hint)
+    if module.derivation is None or module.span is None:
+        them = "them" if len(module.unbound) > 1 else "it"
+        hint = f"derive a module that binds {them}, and use that: `module NAME = {name}({inputs})`"
+        checker.error("E408", node, message, hint)
+        return
+    hint = f"bind {quoted(module.unbound)} there: `{module.derivation}{inputs})`"
+    checker.error("E408", node, message, hint, Label(module.span, f"`{name}` is derived here"))
 
 
 def actuator_named(checker: Checker, name: ast.Name) -> program_ir.Actuator | None:

@@ -178,6 +178,8 @@ class ModuleSymbol(Record):
         members: its params, inputs, lets and states, for contracts.
         unbound: its inputs that are not bound; it is only a template if there are any.
         home: the names of the file that its text is in; None before it is checked.
+        derivation: its declaration up to further arguments, if it is derived: `module l = t(..., `.
+        span: the span of its declaration; None before it is checked.
     """
 
     name: str
@@ -185,6 +187,8 @@ class ModuleSymbol(Record):
     members: dict[str, ValueSymbol]
     unbound: tuple[str, ...] = ()
     home: Scope | None = None
+    derivation: str | None = None
+    span: Span | None = None
 
 
 @record
