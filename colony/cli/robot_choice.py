@@ -29,7 +29,12 @@ _CHOICE = "colony.robot"
 def description_option() -> Callable[[F], F]:
     """Return the option `--robot NAME[=DESCRIPTION]` of a command that reads behaviors."""
     return click.option(
-        "--robot", metavar=DESCRIPTION_FORM, callback=_choose, expose_value=False, help=_DESCRIPTION
+        "--robot",
+        multiple=True,
+        metavar=DESCRIPTION_FORM,
+        callback=_choose,
+        expose_value=False,
+        help=_DESCRIPTION,
     )
 
 
@@ -48,7 +53,12 @@ def described_robot_option(help: str, *, required: bool = False) -> Callable[[F]
     A name may be one of no description: that is found elsewhere then.
     """
     return click.option(
-        "--robot", required=required, metavar=DESCRIPTION_FORM, callback=_choose_and_address, help=help
+        "--robot",
+        multiple=True,
+        required=required,
+        metavar=DESCRIPTION_FORM,
+        callback=_choose_and_address,
+        help=help,
     )
 
 
@@ -58,7 +68,16 @@ def chosen_robot() -> RobotChoice | None:
     return None if context is None else context.meta.get(_CHOICE)
 
 
-def _choose(context: click.Context, option: click.Parameter, text: str | None) -> None:
+def _only(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> str | None:
+    """Return the text of an option that is given at most once."""
+    if len(texts) > 1:
+        message = f"given {len(texts)} times, but this is for one robot; `colony check` takes several"
+        raise click.BadParameter(message, context, option)
+    return texts[0] if texts else None
+
+
+def _choose(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> None:
+    text = _only(context, option, texts)
     context.meta[_CHOICE] = None if text is None else _choice(context, option, text)
 
 
@@ -80,7 +99,10 @@ def _choice(context: click.Context, option: click.Parameter, text: str) -> Robot
     return RobotChoice(text=description or name, origin=f"--robot {text}")
 
 
-def _choose_and_address(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
+def _choose_and_address(
+    context: click.Context, option: click.Parameter, texts: tuple[str, ...]
+) -> str | None:
+    text = _only(context, option, texts)
     if text is None:
         return None
     name = check_robot_name(context, option, text.partition("=")[0])

@@ -14,6 +14,7 @@ from colony.dsl.descriptions import (
     RobotChoice,
     find_description,
     find_project,
+    is_path,
     listed_descriptions,
     shown,
     suggestion,
@@ -83,13 +84,10 @@ def request(files: Iterable[Place]) -> Span | None:
 
 def chosen_description(request: Span, around: Surroundings) -> Path | Diagnostic:
     """Return the file of the description for a program that declares no robot, or the error."""
-    project: Project | None = None
     try:
-        project = None if around.folder is None else find_project(around.folder)
-        if around.is_shipped and (project is None or project.robot is None):
-            project = find_project(Shipped.BEHAVIOR.folder)
+        project = _project(around)
     except ProjectError as problem:
-        return error("E323", request, str(problem), "name the robot there, or give --robot NAME")
+        return error("E323", request, str(problem), 'write `robot = "NAME"` there, or give --robot NAME')
     project_folder = Path() if project is None else project.folder
     choice = around.choice
     if choice is not None:
@@ -107,8 +105,21 @@ def chosen_description(request: Span, around: Surroundings) -> Path | Diagnostic
     return _unbound(request, around, project)
 
 
+def _project(around: Surroundings) -> Project | None:
+    """Return the project that decides for a program, None if there is none.
+
+    Raises:
+        ProjectError: its file cannot be used.
+    """
+    project = None if around.folder is None else find_project(around.folder)
+    if around.is_shipped and (project is None or project.robot is None):
+        return find_project(Shipped.BEHAVIOR.folder)
+    return project
+
+
 def _unknown(request: Span, choice: RobotChoice, folder: Path) -> Diagnostic:
-    message = f"no robot is described by `{choice.text}`, which {choice.origin} names"
+    what = "there is no description" if is_path(choice.text) else "unknown description"
+    message = f"{what} `{choice.text}`, which {choice.origin} names"
     return error("E321", request, message, suggestion(choice.text, folder))
 
 
@@ -134,8 +145,15 @@ def other_choice(
     choice, (file, node) = around.choice, declared
     if choice is None or choice.is_name:
         return None
-    found = find_description(choice.text, Path(), Path())
-    if found is not None and os.path.realpath(found) in keys:
+    try:
+        project = _project(around)
+    except ProjectError:  # the program has its robot, and needs no project
+        project = None
+    folder = Path() if project is None else project.folder
+    found = find_description(choice.text, Path(), folder)
+    if found is None:
+        return _unknown(file.span(node.name), choice, folder)
+    if os.path.realpath(found) in keys:
         return None
     message = f"the program has its own robot, `{node.name.text}`; {choice.origin} names another"
     hint = "write `import robot` in its place, and the description in a file of its own"

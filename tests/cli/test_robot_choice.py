@@ -142,4 +142,11 @@ def test_a_served_robot_refuses_a_program_for_another(machine: Machine, colony: 
 def test_a_robot_cannot_be_served_with_what_is_no_description(colony: Colony, go: str) -> None:
     ran = colony("serve", "RServer", "--robot", "lab=nobody")
     assert ran.code == 1
-    assert "error[E321]: no robot is described by `nobody`" in ran.err
+    assert "error[E321]: unknown description `nobody`" in ran.err
+
+
+@pytest.mark.parametrize("command", ["test", "verify", "graph", "run"])
+def test_only_check_takes_several_robots(colony: Colony, command: str) -> None:
+    ran = colony(command, "wander", "--robot", "nobody", "--robot", "rome")
+    assert ran.code == 2
+    assert "given 2 times, but this is for one robot" in " ".join(ran.err.split())

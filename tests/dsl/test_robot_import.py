@@ -98,6 +98,16 @@ def test_a_file_of_the_program_says_it(project: Path) -> None:
     assert robot_of(load_file("by_path.colony", robot="cart")) == "cart"
     assert codes(check_file("by_path.colony", robot="amr")) == ["E322"]
     assert codes(check_file("own.colony", robot="amr")) == ["E322"]
+    assert codes(check_file("own.colony", robot="nobody")) == ["E321"]
+
+
+def test_the_robot_of_a_file_in_a_project_is_found_from_any_folder(
+    project: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (project / "colony.toml").write_text("")
+    (project / "by_path.colony").write_text('import "robots/cart.colony"\nimport "go.colony" as go\n')
+    monkeypatch.chdir(tmp_path)
+    assert robot_of(load_file(project / "by_path.colony", robot="cart")) == "cart"
 
 
 def test_a_name_at_run_time_need_not_be_a_description(project: Path) -> None:
@@ -203,12 +213,12 @@ def test_no_robot_is_chosen(project: Path) -> None:
 def test_an_unknown_description(project: Path) -> None:
     found = message(check_file("go.colony", robot="carts"))
     assert found == (
-        "no robot is described by `carts`, which `robot='carts'` names",
+        "unknown description `carts`, which `robot='carts'` names",
         "did you mean `cart`?",
     )
     (project / "colony.toml").write_text('robot = "robots/carts"\n')
     assert message(check_file("deep/er/go.colony"))[0] == (
-        "no robot is described by `robots/carts`, which `colony.toml` names"
+        "there is no description `robots/carts`, which `colony.toml` names"
     )
 
 
