@@ -46,8 +46,8 @@ class Template(Record):
     """A module's declaration, its scope, and the params and inputs that derived modules give.
 
     `failsafe` is true if the module, or one that it is derived from, is declared so. `owner` is the full name
-    of the module whose declaration it is. `is_valid` is False if an argument was refused: inputs may be unbound
-    for that reason.
+    of the module whose declaration it is. `is_valid` is False if an argument was refused: inputs may be
+    unbound for that reason.
     """
 
     owner: str
