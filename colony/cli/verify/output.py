@@ -79,6 +79,8 @@ def _summary(verified_files: Sequence[Verified], interrupted: bool) -> None:
     if not any(verified.program for verified in verified_files):
         return
     counts = [_proved_text(verdicts), *(f"{verdicts.count(word)} {word}" for word in ("refuted", "unknown"))]
+    errors = sum(f.diagnostic.severity == "error" for verified in verified_files for f in verified.findings)
+    counts += [counted(errors, "error")] if errors else []
     warnings = sum(d.severity == "warning" for verified in verified_files for d in verified.diagnostics)
     counts += [counted(warnings, "warning")] if warnings else []
     click.echo(", ".join(counts) + (": interrupted before the end" if interrupted else ""))

@@ -8,10 +8,10 @@ from colony.dsl import ast
 from colony.dsl.printer import print_file
 from colony.ir.bearings import naming_angle
 from colony.ir.program import Program, Sensor
-from colony.ir.types import Array, Enum, ScalarValue, Value, element_type
+from colony.ir.types import Enum, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import NumberText, number_text, seconds
 from colony.verify.contracts.results import Trace
-from colony.verify.sparse import differing, sparse
+from colony.verify.sparse import Run, bearings_of, differing, run_angles, sparse
 
 
 def title(contract: str) -> str:
@@ -72,9 +72,9 @@ def _given(
         yield _scalar_assignment(sensor, None, value)
         return
     if isinstance(before, tuple):
-        changed = differing(value, before)
+        changed = differing(value, before, bearings_of(sensor.type))
         if changed is not None:
-            yield from (_scalar_assignment(sensor, i, x) for i, x in changed)
+            yield from (_scalar_assignment(sensor, run, run.value) for run in changed)
             return
     yield from _array_assignments(sensor, value)
 
@@ -88,11 +88,11 @@ def _of_value(sensor: Sensor, value: Value | None) -> ast.GivenDecl | None:
 
 
 def _array_assignments(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterator[ast.GivenDecl | None]:
-    """Yield the commonest value for all elements and the few that differ, or every element."""
-    found = sparse(value)
+    """Yield the commonest value for all elements and the few runs that differ, or every element."""
+    found = sparse(value, bearings_of(sensor.type))
     if found is not None:
         yield _scalar_assignment(sensor, None, found.common)
-        yield from (_scalar_assignment(sensor, i, x) for i, x in found.differing)
+        yield from (_scalar_assignment(sensor, run, run.value) for run in found.differing)
         return
     elements = [_expression(sensor, x) for x in value]
     expressible = tuple(e for e in elements if e is not None)
@@ -103,24 +103,36 @@ def _array_assignments(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterat
     )
 
 
-def _scalar_assignment(sensor: Sensor, index: int | None, value: ScalarValue) -> ast.GivenDecl | None:
+def _scalar_assignment(sensor: Sensor, run: Run | None, value: ScalarValue) -> ast.GivenDecl | None:
     expression = _expression(sensor, value)
-    return None if expression is None else _assignment(sensor, index, expression)
+    return None if expression is None else _assignment(sensor, run, expression)
 
 
 def _assignment(
-    sensor: Sensor, index: int | None, value: ast.Expression | ast.Missing | ast.Elements
+    sensor: Sensor, run: Run | None, value: ast.Expression | ast.Missing | ast.Elements
 ) -> ast.GivenDecl:
-    at = None if index is None else _index(sensor, index)
-    return ast.GivenDecl(sensor=ast.Reference(path=tuple(sensor.name.split("."))), index=at, value=value)
+    first, last = (None, None) if run is None else _place(sensor, run)
+    reference = ast.Reference(path=tuple(sensor.name.split(".")))
+    return ast.GivenDecl(sensor=reference, index=first, last=last, value=value)
 
 
-def _index(sensor: Sensor, index: int) -> ast.Expression:
-    """Return the angle that names an element, or its number."""
-    bearings = sensor.type.bearings if isinstance(sensor.type, Array) else None
-    angle = naming_angle(bearings, index)
-    if angle is None:
-        return ast.Number(digits=str(index), unit=None)
+def _place(sensor: Sensor, run: Run) -> tuple[ast.Expression, ast.Expression | None]:
+    """Return the index of one element, or the ends of a slice, as angles where these name the elements."""
+    bearings = bearings_of(sensor.type)
+    if run.first == run.last:
+        angle = naming_angle(bearings, run.first)
+        return _count(run.first) if angle is None else _degrees(angle), None
+    angles = run_angles(bearings, run)
+    if angles is None:
+        return _count(run.first), _count(run.last)
+    return _degrees(angles[0]), _degrees(angles[1])
+
+
+def _count(number: int) -> ast.Expression:
+    return ast.Number(digits=str(number), unit=None)
+
+
+def _degrees(angle: str) -> ast.Expression:
     number = ast.Number(digits=angle.removeprefix("-"), unit="deg")
     return ast.Prefix(operator="-", operand=number) if angle.startswith("-") else number
 

@@ -5,6 +5,7 @@ A change is kept only if the contract still breaks in the reference interpreter.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
@@ -83,7 +84,9 @@ class _SimplerReadings:
         """Yield None, each value in `readings`, and simple values; nothing if `readings` has no value."""
         if all(reading is None for reading in readings):
             return
-        yield from dict.fromkeys((None, *_values(reversed(readings)), *_simple_values(sensor)))
+        values = tuple(_values(reversed(readings)))
+        finite = () if all(map(_is_finite, values)) else tuple(_finite_values(sensor))
+        yield from dict.fromkeys((None, *finite, *values, *_simple_values(sensor)))
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
         """Yield the previous value, None, simple values, and values with fewer distinct numbers or digits."""
@@ -120,8 +123,11 @@ def _fewer_distinct_numbers(value: tuple[ScalarValue, ...]) -> Iterator[Value]:
 
 
 def _shorter(sensor: Sensor, x: ScalarValue) -> Iterator[ScalarValue]:
-    """Yield numbers close to `x` that have fewer digits in the sensor's unit."""
+    """Yield numbers close to `x` that have fewer digits in the sensor's unit; finite ones if `x` is not."""
     if isinstance(x, bool) or isinstance(element_type(sensor.type), Enum):
+        return
+    if not math.isfinite(x):
+        yield from _finite_scalars(sensor)
         return
     text = number_text(x, sensor)
     max_digits = 17 if text is None else len(text.digits.replace(".", "").lstrip("0")) - 1
@@ -129,6 +135,28 @@ def _shorter(sensor: Sensor, x: ScalarValue) -> Iterator[ScalarValue]:
         shorter = rounded(x, sensor, digits)
         if shorter != x and _in_range(sensor, shorter):
             yield shorter
+
+
+def _is_finite(value: Value) -> bool:
+    return all(math.isfinite(x) for x in (value if isinstance(value, tuple) else (value,)))
+
+
+def _finite_values(sensor: Sensor) -> Iterator[Value]:
+    """Yield simple values and others to try in the place of one that is not finite."""
+    yield from _simple_values(sensor)
+    size = sensor.type.size if isinstance(sensor.type, Array) else None
+    yield from (x if size is None else (x,) * size for x in _finite_scalars(sensor))
+
+
+def _finite_scalars(sensor: Sensor) -> Iterator[float]:
+    """Yield numbers of growing magnitude in the sensor's unit, which behave as one that is not finite may."""
+    for magnitude in _MAGNITUDES:
+        for x in (magnitude * sensor.factor, -magnitude * sensor.factor):
+            if _in_range(sensor, x):
+                yield x
+
+
+_MAGNITUDES = (1.0, 10.0, 100.0, 180.0, 1e3, 1e6, 1e9)
 
 
 def _in_range(sensor: Sensor, x: float) -> bool:

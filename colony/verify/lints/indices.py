@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from colony.ir.expression import Window
+from colony.ir.expression import SensorValue, Window, subexpressions
+from colony.ir.types import Quantity
 from colony.text.diagnostics import Diagnostic, Severity
 from colony.text.source import Span
-from colony.text.wording import counted
+from colony.text.wording import counted, quoted
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.report import reason_text
@@ -61,14 +62,18 @@ def _finding(case: Case, access: Access, result: Result) -> Finding | None:
         case Proved(over_reals=()):
             return None
         case Proved(over_reals=reasons):
-            return _proved_over_reals(access, reasons)
+            return _proved_over_reals(case, access, reasons)
         case Refuted(trace=trace):
             return _outside(case, access, trace)
         case ProvedInTime(trace=late, python_trace=with_python, because=because):
             run = late or with_python
-            return _unproved(access, because) if run is None else _outside(case, access, run)
+            return _unproved(case, access, because) if run is None else _outside(case, access, run)
         case Unknown(trace=with_python, because=because):
-            return _unproved(access, because) if with_python is None else _outside(case, access, with_python)
+            return (
+                _unproved(case, access, because)
+                if with_python is None
+                else _outside(case, access, with_python)
+            )
 
 
 def _outside(case: Case, access: Access, trace: Trace) -> Finding:
@@ -90,20 +95,20 @@ def _outside(case: Case, access: Access, trace: Trace) -> Finding:
         found=() if shown is None else (f"{_noun(access)} of {_text(access)}: {shown}",),
     )
     actuator = None if access.owner is None else access.owner.actuator
-    return Finding(_diagnostic(access, message), Run(_text(access), actuator, found))
+    return Finding(_diagnostic(case, access, message), Run(_text(access), actuator, found))
 
 
-def _unproved(access: Access, because: tuple[str, ...]) -> Finding:
+def _unproved(case: Case, access: Access, because: tuple[str, ...]) -> Finding:
     reasons = "; ".join(line.strip() for line in because)
     message = f"`{_text(access)}` is not proved to be inside the array: {reasons}"
-    return Finding(_diagnostic(access, message))
+    return Finding(_diagnostic(case, access, message))
 
 
-def _proved_over_reals(access: Access, reasons: tuple[Reason, ...]) -> Finding:
+def _proved_over_reals(case: Case, access: Access, reasons: tuple[Reason, ...]) -> Finding:
     """Return the note that a proof takes floats as real numbers."""
     because = "; ".join(dict.fromkeys(map(reason_text, reasons)))
     message = f"`{_text(access)}` is proved to be inside the array only over real numbers: {because}"
-    return Finding(replace(_diagnostic(access, message), severity="note"))
+    return Finding(replace(_diagnostic(case, access, message), severity="note"))
 
 
 def _shown(case: Case, access: Access, trace: Trace) -> str | None:
@@ -127,14 +132,29 @@ def _text(access: Access) -> str:
     return " ".join(access.place.span.text.split())
 
 
-def _diagnostic(access: Access, message: str) -> Diagnostic:
+def _diagnostic(case: Case, access: Access, message: str) -> Diagnostic:
     severity: Severity = "error" if access.decides else "warning"
-    hint = _hint(access)
+    hint = _hint(case, access)
     return Diagnostic(code="V036", span=access.place.span, message=message, hint=hint, severity=severity)
 
 
-def _hint(access: Access) -> str:
+def _hint(case: Case, access: Access) -> str:
     """Return how to keep the index inside, or say what stands for an element that is outside."""
+    unbounded = [] if isinstance(access.place, Window) else list(_without_range(case, access))
+    ranges = f"; or give {quoted(unbounded)} a range" if unbounded else ""
+    return f"{_inside_or_else(access)}{ranges}"
+
+
+def _without_range(case: Case, access: Access) -> Iterator[str]:
+    """Yield the scalar sensors that an index reads itself and that have no range."""
+    read = {e.name for e in subexpressions(access.index) if isinstance(e, SensorValue)}
+    for sensor in case.program.robot.sensors:
+        is_scalar = sensor.sent is None and isinstance(sensor.type, Quantity)
+        if sensor.name in read and is_scalar and sensor.low is None and sensor.high is None:
+            yield sensor.name
+
+
+def _inside_or_else(access: Access) -> str:
     text, index = _text(access), " ".join(access.index.span.text.split())
     last = access.size - 1
     if isinstance(access.place, Window):

@@ -75,6 +75,26 @@ def test_elements_are_given_by_angle_where_that_reads_back(bearing: str, index: 
     assert [s.readings for s in snapshots_of(again, again.tests[0])] == [{"rays": readings}]
 
 
+@pytest.mark.parametrize(
+    ("bearing", "size", "place"),
+    [
+        ("bearing -180 deg", 90, "44 deg .. 68 deg"),
+        ("bearing 90 deg step -2 deg", 90, "-34 deg .. -22 deg"),
+        ("", 90, "56 .. 62"),
+    ],
+)
+def test_runs_are_given_as_slices(bearing: str, size: int, place: str) -> None:
+    robot = ROBOT.replace("rays[6] : m range", f"rays[{size}] : m {bearing} range")
+    text = robot + "contract c: rays[1] > rays[0]"
+    near: Value = tuple(250.0 if 56 <= i <= 62 else 1000.0 for i in range(size))
+    nearer: Value = tuple(250.0 if 56 <= i <= 70 else 1000.0 for i in range(size))
+    block = example_block(load_text(text), "c", trace({"rays": near}, {"rays": nearer}))
+    assert block is not None
+    assert f"given rays = 1 m, rays[{place}] = 0.25 m" in block
+    again = load_text(f"{text}\n{block}")
+    assert [s.readings["rays"] for s in snapshots_of(again, again.tests[0])] == [near, nearer]
+
+
 def test_an_infinite_reading_cannot_be_written() -> None:
     assert block({"x": float("inf")}) is None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from colony.dsl.load import load_text
@@ -106,6 +108,24 @@ def test_outside_in_a_run(expression: str, says: str) -> None:
     ]
     assert breaches[-1] == tuple(claim.claim.name for claim in claims)
     assert run_lines(program, finding)[0].startswith("V036 ")
+
+
+@pytest.mark.parametrize(
+    "expression",
+    ["arc[heading]", "arc[heading * 2]", "arc[-heading]", "five[free]", "arc[previous(heading, 0)]"],
+)
+def test_runs_outside_prefer_finite_values(expression: str) -> None:
+    [finding] = found(f"let x = {expression}")
+    assert finding.run is not None
+    readings = [x for s in finding.run.trace.snapshots for x in s.readings.values()]
+    assert all(math.isfinite(x) for x in readings if isinstance(x, float))
+    assert "inf" not in finding.diagnostic.message
+
+
+def test_the_hint_names_sensors_that_could_have_a_range() -> None:
+    hints = [d.hint or "" for d in diagnostics("let x = arc[heading + wide]\nlet y = arc[wide]")]
+    assert hints[0].endswith("`value_or(arc[heading + wide], ...)`; or give `heading` a range")
+    assert hints[1].endswith("`value_or(arc[wide], ...)`")
 
 
 def test_an_element_that_decides_is_an_error() -> None:
