@@ -15,10 +15,10 @@ from colony.ir import frame
 from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
-from colony.text.diagnostics import Diagnostic, error
+from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
 from colony.text.units import parse_unit
-from colony.text.wording import counted, duration_text
+from colony.text.wording import counted, duration_text, quoted
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.kleene import is_known
@@ -46,8 +46,8 @@ class ExampleFailure:
     """A failed expectation or contract of an example, at the first frame in which it fails.
 
     `expected` is the condition as written (a contract with its name); `found` lists the actual values, one
-    fact per line. `frames` is the number of frames of the step (of the example, for a contract) with this
-    failure.
+    fact per line; `hint` is how to mend it, if that is known. `frames` is the number of frames of the step
+    (of the example, for a contract) with this failure.
     """
 
     kind: FailureKind
@@ -55,6 +55,7 @@ class ExampleFailure:
     t_ns: int
     expected: str
     found: tuple[str, ...]
+    hint: str | None = None
     frames: int = 1
 
 
@@ -147,9 +148,10 @@ def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
         case _:
             assert_never(failure.kind)
     found = "; ".join(failure.found)
-    if failure.kind == "no array to set an element in":
-        return error(_CODES[failure.kind], failure.span, message, found)
-    return error(_CODES[failure.kind], failure.span, f"{message}; found: {found}" if found else message)
+    message = f"{message}; found: {found}" if found else message
+    is_elsewhere = failure.span.source is not result.span.source
+    test = (Label(result.span, "in this test"),) if is_elsewhere else ()
+    return error(_CODES[failure.kind], failure.span, message, failure.hint, *test)
 
 
 class _Run:
@@ -191,7 +193,7 @@ class _Run:
         hint = f"assign the whole array first: `{sensor.name} = ...`" + (
             "; the sensor's default does not count" if has_default else ""
         )
-        self.fail("no array to set an element in", given, given.span, t_ns, sensor.name, (hint,))
+        self.fail("no array to set an element in", given, given.span, t_ns, sensor.name, (), hint)
 
     def expect(self, expectation: ir.Expression, key: object, t_ns: int, outcome: Outcome) -> None:
         value = self.interpreter.value_of(expectation)
@@ -207,15 +209,36 @@ class _Run:
         kind: FailureKind = "contract unknown" if unknown else "contract broken"
         key = (contract.name, kind)
         found = self.found(key, contract.expression, t_ns, outcome)
-        self.fail(kind, key, contract.span, t_ns, expected, found)
+        hint = self.missing_hint(contract, t_ns) if unknown and found else None
+        self.fail(kind, key, contract.span, t_ns, expected, found, hint)
+
+    def missing_hint(self, contract: Contract, t_ns: int) -> str | None:
+        """Return how to mend a contract that is unknown because sensors are missing."""
+        silence = Silence(self.program, self.interpreter, self.missing_sensors(t_ns))
+        missing = [s for s in silence.missing_in(contract.expression) if self.sensors[s].sent is None]
+        if not missing:
+            return None
+        return (
+            f"give {quoted(missing)} in the test, or say in the contract what a missing one stands for: "
+            f"`value_or({missing[0]}, ...)`"
+        )
 
     def fail(
-        self, kind: FailureKind, key: object, span: Span, t_ns: int, expected: str, found: tuple[str, ...]
+        self,
+        kind: FailureKind,
+        key: object,
+        span: Span,
+        t_ns: int,
+        expected: str,
+        found: tuple[str, ...],
+        hint: str | None = None,
     ) -> None:
         """Record a failure, or count it if it occurred in an earlier frame."""
         before = self.failures.get(key)
         if before is None:
-            before = ExampleFailure(kind=kind, span=span, t_ns=t_ns, expected=expected, found=found, frames=0)
+            before = ExampleFailure(
+                kind=kind, span=span, t_ns=t_ns, expected=expected, found=found, hint=hint, frames=0
+            )
         self.failures[key] = replace(before, frames=before.frames + 1)
 
     # --- actual values ---------------------------------------------------------------------------

@@ -38,6 +38,10 @@ class Silence:
             return f"`{name}` is missing since {self._absent(sensors)}"
         return f"`{name}` is missing since {quoted(sensors)} {'are' if len(sensors) > 1 else 'is'}"
 
+    def missing_in(self, expression: ir.Expression) -> tuple[str, ...]:
+        """Return the missing sensors that an expression needs, itself or by way of lets of files."""
+        return tuple(self._sensors_of(_needed(expression)))
+
     def reasons(self, expression: ir.Expression) -> Iterator[str]:
         """Yield why modules are silent or blind that an expectation names, or that would change it."""
         named = set(_modules_named(expression))

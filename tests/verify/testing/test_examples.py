@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from colony.dsl.load import load_text
+from colony.dsl.load import check_file, load_text
 from colony.text.diagnostics import headline, render
 from colony.verify.testing.examples import ExampleResult, failures_as_diagnostics, run_examples
 from tests.programs import robot
@@ -105,6 +107,43 @@ def test_contracts_are_checked_in_every_frame() -> None:
         'error[T003]: in "t" at 0 s, and in 2 more frames: '
         "contract `slow: drive.speed < 0.2 m/s` is false; found: drive by cruise, speed = 0.3 m/s"
     )
+
+
+@pytest.mark.parametrize(
+    ("condition", "hint"),
+    [
+        ("bumper implies drive.speed > 0 m/s", "give `bumper` in the test, or say in the contract"),
+        ("bumper implies drive.speed > 0 m/s", "what a missing one stands for: `value_or(bumper, ...)`"),
+        ("ahead > 1 m and bumper", "give `sonar` and `bumper` in the test"),
+        ("value_or(ahead, 1 m) > 0 m and bumper", "give `bumper` in the test"),
+    ],
+)
+def test_a_contract_that_is_unknown_names_the_sensors_to_give(condition: str, hint: str) -> None:
+    program = load_text(f'{BEHAVIOR}contract c: {condition}\ntest "t" {{ at 0 s expect drive is idle }}')
+    found = failures_as_diagnostics(run_examples(program))
+    [diagnostic] = [d for d in found if d.code == "T003"]
+    assert "is unknown; found: " in diagnostic.message
+    assert hint in str(diagnostic.hint)
+    assert diagnostic.labels == ()
+
+
+def test_a_contract_that_is_false_has_no_hint() -> None:
+    program = load_text(f'{BEHAVIOR}contract c: bumper\ntest "t" {{ at 0 s given bumper = false }}')
+    [diagnostic] = failures_as_diagnostics(run_examples(program))
+    assert (diagnostic.code, diagnostic.hint) == ("T003", None)
+
+
+def test_a_contract_of_another_file_shows_the_test(tmp_path: Path) -> None:
+    (tmp_path / "robot.colony").write_text(f"{BEHAVIOR}contract c: bumper")
+    path = tmp_path / "top.colony"
+    path.write_text('import "robot.colony"\ntest "t" { at 0 s given bumper = false }')
+    program = check_file(path).program
+    assert program is not None
+    [diagnostic] = failures_as_diagnostics(run_examples(program))
+    assert diagnostic.span.source.name.endswith("robot.colony")
+    [label] = diagnostic.labels
+    assert label.text == "in this test"
+    assert label.span.source.name.endswith("top.colony")
 
 
 @pytest.mark.parametrize(
