@@ -114,6 +114,8 @@ def command(
                 expect_bearings(program, file or name)
             decided = _decide(program, reader, backend, frame_number)
         except DiagnosticError as failure:
+            if failure.diagnostics[0].code == "P001":  # an error of the behavior, not of the frames
+                raise
             if failure.diagnostics[0].code == "A006":
                 say(one_line(failure.diagnostics[0]))
                 raise click.exceptions.Exit(EXIT_ERRORS) from None
