@@ -12,11 +12,11 @@ from colony.ir import expression as ir
 from colony.ir.bearings import (
     TURN,
     Bearings,
-    arc,
     between,
     listed_bearings,
     nearest,
-    part,
+    part_by_bearing,
+    part_by_index,
     reaches_beyond,
     sweep,
     uniform,
@@ -120,7 +120,7 @@ def check_slice(checker: Checker, node: ast.SliceOf) -> ir.Expression | None:
         return None
     bearings = array.type.bearings
     if bearings is not None:
-        bearings = arc(bearings, indices) if by_bearing else part(bearings, indices)
+        bearings = part_by_bearing(bearings, indices) if by_bearing else part_by_index(bearings, indices)
     type_ = Array(array.type.element, len(indices), bearings)
     return ir.Slice(type=type_, array=array, indices=indices, span=checker.span(node))
 
