@@ -25,14 +25,13 @@ MAX_PROJECT_BYTES = 1024 * 1024
 
 @record
 class RobotChoice(Record):
-    """The description that somebody chose.
+    """The chosen description.
 
     Attributes:
         text: its name or path, as given.
         origin: what gave it, for messages: `--robot amr`.
         is_name: True if `text` is first of all the name of a running robot. It may then be no description at
-            all,
-            and a program that declares another robot keeps its own.
+            all, and a program that declares another robot keeps its own.
     """
 
     text: str
@@ -130,7 +129,7 @@ def listed_descriptions(folder: Path) -> str:
 
 
 def suggestion(text: str, folder: Path) -> str:
-    """Return a hint for a description that there is not."""
+    """Return a hint for an unknown description."""
     close = None if is_path(text) else did_you_mean(text, known_descriptions(folder))
     return close or listed_descriptions(folder)
 

@@ -198,9 +198,9 @@ def index_text(bearings: Bearings | None, index: int) -> str:
 # `nearest` is the meaning, and what the interpreter computes. `lookup` is the same function as a table of
 # floats, which compiled programs and proofs have; tests/ir/test_bearings.py holds one to the other.
 #
-# Beams at 0, 90, 180 and -90 degrees have the pieces "up to 45 beam 0, up to 135 beam 1, up to 225 beam
-# 2, below 315 beam 3, and from there beam 0 again". At 45 and at 315 two beams are equally near, and the
-# lower index counts. Each piece ends at a float that belongs to it, so that executors count the breaks below an
+# Beams at 0, 90, 180 and -90 degrees have the pieces "up to 45 beam 0, up to 135 beam 1, up to 225 beam 2,
+# below 315 beam 3, and from there beam 0 again". At 45 and at 315 two beams are equally near, and the lower
+# index counts. Each piece ends at a float that belongs to it, so that executors count the breaks below an
 # angle: the piece of beam 3 ends at the greatest float below 315.
 
 
