@@ -115,13 +115,17 @@ def is_path(text: str) -> bool:
 
 def known_descriptions(folder: Path) -> tuple[str, ...]:
     """Return the names of the descriptions in `robots` of this folder and of those that come with colony."""
-    own = [path.stem for path in (folder / ROBOTS).glob(f"*{Shipped.ROBOT.suffix}")]
-    return tuple(sorted({*own, *Shipped.ROBOT.names()}))
+    return tuple(sorted({*_own_descriptions(folder), *Shipped.ROBOT.names()}))
+
+
+def _own_descriptions(folder: Path) -> list[str]:
+    """Return the names of the descriptions in `robots` of this folder."""
+    return sorted(path.stem for path in (folder / ROBOTS).glob(f"*{Shipped.ROBOT.suffix}"))
 
 
 def listed_descriptions(folder: Path) -> str:
     """Return a text with the names of all descriptions, for hints."""
-    own = sorted(path.stem for path in (folder / ROBOTS).glob(f"*{Shipped.ROBOT.suffix}"))
+    own = _own_descriptions(folder)
     texts = [f"robots that come with colony: {', '.join(Shipped.ROBOT.names())}"]
     if own:
         texts.append(f"in `{shown(folder / ROBOTS)}`: {', '.join(own)}")

@@ -12,7 +12,7 @@ from dataclasses import replace
 from colony.ir.expression import Window
 from colony.text.diagnostics import Diagnostic, Severity
 from colony.text.source import Span
-from colony.text.wording import counted
+from colony.text.wording import counted, degrees_text, one_line
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.report import reason_text
@@ -114,7 +114,7 @@ def _shown(case: Case, access: Access, trace: Trace) -> str | None:
     value = interpreter.value_of(access.index)
     if not isinstance(value, float):
         return None
-    return f"{value:.10g}" if access.angle is None else f"{value:.10g} deg"
+    return f"{value:.10g}" if access.angle is None else degrees_text(value)
 
 
 def _noun(access: Access) -> str:
@@ -124,7 +124,7 @@ def _noun(access: Access) -> str:
 
 
 def _text(access: Access) -> str:
-    return " ".join(access.place.span.text.split())
+    return one_line(access.place.span.text)
 
 
 def _diagnostic(access: Access, message: str) -> Diagnostic:
@@ -135,7 +135,7 @@ def _diagnostic(access: Access, message: str) -> Diagnostic:
 
 def _hint(access: Access) -> str:
     """Return how to keep the index inside, or say what stands for an element that is outside."""
-    text, index = _text(access), " ".join(access.index.span.text.split())
+    text, index = _text(access), one_line(access.index.span.text)
     last = access.size - 1
     if isinstance(access.place, Window):
         if access.place.wraps:
