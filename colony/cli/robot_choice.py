@@ -32,7 +32,7 @@ def description_option() -> Callable[[F], F]:
         "--robot",
         multiple=True,
         metavar=DESCRIPTION_FORM,
-        callback=_choose,
+        callback=_store_choice,
         expose_value=False,
         help=_DESCRIPTION,
     )
@@ -40,25 +40,29 @@ def description_option() -> Callable[[F], F]:
 
 def descriptions_option() -> Callable[[F], F]:
     """Return the option `--robot NAME[=DESCRIPTION]`, which may be repeated, as `robots`: choices by name."""
-    help = f"{_DESCRIPTION} May be repeated, to check against each."
+    description = f"{_DESCRIPTION} May be repeated, to check against each."
     return click.option(
-        "--robot", "robots", multiple=True, metavar=DESCRIPTION_FORM, callback=_all, help=help
+        "--robot",
+        "robots",
+        multiple=True,
+        metavar=DESCRIPTION_FORM,
+        callback=_choices_by_name,
+        help=description,
     )
 
 
-def described_robot_option(help: str, *, required: bool = False) -> Callable[[F], F]:
-    """Return the option `--robot NAME[=DESCRIPTION]` of a command that addresses a robot, as `robot`: its
-    name.
+def described_robot_option(description: str, *, required: bool = False) -> Callable[[F], F]:
+    """Return the option `--robot NAME[=DESCRIPTION]` of a command that addresses `robot` by its name.
 
-    A name may be one of no description: that is found elsewhere then.
+    NAME need not be the name of a description; the project's description is then used.
     """
     return click.option(
         "--robot",
         multiple=True,
         required=required,
         metavar=DESCRIPTION_FORM,
-        callback=_choose_and_address,
-        help=help,
+        callback=_store_choice_and_return_name,
+        help=description,
     )
 
 
@@ -76,20 +80,22 @@ def _only(context: click.Context, option: click.Parameter, texts: tuple[str, ...
     return texts[0] if texts else None
 
 
-def _choose(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> None:
+def _store_choice(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> None:
     text = _only(context, option, texts)
-    context.meta[_CHOICE] = None if text is None else _choice(context, option, text)
+    context.meta[_CHOICE] = None if text is None else _parse_choice(context, option, text)
 
 
-def _all(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, RobotChoice]:
+def _choices_by_name(
+    context: click.Context, option: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, RobotChoice]:
     found: dict[str, RobotChoice] = {}
     for text in texts:
         name = text.partition("=")[0]
-        found[text if name in found else name] = _choice(context, option, text)
+        found[text if name in found else name] = _parse_choice(context, option, text)
     return found
 
 
-def _choice(context: click.Context, option: click.Parameter, text: str) -> RobotChoice:
+def _parse_choice(context: click.Context, option: click.Parameter, text: str) -> RobotChoice:
     from colony.dsl.descriptions import RobotChoice
 
     name, has_description, description = text.partition("=")
@@ -99,14 +105,14 @@ def _choice(context: click.Context, option: click.Parameter, text: str) -> Robot
     return RobotChoice(text=description or name, origin=f"--robot {text}")
 
 
-def _choose_and_address(
+def _store_choice_and_return_name(
     context: click.Context, option: click.Parameter, texts: tuple[str, ...]
 ) -> str | None:
     text = _only(context, option, texts)
     if text is None:
         return None
     name = check_robot_name(context, option, text.partition("=")[0])
-    choice = _choice(context, option, text)
+    choice = _parse_choice(context, option, text)
     context.meta[_CHOICE] = choice if "=" in text else replace(choice, is_name=True)
     return name
 

@@ -25,14 +25,13 @@ MAX_PROJECT_BYTES = 1024 * 1024
 
 @record
 class RobotChoice(Record):
-    """The description that somebody chose.
+    """The chosen description.
 
     Attributes:
         text: its name or path, as given.
         origin: what gave it, for messages: `--robot amr`.
         is_name: True if `text` is first of all the name of a running robot. It may then be no description at
-            all,
-            and a program that declares another robot keeps its own.
+            all, and a program that declares another robot keeps its own.
     """
 
     text: str
@@ -116,13 +115,17 @@ def is_path(text: str) -> bool:
 
 def known_descriptions(folder: Path) -> tuple[str, ...]:
     """Return the names of the descriptions in `robots` of this folder and of those that come with colony."""
-    own = [path.stem for path in (folder / ROBOTS).glob(f"*{Shipped.ROBOT.suffix}")]
-    return tuple(sorted({*own, *Shipped.ROBOT.names()}))
+    return tuple(sorted({*_own_descriptions(folder), *Shipped.ROBOT.names()}))
+
+
+def _own_descriptions(folder: Path) -> list[str]:
+    """Return the names of the descriptions in `robots` of this folder."""
+    return sorted(path.stem for path in (folder / ROBOTS).glob(f"*{Shipped.ROBOT.suffix}"))
 
 
 def listed_descriptions(folder: Path) -> str:
     """Return a text with the names of all descriptions, for hints."""
-    own = sorted(path.stem for path in (folder / ROBOTS).glob(f"*{Shipped.ROBOT.suffix}"))
+    own = _own_descriptions(folder)
     texts = [f"robots that come with colony: {', '.join(Shipped.ROBOT.names())}"]
     if own:
         texts.append(f"in `{shown(folder / ROBOTS)}`: {', '.join(own)}")
@@ -130,7 +133,7 @@ def listed_descriptions(folder: Path) -> str:
 
 
 def suggestion(text: str, folder: Path) -> str:
-    """Return a hint for a description that there is not."""
+    """Return a hint for an unknown description."""
     close = None if is_path(text) else did_you_mean(text, known_descriptions(folder))
     return close or listed_descriptions(folder)
 

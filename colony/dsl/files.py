@@ -12,12 +12,12 @@ from colony.dsl.descriptions import shown as shown_path
 from colony.dsl.language_version import version_error
 from colony.dsl.parse import parse
 from colony.dsl.robot_import import (
-    Place,
-    Surroundings,
+    ProgramContext,
+    ProgramFile,
     chosen_description,
-    declarer,
-    other_choice,
-    request,
+    conflicting_choice,
+    declaring_file,
+    robot_import_span,
 )
 from colony.files import COMPILED, read_file, reason, size_text
 from colony.record import Record, record
@@ -150,12 +150,12 @@ def load_tree(
     text: str | None = None,
     *,
     shipped: Path | None = None,
-    around: Surroundings | None = None,
+    context: ProgramContext | None = None,
 ) -> SourceTree:
     """Load the file at `path` (or `text` in its place) and everything that it imports, transitively.
 
     Imports by name are looked up in `shipped`, if given, instead of the files shipped with colony; `import
-    robot` is the robot that the program declares, or else the one of `around`. Unreadable files and cycles
+    robot` is the robot that the program declares, or else the one of `context`. Unreadable files and cycles
     are reported as diagnostics; nothing is raised.
     """
     loader = _Loader(shipped)
@@ -166,7 +166,7 @@ def load_tree(
         span = Span(Source(name, ""), 0, 0)
         return SourceTree(files=(), diagnostics=(problem.diagnostic(span),))
     loader.load(key, path, source)
-    loader.bind_robot(around or Surroundings())
+    loader.bind_robot(context or ProgramContext())
     return SourceTree(files=loader.in_order(key), diagnostics=tuple(loader.diagnostics))
 
 
@@ -240,39 +240,42 @@ class _Loader:
                 lost_names=parsed.lost_names,
             )
 
-    def bind_robot(self, around: Surroundings) -> None:
+    def bind_robot(self, context: ProgramContext) -> None:
         """Resolve `import robot` in all files; load the robot's description if no file declares a robot."""
-        declared, requested = declarer(self._places()), request(self._places())
+        declared, import_span = (
+            declaring_file(self._program_files()),
+            robot_import_span(self._program_files()),
+        )
         if declared is not None:
-            found = other_choice(declared, self.files, around)
+            found = conflicting_choice(declared, self.files, context)
             self.diagnostics += [] if found is None else [found]
             self._import_robot(declared[0].key, None)
-        elif requested is not None:
-            chosen = chosen_description(requested, around)
+        elif import_span is not None:
+            chosen = chosen_description(import_span, context)
             if isinstance(chosen, Diagnostic):
                 self.diagnostics.append(chosen)
                 self._import_robot("", None)
             else:
-                self._load_description(chosen, requested)
+                self._load_description(chosen, import_span)
                 self._import_robot(real_path(chosen), os.path.abspath(chosen))
 
-    def _places(self) -> list[Place]:
-        return [Place(file.key, file.source, file.tree) for file in self.files.values()]
+    def _program_files(self) -> list[ProgramFile]:
+        return [ProgramFile(file.key, file.source, file.tree) for file in self.files.values()]
 
-    def _load_description(self, path: Path, requested: Span) -> None:
+    def _load_description(self, path: Path, import_span: Span) -> None:
         """Load a description; report one that cannot be read, or that declares no robot."""
         key, errors = real_path(path), len(self.diagnostics)
         try:
             source = read_source(path, shown_path(path))
         except UnreadableFileError as problem:
             problem.code = "E321" if problem.code in ("E001", "E003") else problem.code
-            self.diagnostics.append(problem.diagnostic(requested))
+            self.diagnostics.append(problem.diagnostic(import_span))
             return
         self.load(key, path, source)
-        if declarer(self._places()) is None and len(self.diagnostics) == errors:
+        if declaring_file(self._program_files()) is None and len(self.diagnostics) == errors:
             message = f"`{shown_path(path)}` declares no robot"
             hint = "a description has a declaration `robot NAME { ... }`"
-            self.diagnostics.append(error("E321", requested, message, hint))
+            self.diagnostics.append(error("E321", import_span, message, hint))
 
     def _import_robot(self, target: str, path: str | None) -> None:
         """Add `import robot` to the files that say it, but for those that the robot's own file imports.

@@ -10,7 +10,7 @@ from colony.dsl.check.program import check_program
 from colony.dsl.check.site_labels import with_site_labels
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import SourceTree, load_tree, relative_sources
-from colony.dsl.robot_import import Surroundings, surroundings_of
+from colony.dsl.robot_import import ProgramContext, context_of_file
 from colony.dsl.site import SiteParams
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, DiagnosticError
@@ -41,8 +41,8 @@ def check_file(
     `robot` is the description that `import robot` brings in; by default, the project of the file says it.
     The values of `params` stand in for those in the text.
     """
-    around = surroundings_of(Path(path), _choice(robot))
-    return _check_tree(load_tree(Path(path), str(path), around=around), Path(path), params)
+    context = context_of_file(Path(path), _choice(robot))
+    return _check_tree(load_tree(Path(path), str(path), context=context), Path(path), params)
 
 
 def check_text(
@@ -55,7 +55,9 @@ def check_text(
 ) -> Checked:
     """Check a text; imports are relative to `directory`. `robot` and `params` are as in `check_file`."""
     path = Path(directory) / (Path(name).name or "<text>")
-    return _check_tree(load_tree(path, name, text, around=Surroundings(choice=_choice(robot))), path, params)
+    return _check_tree(
+        load_tree(path, name, text, context=ProgramContext(choice=_choice(robot))), path, params
+    )
 
 
 def load_file(

@@ -26,14 +26,14 @@ from colony.text.source import Source, Span
 
 
 @record
-class Surroundings(Record):
-    """Where a program stands, and what was chosen for it.
+class ProgramContext(Record):
+    """What decides which robot `import robot` brings into a program.
 
     Attributes:
         choice: the description that the caller chose, if any.
-        folder: the folder whose project decides otherwise; None if no project does, because the program is a
-            text.
-        is_shipped: True for a behavior that comes with colony; its own project decides last.
+        folder: the folder in which the search for the project begins; None for a program given as text.
+        is_shipped: True for a behavior that comes with colony: the project of the shipped behaviors is used
+            if the current folder's names no robot.
     """
 
     choice: RobotChoice | None = None
@@ -41,19 +41,19 @@ class Surroundings(Record):
     is_shipped: bool = False
 
 
-def surroundings_of(path: Path, choice: RobotChoice | None) -> Surroundings:
-    """Return the surroundings of a file: behaviors that come with colony are those of the current folder."""
+def context_of_file(path: Path, choice: RobotChoice | None) -> ProgramContext:
+    """Return the context of a file; that of a behavior that comes with colony is the current folder."""
     try:
         is_shipped = Path(os.path.realpath(path)).parent in {
             Path(os.path.realpath(k.folder)) for k in Shipped
         }
     except (OSError, ValueError):  # no path at all, as reading it reports
         is_shipped = False
-    return Surroundings(choice=choice, folder=Path() if is_shipped else path.parent, is_shipped=is_shipped)
+    return ProgramContext(choice=choice, folder=Path() if is_shipped else path.parent, is_shipped=is_shipped)
 
 
-class Place(NamedTuple):
-    """A file of the program with its tree."""
+class ProgramFile(NamedTuple):
+    """A file of the program: its key, its text and its tree."""
 
     key: str
     source: Source
@@ -64,8 +64,8 @@ class Place(NamedTuple):
         return Span(self.source, node.start, node.end)
 
 
-def declarer(files: Iterable[Place]) -> tuple[Place, ast.RobotDecl] | None:
-    """Return the first file that declares a robot."""
+def declaring_file(files: Iterable[ProgramFile]) -> tuple[ProgramFile, ast.RobotDecl] | None:
+    """Return the first file that declares a robot, with the declaration."""
     for file in files:
         for node in file.tree.declarations:
             if isinstance(node, ast.RobotDecl):
@@ -73,7 +73,7 @@ def declarer(files: Iterable[Place]) -> tuple[Place, ast.RobotDecl] | None:
     return None
 
 
-def request(files: Iterable[Place]) -> Span | None:
+def robot_import_span(files: Iterable[ProgramFile]) -> Span | None:
     """Return the span of the first `import robot`."""
     for file in files:
         for node in file.tree.declarations:
@@ -82,71 +82,71 @@ def request(files: Iterable[Place]) -> Span | None:
     return None
 
 
-def chosen_description(request: Span, around: Surroundings) -> Path | Diagnostic:
+def chosen_description(import_span: Span, context: ProgramContext) -> Path | Diagnostic:
     """Return the file of the description for a program that declares no robot, or the error."""
     try:
-        project = _project(around)
+        project = _project(context)
     except ProjectError as problem:
-        return error("E323", request, str(problem), 'write `robot = "NAME"` there, or give --robot NAME')
+        return error("E323", import_span, str(problem), 'write `robot = "NAME"` there, or give --robot NAME')
     project_folder = Path() if project is None else project.folder
-    choice = around.choice
+    choice = context.choice
     if choice is not None:
         found = find_description(choice.text, Path(), project_folder)
         if found is not None:
             return found
         if not choice.is_name:
-            return _unknown(request, choice, project_folder)
+            return _unknown(import_span, choice, project_folder)
     if project is not None and project.robot is not None:
         found = find_description(project.robot, project.folder, project.folder)
         if found is not None:
             return found
         named = RobotChoice(text=project.robot, origin=f"`{shown(project.file)}`")
-        return _unknown(request, named, project.folder)
-    return _unbound(request, around, project)
+        return _unknown(import_span, named, project.folder)
+    return _unbound(import_span, context, project)
 
 
-def _project(around: Surroundings) -> Project | None:
+def _project(context: ProgramContext) -> Project | None:
     """Return the project that decides for a program, None if there is none.
 
     Raises:
         ProjectError: its file cannot be used.
     """
-    project = None if around.folder is None else find_project(around.folder)
-    if around.is_shipped and (project is None or project.robot is None):
+    project = None if context.folder is None else find_project(context.folder)
+    if context.is_shipped and (project is None or project.robot is None):
         return find_project(Shipped.BEHAVIOR.folder)
     return project
 
 
-def _unknown(request: Span, choice: RobotChoice, folder: Path) -> Diagnostic:
+def _unknown(import_span: Span, choice: RobotChoice, folder: Path) -> Diagnostic:
     what = "there is no description" if is_path(choice.text) else "unknown description"
     message = f"{what} `{choice.text}`, which {choice.origin} names"
-    return error("E321", request, message, suggestion(choice.text, folder))
+    return error("E321", import_span, message, suggestion(choice.text, folder))
 
 
-def _unbound(request: Span, around: Surroundings, project: Project | None) -> Diagnostic:
+def _unbound(import_span: Span, context: ProgramContext, project: Project | None) -> Diagnostic:
     folder = Path() if project is None else project.folder
-    if around.folder is None:
+    if context.folder is None:
         how = "give `robot=`"
-    elif around.choice is not None:
-        how = f"`{around.choice.text}` is no description: give --robot {around.choice.text}=DESCRIPTION"
+    elif context.choice is not None:
+        how = f"`{context.choice.text}` is no description: give --robot {context.choice.text}=DESCRIPTION"
     elif project is None:
         how = 'give --robot NAME, or write `robot = "NAME"` in colony.toml'
     else:
         how = f'give --robot NAME, or write `robot = "NAME"` in `{shown(project.file)}`'
     return error(
-        "E320", request, "no robot is chosen for this program", f"{how}; {listed_descriptions(folder)}"
+        "E320", import_span, "no robot is chosen for this program", f"{how}; {listed_descriptions(folder)}"
     )
 
 
-def other_choice(
-    declared: tuple[Place, ast.RobotDecl], keys: Mapping[str, object], around: Surroundings
+def conflicting_choice(
+    declared: tuple[ProgramFile, ast.RobotDecl], keys: Mapping[str, object], context: ProgramContext
 ) -> Diagnostic | None:
-    """Return the error of a program that declares a robot, and another one was chosen; None without one."""
-    choice, (file, node) = around.choice, declared
+    """Return the error if another robot was chosen than the one that the program declares."""
+    choice, (file, node) = context.choice, declared
     if choice is None or choice.is_name:
         return None
     try:
-        project = _project(around)
+        project = _project(context)
     except ProjectError:  # the program has its robot, and needs no project
         project = None
     folder = Path() if project is None else project.folder

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import ParsedFile, SourceTree, load_tree
-from colony.dsl.robot_import import surroundings_of
+from colony.dsl.robot_import import context_of_file
 from colony.dsl.upgrade import UpgradedProgram, is_version_1, upgrade_tree
 from colony.dsl.upgrade_decisions import decisions_about
 from colony.dsl.upgrade_units import names_as_units
@@ -43,7 +43,7 @@ def upgrade_files(names: Sequence[str], *, robot: RobotChoice | None = None) -> 
     trees: dict[str, tuple[str, SourceTree]] = {}
     found: list[FileUpgrade] = []
     for name in names:
-        tree = load_tree(Path(name), name, around=surroundings_of(Path(name), robot))
+        tree = load_tree(Path(name), name, context=context_of_file(Path(name), robot))
         if tree.files:
             trees.setdefault(tree.files[-1].key, (name, tree))
         else:

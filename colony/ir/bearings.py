@@ -12,10 +12,16 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 TURN = 360
+"""A full turn in degrees."""
+
 LIST_STEP = 30.0
 """The step in degrees of bearings that are listed: how far an angle beyond the ends still has an element."""
-_DENSE = 60
+
+_LARGEST_INNER_GAP = 60
+"""The largest angle in degrees between neighbors of a list that is still inside."""
+
 _CLOSED_WITHIN = Fraction(1, 10**6)
+"""The angle in degrees within which elements that take a turn are a ring that closes."""
 _ROUNDING = 1e-6
 """More degrees than distances in floats are off; what is nearer to equal is compared exactly."""
 
@@ -71,23 +77,26 @@ def listed_bearings(angles: Iterable[float]) -> Bearings:
     gaps = [(_gap(a, b), a, b) for a, b in zip(order, [*order[1:], order[0]], strict=True)]
     largest, before, after = max(gaps, key=lambda gap: gap[0])
     ends = normal.index(after), normal.index(before)
-    return Bearings(normal, None, ends if largest > _DENSE else None)
+    return Bearings(normal, None, ends if largest > _LARGEST_INNER_GAP else None)
 
 
-def part(bearings: Bearings, indices: tuple[int, ...]) -> Bearings:
-    """Return the bearings of some elements: an arc that ends where they end."""
-    angles = tuple(bearings.angles[i] for i in indices)
+def part_by_index(bearings: Bearings, indices: tuple[int, ...]) -> Bearings:
+    """Return the bearings of a slice by whole indices, whose elements are in the array's order."""
     if bearings.step is None:
-        return listed_bearings(angles)
-    ends = (0, len(angles) - 1) if bearings.step >= 0 else (len(angles) - 1, 0)
-    return Bearings(angles, bearings.step, ends)
+        return listed_bearings(bearings.angles[i] for i in indices)
+    return _arc(bearings, indices, bearings.step)
 
 
-def arc(bearings: Bearings, indices: tuple[int, ...]) -> Bearings:
-    """Return the bearings of elements that are in counterclockwise order, from the first to the last."""
-    angles = tuple(bearings.angles[i] for i in indices)
-    step = None if bearings.step is None else abs(bearings.step)
-    return Bearings(angles, step, (0, len(angles) - 1))
+def part_by_bearing(bearings: Bearings, indices: tuple[int, ...]) -> Bearings:
+    """Return the bearings of a slice by bearing, whose elements are in counterclockwise order."""
+    return _arc(bearings, indices, None if bearings.step is None else abs(bearings.step))
+
+
+def _arc(bearings: Bearings, indices: tuple[int, ...], step: float | None) -> Bearings:
+    """Return the bearings of some elements, the first and the last of which are the ends."""
+    last = len(indices) - 1
+    ends = (last, 0) if step is not None and step < 0 else (0, last)
+    return Bearings(tuple(bearings.angles[i] for i in indices), step, ends)
 
 
 def nearest(bearings: Bearings, angle: float) -> int | None:
@@ -95,7 +104,7 @@ def nearest(bearings: Bearings, angle: float) -> int | None:
 
     The angle is first taken to [0, 360), rounded to a float as `mod` rounds it.
     None if the angle is not finite, or is outside: beyond the ends by half a step or more (30 degrees or more
-    where the bearings are listed).
+    where the bearings are listed). `lookup` is the same function as a table.
     """
     if not math.isfinite(angle):
         return None
@@ -119,7 +128,7 @@ def margin(bearings: Bearings) -> Fraction:
 
 
 def between(bearings: Bearings, first: float, last: float) -> tuple[int, ...]:
-    """Return the elements from one angle counterclockwise to another, both included, in this order."""
+    """Return the indices of the elements from one angle counterclockwise to another, both included."""
     start, width = Fraction(repr(first)), sweep(first, last)
     offsets = [((Fraction(repr(b)) - start) % TURN, i) for i, b in enumerate(bearings.angles)]
     return tuple(i for offset, i in sorted(offsets) if offset <= width)
@@ -155,6 +164,7 @@ def _gap(before: float, after: float) -> Fraction:
 
 
 def _distance(a: Fraction, b: Fraction) -> Fraction:
+    """Return the angle between two directions, at most half a turn."""
     turned = (a - b) % TURN
     return min(turned, TURN - turned)
 
@@ -184,6 +194,14 @@ def index_text(bearings: Bearings | None, index: int) -> str:
 
 
 # --- lookup ----------------------------------------------------------------------------------------
+#
+# `nearest` is the meaning, and what the interpreter computes. `lookup` is the same function as a table of
+# floats, which compiled programs and proofs have; tests/ir/test_bearings.py holds one to the other.
+#
+# Beams at 0, 90, 180 and -90 degrees have the pieces "up to 45 beam 0, up to 135 beam 1, up to 225 beam 2,
+# below 315 beam 3, and from there beam 0 again". At 45 and at 315 two beams are equally near, and the lower
+# index counts. Each piece ends at a float that belongs to it, so that executors count the breaks below an
+# angle: the piece of beam 3 ends at the greatest float below 315.
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,22 +216,23 @@ class Lookup:
 
 
 def lookup(bearings: Bearings) -> Lookup:
-    """Return the step function that gives the element nearest to an angle."""
-    pieces = sorted(_pieces(bearings), key=lambda piece: piece[0])
+    """Return `nearest` as a step function, for angles in [0, 360]: `mod` may round an angle up to 360."""
     breaks, indices = list[float](), list[int | None]()
-    for upper, index in pieces:
-        if breaks and breaks[-1] >= upper:
-            continue  # no float lies between them
-        breaks.append(upper)
+    for last, index in sorted(_pieces(bearings), key=lambda piece: piece[0]):
+        if breaks and breaks[-1] >= last:
+            continue  # the piece has no float
+        breaks.append(last)
         indices.append(index)
     if breaks[0] >= 0:
         return Lookup(tuple(breaks), (*indices, indices[0]))
-    breaks.append(math.nextafter(TURN, 0))  # a piece ends right below 0: at 360 the next one begins
+    # The first piece ends right below 0, as where two beams meet at 0 degrees. So it reaches to the greatest
+    # float below 360; 360 itself is 0, and belongs to the next piece.
+    breaks.append(math.nextafter(TURN, 0))
     return Lookup(tuple(breaks), (*indices, indices[0], indices[1]))
 
 
 def _pieces(bearings: Bearings) -> Iterator[tuple[float, int | None]]:
-    """Yield the element, and up to which angle it is the nearest, for all angles from 0 to 360."""
+    """Yield, around the turn, the last float of each piece and its element, None for the outside."""
     by_direction: dict[Fraction, int] = {}
     for i, angle in enumerate(bearings.angles):
         by_direction.setdefault(Fraction(angle) % TURN, i)
@@ -223,16 +242,16 @@ def _pieces(bearings: Bearings) -> Iterator[tuple[float, int | None]]:
         i, j = by_direction[here], by_direction[there]
         gap = (there - here) % TURN or Fraction(TURN)
         if here == last and gap >= 2 * edge:
-            yield from _upto(here + edge, i, inclusive=False)
-            yield from _upto(there - edge, None, inclusive=True)
+            yield _last_float(here + edge, inclusive=False), i
+            yield _last_float(there - edge, inclusive=True), None
         else:
-            yield from _upto(here + gap / 2, i, inclusive=i <= j)
+            yield _last_float(here + gap / 2, inclusive=i <= j), i
 
 
-def _upto(limit: Fraction, index: int | None, *, inclusive: bool) -> Iterator[tuple[float, int | None]]:
-    """Yield a piece that ends at `limit`, taken to [0, 360)."""
+def _last_float(limit: Fraction, *, inclusive: bool) -> float:
+    """Return the greatest float up to a limit that is taken to [0, 360), or below it."""
     turned = limit % TURN
-    upper = float(turned)
-    while Fraction(upper) > turned or (not inclusive and Fraction(upper) == turned):
-        upper = math.nextafter(upper, -math.inf)
-    yield upper, index
+    last = float(turned)
+    while Fraction(last) > turned or (not inclusive and Fraction(last) == turned):
+        last = math.nextafter(last, -math.inf)
+    return last

@@ -8,7 +8,7 @@ from pathlib import Path
 from colony.dsl.check.program import check_program
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import SHIPPED, SourceTree, load_tree, real_path
-from colony.dsl.robot_import import Surroundings
+from colony.dsl.robot_import import ProgramContext
 from colony.dsl.site import SiteParams
 from colony.dsl.site_reading import params_of
 from colony.ir.program import Program
@@ -79,8 +79,8 @@ def _tree(root: Path, run: RunInfo) -> SourceTree:
 
 
 def _loaded(root: Path, run: RunInfo, choice: RobotChoice | None) -> SourceTree:
-    around = Surroundings(choice=choice)
-    return load_tree(root, run.program, shipped=root.parent / SHIPPED, around=around)
+    context = ProgramContext(choice=choice)
+    return load_tree(root, run.program, shipped=root.parent / SHIPPED, context=context)
 
 
 def unusable(name: str, message: str) -> Diagnostic:

@@ -31,6 +31,26 @@ def quoted(names: Sequence[str], conjunction: str = "and") -> str:
     return listed([f"`{name}`" for name in names], conjunction)
 
 
+def one_line(text: str) -> str:
+    """Return a text on one line, with single spaces.
+
+    Example:
+        >>> one_line("a  and   b")
+        'a and b'
+    """
+    return " ".join(text.split())
+
+
+def degrees_text(angle: float) -> str:
+    """Return an angle in degrees as messages show it.
+
+    Example:
+        >>> degrees_text(-7.5), degrees_text(90.0)
+        ('-7.5 deg', '90 deg')
+    """
+    return f"{angle:.10g} deg"
+
+
 def duration_text(ns: int) -> str:
     """Return nanoseconds as the language writes them.
 

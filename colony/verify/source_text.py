@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from colony.ir.expression import Expression
+from colony.text.wording import one_line
 
 _COMMENT = re.compile(r"#[^\r\n]*")
 
@@ -14,7 +15,7 @@ def source_text(expression: Expression) -> str:
 
     The span of `a and (b)` ends with `b`: parentheses cut off at either end are put back.
     """
-    text = " ".join(_COMMENT.sub("", expression.span.text).split())
+    text = one_line(_COMMENT.sub("", expression.span.text))
     depth = deepest = 0
     for c in text:
         depth += (c == "(") - (c == ")")

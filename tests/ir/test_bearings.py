@@ -12,14 +12,14 @@ import pytest
 
 from colony.ir.bearings import (
     Bearings,
-    arc,
     between,
     index_text,
     listed_bearings,
     lookup,
     naming_angle,
     nearest,
-    part,
+    part_by_bearing,
+    part_by_index,
     reaches_beyond,
     sweep,
     uniform,
@@ -139,7 +139,11 @@ def test_what_executors_compute_is_the_nearest() -> None:
     for angles in lists():
         whole = listed_bearings(angles)
         some = tuple(random.sample(range(len(angles)), random.randint(1, len(angles))))
-        for bearings in (whole, part(whole, some), arc(whole, between(whole, -180.0, 180.0)[1:] or (0,))):
+        for bearings in (
+            whole,
+            part_by_index(whole, some),
+            part_by_bearing(whole, between(whole, -180.0, 180.0)[1:] or (0,)),
+        ):
             for angle in angles_for(bearings, Random(6)):
                 assert looked_up(bearings, angle) == nearest(bearings, angle), (bearings, angle)
     for start, step, size in (*ARCS, (-180.0, None, 24), (0.0, None, 7), (0.0, -360 / 7, 7)):
@@ -242,14 +246,14 @@ def test_slices_through_the_rear_and_of_a_turn() -> None:
 
 def test_slices_are_arcs() -> None:
     bearings = ring(-180.0, None, 24)
-    rear = arc(bearings, between(bearings, 150.0, -150.0))
+    rear = part_by_bearing(bearings, between(bearings, 150.0, -150.0))
     assert (rear.ends, rear.closes) == ((0, 4), False)
     assert nearest(rear, 180.0) == 2
     assert nearest(rear, 142.0) is None
     clockwise = ring(60.0, -15.0, 9)
-    assert part(clockwise, (2, 3, 4)).ends == (2, 0)
-    assert arc(clockwise, between(clockwise, 0.0, 30.0)).angles == (0.0, 15.0, 30.0)
-    assert nearest(part(clockwise, (2, 3, 4)), 38.0) is None
+    assert part_by_index(clockwise, (2, 3, 4)).ends == (2, 0)
+    assert part_by_bearing(clockwise, between(clockwise, 0.0, 30.0)).angles == (0.0, 15.0, 30.0)
+    assert nearest(part_by_index(clockwise, (2, 3, 4)), 38.0) is None
 
 
 def test_slices_that_reach_beyond() -> None:

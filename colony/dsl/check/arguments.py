@@ -38,8 +38,7 @@ def argument_symbol(expression: ir.Expression, type_: Type | None, nodes: int) -
         type_: the type of the parameter; None for an array of any length.
         nodes: the number of nodes that were checked for the argument.
     """
-    if type_ is not None and expression.type != type_:
-        expression = replace(expression, type=type_)  # a literal 0 has the parameter's dimension
+    expression = expression if type_ is None else as_declared(expression, type_)
     depth, iterations, loops, has_memory = 1, 1, set[str](), False
     stack = [(expression, 1, 1)]
     while stack:
@@ -71,6 +70,11 @@ def with_new_cells(expression: ir.Expression, new_cell: Callable[[], int]) -> ir
     if isinstance(expression, ir.MemoryCall):
         expression = replace(expression, cell=new_cell())
     return ir.rebuilt(expression, lambda part: with_new_cells(part, new_cell))
+
+
+def as_declared(expression: ir.Expression, type_: Type) -> ir.Expression:
+    """Return an expression with the type of its parameter or input: a literal 0 gets the dimension."""
+    return expression if expression.type == type_ else replace(expression, type=type_)
 
 
 def without_wildcard_type(expression: ir.Expression) -> ir.Expression:

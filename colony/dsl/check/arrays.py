@@ -12,11 +12,11 @@ from colony.ir import expression as ir
 from colony.ir.bearings import (
     TURN,
     Bearings,
-    arc,
     between,
     listed_bearings,
     nearest,
-    part,
+    part_by_bearing,
+    part_by_index,
     reaches_beyond,
     sweep,
     uniform,
@@ -24,9 +24,13 @@ from colony.ir.bearings import (
 from colony.ir.types import DEGREES, DIMENSIONLESS, Array, Quantity, Type
 from colony.text.diagnostics import note, warning
 from colony.text.units import ANGLE, NUMBER
-from colony.text.wording import listed
+from colony.text.wording import degrees_text, listed, one_line
 
 _SHOWN_BEARINGS = 8
+"""Maximum number of bearings that a hint lists."""
+
+_NO_WRAP = "indices wrap in a ring that closes: a sensor with `bearing`"
+"""Part of a hint for an index that is outside an array, or a slice that would have to wrap."""
 
 
 def is_angle(type_: Type) -> bool:
@@ -68,7 +72,7 @@ def _index_of_bearing(
         return ir.Nearest(type=DIMENSIONLESS, bearings=bearings, angle=angle, span=angle.span)
     index = nearest(bearings, value)
     if index is None:
-        message = f"no element of `{_text(checker, node.array)}` looks along {_degrees(value)}"
+        message = f"no element of `{_text(checker, node.array)}` looks along {degrees_text(value)}"
         checker.error("E215", node.index, message, _looks(bearings))
         return None
     return ir.Constant(type=DIMENSIONLESS, value=float(index), span=angle.span)
@@ -86,9 +90,9 @@ def _whole_index(
     if type_.bearings is not None:
         place = round(value) % type_.size
         angle = type_.bearings.angles[place]
-        same = _degrees(angle) if nearest(type_.bearings, angle) == place else None
+        same = degrees_text(angle) if nearest(type_.bearings, angle) == place else None
         is_inside = 0 <= round(value) < type_.size
-        _note_plain(checker, node, f"looks along {_degrees(angle)}", same, is_inside)
+        _note_plain(checker, node, f"looks along {degrees_text(angle)}", same, is_inside)
     return index
 
 
@@ -98,9 +102,6 @@ def _is_tolerated(checker: Checker, node: ast.SyntaxNode, what: str, type_: Arra
     message = f"{what} is outside the array, whose last index is {type_.size - 1}"
     checker.error("E217" if is_tolerated else "E205", node, message, _NO_WRAP)
     return is_tolerated
-
-
-_NO_WRAP = "indices wrap in a ring that closes: a sensor with `bearing`"
 
 
 # --- slices ----------------------------------------------------------------------------------------
@@ -120,7 +121,7 @@ def check_slice(checker: Checker, node: ast.SliceOf) -> ir.Expression | None:
         return None
     bearings = array.type.bearings
     if bearings is not None:
-        bearings = arc(bearings, indices) if by_bearing else part(bearings, indices)
+        bearings = part_by_bearing(bearings, indices) if by_bearing else part_by_index(bearings, indices)
     type_ = Array(array.type.element, len(indices), bearings)
     return ir.Slice(type=type_, array=array, indices=indices, span=checker.span(node))
 
@@ -146,9 +147,9 @@ def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) ->
     if type_.bearings is not None:
         a, b = (type_.bearings.angles[i] for i in (indices[0], indices[-1]))
         same = [ends for ends in ((a, b), (b, a)) if set(between(type_.bearings, *ends)) == set(indices)]
-        written = f"{_degrees(same[0][0])} .. {_degrees(same[0][1])}" if same else None
+        written = f"{degrees_text(same[0][0])} .. {degrees_text(same[0][1])}" if same else None
         is_inside = first >= 0 and last < size
-        looks = f"looks from {_degrees(a)} to {_degrees(b)}"
+        looks = f"looks from {degrees_text(a)} to {degrees_text(b)}"
         _note_plain(checker, node, looks, written, is_inside)
     return indices
 
@@ -169,7 +170,7 @@ def _indices_between(checker: Checker, node: ast.SliceOf, array: ir.Expression) 
         return None
     indices = between(bearings, first, last)
     if not indices:
-        shown = f"{_degrees(first)} .. {_degrees(last)}"
+        shown = f"{degrees_text(first)} .. {degrees_text(last)}"
         message = f"no element of `{_text(checker, node.array)}` looks along {shown}"
         checker.error("E215", node, message, _looks(bearings))
         return None
@@ -183,8 +184,9 @@ def _warn_about_slice(
     findings = checker.report.diagnostics
     width = float(sweep(first, last))
     if first > last and width > TURN / 2:
-        message = f"the slice goes through the rear and takes {_degrees(width)}"
-        hint = f"counterclockwise angles rise: write `{_degrees(last)} .. {_degrees(first)}` for the front"
+        message = f"the slice goes through the rear and takes {degrees_text(width)}"
+        front = f"{degrees_text(last)} .. {degrees_text(first)}"
+        hint = f"counterclockwise angles rise: write `{front}` for the front"
         findings.append(warning("W013", checker.span(node), message, hint))
     elif reaches_beyond(bearings, first, last):
         message = f"the slice reaches beyond `{_text(checker, node.array)}`"
@@ -234,8 +236,8 @@ def check_bearings(checker: Checker, node: ast.BearingDecl, size: int | None) ->
         return None
     bearings = uniform(start, step, size)
     if bearings is None:
-        message = f"{size} elements that are {_degrees(step or 0)} apart take more than a full turn"
-        checker.error("E311", node, message, f"a ring that closes has a step of {_degrees(TURN / size)}")
+        message = f"{size} elements that are {degrees_text(step or 0)} apart take more than a full turn"
+        checker.error("E311", node, message, f"a ring that closes has a step of {degrees_text(TURN / size)}")
     return bearings
 
 
@@ -270,22 +272,19 @@ def _note_plain(
 
 
 def _text(checker: Checker, node: ast.SyntaxNode) -> str:
-    return " ".join(checker.scope.file.source.text[node.start : node.end].split())
-
-
-def _degrees(angle: float) -> str:
-    return f"{angle:.10g} deg"
+    return one_line(checker.scope.file.source.text[node.start : node.end])
 
 
 def _looks(bearings: Bearings) -> str:
-    """Return a hint that names the bearings that there are."""
+    """Return a hint that lists the array's bearings."""
     if bearings.closes:
-        return f"its bearings are {_degrees(bearings.spacing)} apart, from {_degrees(bearings.angles[0])}"
+        apart, first = degrees_text(bearings.spacing), degrees_text(bearings.angles[0])
+        return f"its bearings are {apart} apart, from {first}"
     if len(bearings.angles) <= _SHOWN_BEARINGS:
-        return f"its bearings are {listed([_degrees(a) for a in bearings.angles])}"
+        return f"its bearings are {listed([degrees_text(a) for a in bearings.angles])}"
     if bearings.step is not None:
         ends = bearings.ends or (0, -1)
-        first, last = (_degrees(bearings.angles[i]) for i in ends)
-        return f"its bearings go from {first} to {last}, {_degrees(bearings.spacing)} apart"
-    shown = ", ".join(_degrees(a) for a in sorted(bearings.angles)[:_SHOWN_BEARINGS])
+        first, last = (degrees_text(bearings.angles[i]) for i in ends)
+        return f"its bearings go from {first} to {last}, {degrees_text(bearings.spacing)} apart"
+    shown = ", ".join(degrees_text(a) for a in sorted(bearings.angles)[:_SHOWN_BEARINGS])
     return f"its {len(bearings.angles)} bearings begin with {shown}"

@@ -81,6 +81,14 @@ def reject_named_arguments(checker: Checker, node: ast.Call) -> bool:
 
 def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> list[ir.Expression] | None:
     """Return the typed arguments; None after reporting a wrong number of arguments or a wrong argument."""
+    if not _has_arity(checker, node, low, high):
+        return None
+    arguments = [checker.visit(a) for a in node.arguments]
+    return None if any(a is None for a in arguments) else [a for a in arguments if a is not None]
+
+
+def _has_arity(checker: Checker, node: ast.Call, low: int, high: int | None) -> bool:
+    """Report a call that has not `low` to `high` (None: any more) arguments; return True if it has."""
     count = len(node.arguments)
     if count < low or (high is not None and count > high):
         expected = str(low) if low == high else f"{low} or more" if high is None else f"{low} to {high}"
@@ -89,9 +97,8 @@ def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> 
         hint = f"use: {usage}" if usage else None
         message = f"`{node.function.text}` takes {expected} argument{plural}, found {count}"
         checker.error("E203", node, message, hint)
-        return None
-    arguments = [checker.visit(a) for a in node.arguments]
-    return None if any(a is None for a in arguments) else [a for a in arguments if a is not None]
+        return False
+    return True
 
 
 _USAGE = {
@@ -191,20 +198,23 @@ def _elementwise_result(
         case ir.Function.SQRT:
             return _square_root(checker, node, elements[0])
         case ir.Function.ATAN2 | ir.Function.MOD | ir.Function.CLAMP:
-            common = _common(checker, node, elements)
+            common = _common(checker, node, node.function.text, elements)
             return DEGREES if common is not None and function is ir.Function.ATAN2 else common
         case _:
             return elements[0]
 
 
-def _common(checker: Checker, node: ast.Call, elements: list[Quantity]) -> Quantity | None:
+def _common(
+    checker: Checker, node: ast.SyntaxNode, function: str, elements: list[Quantity]
+) -> Quantity | None:
+    """Return the one type of all elements, or None after reporting that there is none."""
     common: Scalar | None = elements[0]
     for element in elements[1:]:
         common = unify(common, element) if common is not None else None
     if isinstance(common, Quantity):
         return common
     shown = with_articles(elements)
-    message = f"`{node.function.text}` needs numbers of one dimension, found {shown}"
+    message = f"`{function}` needs numbers of one dimension, found {shown}"
     checker.error("E201", node, message)
     return None
 
@@ -249,13 +259,11 @@ def reduction_result(
         hint = "count bools with `count`" if isinstance(found, Bool) else None
         checker.error("E202", node, f"`{name.text}` takes numbers, found {with_article(found)}", hint)
         return None
-    call = ast.Call(function=name, arguments=(), start=node.start, end=node.end)
-    return _common(checker, call, numbers)
+    return _common(checker, node, name.text, numbers)
 
 
 def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Expression | None:
-    if len(node.arguments) != 1:
-        _arguments(checker, node, 1, 1)
+    if not _has_arity(checker, node, 1, 1):
         return None
     array = checker.array(node.arguments[0])
     if array is None:
@@ -270,8 +278,7 @@ def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Exp
 
 
 def _window(checker: Checker, node: ast.Call) -> ir.Expression | None:
-    if len(node.arguments) != 3:
-        _arguments(checker, node, 3, 3)
+    if not _has_arity(checker, node, 3, 3):
         return None
     array, center = checker.array(node.arguments[0]), checker.visit(node.arguments[1])
     if array is None or center is None:
@@ -374,8 +381,7 @@ def _memory(checker: Checker, node: ast.Call, function: ir.MemoryFunction) -> ir
         checker.error("E209", node, f"`{function.value}` has memory and is not allowed here", hint)
         return None
     signature = _SIGNATURES[function]
-    if len(node.arguments) != len(signature):
-        _arguments(checker, node, len(signature), len(signature))
+    if not _has_arity(checker, node, len(signature), len(signature)):
         return None
     arguments: list[ir.Expression] = []
     duration_ns, valid = 0, True

@@ -26,6 +26,9 @@ from colony.text.wording import listed
 MAX_DURATION_NS = 10**18
 """Maximum duration in nanoseconds, so that sums of times fit 64 bits in every executor."""
 
+CONSTANT_HINT = "use literals, params and arithmetic on them"
+"""The hint for an expression that must be constant."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checker(ABC):
@@ -106,7 +109,7 @@ class Checker(ABC):
         if self.in_function and value is None and reads_placeholder(found):
             return None  # each call decides
         if value is None or isinstance(found.type, Array):
-            hint = hint or "use literals, params and arithmetic on them"
+            hint = hint or CONSTANT_HINT
             self.error("E204", node, f"{what} must be constant", hint)
             return None
         if not abs(value) < float("inf"):

@@ -21,7 +21,7 @@ from colony.dsl.check.calls import (
     check_call,
     reject_named_arguments,
 )
-from colony.dsl.check.checker import Checker
+from colony.dsl.check.checker import CONSTANT_HINT, Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
 from colony.dsl.check.percent import argument_findings
@@ -62,8 +62,9 @@ def check_any_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
             checker.visit(argument)
         return None
     if checker.constants_only:
-        hint = "use literals, params and arithmetic on them"
-        checker.error("E204", node, f"a call is not constant: `{name}` is computed in each frame", hint)
+        checker.error(
+            "E204", node, f"a call is not constant: `{name}` is computed in each frame", CONSTANT_HINT
+        )
         return None
     arguments = _arguments(checker, node, symbol)
     if arguments is None:
@@ -109,8 +110,7 @@ def _report_unknown(checker: Checker, name: ast.Name, scope: Scope, rest: tuple[
         return
     if len(rest) == 1 and (rest[0] in scope.visible_values or rest[0] in checker.module_names):
         if checker.constants_only:
-            hint = "use literals, params and arithmetic on them"
-            checker.error("E204", name, f"`{name.text}` is not constant", hint)
+            checker.error("E204", name, f"`{name.text}` is not constant", CONSTANT_HINT)
             return
         hint = "declare it above the line that calls it; a function cannot call itself"
         checker.error("E105", name, f"`{name.text}` is used before it is declared", hint)

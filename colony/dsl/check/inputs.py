@@ -8,10 +8,9 @@ a template, from which others are derived; it is no module of the program.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from colony.dsl import ast
-from colony.dsl.check.arguments import without_wildcard_type
+from colony.dsl.check.arguments import as_declared, without_wildcard_type
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.expressions import ExpressionChecker
@@ -98,10 +97,7 @@ def _bound(report: Report, full_name: str, typed: TypedParameter, binding: Bindi
         checker.error("E404", binding.value, f"{what}, found {with_article(found.type)}", hint)
         return None
     report.diagnostics += argument_findings(typed, found)
-    if typed.type is None:
-        found = without_wildcard_type(found)
-    elif found.type != typed.type:
-        found = replace(found, type=typed.type)  # a literal 0 has the input's dimension
+    found = without_wildcard_type(found) if typed.type is None else as_declared(found, typed.type)
     return ir.Let(name=full_name, expression=found, span=checker.span(binding.name))
 
 

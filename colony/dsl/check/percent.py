@@ -13,7 +13,7 @@ from itertools import chain
 from colony.dsl import ast
 from colony.dsl.check.scope import TypedParameter
 from colony.ir import expression as ir
-from colony.ir.program import Module, Program
+from colony.ir.program import Let, Module, Program
 from colony.ir.walk import expressions
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
@@ -37,7 +37,11 @@ _SAME_UNIT = _COMPARED | {ir.Function.SUM, ir.Function.MEAN, ir.Function.ABS}
 _SAME_UNIT_MEMORY = frozenset({ir.MemoryFunction.PREVIOUS, ir.MemoryFunction.CAPTURED})
 
 PlainParams = frozenset[tuple[str, float]]
-"""The names of params that are declared or given as plain numbers, each with the number."""
+"""The names of params that are declared or given as plain numbers, each with the number.
+
+Params of several modules with the same name and number are not told apart. That is good enough: the number is
+above 1, so that one of them is right only if it is written as more than 100 percent.
+"""
 
 
 def plain_params(trees: Iterable[ast.File]) -> PlainParams:
@@ -64,13 +68,13 @@ def plain_params(trees: Iterable[ast.File]) -> PlainParams:
 def percent_findings(program: Program, params: PlainParams) -> Iterator[Diagnostic]:
     """Yield an error for each plain number beyond 1 beside a value that is declared in percent."""
     units = _Units(program)
-    if not units.any():
+    if not units.declares_percent():
         return
     steps = chain.from_iterable(example.steps for example in program.tests)
     expectations = chain.from_iterable(step.expectations for step in steps)
     for root in chain(expressions(program), expectations):
         for node in ir.subexpressions(root):
-            for value, numbers in _comparison(node):
+            for value, numbers in _neighbors(node):
                 if units.in_percent(value):
                     is_inlined = not all(_is_inside(n.span, node.span) for n in (value, *numbers))
                     origin = (Label(value.span, "given here"),) if is_inlined else ()
@@ -79,8 +83,8 @@ def percent_findings(program: Program, params: PlainParams) -> Iterator[Diagnost
         yield from _findings(where, (value,), params)
 
 
-def _comparison(node: ir.Expression) -> Iterator[tuple[ir.Expression, tuple[ir.Expression, ...]]]:
-    """Yield each operand of a comparison with the others."""
+def _neighbors(node: ir.Expression) -> Iterator[tuple[ir.Expression, tuple[ir.Expression, ...]]]:
+    """Yield each operand of a comparison, or of `value_or`, with the others: they have its unit."""
     match node:
         case ir.BinaryOperation(operator=operator, left=left, right=right) if operator in _COMPARISONS:
             yield left, (right,)
@@ -153,11 +157,10 @@ class _Units:
         self._values = {sensor.name for sensor in program.robot.sensors if sensor.unit == PERCENT}
         of_modules = (m.lets for m in program.modules if isinstance(m, Module))
         for let in chain(program.derived, *of_modules):  # each after those that it reads
-            expression = getattr(let, "expression", None)
-            if expression is not None and self.in_percent(expression):
+            if isinstance(let, Let) and self.in_percent(let.expression):
                 self._values.add(let.name)
 
-    def any(self) -> bool:
+    def declares_percent(self) -> bool:
         """Return True if anything is declared in percent."""
         fields = (field for actuator in self.actuators.values() for field in actuator.fields)
         return bool(self._values) or any(field.unit == PERCENT for field in fields)

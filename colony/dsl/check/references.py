@@ -8,7 +8,7 @@ from itertools import islice
 from colony.dsl import ast
 from colony.dsl.check.arguments import placeholder, with_new_cells
 from colony.dsl.check.calls import FORMER_FUNCTIONS, FUNCTION_NAMES
-from colony.dsl.check.checker import Checker
+from colony.dsl.check.checker import CONSTANT_HINT, Checker
 from colony.dsl.check.private import reject_private_member, reject_private_name
 from colony.dsl.check.reductions import MAX_ITERATIONS
 from colony.dsl.check.reserved import RESTARTED
@@ -80,7 +80,7 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
 def _sent_before(checker: Checker, node: ast.Reference) -> ir.Expression | None:
     """Return the typed expression `last.ACTUATOR.FIELD`, or None after reporting an error."""
     if checker.constants_only:
-        checker.error("E204", node, f"`{node.text}` is not constant", _CONSTANTS)
+        checker.error("E204", node, f"`{node.text}` is not constant", CONSTANT_HINT)
         return None
     sensor = sent_field(checker, node)
     if sensor is None:
@@ -237,7 +237,7 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
     if reject_private_name(checker, node, scope, name):
         return
     if checker.constants_only and _declared_but_not_constant(scope, name):
-        checker.error("E204", node, f"`{name}` is not constant", _CONSTANTS)
+        checker.error("E204", node, f"`{name}` is not constant", CONSTANT_HINT)
         return
     if name in scope.visible_values or name in checker.module_names:
         checker.error("E105", node, f"`{name}` is used before it is declared", _DECLARE_ABOVE)
@@ -263,7 +263,6 @@ def report_unknown(checker: Checker, code: str, node: ast.Reference, message: st
         checker.error(code, node, message, f"{lacks}; {hint}" if hint else lacks)
 
 
-_CONSTANTS = "use literals, params and arithmetic on them"
 _DECLARE_ABOVE = "declare it above the line that reads it"
 _WORD_HINTS = {
     "True": "write `true`",

@@ -13,7 +13,7 @@ from colony.ir.expression import SensorValue, Window, subexpressions
 from colony.ir.types import Quantity
 from colony.text.diagnostics import Diagnostic, Severity
 from colony.text.source import Span
-from colony.text.wording import counted, quoted
+from colony.text.wording import counted, degrees_text, one_line, quoted
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.report import reason_text
@@ -119,7 +119,7 @@ def _shown(case: Case, access: Access, trace: Trace) -> str | None:
     value = interpreter.value_of(access.index)
     if not isinstance(value, float):
         return None
-    return f"{value:.10g}" if access.angle is None else f"{value:.10g} deg"
+    return f"{value:.10g}" if access.angle is None else degrees_text(value)
 
 
 def _noun(access: Access) -> str:
@@ -129,7 +129,7 @@ def _noun(access: Access) -> str:
 
 
 def _text(access: Access) -> str:
-    return " ".join(access.place.span.text.split())
+    return one_line(access.place.span.text)
 
 
 def _diagnostic(case: Case, access: Access, message: str) -> Diagnostic:
@@ -155,7 +155,7 @@ def _without_range(case: Case, access: Access) -> Iterator[str]:
 
 
 def _inside_or_else(access: Access) -> str:
-    text, index = _text(access), " ".join(access.index.span.text.split())
+    text, index = _text(access), one_line(access.index.span.text)
     last = access.size - 1
     if isinstance(access.place, Window):
         if access.place.wraps:

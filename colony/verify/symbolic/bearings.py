@@ -52,7 +52,8 @@ def _conditions_above(angle: Number, breaks: tuple[float, ...], arithmetic: Arit
 @cache
 def _greatest_not_above(limit: float) -> float:
     """Return the greatest float below 0 that, taken to [0, 360), is at most `limit`, itself below 360."""
-    low, high = -float(TURN), -1e-20  # these are 0 and, rounded, 360
+    # `low % 360` is 0.0 and `high % 360` rounds to 360.0, so that they bracket every limit in [0, 360).
+    low, high = -float(TURN), -1e-20
     while math.nextafter(low, high) < high:
         middle = low + (high - low) / 2
         if middle % TURN <= limit:

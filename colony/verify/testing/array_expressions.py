@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 
-from colony.ir.bearings import TURN, Bearings, arc, between, nearest, part
+from colony.ir.bearings import TURN, Bearings, between, nearest, part_by_bearing, part_by_index
 from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, Array, Bool, Enum, Quantity, Scalar, element_type
 from colony.text.units import ANGLE, NUMBER, Dimension
 from colony.verify.testing.bearings import angle_text, draw_angle
@@ -136,14 +136,14 @@ class ArrayExpressions(ABC):
         if bearings is not None and self.choices.one_in(2):
             ends, indices = self._ends_by_bearing(bearings)
             if indices:
-                type_ = Array(one.type.element, len(indices), arc(bearings, indices))
+                type_ = Array(one.type.element, len(indices), part_by_bearing(bearings, indices))
                 return NamedArray(text=f"{one.text}[{ends}]", type=type_)
         first, count = self._first_and_count(one.type)
         indices = tuple(i % one.type.size for i in range(first, first + count))
         last = first + count - 1
         if first >= 0 and last >= one.type.size and self.choices.one_in(2):
             last -= one.type.size  # the first is above the last
-        looks = None if bearings is None else part(bearings, indices)
+        looks = None if bearings is None else part_by_index(bearings, indices)
         return NamedArray(
             text=f"{one.text}[{first}..{last}]", type=Array(one.type.element, len(indices), looks)
         )
