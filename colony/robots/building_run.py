@@ -19,6 +19,7 @@ from colony.robots.variants import OURS
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import Tally, Travel
+from colony.runtime.protocol.bindings import bind
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.world.world import World
@@ -36,6 +37,7 @@ def run_in_building(compiled: Compiled, request: RunRequest, ui: UserInterface) 
         DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
             robot lacks.
     """
+    bind(compiled.robot)  # what does not fit is reported before the simulator is compiled, which takes long
     mission = None
     if request.goal is not None:
         from colony.robots.mission import Mission

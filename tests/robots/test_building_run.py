@@ -11,13 +11,15 @@ from pathlib import Path
 import pytest
 
 from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_file
+from colony.dsl.load import load_file, load_text
 from colony.execute.compiled import Compiled
 from colony.nav.maps.building import Building
+from colony.robots import building_run
 from colony.robots.building_run import run_in_building
 from colony.robots.request import MisuseError, RunRequest, UserInterface
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.observer import FrameLog
+from colony.text.diagnostics import DiagnosticError
 from tests.paths import MAPS, ROOT
 
 WANDER = ROOT / "behaviors" / "wander.colony"
@@ -97,3 +99,16 @@ def test_whoever_attends_a_run_may_end_it() -> None:
 def test_a_recording_that_cannot_be_written_is_misuse(tmp_path: Path) -> None:
     with pytest.raises(MisuseError, match=r"gone/run\.jsonl: error: cannot write: No such file or directory"):
         run_in_building(wander(), request(tmp_path / "gone" / "run.jsonl"), Watcher(5).ui)
+
+
+def test_what_the_robot_lacks_is_reported_before_the_simulator_is_compiled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(building_run, "World", lambda **_: pytest.fail("the simulator was compiled"))
+    drive = "actuator drive { velocity : mm/s } to RServer.drive idle drive(velocity = 0)"
+    text = f"robot r {{ sensor scan : m from Lidar.scan {drive} }}\n"
+    program = load_text(
+        f"{text}module m {{ when scan > 1 m do drive(velocity = 0) }} network {{ drive = m }}"
+    )
+    with pytest.raises(DiagnosticError, match="there is no server `Lidar`"):
+        run_in_building(compile_program(program).compiled, request(), Watcher(1).ui)
