@@ -29,7 +29,7 @@ module rogue from python "rogue:Rogue" { reads bumper  commands note }
 module rests { when true do note(value = 1) }
 module turns { when true do drive(velocity = 0, turn = 20 deg/s) }
 network { drive = turns  note = rogue suppresses rests }
-contract turning: drive.turn == 20 deg/s
+contract turning: drive is idle or drive.turn == 20 deg/s
 """
 
 ROGUE = """
