@@ -8,6 +8,7 @@ from colony.experiment.figures import MM_S_TO_M_MIN, Target, percentile, targets
 from colony.experiment.lists import ListedRun
 from colony.experiment.record import MODES, RunResult
 from colony.nav.confidence.published_runs import PublishedRun
+from colony.text.wording import one_line
 
 
 def table(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> str:
@@ -121,4 +122,4 @@ def markdown(head: list[str], rows: list[list[str]]) -> str:
 
 
 def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
+    return one_line(text).replace("|", "\\|")

@@ -89,6 +89,11 @@ def element_type(type_: Type) -> Scalar:
     return type_.element if isinstance(type_, Array) else type_
 
 
+def bearings_of(type_: Type) -> Bearings | None:
+    """Return the bearings of an array that has them."""
+    return type_.bearings if isinstance(type_, Array) else None
+
+
 def is_rate(type_: Scalar) -> bool:
     """Return True for speeds and rates: time is in the denominator of the unit."""
     return isinstance(type_, Quantity) and type_.dimension.time < 0

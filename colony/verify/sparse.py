@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from colony.ir.bearings import Bearings, between, index_text, naming_angle
-from colony.ir.types import Array, ScalarValue, Type
+from colony.ir.types import ScalarValue, Type, bearings_of
 
 _MAX_RUNS = 6
 """Maximum number of differing runs; arrays with more are written in full."""
@@ -29,11 +29,6 @@ class Sparse(NamedTuple):
 
     common: ScalarValue
     differing: tuple[Run, ...]
-
-
-def bearings_of(type_: Type) -> Bearings | None:
-    """Return the bearings of an array that has them."""
-    return type_.bearings if isinstance(type_, Array) else None
 
 
 def differing(

@@ -10,11 +10,11 @@ from typing import Literal, assert_never
 from colony.ir.bearings import Bearings, index_text
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, Sensor
-from colony.ir.types import DISTANCE, Array, Bool, Enum, Quantity
+from colony.ir.types import DISTANCE, Array, Bool, Enum, Quantity, bearings_of
 from colony.view.polar import Scale, scale_of
 
 Mark = Literal["reading", "limit", "infinite", "negative", "invalid"]
-"""What an element is: a reading; one at the upper end of the sensor's range, such as a sonar without echo; an
+"""Kind of an element: a reading; one at the upper end of the sensor's range, such as a sonar without echo; an
 infinite one; a negative distance; or none that the language knows, such as NaN."""
 
 _MM_PER_M = 1000.0
@@ -61,7 +61,7 @@ class Scene:
 
 def arrays_with_bearings(program: Program) -> tuple[Sensor, ...]:
     """Return the sensors that are arrays with bearings."""
-    return tuple(s for s in program.robot.sensors if _bearings(s) is not None)
+    return tuple(s for s in program.robot.sensors if bearings_of(s.type) is not None)
 
 
 def scene_of(
@@ -78,10 +78,6 @@ def scene_of(
     """
     panels = (_panel(s, frame.readings.get(s.name), s.name in read) for s in arrays_with_bearings(program))
     return Scene(title=title, panels=tuple(panels), lines=tuple(lines))
-
-
-def _bearings(sensor: Sensor) -> Bearings | None:
-    return sensor.type.bearings if isinstance(sensor.type, Array) else None
 
 
 def _panel(sensor: Sensor, reading: Reading, is_read: bool) -> Panel:

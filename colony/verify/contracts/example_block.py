@@ -8,10 +8,10 @@ from colony.dsl import ast
 from colony.dsl.printer import print_file
 from colony.ir.bearings import naming_angle
 from colony.ir.program import Program, Sensor
-from colony.ir.types import Enum, ScalarValue, Value, element_type
+from colony.ir.types import Enum, ScalarValue, Value, bearings_of, element_type
 from colony.verify.contracts.decimals import NumberText, number_text, seconds
 from colony.verify.contracts.results import Trace
-from colony.verify.sparse import Run, bearings_of, differing, run_angles, sparse
+from colony.verify.sparse import Run, differing, run_angles, sparse
 
 
 def title(contract: str) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from colony.dsl import ast
 from colony.dsl.parse import parse
 from colony.ir.program import Program
+from colony.text.wording import one_line
 
 _KINDS = {ast.ParamDecl: "param", ast.LetDecl: "let", ast.StateDecl: "state"}
 
@@ -67,4 +68,4 @@ def _declarations(program: Program) -> Iterator[tuple[str, str, ast.Declaration]
 
 
 def _text_of(text: str, node: ast.SyntaxNode) -> str:
-    return " ".join(text[node.start : node.end].split())
+    return one_line(text[node.start : node.end])
