@@ -1,4 +1,4 @@
-"""The behaviors of the examples are right: nothing is found in them, and their tests pass."""
+"""The behaviors of the examples are right: no finding, their tests pass, their contracts are proved."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from colony.dsl.load import check_file
+from colony.verify.contracts.prove import prove_contracts
+from colony.verify.contracts.results import Options, Proved
 from colony.verify.testing.examples import run_examples
 from tests.examples.stage import ROOT
 
@@ -22,3 +24,5 @@ def test_a_behavior_is_right(path: Path) -> None:
     assert results
     assert [result.failures for result in results] == [()] * len(results)
     assert checked.program.contracts
+    verdicts = {r.contract.name: r for r in prove_contracts(checked.program, Options(), lambda: 0.0)}
+    assert {name: type(r) for name, r in verdicts.items()} == dict.fromkeys(verdicts, Proved)

@@ -143,9 +143,13 @@ def _cannonballs(network: ZenohSession) -> None:
 
 def _drives(machine: Machine, session: Session) -> None:
     """After all of this the robot goes where somebody sends it who may."""
-    with session.connect("Clock") as clock:
-        clock.do(clock_library.release())
-    with session.connect("RServer", name="driver", priority=77) as base:
+    with session.connect("Clock") as clock, session.connect("RServer", name="driver", priority=77) as base:
+
+        def released() -> bool:
+            clock.do(clock_library.release())
+            return base.do(robot.arbitration()).stopped is None
+
+        until(released, "a tick brings the release to RServer, and no stop that was fired comes after it")
         base.do(robot.turn(20.0))
     truth = machine.truth()
     assert truth is not None
