@@ -259,7 +259,7 @@ class _Round:
         if isinstance(module, ast.PythonModuleDecl):
             return self.python_input(module)
         lets = {d.name.text: d for d in self.file.declarations if isinstance(d, ast.LetDecl)}
-        local = _local_names(module)
+        local = _local_names(module) | _loop_names(module)
         reads: dict[str, list[ast.Reference]] = {}
         asked = {
             call.arguments[0].text
@@ -268,7 +268,7 @@ class _Round:
         }
         for node in _records(module, ast.Reference):
             name = node.path[0]
-            is_free = len(node.path) == 1 and name not in local and not name.startswith(("k", "p", "now"))
+            is_free = len(node.path) == 1 and name not in local and not name.startswith(("p", "now"))
             if is_free and (name in lets or name not in asked):
                 reads.setdefault(name, []).append(node)
         typed = {n: t for n, nodes in reads.items() if (t := self.input_type(nodes)) is not None}
@@ -471,6 +471,14 @@ def _local_names(declaration: ast.Declaration) -> frozenset[str]:
     if not isinstance(declaration, ast.ModuleDecl):
         return frozenset()
     return frozenset(c.name.text for c in declaration.clauses if not isinstance(c, ast.NextDecl))
+
+
+def _loop_names(declaration: ast.Declaration) -> frozenset[str]:
+    loops = [c for kind in _COMPREHENSIONS for c in _records(declaration, kind)]
+    bearings = [
+        c.bearing for c in loops if isinstance(c, ast.ElementsComprehension) and c.bearing is not None
+    ]
+    return frozenset(n.text for n in (*(c.variable for c in loops), *bearings))
 
 
 def _records(root: Record, kind: type[_Kind]) -> Iterator[_Kind]:
