@@ -15,7 +15,7 @@ from tests.runtime.assembly.proved_in_runs import run
 from tests.sampling import sampled
 
 SEEDS = 40
-GROUPS = 20
+GROUPS = 40
 
 
 @pytest.mark.parametrize("group", sampled(range(GROUPS), every=GROUPS))
