@@ -400,6 +400,9 @@ def _types(program: Program) -> Types:
     for e in all_subexpressions(program):
         if isinstance(e, ir.Element) and isinstance(e.index, ir.Constant):
             found.pop((e.index.span.start, e.index.span.end), None)  # it may be an angle
+        elif isinstance(e, ir.Call) and e.function in ir.INDEX_FUNCTIONS:
+            (array,) = e.arguments  # of a slice the index is one of the whole, of an argument it is not
+            found.pop((array.span.start, array.span.end), None)
         elif isinstance(e, ir.Reduce) and len(e.arrays) > 1:
             _, array = e.arrays[0]  # the second has the bearings of the first
             found[array.span.start, array.span.end] = array.type
