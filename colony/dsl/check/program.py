@@ -117,7 +117,7 @@ class _Check:
         )
         if not has_errors(self.report.diagnostics):
             params = plain_params(scope.file.tree for scope in self.scopes) | site_numbers(self.root.site)
-            self.report.diagnostics += dict.fromkeys(percent_findings(program, params))
+            self.report.diagnostics += percent_findings(program, params, self.report.percents)
         return program
 
     def _each(self, kind: type[_Node]) -> Iterator[tuple[Checker, _Node]]:

@@ -312,13 +312,28 @@ def is_private(name: str) -> bool:
     return name.startswith("_")
 
 
+@record
+class InPercent(Record):
+    """A state, parameter or input that is declared in percent.
+
+    Attributes:
+        name: its name.
+        place: the span of the state, or of what the parameter or input stands for.
+        value: the value given to it; the initial one of a state.
+    """
+
+    name: str
+    place: Span
+    value: Expression
+
+
 @dataclass(slots=True)
 class Report:
     """The findings of all checkers, and the number of memory cells so far.
 
     `suggestions` is the number of suggestions that may still be made; they are slow to compute. `size` counts
     what calls of functions add to the program. `tolerated` are the codes of errors with which a program is
-    returned all the same.
+    returned all the same. `percents` are the states, parameters and inputs that are declared in percent.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -326,6 +341,7 @@ class Report:
     cells: int = 0
     suggestions: int = 100
     size: ProgramSize = field(default_factory=ProgramSize)
+    percents: list[InPercent] = field(default_factory=list)
 
     def error(
         self,
