@@ -311,6 +311,7 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
     symbol = scope.value(path[0]) if len(path) == 1 else None
     if path[0] in checker.local:
         symbol = checker.local[path[0]]
+    found = checker.visit(argument) if symbol is None else None  # it reports an unknown name
     match symbol:
         case SensorSymbol(sensor=sensor):
             return ir.Fresh(type=BOOL, name=sensor.name, derived=False, span=checker.span(node))
@@ -326,7 +327,9 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
             return freshness(expression, checker.span(node))
         case BrokenSymbol():
             return None
-        case _ if symbol is not None or checker.visit(argument) is not None:  # it reports an unknown name
+        case None if isinstance(found, ir.DerivedValue):  # an input, which contracts see by its full name
+            return ir.Fresh(type=BOOL, name=found.name, derived=True, span=checker.span(node))
+        case _ if symbol is not None or found is not None:
             hint = "only sensors and file-level `let`s can be missing"
             checker.error(
                 "E202", argument, f"`{argument.text}` is neither a sensor nor a derived value", hint
