@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.dsl.load import check_text
+from colony.dsl.load import check_text, load_text
 from colony.text.diagnostics import Diagnostic
+from colony.text.units import parse_unit
 
 ROBOT = """language 2
 robot r {
@@ -141,6 +142,36 @@ def test_in_the_body_of_a_function_the_argument_is_shown() -> None:
 )
 def test_what_is_meant_is_accepted(text: str) -> None:
     assert found(text) == []
+
+
+@pytest.mark.parametrize("unit", ["percent", "mm/m"])
+@pytest.mark.parametrize(
+    ("high", "default"), [("100", "50"), ("100 UNIT", "50 UNIT"), ("full", "2 * quarter")]
+)
+def test_a_unit_that_is_written_counts_once(unit: str, high: str, default: str) -> None:
+    text = f"""
+    param full = 100 UNIT
+    param quarter = 25 UNIT
+    robot r {{
+      sensor level : UNIT range -({high}) .. {high} default {default} from DServer.Level
+      sensor levels[2] : UNIT from DServer.Levels
+      actuator fan {{ level : UNIT range 0 .. {high} default {default} }} to DServer.Fan idle fan(level = 0)
+    }}
+    test "t" {{ at 0 s given level = {default}, levels = [{high}, {default}], last.fan.level = {high} }}
+    """
+    program = load_text(text.replace("UNIT", unit))
+    whole = float(parse_unit(unit).factor * 100)
+    level, field = program.robot.sensors[0], program.robot.actuators[0].fields[0]
+    assert (level.low, level.high, level.default) == (-whole, whole, whole / 2)
+    assert (field.low, field.high, field.default) == (0, whole, whole / 2)
+    [step] = program.tests[0].steps
+    assert [g.value for g in step.given] == [whole / 2, (whole, whole / 2), whole]
+
+
+def test_a_plain_param_is_no_percent_in_a_range_either() -> None:
+    [error] = found('param full = 100\ntest "t" { at 0 s given battery = full }')
+    message = "the value given to `battery` is in percent: `full`, which is 100, means 10000 percent"
+    assert (error.code, error.message) == ("E220", message)
 
 
 def test_the_error_says_what_it_means_and_what_to_write() -> None:

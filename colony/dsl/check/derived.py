@@ -56,7 +56,7 @@ def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarVa
         initial = checker.constant(node.initial, None, what)
     if initial is None:
         return None
-    note_unit(checker.report, node.name.text, unit, checker.span(node.name), initial)
+    note_unit(checker.report, f"`{node.name.text}`", unit, checker.span(node.name), initial)
     type_ = expected_type if expected_type is not None else without_wildcard(initial.type)
     return type_, initial.value  # type: ignore[return-value]
 

@@ -179,7 +179,7 @@ def _default(checker: Checker, node: ast.Parameter, typed: TypedParameter) -> ir
         return None
     found = checker.constant(node.initial, typed.element, f"the default of `{node.name.text}`")
     if found is not None:
-        note_unit(checker.report, typed.name, typed.unit, found.span, found)
+        note_unit(checker.report, f"`{typed.name}`", typed.unit, found.span, found)
     return found
 
 
@@ -207,7 +207,7 @@ def _arguments(
         found = checker.visit(value)
         nodes = checker.report.size.nodes - before
         if found is not None and _fits(checker, node, value, parameter, found.type):
-            note_unit(checker.report, parameter.name, parameter.unit, found.span, found)
+            note_unit(checker.report, f"`{parameter.name}`", parameter.unit, found.span, found)
             arguments[parameter.name] = argument_symbol(found, parameter.type, nodes)
     return arguments if len(arguments) == len(function.parameters) else None
 

@@ -96,7 +96,7 @@ def _bound(report: Report, full_name: str, typed: TypedParameter, binding: Bindi
         hint = argument_hint(binding.value, typed, found.type)
         checker.error("E404", binding.value, f"{what}, found {with_article(found.type)}", hint)
         return None
-    note_unit(report, typed.name, typed.unit, found.span, found)
+    note_unit(report, f"`{typed.name}`", typed.unit, found.span, found)
     found = without_wildcard_type(found) if typed.type is None else as_declared(found, typed.type)
     return ir.Let(name=full_name, expression=found, span=checker.span(binding.name))
 

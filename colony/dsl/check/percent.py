@@ -65,18 +65,18 @@ def plain_params(trees: Iterable[ast.File]) -> PlainParams:
     return frozenset(found)
 
 
-def note_unit(report: Report, name: str, unit: str, place: Span, value: ir.Expression) -> None:
-    """Add a state, parameter or input to the report if it is declared in percent.
+def note_unit(report: Report, shown: str, unit: str, place: Span, value: ir.Expression) -> None:
+    """Add what is given a value to the report if it is declared in percent.
 
     Args:
         report: the collector.
-        name: the name of the state, parameter or input.
+        shown: what it is, for messages.
         unit: its declared unit.
-        place: the span of the state, or of what the parameter or input stands for.
+        place: the span of a state, or of what a parameter or input stands for.
         value: the value given to it.
     """
     if unit == PERCENT:
-        report.percents.append(InPercent(name=name, place=place, value=value))
+        report.percents.append(InPercent(shown=shown, place=place, value=value))
 
 
 def percent_findings(
@@ -103,7 +103,7 @@ def _all_findings(program: Program, params: PlainParams, units: _Units) -> Itera
                     is_inlined = not all(_is_inside(n.span, node.span) for n in (value, *numbers))
                     origin = (Label(value.span, "given here"),) if is_inlined else ()
                     yield from _findings(units.shown(value.span), numbers, params, *origin)
-    given = ((f"`{p.name}`", p.value) for p in units.percents)
+    given = ((p.shown, p.value) for p in units.percents)
     for where, value in chain(given, _limits(program, units), _commands(program, units), units.nexts):
         yield from _findings(where, (value,), params)
 
@@ -198,7 +198,7 @@ class _Units:
 
     Attributes:
         actuators: the actuators of the robot by name.
-        percents: the states, parameters and inputs in percent.
+        percents: what is declared in percent and given a value.
         nexts: the states in percent, as shown in messages, with their next values.
     """
 
@@ -206,12 +206,12 @@ class _Units:
         self.actuators = {actuator.name: actuator for actuator in program.robot.actuators}
         self.nexts: list[tuple[str, ir.Expression]] = []
         self.percents = percents
-        self._names = {p.place: p.name for p in percents}
+        self._shown = {p.place: p.shown for p in percents}
         self._values = {sensor.name for sensor in program.robot.sensors if sensor.unit == PERCENT}
         self._elements: set[str] = set()
         modules = [m for m in program.modules if isinstance(m, Module)]
         for state in chain(program.derived, *(m.states for m in modules)):
-            if isinstance(state, State) and state.span in self._names:
+            if isinstance(state, State) and state.span in self._shown:
                 self._values.add(state.name)
                 self.nexts += [] if state.next is None else [(f"`{state.name}`", state.next)]
         for let in chain(program.derived, *(m.lets for m in modules)):  # each after those that it reads
@@ -229,8 +229,8 @@ class _Units:
 
     def shown(self, span: Span) -> str:
         """Return a value in percent for messages: by the name of what it is given to, or as written."""
-        written = self._names.get(span, span.text)
-        return f"`{written}`" if len(written) <= 40 and "\n" not in written else "the other operand"
+        written = "the other operand" if len(span.text) > 40 or "\n" in span.text else f"`{span.text}`"
+        return self._shown.get(span, written)
 
     def enter(self, node: ir.Expression) -> None:
         """Look at the arrays of a reduction before its body, in which their elements have names."""
@@ -240,7 +240,7 @@ class _Units:
 
     def in_percent(self, node: ir.Expression) -> bool:
         """Return True if an expression has the unit of something that is declared in percent."""
-        if node.span in self._names:
+        if node.span in self._shown:
             return True
         match node:
             case (

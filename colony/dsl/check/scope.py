@@ -314,15 +314,15 @@ def is_private(name: str) -> bool:
 
 @record
 class InPercent(Record):
-    """A state, parameter or input that is declared in percent.
+    """A state, parameter, input, or part of a sensor or field, that is declared in percent.
 
     Attributes:
-        name: its name.
-        place: the span of the state, or of what the parameter or input stands for.
+        shown: what it is, for messages.
+        place: the span of a state, or of what a parameter or input stands for.
         value: the value given to it; the initial one of a state.
     """
 
-    name: str
+    shown: str
     place: Span
     value: Expression
 
@@ -333,7 +333,7 @@ class Report:
 
     `suggestions` is the number of suggestions that may still be made; they are slow to compute. `size` counts
     what calls of functions add to the program. `tolerated` are the codes of errors with which a program is
-    returned all the same. `percents` are the states, parameters and inputs that are declared in percent.
+    returned all the same. `percents` is what is declared in percent and given a value.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
