@@ -271,7 +271,16 @@ def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Exp
     if not isinstance(element_type(array.type), Quantity):
         _report_type(checker, node.arguments[0], node, "an array of numbers", element_type(array.type))
         return None
+    if isinstance(array, ir.Slice | ir.Window) and not _is_part(node.arguments[0]):
+        assert isinstance(array.type, Array)
+        whole = tuple(range(array.type.size))  # a slice of all: its index is one of what the name stands for
+        array = ir.Slice(type=array.type, array=array, indices=whole, span=array.span)
     return ir.Call(type=DIMENSIONLESS, function=function, arguments=(array,), span=checker.span(node))
+
+
+def _is_part(node: ast.Expression) -> bool:
+    """Return True for a slice or window as written; a parameter may stand for one."""
+    return isinstance(node, ast.SliceOf) or (isinstance(node, ast.Call) and node.function.text == "window")
 
 
 # --- window, fresh, value_or, now ------------------------------------------------------------------
