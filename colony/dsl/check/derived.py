@@ -14,12 +14,13 @@ from colony.dsl.check.scope import (
     LetSymbol,
     MachineSymbol,
     ParamSymbol,
+    RobotScope,
     StateSymbol,
     ValueSymbol,
 )
 from colony.dsl.check.site_values import site_param
 from colony.ir import program as ir
-from colony.ir.expression import Expression, SensorValue
+from colony.ir.expression import DerivedValue, Expression, SensorValue
 from colony.ir.types import BOOL, Enum, Scalar, ScalarValue
 from colony.text.units import BASE_UNITS
 
@@ -140,6 +141,15 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
 
 def let_symbol(let: ir.Let, module: str | None = None) -> LetSymbol:
     """Return the symbol of a let."""
-    sensor = let.expression.name if isinstance(let.expression, SensorValue) else None
-    type_ = without_wildcard(let.expression.type)
-    return LetSymbol(name=let.name, type=type_, module=module, sensor=sensor)
+    return LetSymbol(name=let.name, type=without_wildcard(let.expression.type), module=module)
+
+
+def note_sensor_name(robot: RobotScope, let: ir.Let) -> None:
+    """Add a let of a file to the names of sensors if it gives a sensor another name."""
+    match let.expression:
+        case SensorValue(name=name):
+            robot.renamed[let.name] = name
+        case DerivedValue(name=name) if name in robot.renamed:
+            robot.renamed[let.name] = robot.renamed[name]
+        case _:
+            pass

@@ -47,15 +47,11 @@ class ParamSymbol(Record):
 
 @record
 class LetSymbol(Record):
-    """A let by its full name.
-
-    `module` names the module that it is local to, if any; `sensor` the sensor to which it gives another name.
-    """
+    """A let by its full name; `module` names the module that it is local to, if any."""
 
     name: str
     type: Type
     module: str | None = None
-    sensor: str | None = None
 
 
 @record
@@ -214,7 +210,8 @@ class RobotScope:
 
     If the program has no robot, or its text cannot be read, unknown names are not reported. `sent` are the
     fields `last.ACTUATOR.FIELD` that something reads, by name; `frame_ns` is the frame period, None while it
-    is unknown. `title` is the robot with its file, for messages; `lacks` are the names that files with
+    is unknown. `renamed` are the sensors to which lets of files give other names, by these names in full.
+    `title` is the robot with its file, for messages; `lacks` are the names that files with
     `import robot` read and nothing declares.
     """
 
@@ -223,6 +220,7 @@ class RobotScope:
     lacks: set[str] = field(default_factory=set)
     frame_ns: int | None = None
     sent: dict[str, ir.Sensor] = field(default_factory=dict)
+    renamed: dict[str, str] = field(default_factory=dict)
     sensor_names: set[str] = field(default_factory=set)
     actuator_names: set[str] = field(default_factory=set)
     values: dict[str, ValueSymbol] = field(default_factory=dict)
