@@ -41,35 +41,49 @@ class RobotChoice(Record):
 
 @record
 class Project(Record):
-    """A project's folder, its file, and the description that the file names, if any."""
+    """A project's folder, its file, and the description that the file names, if any.
+
+    `problem` says why the file cannot be used, if it cannot.
+    """
 
     folder: Path
     file: Path
-    robot: str | None
+    robot: str | None = None
+    problem: str | None = None
 
 
-class ProjectError(ValueError):
+class _ProjectError(ValueError):
     """A project's file cannot be used; the message gives the file and the reason."""
 
 
 def find_project(folder: Path) -> Project | None:
     """Return the project of a folder: that of the nearest project file, upwards.
 
-    Raises:
-        ProjectError: the file cannot be read, is not TOML, or its `robot` is not a text.
+    The file may be one that cannot be read, is not TOML, or whose `robot` is not a text.
     """
     start = Path(os.path.abspath(folder))
     for place in (start, *start.parents):
-        own = place / "colony.toml"
-        if os.path.lexists(own):
-            return Project(folder=place, file=own, robot=_robot_of(own, _read(own)))
-        shared = place / "pyproject.toml"
-        if os.path.lexists(shared):
-            tool = _read(shared).get("tool")
-            table = tool.get("colony") if isinstance(tool, dict) else None
-            if isinstance(table, dict):
-                return Project(folder=place, file=shared, robot=_robot_of(shared, table))
+        for name in ("colony.toml", "pyproject.toml"):
+            file = place / name
+            if not os.path.lexists(file):
+                continue
+            try:
+                table = _table(file)
+                if table is not None:
+                    return Project(folder=place, file=file, robot=_robot_of(file, table))
+            except _ProjectError as problem:
+                return Project(folder=place, file=file, problem=str(problem))
     return None
+
+
+def _table(path: Path) -> dict[str, object] | None:
+    """Return what a project's file says about colony; None for a `pyproject.toml` without `[tool.colony]`."""
+    found = _read(path)
+    if path.name == "colony.toml":
+        return found
+    tool = found.get("tool")
+    table = tool.get("colony") if isinstance(tool, dict) else None
+    return table if isinstance(table, dict) else None
 
 
 def _read(path: Path) -> dict[str, object]:
@@ -78,16 +92,18 @@ def _read(path: Path) -> dict[str, object]:
     try:
         return tomllib.loads(read_file(path, MAX_PROJECT_BYTES).decode())
     except OSError as problem:
-        raise ProjectError(f"cannot read `{shown(path)}`: {reason(problem)}") from None
+        raise _ProjectError(f"cannot read `{shown(path)}`: {reason(problem)}") from None
     except (ValueError, RecursionError) as problem:  # not UTF-8, or not TOML
-        raise ProjectError(f"`{shown(path)}` is not TOML: {problem}") from None
+        raise _ProjectError(f"`{shown(path)}` is not TOML: {problem}") from None
 
 
 def _robot_of(path: Path, table: dict[str, object]) -> str | None:
     robot = table.get("robot")
     if robot is None or (isinstance(robot, str) and robot):
         return robot
-    raise ProjectError(f"`robot` in `{shown(path)}` is {robot!r}; expected the name or path of a description")
+    raise _ProjectError(
+        f"`robot` in `{shown(path)}` is {robot!r}; expected the name or path of a description"
+    )
 
 
 def find_description(text: str, folder: Path, project: Path | None) -> Path | None:

@@ -10,7 +10,6 @@ from typing import NamedTuple
 from colony.dsl import ast
 from colony.dsl.descriptions import (
     Project,
-    ProjectError,
     RobotChoice,
     find_description,
     find_project,
@@ -84,10 +83,7 @@ def robot_import_span(files: Iterable[ProgramFile]) -> Span | None:
 
 def chosen_description(import_span: Span, context: ProgramContext) -> Path | Diagnostic:
     """Return the file of the description for a program that declares no robot, or the error."""
-    try:
-        project = _project(context)
-    except ProjectError as problem:
-        return error("E323", import_span, str(problem), 'write `robot = "NAME"` there, or give --robot NAME')
+    project = _project(context)
     project_folder = Path() if project is None else project.folder
     choice = context.choice
     if choice is not None:
@@ -96,6 +92,10 @@ def chosen_description(import_span: Span, context: ProgramContext) -> Path | Dia
             return found
         if not choice.is_name:
             return _unknown(import_span, choice, project_folder)
+    if project is not None and project.problem is not None:
+        given = "NAME" if choice is None else f"{choice.text}=DESCRIPTION"
+        hint = f'write `robot = "NAME"` there, or give --robot {given}'
+        return error("E323", import_span, project.problem, hint)
     if project is not None and project.robot is not None:
         found = find_description(project.robot, project.folder, project.folder)
         if found is not None:
@@ -106,13 +106,9 @@ def chosen_description(import_span: Span, context: ProgramContext) -> Path | Dia
 
 
 def _project(context: ProgramContext) -> Project | None:
-    """Return the project that decides for a program, None if there is none.
-
-    Raises:
-        ProjectError: its file cannot be used.
-    """
+    """Return the project that decides for a program, None if there is none."""
     project = None if context.folder is None else find_project(context.folder)
-    if context.is_shipped and (project is None or project.robot is None):
+    if context.is_shipped and (project is None or (project.robot is None and project.problem is None)):
         return find_project(Shipped.BEHAVIOR.folder)
     return project
 
@@ -145,10 +141,7 @@ def conflicting_choice(
     choice, (file, node) = context.choice, declared
     if choice is None or choice.is_name:
         return None
-    try:
-        project = _project(context)
-    except ProjectError:  # the program has its robot, and needs no project
-        project = None
+    project = _project(context)
     folder = Path() if project is None else project.folder
     found = find_description(choice.text, Path(), folder)
     if found is None:

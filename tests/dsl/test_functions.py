@@ -64,6 +64,20 @@ def test_a_call_means_the_body_with_the_arguments(function: str, call: str, mean
     assert renumbered(call, function) == renumbered(meaning, "enum goal { a = 1 }\n" * ("goal" in call))
 
 
+@pytest.mark.parametrize("whole", ["ahead", "sonar[3..7]", "window(sonar, 5, 2)", "same(sonar[3..7])"])
+def test_indices_of_a_parameter_are_its_own(whole: str) -> None:
+    text = f"""
+    let ahead = sonar[3..7]
+    let same(x[] : mm) = x
+    let least(x[] : mm) = x[index_of_min(x)]
+    let inner(x[] : mm) = x[index_of_min(x[1..3])]
+    let outer(x[] : mm) = least(x) + index_of_min(same(x)) * 1 mm
+    contract exact: least({whole}) == 4 mm and inner({whole}) == 4 mm and outer({whole}) == 6 mm
+    """
+    readings = [0.0, 0.0, 0.0, 6.0, 7.0, 4.0, 5.0, 8.0, *[0.0] * 16]
+    assert Interpreter(program(text)).step(Frame(0, {"sonar": readings})).breaches == ()
+
+
 def test_names_in_a_body_are_those_of_the_declaration() -> None:
     text = """
     param limit = 1 m

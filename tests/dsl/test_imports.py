@@ -443,3 +443,19 @@ def test_a_program_has_its_texts_by_their_places(tmp_path: Path) -> None:
     assert (only[0], only[1].text) == ("y.colony", ROBOT)
     ((place, _),) = load_text(ROBOT).files
     assert place == "<text>"
+
+
+def test_a_test_gives_a_sensor_its_value_by_the_name_of_a_name(tmp_path: Path) -> None:
+    files = Files(tmp_path)
+    files.write(
+        named='import "rome"\nlet ranges = sonar\nlet twice = 2 * sonar',
+        top="""
+        import "named" as robot_names
+        let scan = robot_names.ranges
+        let again = scan
+        let twice = robot_names.twice
+        test "t" { at 0 s given again = 3 m, scan[0] = 1 m expect sonar[0] == 1 m }
+        test "u" { at 0 s given twice = 3 m }
+        """,
+    )
+    assert files.findings("top") == ["top.colony:7:33 E603"]

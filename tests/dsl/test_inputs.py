@@ -11,6 +11,7 @@ from colony.dsl.printer import print_file
 from colony.ir import expression as e
 from colony.ir.frame import Frame
 from colony.ir.program import Let, Module, PythonModule
+from colony.ir.types import BOOL
 from colony.text.source import Source
 from colony.verify.reference.interpreter import Interpreter
 from tests.dsl.test_imports import Files
@@ -192,6 +193,15 @@ def test_a_contract_cannot_read_a_template() -> None:
     text = f"{LEFT}contract c: follow.side < 1 m or follow.keep > 1 mm"
     assert [finding.split()[1] for finding in findings(text)] == ["E408", "E408"]
     assert findings(text.replace("follow.", "left.").replace("module left = left.", "")) == []
+
+
+def test_contracts_ask_whether_an_input_is_missing() -> None:
+    whole = program(f"{LEFT}{NETWORK}contract c: fresh(left.side)")
+    [contract] = whole.contracts
+    assert contract.expression == e.Fresh(type=BOOL, name="left.side", derived=True)
+    step = Interpreter(whole).step
+    assert step(Frame(0, {"sonar": [3000.0] * 24})).breaches == ()
+    assert step(Frame(50_000_000, {})).breaches == ("c",)
 
 
 def test_a_template_is_no_part_of_the_program() -> None:

@@ -257,3 +257,10 @@ def test_a_plain_index_has_the_hint_that_takes_the_same_elements(plain: str, by_
     [found] = [d for d in check_text(f"let a = {plain}\n{TURNED}").diagnostics if d.code == "N002"]
     hint = None if by_angle is None else f"write `{by_angle}`, which means the same on every robot"
     assert found.hint == hint
+
+
+def test_a_plain_index_in_a_function_is_noted_once_and_of_a_parameter_never() -> None:
+    function = "let f(s[] : mm) = s[0] + s[1] + rev[3] let a = f(rev) + f(lst) + f(rev)"
+    assert [d.span.text for d in check_text(f"{function}\n{TURNED}").diagnostics if d.code == "N002"] == [
+        "rev[3]"
+    ]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.dsl.load import check_text
+from colony.dsl.load import check_text, load_text
 from colony.text.diagnostics import Diagnostic
+from colony.text.units import parse_unit
 
 ROBOT = """language 2
 robot r {
@@ -57,10 +58,59 @@ def found(text: str) -> list[Diagnostic]:
         ("module m { param full = 80 when true do fan(level = full) } network { fan = m }", "full"),
         ("module m { let b = battery when b < 20 do fan(level = 0.5) } network { fan = m }", "20"),
         ('test "t" { at 0 s given battery = 20 expect battery == 20 }', "20"),
+        ("let a = battery - 20 > 0", "20"),
+        ("let a = if load > 3 then battery else 80", "80"),
+        ("let a = previous(battery, 100)", "100"),
+        ("let a = battery < (if load > 3 then 0.2 else 30)", "30"),
+        ("let a = battery < max(load / 100, 20)", "20"),
+        ("let a = battery < load + 20", "20"),
+        ("limit fan.level <= if load > 3 then 50 else 0.9", "50"),
+        (
+            "module m { when true do fan(level = if battery < 0.5 then 80 else 0.2) } network { fan = m }",
+            "80",
+        ),
+        ("let a = any(r < 20 for r in cells)", "20"),
+        ("let a = min(r for r in cells) < 20", "20"),
+        ("state charged : percent = 50 percent let a = charged < 20", "20"),
+        ("state charged : percent = 50", "50"),
+        ("state charged : percent = 0 next charged = if load > 3 then 20 else 0.3", "20"),
+        ("module m { state s : percent = 0 when s < 20 do fan(level = 0) } network { fan = m }", "20"),
+        (
+            "module m { param p = 0.1 state s : percent = 0 when s < 20 do fan(level = p) }"
+            " module n = m(p = 0.2) network { fan = m suppresses n }",
+            "20",
+        ),
+        ("param low = 20 let f(b : percent) = b let a = f(low)", "low"),
+        ("param low = 20 state s : percent = low", "low"),
+        ("let f(v : percent) = v < 20 let a = f(load / 12)", "20"),
+        ("let f(v[] : percent) = any(v < 20) let a = f(cells * load)", "20"),
+        ("let f(v : percent = 1 percent) = v < 20 let a = f()", "20"),
+        ("let f(v : percent) = v < 20 let a = f(load / 12) or f(load / 13)", "20"),
+        (
+            "module m { input v : percent when v < 20 do fan(level = 0) } module n = m(v = load / 12)"
+            " network { fan = n }",
+            "20",
+        ),
     ],
 )
 def test_a_plain_number_beyond_one_is_an_error(text: str, place: str) -> None:
     assert [(d.code, d.severity, d.span.text) for d in found(text)] == [("E220", "error", place)]
+
+
+def test_the_same_number_is_reported_once() -> None:
+    [error] = found("limit fan.level <= value_or(battery, 80)")
+    assert error.message == "`battery` is in percent: 80 means 8000 percent"
+
+
+def test_elements_have_the_unit_of_their_own_reduction() -> None:
+    loads = "let loads = cells * load\n"
+    assert found(f"{loads}let a = min(r for r in cells) < 0.1 or any(r > 20 for r in loads)") == []
+
+
+def test_a_parameter_is_shown_by_its_name() -> None:
+    [error] = found("let f(v : percent) = v < 20\nlet a = f(load / 12)")
+    assert error.message == "`v` is in percent: 20 means 2000 percent"
+    assert [label.span.text for label in error.labels] == ["load / 12"]
 
 
 def test_in_the_body_of_a_function_the_argument_is_shown() -> None:
@@ -80,6 +130,11 @@ def test_in_the_body_of_a_function_the_argument_is_shown() -> None:
         "let a = battery / 2 percent < 5",
         "let a = count(cells[k] < 0.5 for k in 0 .. 2) < 2",
         "let a = index_of_min(cells) < 2",
+        "let a = if battery < 0.5 then 80 else 20",
+        "let a = battery < (if load > 20 then 0.2 else 30 percent)",
+        "let a = captured(battery, load > 3) < 0.2",
+        "state charged : percent = 50 percent next charged = battery let a = charged < 0.2",
+        "let f(v : percent) = v * load < 20 let a = f(load / 12)",
         "param low = 20 percent let a = battery < low",
         "param low = 2000 percent let a = battery < low",
         'test "t" { at 0 s given battery = 20, cells[1] = 30 percent expect battery == 20 percent }',
@@ -87,6 +142,36 @@ def test_in_the_body_of_a_function_the_argument_is_shown() -> None:
 )
 def test_what_is_meant_is_accepted(text: str) -> None:
     assert found(text) == []
+
+
+@pytest.mark.parametrize("unit", ["percent", "mm/m"])
+@pytest.mark.parametrize(
+    ("high", "default"), [("100", "50"), ("100 UNIT", "50 UNIT"), ("full", "2 * quarter")]
+)
+def test_a_unit_that_is_written_counts_once(unit: str, high: str, default: str) -> None:
+    text = f"""
+    param full = 100 UNIT
+    param quarter = 25 UNIT
+    robot r {{
+      sensor level : UNIT range -({high}) .. {high} default {default} from DServer.Level
+      sensor levels[2] : UNIT from DServer.Levels
+      actuator fan {{ level : UNIT range 0 .. {high} default {default} }} to DServer.Fan idle fan(level = 0)
+    }}
+    test "t" {{ at 0 s given level = {default}, levels = [{high}, {default}], last.fan.level = {high} }}
+    """
+    program = load_text(text.replace("UNIT", unit))
+    whole = float(parse_unit(unit).factor * 100)
+    level, field = program.robot.sensors[0], program.robot.actuators[0].fields[0]
+    assert (level.low, level.high, level.default) == (-whole, whole, whole / 2)
+    assert (field.low, field.high, field.default) == (0, whole, whole / 2)
+    [step] = program.tests[0].steps
+    assert [g.value for g in step.given] == [whole / 2, (whole, whole / 2), whole]
+
+
+def test_a_plain_param_is_no_percent_in_a_range_either() -> None:
+    [error] = found('param full = 100\ntest "t" { at 0 s given battery = full }')
+    message = "the value given to `battery` is in percent: `full`, which is 100, means 10000 percent"
+    assert (error.code, error.message) == ("E220", message)
 
 
 def test_the_error_says_what_it_means_and_what_to_write() -> None:

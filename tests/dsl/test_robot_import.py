@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from colony.dsl.build import Builder
-from colony.dsl.descriptions import ProjectError, RobotChoice, find_project
+from colony.dsl.descriptions import RobotChoice
 from colony.dsl.lalr import Parser
 from colony.dsl.load import Checked, check_file, check_text, load_file, load_text
 from colony.dsl.parse import parse
@@ -244,8 +244,25 @@ def test_a_project_file_that_cannot_be_used(project: Path, text: str, found: str
     checked = check_file("go.colony")
     assert codes(checked) == ["E323"]
     assert message(checked)[0].startswith(found)
-    with pytest.raises(ProjectError):
-        find_project(project)
+    assert message(checked)[1] == 'write `robot = "NAME"` there, or give --robot NAME'
+
+
+@pytest.mark.parametrize("text", ["robot = 3", "robot = amr"])
+@pytest.mark.parametrize("file", ["colony.toml", "pyproject.toml"])
+def test_a_project_file_that_cannot_be_used_decides_nothing_beside_a_choice(
+    project: Path, file: str, text: str
+) -> None:
+    (project / file).write_text(text if file == "colony.toml" else f"[tool.colony]\n{text}")
+    assert robot_of(check_file("deep/er/go.colony", robot="amr").program) == "amr"
+    assert robot_of(check_file(str(ROOT / "behaviors" / "wander.colony"), robot="rome").program) == "rome"
+    assert codes(check_file(str(ROOT / "behaviors" / "wander.colony"))) == ["E323"]
+    assert codes(check_file("go.colony", robot="am")) == ["E321"]
+    running = RobotChoice(text="lab", origin="--robot lab", is_name=True)
+    [found] = check_file("go.colony", robot=running).diagnostics
+    assert (found.code, found.hint) == (
+        "E323",
+        'write `robot = "NAME"` there, or give --robot lab=DESCRIPTION',
+    )
 
 
 def test_a_project_file_is_no_pipe_and_not_huge(project: Path) -> None:

@@ -51,6 +51,8 @@ param width = 2 m
 module avoid { param clearance = 1 m  when min(sonar) < clearance + width do drive(velocity = 0, turn = 0) }
 """
 
+PRIVATE = "param _p = 3\nmodule _w { param k = _p  when true }\n"
+
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -218,6 +220,21 @@ def test_names_that_no_site_may_set(folder: Path, text: str, what: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "text", ['"own:_p" = 5', '"own:_w.k" = 5', "[own._w]\nk = 5", "own._p = 5", "_p = 5"]
+)
+def test_private_names_that_two_files_have(folder: Path, text: str) -> None:
+    own = f'language 2\nimport "robot"\n{PRIVATE}'
+    Path("own.colony").write_text(own)
+    Path("main.colony").write_text(
+        f'language 2\nimport "own"\nimport "own" as own\nimport "robot"\n{PRIVATE}'
+    )
+    [found] = errors(text)
+    assert found.code == "E703"
+    assert found.message.endswith("is a name that belongs to its file, not a param of the program")
+    assert found.hint == "it has no params"
+
+
+@pytest.mark.parametrize(
     ("text", "what"),
     [
         ("cruising = inf", "`cruising` is a number that is infinite, no number, or too large"),
@@ -228,6 +245,7 @@ def test_names_that_no_site_may_set(folder: Path, text: str, what: str) -> None:
         ("on = 1", "`on` is a bool, found a plain number"),
         ('count = "1 m"', "`count` is a plain number, found a value in mm"),
         ("low = 20", "`low` is declared with a unit, found a plain number"),
+        ("low = 0.2", "`low` is declared with a unit, found a plain number"),
         ('cruising = "bumper"', "`cruising`: `bumper` is not constant"),
         ('step = "run"', "`step`: unknown name `run`"),
         ('count = "1 let b = 2"', "`count` is more than a value"),
@@ -240,6 +258,21 @@ def test_values_that_a_param_cannot_have(folder: Path, text: str, what: str) -> 
     [found] = errors(text)
     assert (found.code, found.message) == ("E704", what)
     assert found.span.source.name == "site.toml"
+
+
+@pytest.mark.parametrize(
+    ("given", "hint"),
+    [
+        ("20", 'write its unit, for example "20 percent"'),
+        ("0.2", 'write its unit: 0.2 is "20 percent"'),
+        ("-0.07", 'write its unit: -0.07 is "-7 percent"'),
+    ],
+)
+def test_a_plain_number_for_percent_has_the_hint_that_means_the_same(
+    folder: Path, given: str, hint: str
+) -> None:
+    [found] = errors(f"low = {given}")
+    assert found.hint == hint
 
 
 @pytest.mark.parametrize("text", ['count = ""', 'count = "1 +"', 'count = "mm/s 250"', 'count = "(((("'])

@@ -258,6 +258,8 @@ def _note_plain(
     """
     array, span = _text(checker, node.array), checker.span(node)
     if is_inside:
+        if checker.in_call:
+            return  # other arguments look elsewhere; the declaration has noted what reads no parameter
         message = f"`{_text(checker, node)}` {looks}"
         hint = None if bearing is None else f"write `{array}[{bearing}]`, which means the same on every robot"
         checker.report.diagnostics.append(note("N002", span, message, hint))

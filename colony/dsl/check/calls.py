@@ -271,7 +271,16 @@ def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Exp
     if not isinstance(element_type(array.type), Quantity):
         _report_type(checker, node.arguments[0], node, "an array of numbers", element_type(array.type))
         return None
+    if isinstance(array, ir.Slice | ir.Window) and not _is_part(node.arguments[0]):
+        assert isinstance(array.type, Array)
+        whole = tuple(range(array.type.size))  # a slice of all: its index is one of what the name stands for
+        array = ir.Slice(type=array.type, array=array, indices=whole, span=array.span)
     return ir.Call(type=DIMENSIONLESS, function=function, arguments=(array,), span=checker.span(node))
+
+
+def _is_part(node: ast.Expression) -> bool:
+    """Return True for a slice or window as written; a parameter may stand for one."""
+    return isinstance(node, ast.SliceOf) or (isinstance(node, ast.Call) and node.function.text == "window")
 
 
 # --- window, fresh, value_or, now ------------------------------------------------------------------
@@ -311,6 +320,7 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
     symbol = scope.value(path[0]) if len(path) == 1 else None
     if path[0] in checker.local:
         symbol = checker.local[path[0]]
+    found = checker.visit(argument) if symbol is None else None  # it reports an unknown name
     match symbol:
         case SensorSymbol(sensor=sensor):
             return ir.Fresh(type=BOOL, name=sensor.name, derived=False, span=checker.span(node))
@@ -326,7 +336,9 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
             return freshness(expression, checker.span(node))
         case BrokenSymbol():
             return None
-        case _ if symbol is not None or checker.visit(argument) is not None:  # it reports an unknown name
+        case None if isinstance(found, ir.DerivedValue):  # an input, which contracts see by its full name
+            return ir.Fresh(type=BOOL, name=found.name, derived=True, span=checker.span(node))
+        case _ if symbol is not None or found is not None:
             hint = "only sensors and file-level `let`s can be missing"
             checker.error(
                 "E202", argument, f"`{argument.text}` is neither a sensor nor a derived value", hint

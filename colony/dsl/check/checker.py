@@ -15,6 +15,7 @@ from colony.dsl import ast
 from colony.dsl.check.arguments import reads_placeholder
 from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.constants import constant_value, literal, unit_of
+from colony.dsl.check.percent import note_unit
 from colony.dsl.check.scope import Report, Scope, ValueSymbol, label, span_of
 from colony.ir import expression as ir
 from colony.ir.types import DIMENSIONLESS, Array, Bool, Quantity, Scalar, ScalarValue, Type
@@ -119,7 +120,10 @@ class Checker(ABC):
         return ir.Constant(type=type_, value=value, span=found.span)
 
     def constant_in(self, node: ast.Expression, type_: Scalar, unit: str, what: str) -> ScalarValue | None:
-        """Check a constant of `type_`; a plain number is in the declared unit."""
+        """Check a constant of `type_`; a plain number is in the declared unit.
+
+        Where that has no dimension, as `percent`, only a literal is: what is computed may be 20 percent.
+        """
         sign, unsigned = 1.0, node
         while isinstance(unsigned, ast.Prefix) and unsigned.operator == "-":
             sign, unsigned = -sign, unsigned.operand
@@ -130,10 +134,11 @@ class Checker(ABC):
             found = self.constant(node, None, what)
             if found is None:
                 return None
+            if fits(found.type, type_):  # so is any plain number, if `type_` has no dimension
+                note_unit(self.report, what, unit, found.span, found)
+                return found.value  # type: ignore[return-value]
             if isinstance(found.type, Quantity) and found.type.dimension == DIMENSIONLESS.dimension:
                 return float(found.value) * float(unit_of(unit).factor) if unit else found.value  # type: ignore[arg-type,return-value]
-            if fits(found.type, type_):
-                return found.value  # type: ignore[return-value]
             self.error(
                 "E202", node, f"{what} must be {with_article(type_)}, found {with_article(found.type)}"
             )

@@ -147,11 +147,11 @@ def _given(checker: Checker, node: ast.GivenDecl) -> list[ir.Given]:
 
 
 def _renamed_sensor(checker: Checker, node: ast.Reference) -> ValueSymbol | None:
-    """Return the sensor to which a `let NAME = SENSOR` gives another name."""
+    """Return the sensor to which a `let NAME = SENSOR`, or one of that, gives another name."""
     scope, path = checker.scope.resolve(node.path)
     symbol = scope.value(path[0]) if len(path) == 1 else None
-    renamed = symbol.sensor if isinstance(symbol, LetSymbol) else None
-    return None if renamed is None else checker.scope.robot.values.get(renamed)
+    robot = checker.scope.robot
+    return robot.values.get(robot.renamed.get(symbol.name, "")) if isinstance(symbol, LetSymbol) else None
 
 
 def _given_to(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor) -> list[ir.Given]:

@@ -7,18 +7,20 @@ from collections.abc import Iterable
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import without_wildcard
+from colony.dsl.check.percent import note_unit
 from colony.dsl.check.robot import check_type
 from colony.dsl.check.scope import (
     BrokenSymbol,
     LetSymbol,
     MachineSymbol,
     ParamSymbol,
+    RobotScope,
     StateSymbol,
     ValueSymbol,
 )
 from colony.dsl.check.site_values import site_param
 from colony.ir import program as ir
-from colony.ir.expression import Expression, SensorValue
+from colony.ir.expression import DerivedValue, Expression, SensorValue
 from colony.ir.types import BOOL, Enum, Scalar, ScalarValue
 from colony.text.units import BASE_UNITS
 
@@ -42,11 +44,12 @@ def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
 def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarValue] | None:
     """Return the type and initial value of a state; without a declared type, it has that of the value."""
     expected_type: Scalar | None = None
+    unit = ""
     if node.type is not None:
         found = check_type(checker, node.type)
         if found is None:
             return None
-        expected_type, _ = found
+        expected_type, unit = found
     what = f"the initial value of `{node.name.text}`"
     if expected_type is not None:
         initial = checker.constant(node.initial, expected_type, what)
@@ -54,6 +57,7 @@ def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarVa
         initial = checker.constant(node.initial, None, what)
     if initial is None:
         return None
+    note_unit(checker.report, f"`{node.name.text}`", unit, checker.span(node.name), initial)
     type_ = expected_type if expected_type is not None else without_wildcard(initial.type)
     return type_, initial.value  # type: ignore[return-value]
 
@@ -137,6 +141,15 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
 
 def let_symbol(let: ir.Let, module: str | None = None) -> LetSymbol:
     """Return the symbol of a let."""
-    sensor = let.expression.name if isinstance(let.expression, SensorValue) else None
-    type_ = without_wildcard(let.expression.type)
-    return LetSymbol(name=let.name, type=type_, module=module, sensor=sensor)
+    return LetSymbol(name=let.name, type=without_wildcard(let.expression.type), module=module)
+
+
+def note_sensor_name(robot: RobotScope, let: ir.Let) -> None:
+    """Add a let of a file to the names of sensors if it gives a sensor another name."""
+    match let.expression:
+        case SensorValue(name=name):
+            robot.renamed[let.name] = name
+        case DerivedValue(name=name) if name in robot.renamed:
+            robot.renamed[let.name] = robot.renamed[name]
+        case _:
+            pass

@@ -24,7 +24,7 @@ from colony.dsl.check.calls import (
 from colony.dsl.check.checker import CONSTANT_HINT, Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
-from colony.dsl.check.percent import argument_findings
+from colony.dsl.check.percent import note_unit
 from colony.dsl.check.private import reject_private_name
 from colony.dsl.check.program_size import MAX_NODES, Excess
 from colony.dsl.check.references import kind_of_part
@@ -179,7 +179,7 @@ def _default(checker: Checker, node: ast.Parameter, typed: TypedParameter) -> ir
         return None
     found = checker.constant(node.initial, typed.element, f"the default of `{node.name.text}`")
     if found is not None:
-        checker.report.diagnostics += argument_findings(typed, found)
+        note_unit(checker.report, f"`{typed.name}`", typed.unit, found.span, found)
     return found
 
 
@@ -207,7 +207,7 @@ def _arguments(
         found = checker.visit(value)
         nodes = checker.report.size.nodes - before
         if found is not None and _fits(checker, node, value, parameter, found.type):
-            checker.report.diagnostics += argument_findings(parameter, found)
+            note_unit(checker.report, f"`{parameter.name}`", parameter.unit, found.span, found)
             arguments[parameter.name] = argument_symbol(found, parameter.type, nodes)
     return arguments if len(arguments) == len(function.parameters) else None
 

@@ -15,7 +15,7 @@ from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
-from colony.dsl.check.percent import argument_findings
+from colony.dsl.check.percent import note_unit
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, Report, Scope, TypedParameter, ValueSymbol
 from colony.ir import program as ir
 from colony.ir.expression import DerivedValue
@@ -96,7 +96,7 @@ def _bound(report: Report, full_name: str, typed: TypedParameter, binding: Bindi
         hint = argument_hint(binding.value, typed, found.type)
         checker.error("E404", binding.value, f"{what}, found {with_article(found.type)}", hint)
         return None
-    report.diagnostics += argument_findings(typed, found)
+    note_unit(report, f"`{typed.name}`", typed.unit, found.span, found)
     found = without_wildcard_type(found) if typed.type is None else as_declared(found, typed.type)
     return ir.Let(name=full_name, expression=found, span=checker.span(binding.name))
 

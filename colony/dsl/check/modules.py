@@ -282,9 +282,7 @@ def _instance(report: Report, pending: PendingModule, template: Template) -> Ins
     local: dict[str, ValueSymbol] = {}
     cells, budget = report.cells, report.size.budget
     # A derived module repeats the errors of its base, which are reported already.
-    derived_report = (
-        Report(cells=report.cells, size=report.size, tolerated=report.tolerated) if derived else report
-    )
+    derived_report = replace(report, diagnostics=[]) if derived else report
     checker = ExpressionChecker(scope=template.scope, report=derived_report, local=local)
     before = len(derived_report.diagnostics)
     clauses = _clauses(template.node, ast.InputDecl)

@@ -7,13 +7,13 @@ what was meant.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import chain
 
 from colony.dsl import ast
-from colony.dsl.check.scope import TypedParameter
+from colony.dsl.check.scope import InPercent, Report
 from colony.ir import expression as ir
-from colony.ir.program import Let, Module, Program
+from colony.ir.program import Let, Module, Program, State
 from colony.ir.walk import expressions
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
@@ -32,9 +32,9 @@ _COMPARISONS = frozenset(
     }
 )
 _SUMS = frozenset({ir.Binary.ADD, ir.Binary.SUBTRACT})
+_JOINED = _COMPARISONS | _SUMS
 _COMPARED = frozenset({ir.Function.MIN, ir.Function.MAX, ir.Function.CLAMP})
 _SAME_UNIT = _COMPARED | {ir.Function.SUM, ir.Function.MEAN, ir.Function.ABS}
-_SAME_UNIT_MEMORY = frozenset({ir.MemoryFunction.PREVIOUS, ir.MemoryFunction.CAPTURED})
 
 PlainParams = frozenset[tuple[str, float]]
 """The names of params that are declared or given as plain numbers, each with the number.
@@ -65,34 +65,64 @@ def plain_params(trees: Iterable[ast.File]) -> PlainParams:
     return frozenset(found)
 
 
-def percent_findings(program: Program, params: PlainParams) -> Iterator[Diagnostic]:
+def note_unit(report: Report, shown: str, unit: str, place: Span, value: ir.Expression) -> None:
+    """Add what is given a value to the report if it is declared in percent.
+
+    Args:
+        report: the collector.
+        shown: what it is, for messages.
+        unit: its declared unit.
+        place: the span of a state, or of what a parameter or input stands for.
+        value: the value given to it.
+    """
+    if unit == PERCENT:
+        report.percents.append(InPercent(shown=shown, place=place, value=value))
+
+
+def percent_findings(
+    program: Program, params: PlainParams, percents: Sequence[InPercent]
+) -> Iterator[Diagnostic]:
     """Yield an error for each plain number beyond 1 beside a value that is declared in percent."""
-    units = _Units(program)
+    units = _Units(program, percents)
     if not units.declares_percent():
         return
+    found: dict[Span, Diagnostic] = {}
+    for diagnostic in _all_findings(program, params, units):
+        found.setdefault(diagnostic.span, diagnostic)
+    yield from found.values()
+
+
+def _all_findings(program: Program, params: PlainParams, units: _Units) -> Iterator[Diagnostic]:
     steps = chain.from_iterable(example.steps for example in program.tests)
     expectations = chain.from_iterable(step.expectations for step in steps)
     for root in chain(expressions(program), expectations):
         for node in ir.subexpressions(root):
+            units.enter(node)
             for value, numbers in _neighbors(node):
                 if units.in_percent(value):
                     is_inlined = not all(_is_inside(n.span, node.span) for n in (value, *numbers))
                     origin = (Label(value.span, "given here"),) if is_inlined else ()
-                    yield from _findings(_shown(value.span), numbers, params, *origin)
-    for where, value in chain(_limits(program, units), _commands(program, units)):
+                    yield from _findings(units.shown(value.span), numbers, params, *origin)
+    given = ((p.shown, p.value) for p in units.percents)
+    for where, value in chain(given, _limits(program, units), _commands(program, units), units.nexts):
         yield from _findings(where, (value,), params)
 
 
 def _neighbors(node: ir.Expression) -> Iterator[tuple[ir.Expression, tuple[ir.Expression, ...]]]:
-    """Yield each operand of a comparison, or of `value_or`, with the others: they have its unit."""
+    """Yield each operand of a comparison, a sum or a choice, with the others: they have its unit."""
     match node:
-        case ir.BinaryOperation(operator=operator, left=left, right=right) if operator in _COMPARISONS:
+        case ir.BinaryOperation(operator=operator, left=left, right=right) if operator in _JOINED:
             yield left, (right,)
             yield right, (left,)
+        case ir.Conditional(yes=yes, no=no):
+            yield yes, (no,)
+            yield no, (yes,)
         case ir.Within(operand=operand, low=low, high=high):
             yield operand, (low, high)
         case ir.ValueOr(expression=expression, other=other):
             yield expression, (other,)
+        case ir.MemoryCall(function=ir.MemoryFunction.PREVIOUS, arguments=(value, initial)):
+            yield value, (initial,)
         case ir.Call(function=function, arguments=arguments) if function in _COMPARED:
             for value in arguments:
                 yield value, tuple(other for other in arguments if other is not value)
@@ -100,10 +130,29 @@ def _neighbors(node: ir.Expression) -> Iterator[tuple[ir.Expression, tuple[ir.Ex
             pass
 
 
-def argument_findings(parameter: TypedParameter, value: ir.Expression) -> Iterator[Diagnostic]:
-    """Yield an error for a plain number beyond 1 that is given to a parameter or input in percent."""
-    if parameter.unit == PERCENT:
-        yield from _findings(f"`{parameter.name}`", (value,), ())
+def _parts(node: ir.Expression) -> tuple[ir.Expression, ...]:
+    """Return the parts of an expression that have its unit."""
+    match node:
+        case ir.Element(array=array) | ir.Slice(array=array) | ir.Window(array=array):
+            return (array,)
+        case ir.ValueOr(expression=expression, other=other):
+            return expression, other
+        case ir.Reduce(function=function, body=body) if function in _SAME_UNIT:
+            return (body,)
+        case ir.UnaryOperation(operand=operand):
+            return (operand,)
+        case ir.BinaryOperation(operator=operator, left=left, right=right) if operator in _SUMS:
+            return left, right
+        case ir.Conditional(yes=yes, no=no):
+            return yes, no
+        case ir.Call(function=function, arguments=arguments) if function in _SAME_UNIT:
+            return arguments
+        case ir.MemoryCall(function=ir.MemoryFunction.PREVIOUS, arguments=arguments):
+            return arguments
+        case ir.MemoryCall(function=ir.MemoryFunction.CAPTURED, arguments=(captured, _)):
+            return (captured,)
+        case _:
+            return ()
 
 
 def _limits(program: Program, units: _Units) -> Iterator[tuple[str, ir.Expression]]:
@@ -126,8 +175,7 @@ def _findings(
     what: str, numbers: Iterable[ir.Expression], params: Collection[tuple[str, float]], *origin: Label
 ) -> Iterator[Diagnostic]:
     for node in numbers:
-        while isinstance(node, ir.UnaryOperation):
-            node = node.operand
+        yield from _findings(what, _parts(node), params, *origin)
         if not isinstance(node, ir.Constant) or not isinstance(node.value, float) or not node.value > 1:
             continue
         written, number = node.span.text, f"{node.value:.15g}"
@@ -145,52 +193,67 @@ def _is_inside(part: Span, whole: Span) -> bool:
     return part.source is whole.source and whole.start <= part.start and part.end <= whole.end
 
 
-def _shown(span: Span) -> str:
-    return f"`{span.text}`" if len(span.text) <= 40 and "\n" not in span.text else "the other operand"
-
-
 class _Units:
-    """What a program declares in percent, and lets that are computed from it alone."""
+    """What a program declares in percent, and what is computed from it alone.
 
-    def __init__(self, program: Program) -> None:
+    Attributes:
+        actuators: the actuators of the robot by name.
+        percents: what is declared in percent and given a value.
+        nexts: the states in percent, as shown in messages, with their next values.
+    """
+
+    def __init__(self, program: Program, percents: Sequence[InPercent]) -> None:
         self.actuators = {actuator.name: actuator for actuator in program.robot.actuators}
+        self.nexts: list[tuple[str, ir.Expression]] = []
+        self.percents = percents
+        self._shown = {p.place: p.shown for p in percents}
         self._values = {sensor.name for sensor in program.robot.sensors if sensor.unit == PERCENT}
-        of_modules = (m.lets for m in program.modules if isinstance(m, Module))
-        for let in chain(program.derived, *of_modules):  # each after those that it reads
+        self._elements: set[str] = set()
+        modules = [m for m in program.modules if isinstance(m, Module)]
+        for state in chain(program.derived, *(m.states for m in modules)):
+            if isinstance(state, State) and state.span in self._shown:
+                self._values.add(state.name)
+                self.nexts += [] if state.next is None else [(f"`{state.name}`", state.next)]
+        for let in chain(program.derived, *(m.lets for m in modules)):  # each after those that it reads
             if isinstance(let, Let) and self.in_percent(let.expression):
                 self._values.add(let.name)
 
     def declares_percent(self) -> bool:
         """Return True if anything is declared in percent."""
         fields = (field for actuator in self.actuators.values() for field in actuator.fields)
-        return bool(self._values) or any(field.unit == PERCENT for field in fields)
+        return bool(self._values or self.percents) or any(field.unit == PERCENT for field in fields)
 
     def field_in_percent(self, actuator: str, index: int) -> bool:
         """Return True if a field of an actuator is declared in percent."""
         return self.actuators[actuator].fields[index].unit == PERCENT
 
+    def shown(self, span: Span) -> str:
+        """Return a value in percent for messages: by the name of what it is given to, or as written."""
+        written = "the other operand" if len(span.text) > 40 or "\n" in span.text else f"`{span.text}`"
+        return self._shown.get(span, written)
+
+    def enter(self, node: ir.Expression) -> None:
+        """Look at the arrays of a reduction before its body, in which their elements have names."""
+        if isinstance(node, ir.Reduce):
+            for name, array in node.arrays:
+                (self._elements.add if self.in_percent(array) else self._elements.discard)(name)
+
     def in_percent(self, node: ir.Expression) -> bool:
         """Return True if an expression has the unit of something that is declared in percent."""
+        if node.span in self._shown:
+            return True
         match node:
-            case ir.SensorValue(name=name) | ir.DerivedValue(name=name) | ir.LocalValue(name=name):
+            case (
+                ir.SensorValue(name=name)
+                | ir.DerivedValue(name=name)
+                | ir.LocalValue(name=name)
+                | ir.StateValue(name=name)
+            ):
                 return name in self._values
+            case ir.LoopElement(name=name):
+                return name in self._elements
             case ir.SentField(actuator=actuator, field_index=index):
                 return self.field_in_percent(actuator, index)
-            case ir.Element(array=array) | ir.Slice(array=array) | ir.Window(array=array):
-                return self.in_percent(array)
-            case ir.ValueOr(expression=inner):
-                return self.in_percent(inner)
-            case ir.Reduce(function=function, body=body) if function in _SAME_UNIT:
-                return self.in_percent(body)
-            case ir.UnaryOperation(operand=operand):
-                return self.in_percent(operand)
-            case ir.BinaryOperation(operator=operator, left=left, right=right) if operator in _SUMS:
-                return self.in_percent(left) or self.in_percent(right)
-            case ir.Conditional(yes=yes, no=no):
-                return self.in_percent(yes) or self.in_percent(no)
-            case ir.Call(function=function, arguments=arguments) if function in _SAME_UNIT:
-                return any(map(self.in_percent, arguments))
-            case ir.MemoryCall(function=function, arguments=arguments) if function in _SAME_UNIT_MEMORY:
-                return self.in_percent(arguments[0])
             case _:
-                return False
+                self.enter(node)
+                return any(map(self.in_percent, _parts(node)))

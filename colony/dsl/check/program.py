@@ -23,6 +23,7 @@ from colony.dsl.check.derived import (
     check_state,
     let_symbol,
     machine_type,
+    note_sensor_name,
 )
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.functions import declare_function
@@ -117,7 +118,7 @@ class _Check:
         )
         if not has_errors(self.report.diagnostics):
             params = plain_params(scope.file.tree for scope in self.scopes) | site_numbers(self.root.site)
-            self.report.diagnostics += dict.fromkeys(percent_findings(program, params))
+            self.report.diagnostics += percent_findings(program, params, self.report.percents)
         return program
 
     def _each(self, kind: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
@@ -192,7 +193,9 @@ class _Check:
             elif isinstance(node, ast.LetDecl):
                 let = check_let(checker, node, scope.full_name(node.name.text))
                 scope.values.setdefault(node.name.text, let_symbol(let) if let else BrokenSymbol())
-                yield from [let] if let else []
+                if let is not None:
+                    note_sensor_name(self.robot, let)
+                    yield let
 
     def _with_inputs(self, derived: list[ir.Derived], inputs: tuple[ir.Let, ...]) -> list[ir.Derived]:
         """Return derived values with the inputs of modules, which other lets do not read, after the lets."""

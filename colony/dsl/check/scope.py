@@ -47,15 +47,11 @@ class ParamSymbol(Record):
 
 @record
 class LetSymbol(Record):
-    """A let by its full name.
-
-    `module` names the module that it is local to, if any; `sensor` the sensor to which it gives another name.
-    """
+    """A let by its full name; `module` names the module that it is local to, if any."""
 
     name: str
     type: Type
     module: str | None = None
-    sensor: str | None = None
 
 
 @record
@@ -214,7 +210,8 @@ class RobotScope:
 
     If the program has no robot, or its text cannot be read, unknown names are not reported. `sent` are the
     fields `last.ACTUATOR.FIELD` that something reads, by name; `frame_ns` is the frame period, None while it
-    is unknown. `title` is the robot with its file, for messages; `lacks` are the names that files with
+    is unknown. `renamed` are the sensors to which lets of files give other names, by these names in full.
+    `title` is the robot with its file, for messages; `lacks` are the names that files with
     `import robot` read and nothing declares.
     """
 
@@ -223,6 +220,7 @@ class RobotScope:
     lacks: set[str] = field(default_factory=set)
     frame_ns: int | None = None
     sent: dict[str, ir.Sensor] = field(default_factory=dict)
+    renamed: dict[str, str] = field(default_factory=dict)
     sensor_names: set[str] = field(default_factory=set)
     actuator_names: set[str] = field(default_factory=set)
     values: dict[str, ValueSymbol] = field(default_factory=dict)
@@ -312,13 +310,28 @@ def is_private(name: str) -> bool:
     return name.startswith("_")
 
 
+@record
+class InPercent(Record):
+    """A state, parameter, input, or part of a sensor or field, that is declared in percent.
+
+    Attributes:
+        shown: what it is, for messages.
+        place: the span of a state, or of what a parameter or input stands for.
+        value: the value given to it; the initial one of a state.
+    """
+
+    shown: str
+    place: Span
+    value: Expression
+
+
 @dataclass(slots=True)
 class Report:
     """The findings of all checkers, and the number of memory cells so far.
 
     `suggestions` is the number of suggestions that may still be made; they are slow to compute. `size` counts
     what calls of functions add to the program. `tolerated` are the codes of errors with which a program is
-    returned all the same.
+    returned all the same. `percents` is what is declared in percent and given a value.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -326,6 +339,7 @@ class Report:
     cells: int = 0
     suggestions: int = 100
     size: ProgramSize = field(default_factory=ProgramSize)
+    percents: list[InPercent] = field(default_factory=list)
 
     def error(
         self,

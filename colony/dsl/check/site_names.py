@@ -6,6 +6,7 @@ declares a robot beside a behavior, they are the params that the robot's declara
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 
@@ -172,7 +173,7 @@ class _Catalog:
         return scope, node
 
     def _add(self, scope: Scope, full_name: str, node: ast.Name, kind: str) -> None:
-        if any(map(is_private, full_name.split("."))):
+        if any(map(is_private, re.split("[.:]", full_name))):  # `low:_p` is one of two files with a `_p`
             kind = _PRIVATE
         elif kind == _PARAM and scope.file.key in self._of_robot:
             kind = _OF_ROBOT

@@ -11,6 +11,7 @@ from dataclasses import replace
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import fits, with_article
+from colony.dsl.check.percent import PERCENT
 from colony.dsl.check.scope import BrokenSymbol, ParamSymbol, Report
 from colony.dsl.parse import parse
 from colony.dsl.site import SiteValue
@@ -104,6 +105,10 @@ def _unit_hint(value: ast.Expression, own: ParamSymbol, node: ast.SyntaxNode) ->
     if number.unit is not None:
         return f"give it in {unit or own.type}"
     sign = "-" if isinstance(value, ast.Prefix) else ""
+    if unit == PERCENT and float(number.digits) <= 1:
+        return (
+            f'write its unit: {sign}{number.digits[:20]} is "{sign}{float(number.digits) * 100:.15g} percent"'
+        )
     return f'write its unit, for example "{sign}{number.digits[:20]} {unit or own.type}"'
 
 

@@ -92,8 +92,8 @@ def _field(field: ActuatorField) -> tuple[object, ...]:
 def _type(type_: Type) -> tuple[object, ...]:
     """Return a type by what it is, not by the name of its enum, which depends on imports."""
     match type_:
-        case Array(element=element, size=size):
-            return size, _type(element)
+        case Array(element=element, size=size, bearings=bearings):
+            return size, bearings, _type(element)
         case Enum(members=members):
             return members
         case _:

@@ -6,6 +6,7 @@ import pytest
 
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.colonyc import decode, encode
 from colony.ir.program import Robot
 from colony.runtime.protocol.interface import MAX_PARTS, Interface, interface_of, interface_problem
 
@@ -15,6 +16,7 @@ robot r {
   frame 50 ms
   sensor near : mm range 0 .. 5000 default 10 from PServer.near within 300 ms
   sensor rays[3] : m from PServer.rays
+  sensor ring[4] : mm bearing 0 deg from PServer.ring
   sensor pace : gait from DServer.pace
   actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s default 0 }
            to RServer.drive idle drive(velocity = 0, turn = 0)
@@ -37,6 +39,10 @@ def robot(change: tuple[str, str] = ("", ""), more: str = "") -> Robot:
         (("PServer.near", "PServer.far"), "near"),
         (("near : mm", "near : cm"), "near"),
         (("rays[3]", "rays[4]"), "rays"),
+        (("rays[3] : m", "rays[3] : m bearing 10 deg step 20 deg"), "rays"),
+        (("bearing 0 deg", "bearing 180 deg"), "ring"),
+        (("bearing 0 deg", "bearing 0 deg step -90 deg"), "ring"),
+        (("bearing 0 deg", "bearing [0 deg, 90 deg, 180 deg, -90 deg]"), "ring"),
         (("run = 1", "run = 2"), "pace"),
         (("-600 .. 600", "-600 .. 500"), "drive"),
         (("deg/s default 0", "deg/s default 1"), "drive"),
@@ -74,7 +80,8 @@ def test_a_robot_without_a_description_takes_any_program() -> None:
 
 def test_a_compiled_program_has_the_interface_of_its_source() -> None:
     program = load_text(TEXT + "let slow = last.drive.velocity")
-    assert interface_of(compile_program(program).compiled.robot) == interface_of(program.robot)
+    compiled = decode(encode(compile_program(program).compiled), "r.colonyc")
+    assert interface_of(compiled.robot) == interface_of(program.robot)
 
 
 def test_a_long_list_of_differences_is_cut() -> None:
