@@ -107,9 +107,9 @@ def load_program(path: str, code: int = EXIT_ERRORS) -> Program:
     Exits with 2 if the file cannot be read, with `code` if it has errors.
     """
     checked = check_to_run(path)
-    if checked.program is not None:
-        return checked.program
-    exit_with(checked.diagnostics, code)
+    if checked.program is None:
+        exit_with(checked.diagnostics, code)
+    return checked.program
 
 
 def exit_with(diagnostics: Sequence[Diagnostic], code: int = EXIT_ERRORS) -> NoReturn:

@@ -29,8 +29,8 @@ def recorded_program(run: RunInfo, name: str, folder: Path, params: SiteParams |
     those in the recording. No Python module is run.
 
     Raises:
-        DiagnosticError: A005, the recording does not have the whole program, or the program has errors; or the
-            errors that `params` make in a good program.
+        DiagnosticError: A005, the recording does not have the whole program, or the program has errors; or
+            the errors that `params` make in a good program.
     """
     if not any(s.path == run.program and s.kind == "behavior" for s in run.sources):
         raise DiagnosticError([unusable(name, "the recording does not contain its program")])
