@@ -67,7 +67,8 @@ def command(
     answer.
 
     Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted, a file
-    has errors, or limits contradict each other on `idle hold`, 2 if a file cannot be read.
+    has errors, an index that decides may be outside its array, or limits contradict each other on `idle
+    hold`, 2 if a file cannot be read.
 
     \b
     Example:

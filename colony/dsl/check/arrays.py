@@ -185,8 +185,8 @@ def _warn_about_slice(
     width = float(sweep(first, last))
     if first > last and width > TURN / 2:
         message = f"the slice goes through the rear and takes {degrees_text(width)}"
-        front = f"{degrees_text(last)} .. {degrees_text(first)}"
-        hint = f"counterclockwise angles rise: write `{front}` for the front"
+        smaller = f"{degrees_text(last)} .. {degrees_text(first)}"
+        hint = f"counterclockwise angles rise: write `{smaller}` for the smaller part"
         findings.append(warning("W013", checker.span(node), message, hint))
     elif reaches_beyond(bearings, first, last):
         message = f"the slice reaches beyond `{_text(checker, node.array)}`"

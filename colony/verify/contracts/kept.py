@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import assert_never
 
 from colony.ir.program import Program
 from colony.verify.contracts.proof_cache import ProofCache, content_key
 from colony.verify.contracts.prove import results
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.report import verdict_key
-from colony.verify.contracts.results import Options, ProvedInTime, Result, Trace
+from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted, Result, Trace, Unknown
 
 _RANKS: Mapping[str, int] = {"proved": 2, "proved_in_time": 1}
 
@@ -117,8 +118,12 @@ def trace_of(result: Result) -> Trace | None:
     match result:
         case ProvedInTime(trace=trace, python_trace=python_trace):
             return trace or python_trace
+        case Refuted(trace=trace) | Unknown(trace=trace):
+            return trace
+        case Proved():
+            return None
         case _:
-            return getattr(result, "trace", None)
+            assert_never(result)
 
 
 def blamed(
