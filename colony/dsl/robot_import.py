@@ -155,6 +155,7 @@ def conflicting_choice(
         return _unknown(file.span(node.name), choice, folder)
     if os.path.realpath(found) in keys:
         return None
-    message = f"the program has its own robot, `{node.name.text}`; {choice.origin} names another"
+    name = node.name.text
+    message = f"the program has its own robot, `{name}`: {choice.origin} cannot give it another description"
     hint = "write `import robot` in its place, and the description in a file of its own"
     return error("E322", file.span(node.name), message, hint)

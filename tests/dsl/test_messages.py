@@ -138,7 +138,8 @@ SLIPS = [
     ("let a = sum(infrared)", "`sum` takes numbers, found a bool", "count bools with `count`"),
     ("let a = sqrt(sonar[0])", "the square root of a value in mm has no unit", "such as `a * a`"),
     ("let a = mod(3)", "`mod` takes 2 arguments, found 1", "use: mod(x, y)"),
-    ("let a = min(sonar, 1 m)", "takes one array or several scalars, not both", "reduce each array first"),
+    ("let a = min(sonar, 1 m)", "takes one array or several scalars", "first: `min(min(sonar), 1 m)`"),
+    ("let a = max(sonar, 2 * sonar)", "one array or several", "first: `max(max(sonar), max(2 * sonar))`"),
     ("network { d = avoid suppresses cruise inhibits avoid }", "mixed without parentheses",
      "write `avoid suppresses (cruise inhibits avoid)` or `(avoid suppresses cruise) inhibits avoid`"),
 ]  # fmt: skip

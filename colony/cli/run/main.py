@@ -9,6 +9,7 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -173,6 +174,8 @@ def command(**arguments: Any) -> None:
         if options.map_path is not None:
             load_map(options.map_path)  # before the simulator is imported, which takes long
         result = _drive(compiled, request, options)
+        if options.robot is not None:
+            result = result._replace(summary=replace(result.summary, robot=options.robot))
         if picture is not None:
             result = draw(result, compiled.name, picture)
     _print_summary(result, options.record, picture, options.format_)

@@ -58,7 +58,7 @@ def bind_params(report: Report, scopes: list[Scope], params: SiteParams) -> Site
         elif found.kind != _PARAM:
             place = Label(span_of(found.scope, found.node), "it is declared here")
             message = f"`{value.name}` is {found.kind}, not a param of the program"
-            hint = _suggestion(value.name, catalog.params())
+            hint = _listed_params(catalog.params())
             if found.kind == _OF_ROBOT:
                 message = f"`{value.name}` is {_OF_ROBOT}"
                 hint = "set it there, or choose another description with --robot"
@@ -83,10 +83,14 @@ def _suggestion(name: str, params: list[str]) -> str:
     same = by_last.get(name.rpartition(".")[2], [])[:_MAX_LISTED]
     if same:
         return f"did you mean {' or '.join(f'`{param}`' for param in same)}?"
+    return did_you_mean(name, params) or _listed_params(params)
+
+
+def _listed_params(params: list[str]) -> str:
     if not params:
         return "it has no params"
     more = f" and {len(params) - _MAX_LISTED} more" if len(params) > _MAX_LISTED else ""
-    return did_you_mean(name, params) or f"its params are {', '.join(params[:_MAX_LISTED])}{more}"
+    return f"its params are {', '.join(params[:_MAX_LISTED])}{more}"
 
 
 class _Catalog:
