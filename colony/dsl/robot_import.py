@@ -27,7 +27,7 @@ from colony.text.source import Source, Span
 
 @record
 class ProgramContext(Record):
-    """What decides which robot `import robot` brings into a program.
+    """The data that decide which robot `import robot` brings into a program.
 
     Attributes:
         choice: the description that the caller chose, if any.
@@ -102,7 +102,7 @@ def chosen_description(import_span: Span, context: ProgramContext) -> Path | Dia
             return found
         named = RobotChoice(text=project.robot, origin=f"`{shown(project.file)}`")
         return _unknown(import_span, named, project.folder)
-    return _unbound(import_span, context, project)
+    return _none_chosen(import_span, context, project)
 
 
 def _project(context: ProgramContext) -> Project | None:
@@ -123,7 +123,7 @@ def _unknown(import_span: Span, choice: RobotChoice, folder: Path) -> Diagnostic
     return error("E321", import_span, message, suggestion(choice.text, folder))
 
 
-def _unbound(import_span: Span, context: ProgramContext, project: Project | None) -> Diagnostic:
+def _none_chosen(import_span: Span, context: ProgramContext, project: Project | None) -> Diagnostic:
     folder = Path() if project is None else project.folder
     if context.folder is None:
         how = "give `robot=`"

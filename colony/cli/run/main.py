@@ -17,7 +17,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.params_choice import params_option
 from colony.cli.reporting import refuse, report, say
-from colony.cli.robot_choice import described_robot_option
+from colony.cli.robot_choice import robot_and_description_option
 from colony.cli.robot_options import (
     connect_option,
     reporting_connection_errors,
@@ -44,7 +44,7 @@ PICTURE = "run.png"
 )
 @connect_option("Use a robot that is already running: on this machine, or behind a gateway, tls/HOST:PORT.")
 @security_option()
-@described_robot_option(
+@robot_and_description_option(
     "The name of the robot, if it differs from that in the program, and the description that `import robot` "
     "brings in: by default the one called NAME, else that of the project's colony.toml."
 )

@@ -22,8 +22,7 @@ def load_for_run(file: str, *, unproved: bool) -> Compiled:
     """Return the compiled program of a file, for a run; with params of a site, one with which it may run.
 
     Exits like `load_compiled`; with 1 if a contract is not proved any more with the params; with 2 if that
-    cannot be proved here, if the file was compiled with other params, or if it was compiled and `--robot` has a
-    description.
+    cannot be proved here, or if the file was compiled, with other params or for a robot chosen before.
     """
     from colony.cli.programs import compile_file, load_compiled
 

@@ -140,7 +140,7 @@ def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) ->
     if not is_inside and not _is_tolerated(checker, node, what, type_, count <= size):
         return None
     if first > last and not type_.closes:
-        message = f"the slice goes from {first} on to {last}, but only rings that close wrap"
+        message = f"the slice runs from {first} past the end to {last}; only rings that close wrap"
         checker.error("E217", node, message, f"the last index is {size - 1}; {_NO_WRAP}")
         return None
     indices = tuple(i % size for i in range(first, first + count))

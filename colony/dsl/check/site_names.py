@@ -94,7 +94,7 @@ def _listed_params(params: list[str]) -> str:
 
 
 class _Catalog:
-    """What the names of a program are."""
+    """The names of a program, each with the kind of its declaration."""
 
     def __init__(self, scopes: list[Scope]) -> None:
         self._root = scopes[-1]

@@ -1,4 +1,4 @@
-"""Whether contracts that are proved of a program stay proved with the params of a site.
+"""Contracts that are proved of a program, and stay proved with the params of a site or not.
 
 A contract that is proved with the program's own values has to be proved with those of the site, too. One that
 was proved although clients may be late must not be proved only while all are in time.
@@ -19,7 +19,7 @@ from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refut
 
 _RANKS: Mapping[str, int] = {"proved": 2, "proved_in_time": 1}
 
-ReportContract = Callable[[int, int, str], None]
+OnProgress = Callable[[int, int, str], None]
 """A function that reports progress: the number of finished contracts, the total, and the present one."""
 
 
@@ -50,7 +50,7 @@ def kept_proofs(
     *,
     cache: ProofCache,
     options: Options,
-    on_progress: ReportContract,
+    on_progress: OnProgress,
 ) -> KeptProofs:
     """Return which contracts stay proved with the params of a site.
 
@@ -87,7 +87,7 @@ def kept_proofs(
 class _Prover:
     cache: ProofCache
     options: Options
-    on_progress: ReportContract
+    on_progress: OnProgress
 
     def cached(self, program: Program) -> dict[str, str]:
         return self.cache.verdicts(content_key(program, self.options))
