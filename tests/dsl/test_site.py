@@ -217,6 +217,14 @@ def test_names_that_no_site_may_set(folder: Path, text: str, what: str) -> None:
     assert (found.code, found.message) == ("E703", what)
 
 
+def test_a_name_that_is_no_param_is_no_misspelled_param(folder: Path) -> None:
+    file = folder / "main.colony"
+    file.write_text(file.read_text() + "param nears = 1\n")
+    [found] = errors("near = true")
+    assert found.hint is not None
+    assert found.hint.startswith("its params are ")
+
+
 @pytest.mark.parametrize(
     ("text", "what"),
     [

@@ -58,7 +58,7 @@ def bind_params(report: Report, scopes: list[Scope], params: SiteParams) -> Site
         elif found.kind != _PARAM:
             place = Label(span_of(found.scope, found.node), "it is declared here")
             message = f"`{value.name}` is {found.kind}, not a param of the program"
-            hint = _listed_params(catalog.params())
+            hint = _suggestion(value.name, catalog.params(), is_declared=True)
             if found.kind == _OF_ROBOT:
                 message = f"`{value.name}` is {_OF_ROBOT}"
                 hint = "set it there, or choose another description with --robot"
@@ -76,21 +76,18 @@ def bind_params(report: Report, scopes: list[Scope], params: SiteParams) -> Site
     return Site(file=params.file, values=tuple(values))
 
 
-def _suggestion(name: str, params: list[str]) -> str:
+def _suggestion(name: str, params: list[str], *, is_declared: bool = False) -> str:
     by_last: dict[str, list[str]] = {}
     for param in params:
         by_last.setdefault(param.rpartition(".")[2], []).append(param)
     same = by_last.get(name.rpartition(".")[2], [])[:_MAX_LISTED]
     if same:
         return f"did you mean {' or '.join(f'`{param}`' for param in same)}?"
-    return did_you_mean(name, params) or _listed_params(params)
-
-
-def _listed_params(params: list[str]) -> str:
     if not params:
         return "it has no params"
     more = f" and {len(params) - _MAX_LISTED} more" if len(params) > _MAX_LISTED else ""
-    return f"its params are {', '.join(params[:_MAX_LISTED])}{more}"
+    similar = None if is_declared else did_you_mean(name, params)
+    return similar or f"its params are {', '.join(params[:_MAX_LISTED])}{more}"
 
 
 class _Catalog:
