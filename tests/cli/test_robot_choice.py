@@ -75,7 +75,7 @@ def test_help_says_it(colony: Colony, name: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "=", "lab=", "=small"])
-def test_what_is_no_choice(colony: Colony, go: str, text: str) -> None:
+def test_invalid_choices(colony: Colony, go: str, text: str) -> None:
     for command in (("test", go), ("check", go), ("run", go, "--map", MAP)):
         ran = colony(*command, "--robot", text)
         assert ran.code == 2
@@ -145,7 +145,7 @@ def test_a_served_robot_refuses_a_program_for_another(machine: Machine, colony: 
     assert "interface (`small`) than the robot's (`small`): `drive` differs (field `velocity`)" in other.err
 
 
-def test_a_robot_cannot_be_served_with_what_is_no_description(colony: Colony, go: str) -> None:
+def test_a_robot_cannot_be_served_with_an_unknown_description(colony: Colony, go: str) -> None:
     ran = colony("serve", "RServer", "--robot", "lab=nobody")
     assert ran.code == 1
     assert "error[E321]: unknown description `nobody`" in ran.err

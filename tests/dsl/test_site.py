@@ -217,7 +217,7 @@ def test_names_that_no_site_may_set(folder: Path, text: str, what: str) -> None:
     assert (found.code, found.message) == ("E703", what)
 
 
-def test_a_name_that_is_no_param_is_no_misspelled_param(folder: Path) -> None:
+def test_a_declared_name_is_not_taken_for_a_misspelled_param(folder: Path) -> None:
     file = folder / "main.colony"
     file.write_text(file.read_text() + "param nears = 1\n")
     [found] = errors("near = true")
@@ -251,7 +251,7 @@ def test_values_that_a_param_cannot_have(folder: Path, text: str, what: str) -> 
 
 
 @pytest.mark.parametrize("text", ['count = ""', 'count = "1 +"', 'count = "mm/s 250"', 'count = "(((("'])
-def test_texts_that_are_no_values(folder: Path, text: str) -> None:
+def test_invalid_values(folder: Path, text: str) -> None:
     [found] = errors(text)
     assert found.code == "E704"
     assert found.message.startswith("`count` is ")
@@ -271,13 +271,13 @@ def test_texts_that_are_no_values(folder: Path, text: str) -> None:
         (b"colonyc\x05\x04\xff", "E702"),
     ],
 )
-def test_what_is_no_file_of_params(folder: Path, data: bytes, code: str) -> None:
+def test_invalid_params_files(folder: Path, data: bytes, code: str) -> None:
     Path("site.toml").write_bytes(data)
     found = check_file("main.colony", params=read_params("site.toml"))
     assert [d.code for d in found.diagnostics if d.severity == "error"] == [code]
 
 
-def test_a_folder_is_no_file_of_params(folder: Path) -> None:
+def test_a_folder_as_params_file(folder: Path) -> None:
     found = check_file("main.colony", params=read_params(folder))
     assert [d.code for d in found.diagnostics if d.severity == "error"] == ["E701"]
 
