@@ -7,11 +7,38 @@ from pathlib import Path
 
 import pytest
 
+from colony.dsl.load import check_file
 from tests.pages import COMMANDS, typed
 from tests.paths import ROOT
 
 PAGE = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
 FILES = dict(re.findall(r"^```colony file=(\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
+
+LISTED = """
+  sensor infrared[24] : bool bearing -180 deg from PServer.infrared
+  sensor heading : deg                        from RServer.heading
+  sensor goal_direction : deg                 from DServer.GoalDirection
+  sensor carrying : bool                      from DServer.Carrying
+  sensor arm_busy : bool                      from DServer.ArmBusy
+  sensor teleop_velocity : mm/s               from DServer.TeleopVelocity
+  sensor teleop_turn : deg/s                  from DServer.TeleopTurn
+  actuator drive"""
+NEAREST = """
+let ahead = ranges[0 deg]
+let left  = ranges[90 deg]
+let right = ranges[-90 deg]
+"""
+"""What the page lists of the behaviors that come with colony, and `scout` has not."""
+
+
+@pytest.mark.parametrize("behavior", ["wander", "teleop", "herbert"])
+def test_a_behavior_checks_on_a_robot_that_has_what_is_listed(behavior: str, tmp_path: Path) -> None:
+    scout = FILES["robots/scout.colony"].replace("\n  actuator drive", LISTED) + NEAREST
+    (tmp_path / "scout.colony").write_text(scout, encoding="utf-8")
+    path = ROOT / "behaviors" / f"{behavior}.colony"
+    assert check_file(path, robot=str(tmp_path / "scout.colony")).diagnostics == ()
+    for name in re.findall(r"sensor (\w+)|let (\w+)", LISTED + NEAREST):
+        assert f"`{''.join(name)}`" in PAGE
 
 
 def test_commands_print_what_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,3 +50,5 @@ def test_commands_print_what_is_shown(tmp_path: Path, monkeypatch: pytest.Monkey
     printed = "".join(typed(command, monkeypatch, errors=True) for command in commands.splitlines())
     assert printed == shown
     assert typed("colony test wander --robot scout", monkeypatch).endswith("5 passed, 0 failed\n")
+    typed("colony new walk", monkeypatch)
+    assert typed("colony test walk/walk.colony --robot scout", monkeypatch).endswith("1 passed, 0 failed\n")

@@ -34,7 +34,7 @@ def command(recording: str, file: str | None, format_: str) -> None:
     """Decide every frame of a recording again, and show the first frame decided differently.
 
     The program is taken from the recording. A recording as JSON lines does not contain its program: give
-    the program as FILE. Params that a site set are those in the recording, unless --params gives others.
+    the program as FILE. The params of a site are taken from it, or from --params if it is given.
 
     If a client was late or lost, the idle command is accepted as well. Frames in which a connection from
     outside the network commanded, or in which the emergency stop or a lock was on, are counted; what was sent

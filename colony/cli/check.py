@@ -12,7 +12,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import Format, format_option, is_unreadable, one_line, report, say
-from colony.cli.robot_choice import descriptions_option
+from colony.cli.robot_choice import repeated_description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.collector import gc_paused
 
@@ -28,7 +28,7 @@ _ANY: dict[str, RobotChoice | None] = {"": None}
 
 @click.command("check", short_help="find errors in behavior files")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
-@descriptions_option()
+@repeated_description_option()
 @params_option()
 @format_option
 def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str) -> None:
@@ -36,7 +36,7 @@ def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str
 
     All errors and warnings are reported, each with its location and a hint. A note reports each file that
     does not name its version with `language 2`. With several --robot each file is checked against each of
-    these descriptions; findings that are not about all of them say of which robot they are.
+    these descriptions; a finding that is not about all of them names its robot.
 
     Exit code: 0 without errors (warnings and notes are allowed), 1 with errors, 2 if a file cannot be read.
 

@@ -104,8 +104,8 @@ def draw_test(
     from colony.verify.testing.example_frames import frames_of, snapshots_of
 
     if len(results) != 1:
-        found = f"{len(results)} tests" if results else "no test"
-        say(f"{file}: error: --picture: found {found}; expected one: choose it with --only NAME")
+        found = f"found {len(results)} tests; expected one: choose it with --only NAME"
+        say(f"{file}: error: --picture: {found if program.tests else 'the file has no tests'}")
         raise click.exceptions.Exit(EXIT_MISUSE)
     [result] = results
     expect_bearings(program, file)

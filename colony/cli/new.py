@@ -14,6 +14,8 @@ from colony.files import reason
 
 TEMPLATES = files("colony.cli") / "templates" / "project"
 BEHAVIOR = "NAME.colony"
+ROBOT, ROBOT_ALONE = "import robot\n", 'import "rome"\n'
+"""The robot of a behavior in a project, which names it, and of a behavior alone."""
 TEMPLATE_SUFFIX = ".in"
 """Suffix of Python templates, so that no tool takes them for modules of this package."""
 
@@ -23,8 +25,9 @@ TEMPLATE_SUFFIX = ".in"
 def command(path: Path) -> None:
     """Start a project: create a folder with a behavior, its property tests, a pyproject.toml and a README.
 
-    With NAME.colony only the behavior is created. It has a robot, four modules, a network, a contract and a
-    test. Existing files are never overwritten.
+    The behavior has three modules, a network, a contract and a test, and says `import robot`; the project
+    names the robot RoME. With NAME.colony only the behavior is created, for RoME. Existing files are never
+    overwritten.
 
     \b
     Example:
@@ -36,7 +39,7 @@ def command(path: Path) -> None:
         raise click.UsageError("expected a name, such as `patrol`", click.get_current_context())
     if path.suffix == ".colony":
         check_output(path)
-        write_whole(path, _filled(BEHAVIOR, path.stem))
+        write_whole(path, _filled(BEHAVIOR, path.stem).replace(ROBOT, ROBOT_ALONE))
         click.echo(f"wrote {path}; try: colony test {shlex.quote(str(path))}")
         return
     name = path.name

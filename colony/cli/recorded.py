@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from colony.cli.params_choice import chosen_params
-from colony.cli.reporting import load_program
+from colony.cli.reporting import exit_with, load_program
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
@@ -17,7 +17,7 @@ def program_for(reader: RecordingReader, recording: str, file: str | None, folde
     """Return the program of `file`, or that of the recording, whose sources are unpacked into `folder`.
 
     Params of a site are those that the current command chose.
-    Exits like `load_program`.
+    Exits like `load_program`, also for errors that these params make.
 
     Raises:
         DiagnosticError: A005, there is no `file`, and the recording does not have the whole program.
@@ -29,4 +29,9 @@ def program_for(reader: RecordingReader, recording: str, file: str | None, folde
 
     if reader.run is None:
         raise DiagnosticError([unusable(recording, "a recording as JSON lines does not contain its program")])
-    return recorded_program(reader.run, recording, folder, chosen_params())
+    try:
+        return recorded_program(reader.run, recording, folder, chosen_params())
+    except DiagnosticError as failure:
+        if failure.diagnostics[0].code == "A005":
+            raise
+        exit_with(failure.diagnostics)

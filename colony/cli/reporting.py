@@ -107,9 +107,14 @@ def load_program(path: str, code: int = EXIT_ERRORS) -> Program:
     Exits with 2 if the file cannot be read, with `code` if it has errors.
     """
     checked = check_to_run(path)
-    if checked.program is not None:
-        return checked.program
-    if is_unreadable(checked.diagnostics):
-        refuse(checked.diagnostics)
-    report(checked.diagnostics)
+    if checked.program is None:
+        exit_with(checked.diagnostics, code)
+    return checked.program
+
+
+def exit_with(diagnostics: Sequence[Diagnostic], code: int = EXIT_ERRORS) -> NoReturn:
+    """Report why there is no program; exit with 2 if a file cannot be read, and with `code` otherwise."""
+    if is_unreadable(diagnostics):
+        refuse(diagnostics)
+    report(diagnostics)
     raise click.exceptions.Exit(code)

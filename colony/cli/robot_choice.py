@@ -19,9 +19,10 @@ F = TypeVar("F", bound=Callable[..., object])
 
 DESCRIPTION_FORM = "NAME[=DESCRIPTION]"
 
-_DESCRIPTION = (
+_HELP = (
     "The robot that `import robot` brings in: the name of a description that comes with colony or is in the "
-    "folder robots of the project, or NAME=PATH. [default: that of the project's colony.toml]"
+    "folder robots of the project, or a path. [default: that of the project's colony.toml or pyproject.toml; "
+    "rome for a behavior that comes with colony]"
 )
 _CHOICE = "colony.robot"
 
@@ -34,24 +35,23 @@ def description_option() -> Callable[[F], F]:
         metavar=DESCRIPTION_FORM,
         callback=_store_choice,
         expose_value=False,
-        help=_DESCRIPTION,
+        help=_HELP,
     )
 
 
-def descriptions_option() -> Callable[[F], F]:
+def repeated_description_option() -> Callable[[F], F]:
     """Return the option `--robot NAME[=DESCRIPTION]`, which may be repeated, as `robots`: choices by name."""
-    description = f"{_DESCRIPTION} May be repeated, to check against each."
     return click.option(
         "--robot",
         "robots",
         multiple=True,
         metavar=DESCRIPTION_FORM,
         callback=_choices_by_name,
-        help=description,
+        help=f"{_HELP} May be repeated, to check against each.",
     )
 
 
-def described_robot_option(description: str, *, required: bool = False) -> Callable[[F], F]:
+def robot_and_description_option(help: str, *, required: bool = False) -> Callable[[F], F]:
     """Return the option `--robot NAME[=DESCRIPTION]` of a command that addresses `robot` by its name.
 
     NAME need not be the name of a description; the project's description is then used.
@@ -62,7 +62,7 @@ def described_robot_option(description: str, *, required: bool = False) -> Calla
         required=required,
         metavar=DESCRIPTION_FORM,
         callback=_store_choice_and_return_name,
-        help=description,
+        help=help,
     )
 
 

@@ -10,7 +10,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import refuse, report, say
-from colony.cli.robot_choice import chosen_robot, described_robot_option
+from colony.cli.robot_choice import chosen_robot, robot_and_description_option
 from colony.cli.robot_options import reporting_connection_errors
 from colony.cli.shipped_files import map_option
 from colony.extras import expect_extras
@@ -36,7 +36,7 @@ class Folder(click.Path):
 
 @click.command(name="serve", short_help="run the servers of a robot")
 @click.argument("server", metavar="SERVER", type=click.Choice(NAMES, case_sensitive=False))
-@described_robot_option(
+@robot_and_description_option(
     "The name by which programs find the robot. With a description (one that comes with colony, one in the "
     "folder robots, or a path), programs that were checked against another interface are refused.",
     required=True,

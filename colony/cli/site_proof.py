@@ -13,6 +13,7 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import report, say
 from colony.cli.robot_choice import chosen_robot
 from colony.cli.verify.progress import progress
+from colony.cli.verify.prover_options import DEFAULT_DEPTH, DEFAULT_SECONDS
 from colony.extras import install_command, installed
 from colony.text.wording import counted, quoted
 from colony.verify.interruption import reliable_interrupts
@@ -24,10 +25,6 @@ if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
     from colony.verify.contracts.kept import KeptProofs, LostProof
-
-_SECONDS = 10.0
-_DEPTH = 4
-"""The effort for each contract, as `colony verify` makes it."""
 
 
 def with_proof(compilation: Compilation, file: str, params: SiteParams, *, instead: str) -> Compiled:
@@ -72,7 +69,7 @@ def _kept_proofs(program: Program, file: str, params: SiteParams) -> KeptProofs:
             _program_with(file, None),
             program,
             cache=ProofCache(cache_folder(os.environ)),
-            options=Options.within(_SECONDS, depth=_DEPTH),
+            options=Options.within(DEFAULT_SECONDS, depth=DEFAULT_DEPTH),
             on_progress=show,
         )
 

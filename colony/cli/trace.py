@@ -72,8 +72,8 @@ def command(
     contains its program, so that FILE may be left out, unless it has modules in Python. If a line is invalid,
     an error is reported, nothing is printed, and the exit code is 2.
 
-    Params that a site set are those in the recording, unless --params gives others. Give --params for a
-    recording that comes by a pipe.
+    The params of a site are taken from the recording, or from --params if it is given (which a recording that
+    comes through a pipe needs).
 
     In a damaged recording the undamaged frames are decided, the damaged time span is reported, and the exit
     code is 1. After the damage the backend `network` continues from the recorded memory, the others from the

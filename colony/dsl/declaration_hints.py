@@ -81,8 +81,7 @@ def _type_of_let(slip: Slip) -> str | None:
 def _arguments_by_name(slip: Slip) -> str | None:
     begins = "NAME" in slip.accepted and not slip.accepted & {"NUMBER", "PLUS"}
     begins = begins and re.match(r"[\w(.-]", slip.found) is not None
-    named = slip.accepted == {"ASSIGN"} and slip.found in (",", ")", ".")
-    if not begins and not named:
+    if not begins and slip.accepted != {"ASSIGN"}:
         return None
     derived = re.search(r"\bmodule\s+\w+\s*=\s*([\w.]+)\s*\([^()]*$", slip.before)
     if derived is not None:

@@ -26,7 +26,7 @@ from colony.text.source import Source, Span
 
 @record
 class ProgramContext(Record):
-    """What decides which robot `import robot` brings into a program.
+    """The data that decide which robot `import robot` brings into a program.
 
     Attributes:
         choice: the description that the caller chose, if any.
@@ -102,7 +102,7 @@ def chosen_description(import_span: Span, context: ProgramContext) -> Path | Dia
             return found
         named = RobotChoice(text=project.robot, origin=f"`{shown(project.file)}`")
         return _unknown(import_span, named, project.folder)
-    return _unbound(import_span, context, project)
+    return _none_chosen(import_span, context, project)
 
 
 def _project(context: ProgramContext) -> Project | None:
@@ -119,7 +119,7 @@ def _unknown(import_span: Span, choice: RobotChoice, folder: Path) -> Diagnostic
     return error("E321", import_span, message, suggestion(choice.text, folder))
 
 
-def _unbound(import_span: Span, context: ProgramContext, project: Project | None) -> Diagnostic:
+def _none_chosen(import_span: Span, context: ProgramContext, project: Project | None) -> Diagnostic:
     folder = Path() if project is None else project.folder
     if context.folder is None:
         how = "give `robot=`"
@@ -148,6 +148,7 @@ def conflicting_choice(
         return _unknown(file.span(node.name), choice, folder)
     if os.path.realpath(found) in keys:
         return None
-    message = f"the program has its own robot, `{node.name.text}`; {choice.origin} names another"
+    name = node.name.text
+    message = f"the program has its own robot, `{name}`: {choice.origin} cannot give it another description"
     hint = "write `import robot` in its place, and the description in a file of its own"
     return error("E322", file.span(node.name), message, hint)

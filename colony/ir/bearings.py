@@ -15,15 +15,16 @@ TURN = 360
 """A full turn in degrees."""
 
 LIST_STEP = 30.0
-"""The step in degrees of bearings that are listed: how far an angle beyond the ends still has an element."""
+"""The step in degrees of listed bearings: an angle this far beyond an end is outside."""
 
 _LARGEST_INNER_GAP = 60
 """The largest angle in degrees between neighbors of a list that is still inside."""
 
 _CLOSED_WITHIN = Fraction(1, 10**6)
 """The angle in degrees within which elements that take a turn are a ring that closes."""
+
 _ROUNDING = 1e-6
-"""More degrees than distances in floats are off; what is nearer to equal is compared exactly."""
+"""An upper bound, in degrees, on the rounding of distances in floats: nearer ones are compared exactly."""
 
 
 @dataclass(frozen=True, slots=True)

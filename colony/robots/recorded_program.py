@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from colony.dsl.check.program import check_program
+from colony.dsl.check.site_labels import with_site_labels
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import SHIPPED, SourceTree, load_tree, real_path
 from colony.dsl.robot_import import ProgramContext
@@ -28,7 +29,8 @@ def recorded_program(run: RunInfo, name: str, folder: Path, params: SiteParams |
     those in the recording. No Python module is run.
 
     Raises:
-        DiagnosticError: A005, the recording does not have the whole program, or the program has errors.
+        DiagnosticError: A005, the recording does not have the whole program, or the program has errors; or
+            the errors that `params` make in a good program.
     """
     if not any(s.path == run.program and s.kind == "behavior" for s in run.sources):
         raise DiagnosticError([unusable(name, "the recording does not contain its program")])
@@ -54,6 +56,8 @@ def recorded_program(run: RunInfo, name: str, folder: Path, params: SiteParams |
         )
     program, diagnostics = check_program(tree, params=params or params_of(run.site))
     if program is None:
+        if params is not None and (own := check_program(tree))[0] is not None:
+            raise DiagnosticError(with_site_labels(diagnostics, own[1], params))
         first = next(d for d in diagnostics if has_errors([d]))
         raise DiagnosticError([unusable(name, f"its program has errors: {headline(first)}")])
     return program

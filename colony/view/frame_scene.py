@@ -173,10 +173,12 @@ def _mark(value: float, limit: float | None, is_length: bool) -> Mark:
 def _summary(bearings: Bearings, content: Ranges | States) -> list[str]:
     match content:
         case Ranges(values=values, marks=marks, unit=unit):
-            seen = [i for i, mark in enumerate(marks) if mark == "reading"]
+            is_length = unit == "m"
+            counted = {"reading"} if is_length else {"reading", "limit"}  # a distance at the limit is no echo
+            seen = [i for i, mark in enumerate(marks) if mark in counted]
             if not seen:
                 return []
-            word, choose = ("nearest", min) if unit == "m" else ("highest", max)
+            word, choose = ("nearest", min) if is_length else ("highest", max)
             i = choose(seen, key=lambda k: values[k])
             return [f"{word} {quantity(values[i], unit)} at {index_text(bearings, i)}"]
         case States(states=states, names=("false", "true")):

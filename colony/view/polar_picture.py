@@ -23,7 +23,8 @@ from colony.view.polar import Sector, blind_sector, label_bearing, layers, outli
 
 _COLUMNS = 3
 _PANEL_INCHES, _LONE_PANEL_INCHES = 4.4, 6.0
-_ABOVE_PANEL_INCHES, _BELOW_PANEL_INCHES, _BETWEEN_PANELS_INCHES = 0.6, 0.5, 0.25
+_NAME_INCHES, _NOTE_INCHES = 0.22, 0.19
+_BELOW_PANEL_INCHES, _BETWEEN_PANELS_INCHES = 0.5, 0.25
 _TITLE_INCHES, _LINE_INCHES, _MARGIN_INCHES = 0.6, 0.22, 0.25
 _LETTER_INCHES = 0.075
 _REACH = 1.2
@@ -48,13 +49,14 @@ def draw_scene(scene: Scene) -> Figure:
     width = columns * (side + _BETWEEN_PANELS_INCHES) - _BETWEEN_PANELS_INCHES + 2 * _MARGIN_INCHES
     lines = _wrapped(scene.lines, width)
     below = _LINE_INCHES * len(lines) + _MARGIN_INCHES
-    row_height = _ABOVE_PANEL_INCHES + side + _BELOW_PANEL_INCHES
+    above = _NAME_INCHES + _NOTE_INCHES * max(len(panel.notes) for panel in scene.panels)
+    row_height = above + side + _BELOW_PANEL_INCHES
     height = _TITLE_INCHES + rows * row_height + below
     figure = Figure(figsize=(width, height), dpi=_DPI, facecolor=PAPER)
     for i, panel in enumerate(scene.panels):
         left = _MARGIN_INCHES + (side + _BETWEEN_PANELS_INCHES) * (i % columns)
         top = height - _TITLE_INCHES - row_height * (i // columns)
-        bottom = top - _ABOVE_PANEL_INCHES - side
+        bottom = top - above - side
         axes = figure.add_axes((left / width, bottom / height, side / width, side / height))
         _draw_panel(axes, panel)
         _draw_heading(figure, panel, (left + side / 2) / width, top / height, height)
@@ -80,7 +82,7 @@ def _draw_heading(figure: Figure, panel: Panel, x: float, top: float, height: fl
         fontsize=11, weight="bold", color=INK, ha="center", va="center",
     )  # fmt: skip
     for i, note in enumerate(panel.notes):
-        y = top - (0.31 + 0.19 * i) / height
+        y = top - (_NAME_INCHES + 0.09 + _NOTE_INCHES * i) / height
         figure.text(x, y, note, fontsize=8.5, color=MUTED, ha="center", va="center", parse_math=False)
 
 

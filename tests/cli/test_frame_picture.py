@@ -185,6 +185,9 @@ def test_one_test_is_drawn(colony: Colony, file: Path) -> None:
     ran = colony("test", file, "--picture", "scan.png")
     assert (ran.code, "1 passed, 1 failed" in ran.out) == (2, True)
     assert f"{file}: error: --picture: found 2 tests; expected one: choose it with --only NAME" in ran.err
+    Path("none.colony").write_text(file.read_text().partition("\ntest ")[0])
+    ran = colony("test", "none.colony", "--picture", "scan.png")
+    assert (ran.code, "error: --picture: the file has no tests" in ran.err) == (2, True)
     ran = colony("test", file, file, "--picture", "scan.png")
     assert (ran.code, ran.out) == (2, "")
     assert "--picture draws a frame of one test; found 2 files" in ran.err

@@ -75,7 +75,7 @@ def test_help_says_it(colony: Colony, name: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "=", "lab=", "=small"])
-def test_what_is_no_choice(colony: Colony, go: str, text: str) -> None:
+def test_invalid_choices(colony: Colony, go: str, text: str) -> None:
     for command in (("test", go), ("check", go), ("run", go, "--map", MAP)):
         ran = colony(*command, "--robot", text)
         assert ran.code == 2
@@ -108,7 +108,8 @@ def test_check_tells_of_which_robot_a_finding_is(colony: Colony, go: str) -> Non
 def test_a_program_with_its_own_robot_is_checked_as_ever(colony: Colony, go: str) -> None:
     Path("own.colony").write_text(SMALL)
     assert colony("check", "own.colony") == (0, "own.colony: ok\n", "")
-    assert "error[E322]" in colony("check", "own.colony", "--robot", "rome").err
+    err = colony("check", "own.colony", "--robot", "rome").err
+    assert "error[E322]: the program has its own robot, `small`: --robot rome cannot give it another" in err
     assert colony("check", "robots/small.colony", "--robot", "small").code == 0
 
 
@@ -122,7 +123,12 @@ def test_diff_ignores_how_the_robot_came_in(colony: Colony, go: str) -> None:
 def test_a_compiled_program_runs_without_its_robot(colony: Colony, go: str) -> None:
     assert colony("compile", go, "--robot", "small", "-o", "go.colonyc").code == 0
     Path("robots/small.colony").unlink()
-    assert colony("run", "go.colonyc", "--map", MAP, "--duration", "0.2", "--no-picture").code == 0
+    run = ("run", "go.colonyc", "--map", MAP, "--duration", "0.2", "--no-picture")
+    assert colony(*run).out.startswith("small: 0.2 s")
+    assert colony(*run, "--robot", "lab7").out.startswith("lab7: 0.2 s")
+    other = colony(*run, "--robot", "lab7=rome")
+    assert (other.code, other.out) == (2, "")
+    assert "compiled with the description of its robot; give --robot NAME alone" in other.err
 
 
 def test_a_served_robot_refuses_a_program_for_another(machine: Machine, colony: Colony, go: str) -> None:
@@ -136,10 +142,10 @@ def test_a_served_robot_refuses_a_program_for_another(machine: Machine, colony: 
     Path("robots/wide.colony").write_text(SMALL.replace("-200 .. 200", "-300 .. 300"))
     other = colony(*run, f"rome={folder}/wide.colony")
     assert other.code == 1
-    assert "another interface (`small`) than the robot's (`small`): `drive` differs" in other.err
+    assert "interface (`small`) than the robot's (`small`): `drive` differs (field `velocity`)" in other.err
 
 
-def test_a_robot_cannot_be_served_with_what_is_no_description(colony: Colony, go: str) -> None:
+def test_a_robot_cannot_be_served_with_an_unknown_description(colony: Colony, go: str) -> None:
     ran = colony("serve", "RServer", "--robot", "lab=nobody")
     assert ran.code == 1
     assert "error[E321]: unknown description `nobody`" in ran.err

@@ -82,14 +82,14 @@ def test_the_idle_command_gives_every_field() -> None:
     [found] = [d for d in check_text(text).diagnostics if d.severity == "error"]
     assert (found.code, found.message) == (
         "E401",
-        "every field must be given; missing: `sideways` of `drive`",
+        "the command does not give `sideways` of `drive`",
     )
 
 
 def test_fields_without_a_default_are_needed() -> None:
     text = robot("mm/s default 0") + "module go { when true do drive(sideways = 0) } network { drive = go }"
     [found] = [d for d in check_text(text).diagnostics if d.severity == "error"]
-    assert found.message == "every field must be given; missing: `velocity` of `drive`"
+    assert found.message == "the command does not give `velocity` of `drive`"
 
 
 def test_the_answer_of_a_module_in_python_may_leave_it_out(

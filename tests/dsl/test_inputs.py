@@ -137,6 +137,7 @@ ERRORS = [
     ("module a = follow(side = 0, side = 1 mm)", "E404", "input `side` is bound twice", ""),
     ("module a = follow(side = nothing)", "E101", "unknown name `nothing`", ""),
     ("module a = follow(keep = sonar[0])", "E204", "param `keep` must be constant", "as `input keep : mm`"),
+    ("module a = follow(keep = 300)", "E404", "found a plain number", "write its unit: `300 mm`"),
     ("module a = follow(side = drive by left)", "E210", "only in contracts and tests", ""),
     ("module a = follow(side = left.side)", "E106", "only in contracts and tests", ""),
     ("network { drive = follow }", "E408", "module `follow` has an input that is not bound: `side`",

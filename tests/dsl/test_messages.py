@@ -82,6 +82,9 @@ SLIPS = [
     ("let x : m = 1 m", "found `:`, expected `(` or `=`", "the type of a `let` is not written"),
     ("module l = avoid(1 m)", "found `1`", "inputs and params are given by name: `avoid(NAME = VALUE)`"),
     ("module l = avoid(near)", "found `)`, expected `=`", "given by name: `avoid(NAME = VALUE)`"),
+    ("module l = avoid(min(scan))", "found `(`", "given by name: `avoid(NAME = VALUE)`"),
+    ("module l = avoid(scan[0 deg])", "found `[`", "given by name: `avoid(NAME = VALUE)`"),
+    ("module l = avoid(far - 1 m)", "found `-`", "given by name: `avoid(NAME = VALUE)`"),
     ("module l = avoid(-1 m)", "found `-`", "given by name: `avoid(NAME = VALUE)`"),
     ("module m { when true do lamp(true) }", "found `true`", "by name: `lamp(FIELD = VALUE)`"),
     ("module t(side : mm) { when true }", "found `(`", "inside: `module t { input NAME : TYPE ... }`"),
@@ -120,7 +123,7 @@ SLIPS = [
     ("network { w = bumper suppresses avoid }", "`bumper` is a value, not a module, wire", "`when`"),
     ("network { w = drive suppresses avoid }", "`drive` is an actuator", "a name of its own"),
     ("module m { when true do drve(velocity = 0) }", "unknown actuator `drve`", "did you mean `drive`?"),
-    ("module m { when true do drive(velocity = 0) }", "missing: `turn` of `drive`", ""),
+    ("module m { when true do drive(velocity = 0) }", "does not give `turn` of `drive`", ""),
     ("module m { when true do drive(velocty = 0, turn = 0) }", "no field `velocty`", "mean `velocity`?"),
     # types
     ("module l = avoid(clearance = sonar[1])", "`clearance` must be constant", "as `input clearance : mm`"),
@@ -135,7 +138,8 @@ SLIPS = [
     ("let a = sum(infrared)", "`sum` takes numbers, found a bool", "count bools with `count`"),
     ("let a = sqrt(sonar[0])", "the square root of a value in mm has no unit", "such as `a * a`"),
     ("let a = mod(3)", "`mod` takes 2 arguments, found 1", "use: mod(x, y)"),
-    ("let a = min(sonar, 1 m)", "takes one array or several scalars, not both", "reduce each array first"),
+    ("let a = min(sonar, 1 m)", "takes one array or several scalars", "first: `min(min(sonar), 1 m)`"),
+    ("let a = max(sonar, 2 * sonar)", "one array or several", "first: `max(max(sonar), max(2 * sonar))`"),
     ("network { d = avoid suppresses cruise inhibits avoid }", "mixed without parentheses",
      "write `avoid suppresses (cruise inhibits avoid)` or `(avoid suppresses cruise) inhibits avoid`"),
 ]  # fmt: skip

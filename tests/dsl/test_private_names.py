@@ -111,7 +111,7 @@ def test_a_private_alias_is_not_brought_in(files: Files) -> None:
     assert files.findings("by_alias") == ["by_alias.colony:3:15 E110"]
 
 
-def test_what_nobody_declares_is_unknown(files: Files) -> None:
+def test_an_undeclared_name_is_unknown(files: Files) -> None:
     files.write(top='import "rome"\nimport "one" as one\nlet x = one._nothing\nlet y = _nothing')
     assert files.findings("top") == ["top.colony:3:9 E101", "top.colony:4:9 E101"]
 

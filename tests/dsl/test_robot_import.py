@@ -222,7 +222,7 @@ def test_an_unknown_description(project: Path) -> None:
     )
 
 
-def test_a_file_that_is_no_description(project: Path) -> None:
+def test_a_file_without_a_robot(project: Path) -> None:
     (project / "robots" / "none.colony").write_text("param a = 3\n")
     assert message(check_file("go.colony", robot="none"))[0] == "`robots/none.colony` declares no robot"
     os.symlink(project / "nowhere", project / "robots" / "lost.colony")
@@ -265,7 +265,7 @@ def test_a_project_file_that_cannot_be_used_decides_nothing_beside_a_choice(
     )
 
 
-def test_a_project_file_is_no_pipe_and_not_huge(project: Path) -> None:
+def test_a_project_file_that_is_a_pipe_or_huge_is_refused(project: Path) -> None:
     os.mkfifo(project / "colony.toml")
     assert codes(check_file("go.colony")) == ["E323"]
     os.unlink(project / "colony.toml")
@@ -273,7 +273,7 @@ def test_a_project_file_is_no_pipe_and_not_huge(project: Path) -> None:
     assert codes(check_file("go.colony")) == ["E323"]
 
 
-def test_nobody_looks_for_a_project_without_import_robot(project: Path) -> None:
+def test_programs_without_import_robot_need_no_project(project: Path) -> None:
     (project / "colony.toml").write_text("robot = 3")
     assert robot_of(load_file("robots/amr.colony")) == "amr"
 
@@ -288,7 +288,7 @@ def test_without_import_robot_a_choice_is_not_enough(project: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["import robot as r", "import robots", "import robot.amr", 'import "a" robot']
 )
-def test_what_is_no_import(text: str) -> None:
+def test_invalid_imports(text: str) -> None:
     assert parse(Source("t", f"{text}\n")).diagnostics
 
 

@@ -219,6 +219,14 @@ def test_names_that_no_site_may_set(folder: Path, text: str, what: str) -> None:
     assert (found.code, found.message) == ("E703", what)
 
 
+def test_a_declared_name_is_not_taken_for_a_misspelled_param(folder: Path) -> None:
+    file = folder / "main.colony"
+    file.write_text(file.read_text() + "param nears = 1\n")
+    [found] = errors("near = true")
+    assert found.hint is not None
+    assert found.hint.startswith("its params are ")
+
+
 @pytest.mark.parametrize(
     "text", ['"own:_p" = 5', '"own:_w.k" = 5', "[own._w]\nk = 5", "own._p = 5", "_p = 5"]
 )
@@ -276,7 +284,7 @@ def test_a_plain_number_for_percent_has_the_hint_that_means_the_same(
 
 
 @pytest.mark.parametrize("text", ['count = ""', 'count = "1 +"', 'count = "mm/s 250"', 'count = "(((("'])
-def test_texts_that_are_no_values(folder: Path, text: str) -> None:
+def test_invalid_values(folder: Path, text: str) -> None:
     [found] = errors(text)
     assert found.code == "E704"
     assert found.message.startswith("`count` is ")
@@ -296,13 +304,13 @@ def test_texts_that_are_no_values(folder: Path, text: str) -> None:
         (b"colonyc\x05\x04\xff", "E702"),
     ],
 )
-def test_what_is_no_file_of_params(folder: Path, data: bytes, code: str) -> None:
+def test_invalid_params_files(folder: Path, data: bytes, code: str) -> None:
     Path("site.toml").write_bytes(data)
     found = check_file("main.colony", params=read_params("site.toml"))
     assert [d.code for d in found.diagnostics if d.severity == "error"] == [code]
 
 
-def test_a_folder_is_no_file_of_params(folder: Path) -> None:
+def test_a_folder_as_params_file(folder: Path) -> None:
     found = check_file("main.colony", params=read_params(folder))
     assert [d.code for d in found.diagnostics if d.severity == "error"] == ["E701"]
 

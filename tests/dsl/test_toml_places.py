@@ -68,5 +68,5 @@ def test_lines_end_in_any_way(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["= 1", "a = ", "[a", 'a = "', "a = { b", "a = [1, "])
-def test_what_is_no_toml_ends(text: str) -> None:
+def test_places_of_invalid_toml_are_found_in_finite_time(text: str) -> None:
     assert "zzz" not in places(text)

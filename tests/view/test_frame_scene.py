@@ -42,6 +42,11 @@ def test_lengths_are_in_meters_and_marked() -> None:
     assert found.notes == ("ring of 6, 60 deg apart", "nearest 0.5 m at -180 deg")
 
 
+def test_a_reading_at_the_upper_end_of_the_range_can_be_the_highest() -> None:
+    found = panel("[2] : degC bearing 0 deg step 30 deg range 0 .. 100", (30.0, 100.0))
+    assert found.notes[1:] == ("highest 100 degC at 30 deg",)
+
+
 @pytest.mark.parametrize("bad", [math.nan, "nan", None, True, "far", -math.inf])
 def test_an_invalid_element_is_marked(bad: object) -> None:
     reading: tuple[Any, ...] = (25.0, bad)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -56,6 +57,13 @@ def test_each_mark_has_its_place_and_its_key() -> None:
     keys = ["reading: 1", "10 m or more: 1", "infinite: 1", "negative: 1", "invalid: 1"]
     assert texts(axes)[-5:] == keys
     assert {"1 m", "4 m", "0°", "180°", "-45°"} <= set(texts(axes))
+
+
+def test_notes_end_above_the_panel() -> None:
+    notes = ("arc of 5", "nearest 3 m at -40 deg", "the program takes it as missing")
+    figure = draw_scene(scene(replace(ranges_panel(), notes=notes)))
+    lowest = min(text.get_position()[1] for text in figure.texts if text.get_text() in notes)
+    assert lowest > figure.axes[0].get_position().y1
 
 
 def test_the_sector_where_nothing_looks_is_shaded() -> None:

@@ -9,6 +9,7 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,7 +17,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.params_choice import params_option
 from colony.cli.reporting import refuse, report, say
-from colony.cli.robot_choice import described_robot_option
+from colony.cli.robot_choice import robot_and_description_option
 from colony.cli.robot_options import (
     connect_option,
     reporting_connection_errors,
@@ -43,7 +44,7 @@ PICTURE = "run.png"
 )
 @connect_option("Use a robot that is already running: on this machine, or behind a gateway, tls/HOST:PORT.")
 @security_option()
-@described_robot_option(
+@robot_and_description_option(
     "The name of the robot, if it differs from that in the program, and the description that `import robot` "
     "brings in: by default the one called NAME, else that of the project's colony.toml."
 )
@@ -173,6 +174,8 @@ def command(**arguments: Any) -> None:
         if options.map_path is not None:
             load_map(options.map_path)  # before the simulator is imported, which takes long
         result = _drive(compiled, request, options)
+        if options.robot is not None:
+            result = result._replace(summary=replace(result.summary, robot=options.robot))
         if picture is not None:
             result = draw(result, compiled.name, picture)
     _print_summary(result, options.record, picture, options.format_)

@@ -10,6 +10,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.params_choice import chosen_params
 from colony.cli.reporting import report, say
+from colony.cli.robot_choice import chosen_robot
 from colony.execute.colonyc import is_compiled
 
 if TYPE_CHECKING:
@@ -21,12 +22,16 @@ def load_for_run(file: str, *, unproved: bool) -> Compiled:
     """Return the compiled program of a file, for a run; with params of a site, one with which it may run.
 
     Exits like `load_compiled`; with 1 if a contract is not proved any more with the params; with 2 if that
-    cannot be proved here, or if the file was compiled with other params.
+    cannot be proved here, or if the file was compiled, with other params or for a robot chosen before.
     """
     from colony.cli.programs import compile_file, load_compiled
 
     params = chosen_params()
     if is_compiled(file):
+        robot = chosen_robot()
+        if robot is not None and not robot.is_name:
+            say(f"{file}: error: it was compiled with the description of its robot; give --robot NAME alone")
+            raise click.exceptions.Exit(EXIT_MISUSE)
         return _of_compiled(file, load_compiled(file), params, unproved=unproved)
     if params is None:
         if unproved:

@@ -14,7 +14,7 @@ from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.output import finish_output, show
 from colony.cli.verify.progress import progress
-from colony.cli.verify.prover_options import depth_option, timeout_option
+from colony.cli.verify.prover_options import DEFAULT_SECONDS, depth_option, timeout_option
 from colony.cli.verify.tests import check_writable
 from colony.cli.verify.work import Verified, Work, load
 from colony.extras import expect_extras
@@ -30,7 +30,7 @@ from colony.verify.interruption import reliable_interrupts
     "--contract", "names", multiple=True, metavar="NAME", help="Verify only this contract. May be repeated."
 )
 @depth_option("counterexamples")
-@timeout_option(10.0, each="contract")
+@timeout_option(DEFAULT_SECONDS, each="contract")
 @click.option(
     "--write-test", is_flag=True, help="Append each run that refutes a contract to its FILE as a test."
 )
@@ -67,7 +67,8 @@ def command(
     answer.
 
     Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted, a file
-    has errors, or limits contradict each other on `idle hold`, 2 if a file cannot be read.
+    has errors, an index that decides may be outside its array, or limits contradict each other on `idle
+    hold`, 2 if a file cannot be read.
 
     \b
     Example:

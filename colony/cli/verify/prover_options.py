@@ -8,6 +8,10 @@ from typing import TypeVar, cast
 
 import click
 
+DEFAULT_DEPTH = 4
+DEFAULT_SECONDS = 10.0
+"""The default effort for each contract."""
+
 _MAX_SECONDS = 1e6
 
 _Command = TypeVar("_Command", bound=Callable[..., object])
@@ -18,7 +22,7 @@ def depth_option(runs: str) -> Callable[[_Command], _Command]:
     return click.option(
         "--depth",
         type=click.IntRange(0, 64),
-        default=4,
+        default=DEFAULT_DEPTH,
         show_default=True,
         help=f"The maximum number of frames that induction looks back; {runs} may be six times as long.",
     )

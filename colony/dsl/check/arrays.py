@@ -140,7 +140,7 @@ def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) ->
     if not is_inside and not _is_tolerated(checker, node, what, type_, count <= size):
         return None
     if first > last and not type_.closes:
-        message = f"the slice goes from {first} on to {last}, but only rings that close wrap"
+        message = f"the slice runs from {first} past the end to {last}; only rings that close wrap"
         checker.error("E217", node, message, f"the last index is {size - 1}; {_NO_WRAP}")
         return None
     indices = tuple(i % size for i in range(first, first + count))
@@ -185,8 +185,8 @@ def _warn_about_slice(
     width = float(sweep(first, last))
     if first > last and width > TURN / 2:
         message = f"the slice goes through the rear and takes {degrees_text(width)}"
-        front = f"{degrees_text(last)} .. {degrees_text(first)}"
-        hint = f"counterclockwise angles rise: write `{front}` for the front"
+        smaller = f"{degrees_text(last)} .. {degrees_text(first)}"
+        hint = f"counterclockwise angles rise: write `{smaller}` for the smaller part"
         findings.append(warning("W013", checker.span(node), message, hint))
     elif reaches_beyond(bearings, first, last):
         message = f"the slice reaches beyond `{_text(checker, node.array)}`"

@@ -30,6 +30,7 @@ from colony.ir.types import (
     element_type,
 )
 from colony.text.units import ANGLE, NUMBER, Dimension
+from colony.text.wording import one_line
 
 _SPECIAL = ("window", "fresh", "value_or", "now")
 _PURE = {f.value: f for f in ir.Function}
@@ -232,8 +233,13 @@ def _reduction(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Ex
     if arguments is None:
         return None
     if len(arguments) > 1 and any(isinstance(a.type, Array) for a in arguments):
-        hint = "reduce each array first: `min(min(a), b)`"
-        checker.error("E211", node, f"`{function.value}` takes one array or several scalars, not both", hint)
+        name, texts = function.value, [one_line(a.span.text) for a in arguments]
+        parts = [
+            f"{name}({text})" if isinstance(a.type, Array) else text
+            for a, text in zip(arguments, texts, strict=True)
+        ]
+        hint = f"reduce each array first: `{name}({', '.join(parts)})`"
+        checker.error("E211", node, f"`{name}` takes one array or several scalars", hint)
         return None
     elements = [element_type(a.type) for a in arguments]
     result = reduction_result(checker, node, node.function, function, elements)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from colony.dsl import ast
-from colony.dsl.check.checker import Checker
+from colony.dsl.check.checker import Checker, type_hint
 from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.derived import check_let, check_nexts, check_param, check_state, let_symbol
 from colony.dsl.check.expressions import ExpressionChecker
@@ -240,7 +240,8 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
             params[name] = ParamSymbol(type=param.type, value=found.value)
         else:
             expected = f"param `{name}` of `{node.base.text}` is {with_article(param.type)}"
-            checker.error("E404", argument.value, f"{expected}, found {with_article(found.type)}")
+            hint = type_hint(argument.value, found.type, param.type)
+            checker.error("E404", argument.value, f"{expected}, found {with_article(found.type)}", hint)
     for name in known:
         site_value = pending.scope.site.get(f"{pending.full_name}.{name}")
         param = declared.get(name)

@@ -296,7 +296,7 @@ def command_arguments(
     misspelled = sum(argument.name.text not in fields for argument in arguments)
     if len(left_out) > misspelled:
         shown = ", ".join(f"`{name}`" for name in left_out)
-        checker.error("E401", node, f"every field must be given; missing: {shown} of `{actuator}`")
+        checker.error("E401", node, f"the command does not give {shown} of `{actuator}`")
     return values
 
 

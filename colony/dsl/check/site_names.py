@@ -59,7 +59,7 @@ def bind_params(report: Report, scopes: list[Scope], params: SiteParams) -> Site
         elif found.kind != _PARAM:
             place = Label(span_of(found.scope, found.node), "it is declared here")
             message = f"`{value.name}` is {found.kind}, not a param of the program"
-            hint = _suggestion(value.name, catalog.params())
+            hint = _suggestion(value.name, catalog.params(), is_declared=True)
             if found.kind == _OF_ROBOT:
                 message = f"`{value.name}` is {_OF_ROBOT}"
                 hint = "set it there, or choose another description with --robot"
@@ -77,7 +77,7 @@ def bind_params(report: Report, scopes: list[Scope], params: SiteParams) -> Site
     return Site(file=params.file, values=tuple(values))
 
 
-def _suggestion(name: str, params: list[str]) -> str:
+def _suggestion(name: str, params: list[str], *, is_declared: bool = False) -> str:
     by_last: dict[str, list[str]] = {}
     for param in params:
         by_last.setdefault(param.rpartition(".")[2], []).append(param)
@@ -87,11 +87,12 @@ def _suggestion(name: str, params: list[str]) -> str:
     if not params:
         return "it has no params"
     more = f" and {len(params) - _MAX_LISTED} more" if len(params) > _MAX_LISTED else ""
-    return did_you_mean(name, params) or f"its params are {', '.join(params[:_MAX_LISTED])}{more}"
+    similar = None if is_declared else did_you_mean(name, params)
+    return similar or f"its params are {', '.join(params[:_MAX_LISTED])}{more}"
 
 
 class _Catalog:
-    """What the names of a program are."""
+    """The names of a program, each with the kind of its declaration."""
 
     def __init__(self, scopes: list[Scope]) -> None:
         self._root = scopes[-1]

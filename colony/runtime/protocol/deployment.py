@@ -20,7 +20,7 @@ from colony.ir.types import Bool, ScalarValue
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings
 from colony.runtime.protocol.fields import DSERVER
-from colony.runtime.protocol.interface import MAX_PARTS, Interface, interface_of
+from colony.runtime.protocol.interface import MAX_DIGESTS, Interface, interface_of
 from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS
 
 MIN_FRAME_NS = FRAME_NUMBER_NS
@@ -185,7 +185,7 @@ def _too_many(deployed: Deployment) -> Iterator[str]:
         ("modules in Python", len(deployed.python_modules), MAX_ITEMS),
         ("servers", len(deployed.servers), MAX_ITEMS),
         ("variables", len(deployed.reads), MAX_ITEMS),
-        ("parts of the interface", len(deployed.interface.parts), MAX_PARTS),
+        ("digests of the interface", deployed.interface.size, MAX_DIGESTS),
     ]
     for what, count, limit in counts:
         if count > limit:

@@ -6,17 +6,17 @@ against another. Limits and other declarations of a description belong to the pr
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from hashlib import blake2b
 
 import msgspec
 
 from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
-from colony.ir.types import Array, Enum, Type
+from colony.ir.types import Array, Enum, Type, bearings_of
 from colony.text.wording import listed
 
-MAX_PARTS = 1000
-"""Maximum number of parts of an interface with digests of their own; a larger interface has one digest."""
+MAX_DIGESTS = 5000
+"""Maximum number of digests of an interface; a larger interface has one digest."""
 
 MAX_LISTED = 5
 """Maximum number of parts that a message lists."""
@@ -26,10 +26,10 @@ FRAME = "frame period"
 
 
 class InterfacePart(msgspec.Struct, frozen=True, array_like=True):
-    """The digest of a sensor, of an actuator, or of the frame period."""
+    """The digests of a sensor, an actuator, or the frame period, by what they are of, such as `range`."""
 
     name: str
-    digest: str
+    digests: dict[str, str]
 
 
 class Interface(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,15 +38,21 @@ class Interface(msgspec.Struct, frozen=True, kw_only=True):
     robot: str = ""
     parts: tuple[InterfacePart, ...] = ()
 
+    @property
+    def size(self) -> int:
+        """The number of digests; of parts without any, at least that of parts."""
+        return sum(max(len(part.digests), 1) for part in self.parts)
+
 
 def interface_of(robot: Robot) -> Interface:
     """Return the interface that a program declares."""
-    parts = [InterfacePart(FRAME, _digest(robot.frame_ns))]
-    parts += [InterfacePart(s.name, _digest(*_sensor(s))) for s in robot.sensors if s.sent is None]
-    parts += [InterfacePart(a.name, _digest(*_actuator(a))) for a in robot.actuators]
-    if len(parts) > MAX_PARTS:
-        parts = [InterfacePart("", _digest(*parts))]
-    return Interface(robot=robot.name, parts=tuple(parts))
+    parts = [_part(FRAME, {"length": robot.frame_ns})]
+    parts += [_part(s.name, _sensor(s)) for s in robot.sensors if s.sent is None]
+    parts += [_part(a.name, _actuator(a)) for a in robot.actuators]
+    found = Interface(robot=robot.name, parts=tuple(parts))
+    if found.size > MAX_DIGESTS:
+        return Interface(robot=robot.name, parts=(_part("interface", {"content": parts}),))
+    return found
 
 
 def interface_problem(program: Interface, served: Interface) -> str | None:
@@ -56,7 +62,7 @@ def interface_problem(program: Interface, served: Interface) -> str | None:
     """
     if not program.parts or not served.parts:
         return None
-    found = list(_differences(program.parts, {part.name: part.digest for part in served.parts}))
+    found = list(_differences(program.parts, {part.name: part.digests for part in served.parts}))
     if not found:
         return None
     more = [f"{len(found) - MAX_LISTED} more"] if len(found) > MAX_LISTED else []
@@ -67,22 +73,35 @@ def interface_problem(program: Interface, served: Interface) -> str | None:
     )
 
 
-def _differences(parts: Iterable[InterfacePart], served: dict[str, str]) -> Iterator[str]:
+def _differences(parts: Iterable[InterfacePart], served: dict[str, dict[str, str]]) -> Iterator[str]:
     for part in parts:
         if part.name not in served:
             yield f"`{part.name}` is not there"
-        elif served[part.name] != part.digest:
-            yield f"`{part.name}` differs"
+        elif served[part.name] != part.digests:
+            ours, theirs = part.digests, served[part.name]
+            differing = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key)]
+            yield f"`{part.name}` differs ({listed(differing, 'and')})"
 
 
-def _sensor(sensor: Sensor) -> Iterator[object]:
-    yield from (_type(sensor.type), sensor.unit, sensor.factor, sensor.low, sensor.high, sensor.default)
-    yield from (sensor.server, sensor.field, sensor.within_ns)
+def _sensor(sensor: Sensor) -> dict[str, object]:
+    return {
+        "type": (_type(sensor.type), sensor.unit, sensor.factor),
+        "bearings": bearings_of(sensor.type),
+        "range": (sensor.low, sensor.high),
+        "default": sensor.default,
+        "from": (sensor.server, sensor.field),
+        "within": sensor.within_ns,
+    }
 
 
-def _actuator(actuator: Actuator) -> Iterator[object]:
-    yield from (actuator.server, actuator.command, actuator.idle, actuator.on_loss)
-    yield from (_field(field) for field in actuator.fields)
+def _actuator(actuator: Actuator) -> dict[str, object]:
+    return {
+        **{f"field `{field.name}`": _field(field) for field in actuator.fields},
+        "order of fields": [field.name for field in actuator.fields],
+        "to": (actuator.server, actuator.command),
+        "idle": actuator.idle,
+        "on_loss": actuator.on_loss,
+    }
 
 
 def _field(field: ActuatorField) -> tuple[object, ...]:
@@ -92,13 +111,17 @@ def _field(field: ActuatorField) -> tuple[object, ...]:
 def _type(type_: Type) -> tuple[object, ...]:
     """Return a type by what it is, not by the name of its enum, which depends on imports."""
     match type_:
-        case Array(element=element, size=size, bearings=bearings):
-            return size, bearings, _type(element)
+        case Array(element=element, size=size):
+            return size, _type(element)
         case Enum(members=members):
             return members
         case _:
             return (str(type_),)
 
 
-def _digest(*values: object) -> str:
-    return blake2b(repr(values).encode(), digest_size=8).hexdigest()
+def _part(name: str, contents: Mapping[str, object]) -> InterfacePart:
+    return InterfacePart(name, {key: _digest(content) for key, content in contents.items()})
+
+
+def _digest(content: object) -> str:
+    return blake2b(repr(content).encode(), digest_size=8).hexdigest()

@@ -1,4 +1,4 @@
-"""Whether contracts that are proved of a program stay proved with the params of a site.
+"""Contracts that are proved of a program, and stay proved with the params of a site or not.
 
 A contract that is proved with the program's own values has to be proved with those of the site, too. One that
 was proved although clients may be late must not be proved only while all are in time.
@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import assert_never
 
 from colony.ir.program import Program
 from colony.verify.contracts.proof_cache import ProofCache, content_key
 from colony.verify.contracts.prove import results
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.report import verdict_key
-from colony.verify.contracts.results import Options, ProvedInTime, Result, Trace
+from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted, Result, Trace, Unknown
 
 _RANKS: Mapping[str, int] = {"proved": 2, "proved_in_time": 1}
 
-ReportContract = Callable[[int, int, str], None]
+OnProgress = Callable[[int, int, str], None]
 """A function that reports progress: the number of finished contracts, the total, and the present one."""
 
 
@@ -49,7 +50,7 @@ def kept_proofs(
     *,
     cache: ProofCache,
     options: Options,
-    on_progress: ReportContract,
+    on_progress: OnProgress,
 ) -> KeptProofs:
     """Return which contracts stay proved with the params of a site.
 
@@ -86,7 +87,7 @@ def kept_proofs(
 class _Prover:
     cache: ProofCache
     options: Options
-    on_progress: ReportContract
+    on_progress: OnProgress
 
     def cached(self, program: Program) -> dict[str, str]:
         return self.cache.verdicts(content_key(program, self.options))
@@ -117,8 +118,12 @@ def trace_of(result: Result) -> Trace | None:
     match result:
         case ProvedInTime(trace=trace, python_trace=python_trace):
             return trace or python_trace
+        case Refuted(trace=trace) | Unknown(trace=trace):
+            return trace
+        case Proved():
+            return None
         case _:
-            return getattr(result, "trace", None)
+            assert_never(result)
 
 
 def blamed(

@@ -129,7 +129,7 @@ class _Collector:
         """Return the lets for the claims about a file-level expression."""
         lets = []
         for place, claim in self._claims(root):
-            let = Let(name=f"index {len(self.found)}", expression=all_present(claim, root))
+            let = Let(name=f"index {len(self.found)}", expression=_missing_with(claim, root))
             self._add(place, ir.DerivedValue(type=BOOL, name=let.name), decides=decides)
             lets.append(let)
         return tuple(lets)
@@ -148,7 +148,7 @@ class _Collector:
     def claims_of_contract(self, contract: Contract) -> None:
         """Collect the claims about a contract, which are contracts as they are."""
         for place, claim in self._claims(contract.expression):
-            self._add(place, all_present(claim, contract.expression))
+            self._add(place, _missing_with(claim, contract.expression))
 
     def _claims(self, root: Expression) -> Iterator[tuple[Place, Expression]]:
         """Yield the places that need a proof, each with its claim, which has memory of its own."""
@@ -175,7 +175,7 @@ def _claims(e: Expression) -> Iterator[tuple[Place, Expression]]:
             if isinstance(first, ir.Element):  # `other` stands for an element that is outside
                 parts = ir.children(first)
             for place, claim in _claims_of(parts):
-                yield place, value_or(all_present(claim, first), TRUE)
+                yield place, value_or(_missing_with(claim, first), TRUE)
             yield from _claims(other)
         case ir.Reduce(body=body, condition=condition, arrays=arrays):
             yield from _claims_of(array for _, array in arrays)
@@ -215,7 +215,7 @@ def _holds_always(claim: Expression) -> bool:
     return evaluate(claim, FrameValues(number=1, t_ns=0, first_ns=0, states={}), {}, ()) is True
 
 
-def all_present(claim: Expression, e: Expression) -> Expression:
+def _missing_with(claim: Expression, e: Expression) -> Expression:
     """Return a claim that is missing wherever `e` is, and else has its value."""
     read = [_is_itself(x) for x in _needs(e)]
     return any_of((claim, all_of((FALSE, *read)))) if read else claim

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from colony.ir.expression import SensorValue, Window, subexpressions
+from colony.ir.expression import Expression, SensorValue, Window, children, subexpressions
 from colony.ir.types import Quantity
-from colony.text.diagnostics import Diagnostic, Severity
+from colony.text.diagnostics import Diagnostic, Label, Severity
 from colony.text.source import Span
 from colony.text.wording import counted, degrees_text, one_line, quoted
 from colony.verify.contracts.decimals import seconds
@@ -40,20 +40,30 @@ _OPTIONS = Options(depth=1, max_frames=MAX_FRAMES, resources=RESOURCES_PER_SECON
 def findings(case: Case, time_budget: TimeBudget) -> Iterator[Finding]:
     """Yield an error or a warning for each computed index that is not proved to be inside.
 
-    One that is proved only over real numbers gets a note.
+    One that is proved only over real numbers gets a note. An index in a function counts once a call.
     """
     instrumented, found = accesses(case.program)
     if not found:
         return
-    prover, reported = Prover(instrumented, _OPTIONS), set[Span]()
+    prover, reported = Prover(instrumented, _OPTIONS), set[tuple[Span, ...]]()
     for access in sorted(found, key=lambda access: not access.decides):
-        if access.place.span in reported or time_budget.is_spent():
+        place = (access.place.span, *_arguments(access.place, access.place.span))
+        if place in reported or time_budget.is_spent():
             continue
         result = prover.prove_disturbed(access.claim)
         finding = _finding(case, access, result)
         if finding is not None:
-            reported.add(access.place.span)
+            reported.add(place)
             yield finding
+
+
+def _arguments(e: Expression, body: Span) -> Iterator[Span]:
+    """Yield the spans of what a call puts into a place with the span `body`: arguments for parameters."""
+    if e.span.source is body.source and body.start <= e.span.start and e.span.end <= body.end:
+        for part in children(e):
+            yield from _arguments(part, body)
+    else:
+        yield e.span
 
 
 def _finding(case: Case, access: Access, result: Result) -> Finding | None:
@@ -134,8 +144,9 @@ def _text(access: Access) -> str:
 
 def _diagnostic(case: Case, access: Access, message: str) -> Diagnostic:
     severity: Severity = "error" if access.decides else "warning"
-    hint = _hint(case, access)
-    return Diagnostic(code="V036", span=access.place.span, message=message, hint=hint, severity=severity)
+    span, hint = access.place.span, _hint(case, access)
+    labels = tuple(Label(s, "together with this") for s in dict.fromkeys(_arguments(access.place, span)))
+    return Diagnostic(code="V036", span=span, message=message, hint=hint, severity=severity, labels=labels)
 
 
 def _hint(case: Case, access: Access) -> str:

@@ -94,6 +94,19 @@ def test_a_recording_has_the_values(colony: Colony, site: Path, record: str) -> 
     assert "(the run was not proved with them)" in colony("audit", "r.mcap").out or record == "r.jsonl"
 
 
+def test_errors_in_values_for_a_recorded_program_are_reported_in_their_file(
+    colony: Colony, site: Path
+) -> None:
+    colony("run", "b.colony", *RUN, "--record", "r.mcap")
+    Path("bad.toml").write_text("cruising = 200\ngo.speed = 2\n")
+    checked = colony("check", "b.colony", "--params", "bad.toml")
+    for command in (("audit", "r.mcap"), ("trace", "--input", "r.mcap")):
+        ran = colony(*command, "--params", "bad.toml")
+        assert (ran.code, ran.out) == (1, "")
+        assert ran.err == checked.err
+        assert ["E704" in ran.err, "E703" in ran.err] == [True, True]
+
+
 def test_a_recording_with_other_values_than_its_hash_is_refused(colony: Colony, site: Path) -> None:
     colony("run", "b.colony", *RUN, "--params", "safe.toml", "--unproved", "--record", "r.mcap")
     Path("r.mcap").write_bytes(Path("r.mcap").read_bytes().replace(b"200 mm/s", b"201 mm/s"))

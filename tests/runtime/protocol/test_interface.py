@@ -8,7 +8,7 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.colonyc import decode, encode
 from colony.ir.program import Robot
-from colony.runtime.protocol.interface import MAX_PARTS, Interface, interface_of, interface_problem
+from colony.runtime.protocol.interface import MAX_DIGESTS, Interface, interface_of, interface_problem
 
 TEXT = """language 2
 enum gait { walk = 0, run = 1 }
@@ -30,31 +30,32 @@ def robot(change: tuple[str, str] = ("", ""), more: str = "") -> Robot:
 
 
 @pytest.mark.parametrize(
-    ("change", "part"),
+    ("change", "difference"),
     [
-        (("50 ms", "40 ms"), "frame period"),
-        (("0 .. 5000", "0 .. 4000"), "near"),
-        (("default 10", "default 11"), "near"),
-        (("300 ms", "200 ms"), "near"),
-        (("PServer.near", "PServer.far"), "near"),
-        (("near : mm", "near : cm"), "near"),
-        (("rays[3]", "rays[4]"), "rays"),
-        (("rays[3] : m", "rays[3] : m bearing 10 deg step 20 deg"), "rays"),
-        (("bearing 0 deg", "bearing 180 deg"), "ring"),
-        (("bearing 0 deg", "bearing 0 deg step -90 deg"), "ring"),
-        (("bearing 0 deg", "bearing [0 deg, 90 deg, 180 deg, -90 deg]"), "ring"),
-        (("run = 1", "run = 2"), "pace"),
-        (("-600 .. 600", "-600 .. 500"), "drive"),
-        (("deg/s default 0", "deg/s default 1"), "drive"),
-        (("deg/s default 0", "deg/s"), "drive"),
-        (("velocity = 0, turn = 0", "velocity = 0, turn = 1 deg/s"), "drive"),
-        (("turn = 0)", "turn = 0) on_loss degrade"), "drive"),
+        (("50 ms", "40 ms"), "`frame period` differs (length)"),
+        (("0 .. 5000", "0 .. 4000"), "`near` differs (range)"),
+        (("default 10", "default 11"), "`near` differs (default)"),
+        (("300 ms", "200 ms"), "`near` differs (within)"),
+        (("PServer.near within 300 ms", "PServer.far"), "`near` differs (from and within)"),
+        (("near : mm range 0 .. 5000", "near : cm range 0 .. 500"), "`near` differs (type and default)"),
+        (("rays[3]", "rays[4]"), "`rays` differs (type)"),
+        (("rays[3] : m", "rays[3] : m bearing 10 deg step 20 deg"), "`rays` differs (bearings)"),
+        (("bearing 0 deg", "bearing 180 deg"), "`ring` differs (bearings)"),
+        (("bearing 0 deg", "bearing 0 deg step -90 deg"), "`ring` differs (bearings)"),
+        (("bearing 0 deg", "bearing [0 deg, 90 deg, 180 deg, -90 deg]"), "`ring` differs (bearings)"),
+        (("run = 1", "run = 2"), "`pace` differs (type)"),
+        (("-600 .. 600", "-600 .. 500"), "`drive` differs (field `velocity`)"),
+        (("deg/s default 0", "deg/s default 1"), "`drive` differs (field `turn`)"),
+        (("deg/s default 0", "deg/s"), "`drive` differs (field `turn`)"),
+        (("RServer.drive", "RServer.base"), "`drive` differs (to)"),
+        (("velocity = 0, turn = 0", "velocity = 0, turn = 1 deg/s"), "`drive` differs (idle)"),
+        (("turn = 0)", "turn = 0) on_loss degrade"), "`drive` differs (on_loss)"),
     ],
 )
-def test_each_part_counts(change: tuple[str, str], part: str) -> None:
+def test_each_part_counts(change: tuple[str, str], difference: str) -> None:
     problem = interface_problem(interface_of(robot(change)), interface_of(robot()))
     assert problem == (
-        f"the program was checked against another interface (`r`) than the robot's (`r`): `{part}` differs"
+        f"the program was checked against another interface (`r`) than the robot's (`r`): {difference}"
     )
 
 
@@ -91,7 +92,7 @@ def test_a_long_list_of_differences_is_cut() -> None:
 
     problem = interface_problem(many("mm", 9), many("m", 9))
     assert problem is not None
-    assert problem.endswith("`s0` differs, `s1` differs, `s2` differs, `s3` differs, `s4` differs and 4 more")
-    large = many("mm", MAX_PARTS)
-    assert len(large.parts) == 1
+    assert problem.endswith("`s3` differs (type), `s4` differs (type) and 4 more")
+    large = many("mm", MAX_DIGESTS // 5)
+    assert large.size == 1
     assert interface_problem(large, large) is None

@@ -190,6 +190,15 @@ def test_a_module_and_those_derived_from_it_have_one_finding() -> None:
     assert [f.diagnostic.code for f in lint(program)].count("V036") == 1
 
 
+def test_an_index_in_a_function_has_a_finding_for_each_call_with_its_arguments() -> None:
+    function = "let along(x[] : mm, a : deg) = 2 * x[a - 5 deg]\nlet wider(x[] : mm) = along(x, 2 * wide)\n"
+    calls = "let p = along(ring, heading) + along(arc, wide) + along(arc, ahead)\nlet q = wider(arc)"
+    found = diagnostics(function + calls)
+    assert {f.span.text for f in found} == {"x[a - 5 deg]"}
+    arguments = [tuple(label.span.text for label in f.labels) for f in found]
+    assert arguments == [("ring", "heading"), ("arc", "wide"), ("arc", "2 * wide")]
+
+
 def test_programs_without_computed_indices_are_not_encoded_again() -> None:
     program = load_text(ROBOT + "let x = five[3] + min(ring[k] for k in 0 .. 7) + arc[0 deg]")
     instrumented, claims = accesses(program)
