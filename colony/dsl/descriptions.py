@@ -90,7 +90,7 @@ def _read(path: Path) -> dict[str, object]:
     import tomllib  # only programs with `import robot` have a project
 
     try:
-        return tomllib.loads(read_file(path, MAX_PROJECT_BYTES).decode())
+        return tomllib.loads(read_file(path, MAX_PROJECT_BYTES).decode("utf-8-sig"))
     except OSError as problem:
         raise _ProjectError(f"cannot read `{shown(path)}`: {reason(problem)}") from None
     except (ValueError, RecursionError) as problem:  # not UTF-8, or not TOML

@@ -77,6 +77,13 @@ def test_a_default_is_a_constant_of_the_field(sideways: str, codes: list[str]) -
     assert [d.code for d in found if d.severity == "error"] == codes
 
 
+def test_a_field_with_a_wrong_default_may_be_left_out() -> None:
+    text = (
+        robot("mm/s default 3 deg") + "module go { when true do drive(velocity = 0) } network { drive = go }"
+    )
+    assert [d.code for d in check_text(text).diagnostics if d.severity == "error"] == ["E202"]
+
+
 def test_the_idle_command_gives_every_field() -> None:
     text = robot("mm/s default 0").replace(", sideways = 0)", ")")
     [found] = [d for d in check_text(text).diagnostics if d.severity == "error"]

@@ -289,6 +289,13 @@ def test_functions_come_in_by_imports(tmp_path: Path) -> None:
     assert files.findings("wrong") == ["wrong.colony:3:9 E107", "wrong.colony:3:28 E107"]
 
 
+def test_an_error_in_a_body_is_reported_once_with_the_first_call() -> None:
+    calls = "\n".join(f"let a{i} = least(sonar[{i}..{i + 1}])" for i in range(3))
+    shown = messages(f"let least(x[] : mm) = min(x[8], x[9])\n{calls}")
+    assert shown.count(": error[") == 2
+    assert shown.count("called here") == 2
+
+
 # --- sizes -----------------------------------------------------------------------------------------
 
 

@@ -265,6 +265,11 @@ def test_a_project_file_that_cannot_be_used_decides_nothing_beside_a_choice(
     )
 
 
+def test_a_project_file_may_begin_with_a_byte_order_mark(project: Path) -> None:
+    (project / "colony.toml").write_text('robot = "amr"', encoding="utf-8-sig")
+    assert robot_of(load_file("go.colony")) == "amr"
+
+
 def test_a_project_file_that_is_a_pipe_or_huge_is_refused(project: Path) -> None:
     os.mkfifo(project / "colony.toml")
     assert codes(check_file("go.colony")) == ["E323"]

@@ -524,3 +524,11 @@ def test_a_file_that_imports_such_names_waits_for_them(tmp_path: Path) -> None:
     (tmp_path / "main.colony").write_text('import "base.colony"\nlet x = near')
     [upgrade] = upgrade_files([str(tmp_path / "main.colony")])
     assert (upgrade.new, [d.code for d in upgrade.diagnostics]) == (None, ["U006"])
+
+
+def test_a_file_that_reads_private_names_of_another_stays(tmp_path: Path) -> None:
+    (tmp_path / "base.colony").write_text(f"let _n = near + 2 mm\n{ROBOT}")
+    (tmp_path / "main.colony").write_text('import "base.colony"\nlet x = _n')
+    main, base = upgrade_files([str(tmp_path / "main.colony"), str(tmp_path / "base.colony")])
+    assert (main.new, [(d.code, d.span.text) for d in main.diagnostics]) == (None, [("E110", "_n")])
+    assert base.new is not None

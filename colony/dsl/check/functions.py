@@ -43,7 +43,7 @@ from colony.dsl.check.scope import (
 )
 from colony.ir import expression as ir
 from colony.ir.types import Type
-from colony.text.diagnostics import Label, has_errors
+from colony.text.diagnostics import Diagnostic, Label, has_errors
 from colony.text.wording import quoted
 
 _CALLS_SHOWN = 10
@@ -300,14 +300,20 @@ def _body_checker(
 
 
 def _show_call(report: Report, before: int, call: Label) -> None:
-    """Add the call to the errors that were found in its body, and drop repeated ones."""
+    """Add the call to the errors that were found in its body, and drop those that are known already."""
     found = report.diagnostics[before:]
     if found:
-        unique = {(id(d.span.source), d.span.start, d.code, d.message): d for d in reversed(found)}
+        unique = {_identity(d): d for d in reversed(found)}
+        for known in report.diagnostics[:before]:
+            unique.pop(_identity(known), None)
         report.diagnostics[before:] = [
             replace(d, labels=(*d.labels, call)) if len(d.labels) < _CALLS_SHOWN else d
             for d in reversed(unique.values())
         ]
+
+
+def _identity(d: Diagnostic) -> tuple[object, ...]:
+    return id(d.span.source), d.span.start, d.code, d.message
 
 
 def _report_excess(checker: Checker, node: ast.Call, excess: Excess | None) -> None:

@@ -206,6 +206,8 @@ def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
             complete = False
             continue
         low, high = _range(checker, field.range, *found)
+        default = _default(checker, field.default, *found, low, high)
+        complete &= field.default is None or default is not None
         fields.append(
             ir.ActuatorField(
                 name=field.name.text,
@@ -215,7 +217,7 @@ def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
                 factor=_factor(found[1]),
                 low=low,
                 high=high,
-                default=_default(checker, field.default, *found, low, high),
+                default=default,
             )
         )
     if not complete:
