@@ -18,13 +18,17 @@ from colony.text.units import NUMBER, parse_unit
 
 
 class FieldDescription(msgspec.Struct, frozen=True, kw_only=True):
-    """A field of the server's frames: a number in `unit` (plain if ""), a bool, or `size` of them."""
+    """A field of the server's frames: a number in `unit` (plain if ""), a bool, or `size` of them.
+
+    With `has_age`, its readings say how old they are.
+    """
 
     name: str
     kind: Literal["bool", "number"]
     unit: str = ""
     size: int | None = None
     meaning: str = ""
+    has_age: bool = False
 
 
 class MethodDescription(msgspec.Struct, frozen=True, kw_only=True):
@@ -53,7 +57,7 @@ def server_spec(description: Description) -> ServerSpec:
     Raises:
         ValueError: a unit is invalid, or not a base unit; fields are in mm, s, deg, A, V and degC.
     """
-    fields = tuple(FieldSpec(f.name, field_type(f), f.meaning) for f in description.fields)
+    fields = tuple(FieldSpec(f.name, field_type(f), f.meaning, has_age=f.has_age) for f in description.fields)
     return ServerSpec(description.server, fields=fields)
 
 

@@ -8,10 +8,14 @@
         signal.signal(signal.SIGTERM, lambda *_: server.exitloop())
         server.mainloop(
             [method("charge", Charge, lambda caller, arguments: battery.charge(arguments.amperes))],
-            fields=[field("level", battery.level, meaning="charge level, 0 to 1")],
+            fields=[
+                field("level", battery.level, meaning="charge level, 0 to 1"),
+                field("cells", battery.cells, unit="V", size=4, has_age=True),
+            ],
         )
 
 Clients make the call `Ask("charge", Charge(2.0), None, "command")`; a behavior reads `from Battery.level`.
+`battery.cells` returns a `Reading(value, age_ns)`, so a behavior may read it `within 1 s` (`fields.py`).
 """
 
 from __future__ import annotations
@@ -20,13 +24,14 @@ import os
 import sys
 from collections.abc import Iterable, Mapping
 
-from colony.runtime.kit.service import Field, Report, Service, field, method
+from colony.runtime.kit.fields import Field, Reading, Report, field
+from colony.runtime.kit.service import Service, method
 from colony.runtime.protocol.calls import Method, RefusedError
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.robot_address import Local, local
 
-__all__ = ["Field", "Method", "RefusedError", "Server", "field", "method"]
+__all__ = ["Field", "Method", "Reading", "RefusedError", "Server", "field", "method"]
 
 
 def _to_stderr(problem: str) -> None:

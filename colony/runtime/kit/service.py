@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
-from colony.ir.types import Value
-from colony.runtime.frames.publishing import Fields, Publisher
-from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, field_type
+from colony.runtime.frames.publishing import Publisher
+from colony.runtime.kit.description import Description, MethodDescription
+from colony.runtime.kit.fields import Field, FieldReader, Report
 from colony.runtime.protocol import calls, topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
@@ -20,43 +20,12 @@ from colony.runtime.protocol.messages import (
     Message,
     QuietNode,
     Right,
-    Sample,
     Send,
     ServerFrame,
     Tick,
 )
 
 A = TypeVar("A", bound=msgspec.Struct)
-
-Report = Callable[[str], None]
-
-
-class Field(NamedTuple):
-    """A field of the frames: its description, and the function that reads its value, None if it has none."""
-
-    description: FieldDescription
-    read: Callable[[], Value | None]
-
-
-def field(
-    name: str,
-    read: Callable[[], Value | None],
-    *,
-    unit: str = "",
-    size: int | None = None,
-    boolean: bool = False,
-    meaning: str = "",
-) -> Field:
-    """Return a field for a server: numbers in a base unit (mm, s, deg, A, V, degC, or plain), or bools.
-
-    Raises:
-        ValueError: the unit is invalid, or not a base unit.
-    """
-    description = FieldDescription(
-        name=name, kind="bool" if boolean else "number", unit=unit, size=size, meaning=meaning
-    )
-    field_type(description)
-    return Field(description, read)
 
 
 def method(
@@ -88,6 +57,7 @@ class Service(QuietNode):
     def __init__(self, name: str, methods: Iterable[Method], fields: Iterable[Field], report: Report) -> None:
         self.address = name
         self._fields = tuple(fields)
+        self._reader = FieldReader(name, self._fields, report)
         self._report = report
         reporting_methods = tuple(m._replace(handler=self._report_errors(m)) for m in methods)
         description = Description(
@@ -96,7 +66,7 @@ class Service(QuietNode):
             methods=tuple(MethodDescription(name=m.name, right=m.right) for m in reporting_methods),
         )
         describe = calls.method("describe", NoArguments, lambda *_: description, right="read")
-        self._publisher = Publisher(name, self._read)
+        self._publisher = Publisher(name, lambda tick: self._reader.read(self._now_ns))
         self._calls = CallDispatcher(
             name, (*reporting_methods, describe), other_limit_messages=lambda: self._publisher.limit_messages
         )
@@ -127,17 +97,6 @@ class Service(QuietNode):
                 raise RefusedError("failed", f"{where} failed: {type(problem).__name__}: {problem}") from None
 
         return handle
-
-    def _read(self, tick: Tick) -> Fields:
-        return {f.description.name: self._sample(f) for f in self._fields}
-
-    def _sample(self, field: Field) -> Sample | None:
-        try:
-            value = field.read()
-        except Exception:
-            self._report(f"{self.address}.{field.description.name} failed:\n{traceback.format_exc()}")
-            return None
-        return None if value is None else Sample(value, self._now_ns)
 
 
 def _acknowledgement(effect: Effect) -> Iterator[Effect]:

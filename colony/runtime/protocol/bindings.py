@@ -1,7 +1,8 @@
 """Binding of a program's sensors and actuators to the servers of a robot, checked before anything moves.
 
 Codes: R001 no such server, R002 no such field, R003 a type that does not fit, R004 no such command, R005 no
-such parameter, R006 two actuators on one command.
+such parameter, R006 two actuators on one command, R007 a sensor `within` a time that reads a field without an
+age.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from colony.runtime.protocol.fields import SERVERS, CommandSpec, FieldSpec, Serv
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.suggestions import did_you_mean
 from colony.text.units import NUMBER
+from colony.text.wording import duration_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,6 +148,9 @@ def _bind_sensor(
             message = f"`{sensor.name}`: {server.name}.{spec.name} is {spec.type}, not {sensor.type}"
             diagnostics.append(error("R003", sensor.span, message, f"it is {spec.meaning}"))
             return None
+        if sensor.within_ns is not None and not spec.has_age:
+            diagnostics.append(_ageless(sensor, spec))
+            return None
     return SensorBinding(
         sensor=sensor.name,
         server=server.name,
@@ -154,6 +159,17 @@ def _bind_sensor(
         factor=sensor.factor,
         declared=server.accepts_any_name,
     )
+
+
+def _ageless(sensor: Sensor, spec: FieldSpec) -> Diagnostic:
+    assert sensor.within_ns is not None
+    where = f"{sensor.server}.{spec.name}"
+    message = (
+        f"`{sensor.name}` must be measured within {duration_text(sensor.within_ns)}, "
+        f"but {where} does not say how old it is"
+    )
+    hint = "declare the field of the server with `has_age=True`, or leave out `within`"
+    return error("R007", sensor.span, message, hint)
 
 
 def _sensor_fits(declared: Type, spec: FieldSpec) -> bool:

@@ -20,11 +20,15 @@ TURN_RATE = Quantity(ANGLE.over(TIME))
 
 @dataclass(frozen=True, slots=True)
 class FieldSpec:
-    """A field of a server's frames; `type` is in base units."""
+    """A field of a server's frames; `type` is in base units.
+
+    `has_age` is True if the server says when its value was measured, or measures it for each frame.
+    """
 
     name: str
     type: Type
     meaning: str
+    has_age: bool = True
 
 
 @dataclass(frozen=True, slots=True)

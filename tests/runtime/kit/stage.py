@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, contextmanager
 
 import msgspec
 
-from colony.runtime.kit.server import Field, Method, Server, field, method
+from colony.runtime.kit.server import Field, Method, Reading, Server, field, method
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
@@ -45,7 +45,7 @@ class Battery:
     def fields(self) -> list[Field]:
         return [
             field("level", lambda: self.level, meaning="how full it is, 0 to 1"),
-            field("cells", lambda: (3.0, 4.0), size=2),
+            field("cells", lambda: Reading((3.0, 4.0), age_ns=1_000_000), size=2, has_age=True),
             field("broken", lambda: 1 / 0),
             field("nothing", lambda: None, boolean=True),
         ]

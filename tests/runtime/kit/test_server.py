@@ -75,10 +75,10 @@ def test_it_says_what_it_has_so_that_programs_can_be_bound_to_it(environment: Ma
     assert [(m.name, m.right) for m in description.methods][:2] == [("level", "read"), ("charge", "command")]
     assert spec.name == BATTERY
     assert spec.fields == (
-        FieldSpec("level", DIMENSIONLESS, "how full it is, 0 to 1"),
-        FieldSpec("cells", Array(DIMENSIONLESS, 2), ""),
-        FieldSpec("broken", DIMENSIONLESS, ""),
-        FieldSpec("nothing", BOOL, ""),
+        FieldSpec("level", DIMENSIONLESS, "how full it is, 0 to 1", has_age=False),
+        FieldSpec("cells", Array(DIMENSIONLESS, 2), "", has_age=True),
+        FieldSpec("broken", DIMENSIONLESS, "", has_age=False),
+        FieldSpec("nothing", BOOL, "", has_age=False),
     )
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, DISTANCE, Array, Enum, Type
 from colony.runtime.protocol.bindings import SensorBinding, bind, name_hint
-from colony.runtime.protocol.fields import SPEED, TURN_RATE
+from colony.runtime.protocol.fields import SERVERS, SPEED, TURN_RATE, FieldSpec, ServerSpec
 from colony.text.diagnostics import DiagnosticError, render
 from colony.text.source import Source, Span
 from colony.text.units import parse_unit
@@ -149,3 +149,30 @@ def test_the_nearest_name_or_all_that_are_known() -> None:
     assert name_hint("rserver", ["PServer", "RServer"]) == "did you mean `RServer`?"
     assert name_hint("camera", ["PServer", "RServer"]) == "expected one of: PServer, RServer"
     assert name_hint("camera", []) == "there is none"
+
+
+@pytest.mark.parametrize(
+    ("has_age", "within_ns", "fits"),
+    [(True, 300_000_000, True), (False, None, True), (False, 300_000_000, False)],
+)
+def test_a_sensor_within_a_time_reads_only_a_field_that_has_an_age(
+    has_age: bool, within_ns: int | None, fits: bool
+) -> None:
+    spec = FieldSpec("scan", Array(DISTANCE, 3), "ranges", has_age=has_age)
+    sensor = Sensor(name="scan", type=spec.type, server="Lidar", field="scan", within_ns=within_ns)
+    servers = (*SERVERS, ServerSpec("Lidar", fields=(spec,)))
+    if fits:
+        assert bind(robot(sensor), servers).sensors[-1].max_age_ns == within_ns
+        return
+    with pytest.raises(DiagnosticError) as failed:
+        bind(robot(sensor), servers)
+    (found,) = failed.value.diagnostics
+    assert found.code == "R007"
+    assert "`scan` must be measured within 300 ms, but Lidar.scan does not say" in found.message
+    assert "has_age=True" in (found.hint or "")
+
+
+def test_the_fields_that_every_robot_has_can_be_held_to_a_time() -> None:
+    assert all(field.has_age for server in SERVERS for field in server.fields)
+    shared = Sensor(name="goal", type=DISTANCE, server="DServer", field="Goal", within_ns=1_000_000_000)
+    assert bind(robot(shared)).sensors[-1].max_age_ns == 1_000_000_000
