@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import shutil
 import subprocess
@@ -111,9 +112,11 @@ def serving(files: list[Fence]) -> Iterator[None]:
     with ExitStack() as ended:
         for fence in files:
             if fence.info == "sh server":
-                server = subprocess.Popen([sys.executable, *fence.text.split()[1:]])
+                environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+                server = subprocess.Popen([sys.executable, *fence.text.split()[1:]], env=environment)
                 ended.enter_context(killed_in_the_end(server))
-                until(lambda: answers("Button"), "the server is there")
+                [name] = re.findall(r'Server.open\("(\w+)"', "".join(f.text for f in files))
+                until(lambda name=name: answers(name), "the server is there")  # type: ignore[misc]
         yield
 
 

@@ -30,6 +30,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from colony.runtime.kit.commands import Command, command, parameter
 from colony.runtime.kit.fields import Field, Reading, Report, field
 from colony.runtime.kit.service import Service, method
 from colony.runtime.protocol.calls import Method, RefusedError
@@ -38,6 +39,7 @@ from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.robot_address import Local, local
 
 __all__ = [
+    "Command",
     "Field",
     "Method",
     "Offer",
@@ -45,8 +47,10 @@ __all__ = [
     "RefusedError",
     "Server",
     "Servers",
+    "command",
     "field",
     "method",
+    "parameter",
 ]
 
 
@@ -56,10 +60,11 @@ def _to_stderr(problem: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offer:
-    """What one server offers: methods for its clients, and fields of its frames."""
+    """What one server offers: methods for its clients, fields of its frames, commands for actuators."""
 
     methods: Iterable[Method] = ()
     fields: Iterable[Field] = ()
+    commands: Iterable[Command] = ()
 
 
 class Servers:
@@ -113,9 +118,7 @@ class Servers:
         """
         if set(offers) != set(self.names):
             raise ValueError(f"found offers of {', '.join(offers)}; expected {', '.join(self.names)}")
-        services = [
-            Service(name, offers[name].methods, offers[name].fields, self._report) for name in self.names
-        ]
+        services = [_service(name, offers[name], self._report) for name in self.names]
         self._host = Host(self._network, services, time=self._time, report=self._report)
         if self._ending:
             self._host.stop()
@@ -138,6 +141,10 @@ class Servers:
     def __exit__(self, *raised: object) -> None:
         """Close the servers."""
         self.close()
+
+
+def _service(name: str, offer: Offer, report: Report) -> Service:
+    return Service(name, offer.methods, offer.fields, report, commands=offer.commands)
 
 
 class Server:
@@ -167,9 +174,15 @@ class Server:
         """
         return cls(Servers.open(name, robot=robot, environment=environment, report=report))
 
-    def mainloop(self, methods: Iterable[Method] = (), *, fields: Iterable[Field] = ()) -> None:
-        """Serve, one call at a time, until `exitloop`."""
-        self._servers.mainloop({self.name: Offer(methods=methods, fields=fields)})
+    def mainloop(
+        self,
+        methods: Iterable[Method] = (),
+        *,
+        fields: Iterable[Field] = (),
+        commands: Iterable[Command] = (),
+    ) -> None:
+        """Serve, one message at a time, until `exitloop`."""
+        self._servers.mainloop({self.name: Offer(methods=methods, fields=fields, commands=commands)})
 
     def exitloop(self) -> None:
         """End `mainloop`, even before it begins; callable from any thread, handler or signal handler."""

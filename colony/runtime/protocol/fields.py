@@ -33,11 +33,16 @@ class FieldSpec:
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
-    """A parameter of a command, in base units; it is 0 if an actuator does not declare it."""
+    """A parameter of a command, in base units; it is 0 if an actuator does not declare it.
+
+    `low` and `high` are the bounds within which the server carries it out, None for none.
+    """
 
     name: str
     type: Scalar
     meaning: str
+    low: float | None = None
+    high: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
