@@ -11,7 +11,7 @@ import time
 
 import msgspec
 
-from colony.runtime.kit.server import RefusedError, Server, field, method
+from colony.runtime.kit.server import Reading, RefusedError, Server, field, method
 from colony.runtime.protocol.connections import Caller
 
 
@@ -32,6 +32,10 @@ class Battery:
         minutes = (time.monotonic() - self._since) / 60.0
         return min(max(self._level + self._rate * minutes, 0.0), 100.0)
 
+    def reading(self) -> Reading:
+        """The level as it is now: a device that is asked more rarely would say how long ago that was."""
+        return Reading(self.level(), age_ns=0)
+
     def charge(self, caller: Caller, given: Charge) -> float:
         """Set the rate; gives the level."""
         if abs(given.rate) > 3000.0:
@@ -51,7 +55,9 @@ def main() -> None:
         signal.signal(signal.SIGTERM, lambda *_: server.exitloop())
         server.mainloop(
             [method("charge", Charge, battery.charge)],
-            fields=[field("level", battery.level, meaning="how full the battery is, in percent")],
+            fields=[
+                field("level", battery.reading, meaning="how full the battery is, in percent", has_age=True)
+            ],
         )
 
 

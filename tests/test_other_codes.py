@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import shutil
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 
 from colony.cli.main import main
 from colony.dsl.errors import CODES as FRONT_END_CODES
+from colony.runtime.kit.connection import connect
+from colony.runtime.kit.errors import ServerNotFoundError
 from colony.text.codes import CODES
 from tests.dsl.test_error_page import PAGE, ROBOT, Fence, examples
 from tests.paths import ROOT
+from tests.waiting import killed_in_the_end, until
 
 SOURCES = ROOT / "colony"
 EXIT_CODES = {"M": 2, "F": 2, "R": 1, "P": 1, "T": 1, "C": 2, "A": 2, "V": 1}
@@ -74,6 +79,8 @@ def make(files: list[Fence]) -> list[str]:
     command = ""
     for fence in files:
         match fence.info.split():
+            case ["sh", "server"]:
+                pass
             case ["sh"]:
                 *commands, command = fence.text.splitlines()
                 subprocess.run("\n".join(commands), shell=True, check=True)
@@ -89,6 +96,28 @@ def make(files: list[Fence]) -> list[str]:
             case other:
                 raise AssertionError(f"{fence.code} has an unknown block: {other}")
     return command.split()
+
+
+def answers(server: str) -> bool:
+    try:
+        connect(server, robot="rome").close()
+    except ServerNotFoundError:
+        return False
+    return True
+
+
+@contextmanager
+def serving(files: list[Fence]) -> Iterator[None]:
+    """The server that an example has in another terminal, if it has one."""
+    with ExitStack() as ended:
+        for fence in files:
+            if fence.info == "sh server":
+                environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+                server = subprocess.Popen([sys.executable, *fence.text.split()[1:]], env=environment)
+                ended.enter_context(killed_in_the_end(server))
+                [name] = re.findall(r'Server.open\("(\w+)"', "".join(f.text for f in files))
+                until(lambda name=name: answers(name), "the server is there")  # type: ignore[misc]
+        yield
 
 
 def typed(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
@@ -115,7 +144,9 @@ def test_an_example_prints_what_the_page_shows(
     code: str, files: list[Fence], shown: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    stopped, printed = typed(make(files), monkeypatch)
+    words = make(files)
+    with serving(files):
+        stopped, printed = typed(words, monkeypatch)
     assert printed == shown
     errors, warnings = (
         set(re.findall(rf"(?:{kinds})\[(\w+)\]", printed)) for kinds in ("error", "warning|note")

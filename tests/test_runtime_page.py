@@ -23,6 +23,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import calls, codec, deployment
 from colony.runtime.protocol.messages import MAX_BATCH_LENGTH, Batch, Request, ServerFrame
 from colony.runtime.servers import (
+    actuating,
     base,
     checkpoints,
     data_calls,
@@ -57,12 +58,12 @@ README = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(en
 def test_there_is_no_block_that_is_not_run() -> None:
     assert {info.split()[0] for info, _ in FENCES} == {"sh", "python", "colony"}
     assert set(SHELL) == {
-        "processes", "servers", "programs", "gateway", "remote", "own", "turtle", "faults", "fleet",
-        "data",
+        "processes", "servers", "programs", "gateway", "remote", "own", "lift", "turtle", "faults",
+        "fleet", "data",
     }  # fmt: skip
     assert set(FILES) == {
         "client.py", "halves.py", "awaited.py", "shared.py", "drive.py",
-        "battery.py", "charge.py", "tired.colony", "turtle.py", "ride.py",
+        "battery.py", "charge.py", "tired.colony", "lift.py", "raise.colony", "turtle.py", "ride.py",
     }  # fmt: skip
 
 
@@ -80,8 +81,9 @@ def test_the_fields_of_the_command() -> None:
     assert {n: u.split(",")[0] for n, u in re.findall(r"`(\w+)` \(([^)]*)\)", said)} == commands()
 
 
-def test_the_behavior_is_right() -> None:
-    checked = check_text(FILES["tired.colony"])
+@pytest.mark.parametrize("name", ["tired.colony", "raise.colony"])
+def test_the_behavior_is_right(name: str) -> None:
+    checked = check_text(FILES[name])
     assert checked.diagnostics == ()
     assert checked.program is not None
     assert [result.failures for result in run_examples(checked.program)] == [()]
@@ -99,6 +101,7 @@ def test_the_behavior_is_right() -> None:
         ("ends with its lease, 500 ms unless told", robot.LEASE_S == 0.5),
         ("750 ms after its last sign of life", calls.LEASE_NS == 750_000_000 > 3 * conversation.KEEPALIVE_NS),
         ("two frames after the last command", rserver.WATCHDOG_FRAMES == 2),
+        ("no tick comes for three deadlines (2.4 frames)", actuating.WATCHDOG_DEADLINES == 3),
         ("has 2 s to come back to it", data_calls.RECONNECT_GRACE_NS == 2_000_000_000),
         ("no answer came in 5 s", connection.TIMEOUT_S == 5.0),
         ("A history has 1 value unless told", variables.MAX_HISTORY_LENGTH == 10_000),
@@ -261,6 +264,19 @@ def test_a_server_of_our_own(rome: Machine) -> None:
         until(lambda: base.do(robot.speed_setting()) == 150.0, "it drives again")
     running.finish()
     assert battery.finish() == 0
+
+
+@pytest.mark.long
+def test_an_actuator_of_our_own(rome: Machine) -> None:
+    serve, run, audit = SHELL["lift"]
+    lift = rome.start(serve)
+    rome.there("rome", "Lift")
+    ran = rome.run(run)
+    assert ran.result() == 0, ran.printed()
+    audited = rome.run(audit)
+    assert audited.result() == 0, audited.printed()
+    assert re.search(r"reach +1\.\d+ s", ran.printed()), ran.printed()
+    assert lift.finish() == 0
 
 
 @pytest.mark.long

@@ -337,12 +337,13 @@ def _in_folder(robot_address: RobotAddress, folder: Path) -> AbstractContextMana
 
 
 def _additional_servers(robot: Robot, robot_address: RobotAddress) -> tuple[ServerSpec, ...]:
-    """Return the additional servers that the program's sensors read, as the servers describe themselves.
+    """Return the additional servers of the program's sensors and actuators, as they describe themselves.
 
     Servers that do not run, or have no valid description, are left out.
     """
     builtin_servers = {server.name for server in SERVERS}
-    additional_names = dict.fromkeys(s.server for s in robot.sensors if s.server not in builtin_servers)
+    bound_servers = (*(s.server for s in robot.sensors), *(a.server for a in robot.actuators))
+    additional_names = dict.fromkeys(name for name in bound_servers if name not in builtin_servers)
     if not additional_names:
         return ()
     from colony.runtime.kit.description import describe, server_spec

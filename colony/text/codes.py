@@ -55,6 +55,8 @@ CODES: dict[str, str] = {
     "R004": "an unknown command of a server",
     "R005": "an unknown parameter of a command",
     "R006": "two actuators have one command",
+    "R007": "a time limit on a field without an age",
+    "R008": "a range beyond that of the command",
     "P001": "a class in Python cannot be imported and built",
     "P002": "a module in Python is not deterministic",
     "T001": "an expectation is false",

@@ -1,30 +1,55 @@
 """The description that a server gives of itself, so that programs can bind to it.
 
-An example of such a binding: `sensor level: number from Battery.level`.
+Examples of such bindings: `sensor level : number from Battery.level`, and
+`actuator lift { height : mm range 0 .. 400 } to Lift.move`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 import msgspec
 
-from colony.ir.types import BOOL, Array, Quantity, Scalar, Type
+from colony.ir.types import BOOL, Array, Enum, Quantity, Scalar, Type
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments
-from colony.runtime.protocol.fields import FieldSpec, ServerSpec
+from colony.runtime.protocol.fields import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.runtime.protocol.messages import Right
 from colony.text.units import NUMBER, parse_unit
 
 
 class FieldDescription(msgspec.Struct, frozen=True, kw_only=True):
-    """A field of the server's frames: a number in `unit` (plain if ""), a bool, or `size` of them."""
+    """A field of the server's frames: a number in `unit` (plain if ""), a bool, or `size` of them.
+
+    With `has_age`, its readings say how old they are.
+    """
 
     name: str
     kind: Literal["bool", "number"]
     unit: str = ""
     size: int | None = None
     meaning: str = ""
+    has_age: bool = False
+
+
+class ParameterDescription(msgspec.Struct, frozen=True, kw_only=True):
+    """A parameter of a command: a number in `unit` from `low` to `high`, a bool, or a member's number."""
+
+    name: str
+    kind: Literal["bool", "number", "enum"]
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    members: Mapping[str, float] = {}
+    meaning: str = ""
+
+
+class CommandDescription(msgspec.Struct, frozen=True, kw_only=True):
+    """A command of the server, to which actuators can be bound."""
+
+    name: str
+    parameters: tuple[ParameterDescription, ...]
 
 
 class MethodDescription(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,15 +60,16 @@ class MethodDescription(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Description(msgspec.Struct, frozen=True, kw_only=True):
-    """The fields and the methods of a server."""
+    """The fields, the commands and the methods of a server."""
 
     server: str
     fields: tuple[FieldDescription, ...] = ()
+    commands: tuple[CommandDescription, ...] = ()
     methods: tuple[MethodDescription, ...] = ()
 
 
 def describe() -> Ask[Description]:
-    """Read the fields and methods of a server made with the kit."""
+    """Read the fields, commands and methods of a server made with the kit."""
     return Ask("describe", NoArguments(), Description, "read", repeatable=True)
 
 
@@ -53,8 +79,29 @@ def server_spec(description: Description) -> ServerSpec:
     Raises:
         ValueError: a unit is invalid, or not a base unit; fields are in mm, s, deg, A, V and degC.
     """
-    fields = tuple(FieldSpec(f.name, field_type(f), f.meaning) for f in description.fields)
-    return ServerSpec(description.server, fields=fields)
+    fields = tuple(FieldSpec(f.name, field_type(f), f.meaning, has_age=f.has_age) for f in description.fields)
+    commands = tuple(CommandSpec(c.name, tuple(map(_parameter, c.parameters))) for c in description.commands)
+    return ServerSpec(description.server, fields=fields, commands=commands)
+
+
+def _parameter(parameter: ParameterDescription) -> ParameterSpec:
+    type_ = parameter_type(parameter)
+    return ParameterSpec(parameter.name, type_, parameter.meaning, low=parameter.low, high=parameter.high)
+
+
+def parameter_type(parameter: ParameterDescription) -> Scalar:
+    """Return the type of a parameter.
+
+    Raises:
+        ValueError: the unit is invalid, or not a base unit.
+    """
+    match parameter.kind:
+        case "bool":
+            return BOOL
+        case "number":
+            return _quantity(parameter.name, parameter.unit)
+        case "enum":
+            return Enum(parameter.name, tuple(parameter.members.items()))
 
 
 def field_type(field: FieldDescription) -> Type:
@@ -63,15 +110,14 @@ def field_type(field: FieldDescription) -> Type:
     Raises:
         ValueError: the unit is invalid, or not a base unit.
     """
-    element: Scalar = BOOL
-    if field.kind == "number":
-        dimension = NUMBER
-        if field.unit:
-            unit = parse_unit(field.unit)
-            if unit.factor != 1:
-                raise ValueError(
-                    f"{field.name}: the unit `{field.unit}`; expected base units: mm, s, deg, A, V, degC"
-                )
-            dimension = unit.dimension
-        element = Quantity(dimension)
+    element: Scalar = BOOL if field.kind == "bool" else _quantity(field.name, field.unit)
     return element if field.size is None else Array(element, field.size)
+
+
+def _quantity(name: str, unit_text: str) -> Quantity:
+    if not unit_text:
+        return Quantity(NUMBER)
+    unit = parse_unit(unit_text)
+    if unit.factor != 1:
+        raise ValueError(f"{name}: the unit `{unit_text}`; expected base units: mm, s, deg, A, V, degC")
+    return Quantity(unit.dimension)

@@ -15,11 +15,15 @@ from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 
 from colony.runtime.kit.answers import read_result
+from colony.runtime.kit.channel import Channel
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.conversation import Outcome, Pending
-from colony.runtime.kit.errors import RobotConnectionError
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
 from colony.runtime.library import emergency
-from colony.runtime.protocol.topics import CLOCK
+from colony.runtime.library.leader import LEADER
+from colony.runtime.protocol.fields import PSERVER, RUNTIME
+from colony.runtime.protocol.topics import CLOCK, OBSERVER
+from colony.runtime.transport.live.gateway import GATEWAY
 from colony.runtime.transport.live.robot_address import Local
 
 RESEND_INTERVAL_S = 0.03
@@ -32,7 +36,10 @@ ACKNOWLEDGE_TIMEOUT_S = 2.0
 """Seconds to wait for acknowledgements."""
 
 SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
-"""The servers that accept an emergency stop."""
+"""The servers of every robot that accept an emergency stop."""
+
+WITHOUT_ACTUATORS = frozenset({PSERVER.name, RUNTIME.name, LEADER, OBSERVER, GATEWAY})
+"""Nodes without actuators. Any other node that is up gets the stop, and may answer that it has none, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,25 +68,37 @@ class StopButton:
         self, session: Session, *, name: str = "stop button", timeout_s: float = ACKNOWLEDGE_TIMEOUT_S
     ) -> None:
         self._session = session
+        self._name = name
         self._timeout_s = timeout_s
-        hub = session.hub
-        self._channels = {s: hub.channel(s, name=name, priority=0, notify=lambda _: None) for s in SERVERS}
-        for channel in self._channels.values():
-            channel.open(lambda _: None)
+        self._channels: dict[str, Channel] = {}
+        for server in SERVERS:
+            self._open(server)
 
     def press(self) -> StopReport:
         """Stop the robot, and wait until every actuator server that is up has acknowledged it.
+
+        The servers of every robot are sent the stop first, then servers of users.
 
         Raises:
             CallRefusedError: this user may not stop the robot.
         """
         outcomes: SimpleQueue[tuple[str, Outcome]] = SimpleQueue()
         stop, due = emergency.stop(), time.monotonic() + self._timeout_s
-        pending_calls = {
-            server: channel.submit(stop, lambda outcome, server=server: outcomes.put((server, outcome)))  # type: ignore[misc]
-            for server, channel in self._channels.items()
-        }
+        pending_calls: dict[str, Pending] = {}
+
+        def send(server: str) -> None:
+            def put(outcome: Outcome) -> None:
+                outcomes.put((server, outcome))
+
+            pending_calls[server] = self._channels[server].submit(stop, put)
+
         try:
+            for server in self._channels:
+                send(server)
+            for server in self._session.servers():
+                if server not in self._channels and server not in WITHOUT_ACTUATORS and "/" not in server:
+                    self._open(server)
+                    send(server)
             return self._collect(outcomes, due, pending_calls)
         finally:
             for server, pending in pending_calls.items():
@@ -97,18 +116,25 @@ class StopButton:
                 for server in self._unanswered(answers):
                     self._channels[server].resend(pending_calls[server])
         problems: dict[str, str] = {}
-        for server, outcome in answers.items():
+        acknowledged: list[str] = []
+        for server in [server for server in self._channels if server in answers]:
             try:
-                read_result(server, emergency.stop(), outcome)
+                read_result(server, emergency.stop(), answers[server])
             except RobotConnectionError as problem:
-                problems[server] = str(problem)
+                if server in SERVERS or not _has_no_actuators(problem):
+                    problems[server] = str(problem)
+            else:
+                acknowledged.append(server)
         for server in self._unanswered(answers):
             problems[server] = f"{server} did not acknowledge the stop in {self._timeout_s:g} s"
         if CLOCK not in answers and CLOCK not in problems:
             problems[CLOCK] = "the Clock is down, so a server that restarts will not know of the stop"
-        return StopReport(
-            acknowledged=tuple(s for s in SERVERS if s in answers and s not in problems), problems=problems
-        )
+        return StopReport(acknowledged=tuple(acknowledged), problems=problems)
+
+    def _open(self, server: str) -> None:
+        channel = self._session.hub.channel(server, name=self._name, priority=0, notify=lambda _: None)
+        channel.open(lambda _: None)
+        self._channels[server] = channel
 
     def _unanswered(self, answers: Mapping[str, Outcome]) -> list[str]:
         """Return the servers that are up and have not answered."""
@@ -134,3 +160,8 @@ class StopButton:
     def __exit__(self, *raised: object) -> None:
         """Close the connections."""
         self.close()
+
+
+def _has_no_actuators(problem: RobotConnectionError) -> bool:
+    """Return True if a server refuses the stop because it has no such method."""
+    return isinstance(problem, CallRefusedError) and problem.code == "method"

@@ -1,62 +1,42 @@
-"""A server written with the kit, as a node: it takes calls, and publishes fields each frame."""
+"""A server written with the kit, as a node.
+
+It takes calls, publishes fields each frame, and carries out the commands that the program's modules win.
+"""
 
 from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
-from colony.ir.types import Value
+from colony.ir.types import ScalarValue
 from colony.runtime.frames.publishing import Fields, Publisher
-from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, field_type
+from colony.runtime.kit.commands import Command, CommandPerformer
+from colony.runtime.kit.description import Description, MethodDescription
+from colony.runtime.kit.fields import Field, FieldReader, Report
 from colony.runtime.protocol import calls, topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
+from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import (
+    Bounds,
     Effect,
     Fetch,
+    Malformed,
     Message,
-    QuietNode,
+    Request,
     Right,
-    Sample,
     Send,
     ServerFrame,
+    Stopped,
     Tick,
+    Wake,
 )
+from colony.runtime.servers.actuating import CommandedActuators
 
 A = TypeVar("A", bound=msgspec.Struct)
-
-Report = Callable[[str], None]
-
-
-class Field(NamedTuple):
-    """A field of the frames: its description, and the function that reads its value, None if it has none."""
-
-    description: FieldDescription
-    read: Callable[[], Value | None]
-
-
-def field(
-    name: str,
-    read: Callable[[], Value | None],
-    *,
-    unit: str = "",
-    size: int | None = None,
-    boolean: bool = False,
-    meaning: str = "",
-) -> Field:
-    """Return a field for a server: numbers in a base unit (mm, s, deg, A, V, degC, or plain), or bools.
-
-    Raises:
-        ValueError: the unit is invalid, or not a base unit.
-    """
-    description = FieldDescription(
-        name=name, kind="bool" if boolean else "number", unit=unit, size=size, meaning=meaning
-    )
-    field_type(description)
-    return Field(description, read)
 
 
 def method(
@@ -78,40 +58,102 @@ def method(
     return calls.method(name, arguments, handle, right=right, max_bytes=max_bytes)
 
 
-class Service(QuietNode):
-    """A server of a user's methods and fields. Mutable.
+class Service:
+    """A server of a user's methods, fields and commands. Mutable.
 
-    An exception in a handler or field is reported, and the server keeps running: the call is refused, or the
-    field has no value.
+    An exception in a handler, field or command is reported, and the server keeps running: the call is
+    refused, the field has no value, or the actuator is idle.
     """
 
-    def __init__(self, name: str, methods: Iterable[Method], fields: Iterable[Field], report: Report) -> None:
+    def __init__(
+        self,
+        name: str,
+        methods: Iterable[Method],
+        fields: Iterable[Field],
+        report: Report,
+        *,
+        commands: Iterable[Command] = (),
+    ) -> None:
         self.address = name
-        self._fields = tuple(fields)
+        fields, commands = tuple(fields), tuple(commands)
+        self._reader = FieldReader(name, fields, report)
+        self._performer = CommandPerformer(name, commands, report)
+        self._actuators: CommandedActuators | None = None
+        if commands:
+            self._actuators = CommandedActuators(
+                name, self._perform, halt=lambda now_ns: self._performer.halt()
+            )
         self._report = report
         reporting_methods = tuple(m._replace(handler=self._report_errors(m)) for m in methods)
         description = Description(
             server=name,
-            fields=tuple(f.description for f in self._fields),
+            fields=tuple(f.description for f in fields),
+            commands=self._performer.descriptions,
             methods=tuple(MethodDescription(name=m.name, right=m.right) for m in reporting_methods),
         )
         describe = calls.method("describe", NoArguments, lambda *_: description, right="read")
-        self._publisher = Publisher(name, self._read)
-        self._calls = CallDispatcher(
-            name, (*reporting_methods, describe), other_limit_messages=lambda: self._publisher.limit_messages
-        )
+        self._publisher = Publisher(name, self._read, stopped=self._stopped)
+        self._calls = self._dispatcher((*reporting_methods, describe))
         self._now_ns = 0
-        self.listens = (*self._calls.listens, *(self._publisher.listens if self._fields else ()))
+        listens = [*self._calls.listens]
+        if fields or commands:
+            listens += self._publisher.listens
+        if self._actuators is not None:
+            listens += self._actuators.listens
+        self.listens = tuple(listens)
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        """Make the devices of the commands safe until a program commands them."""
+        self._now_ns = now_ns
+        self._performer.halt()
+        return ()
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
-        """Publish the fields on a tick or a fetch, and answer calls."""
-        if isinstance(message, (Tick, Fetch)):
-            self._now_ns = now_ns
-            for effect in self._publisher.handle(message):
-                yield effect
-                yield from _acknowledgement(effect)
-        else:
-            yield from self._calls.handle(message, now_ns)
+        """Publish the fields on a tick or a fetch, answer calls, and carry out commands."""
+        self._now_ns = now_ns
+        actuators = self._actuators
+        match message:
+            case Tick() if actuators is not None:
+                yield from actuators.tick(message, now_ns, self._publish)
+            case Tick() | Fetch():
+                yield from self._publish(message)
+            case Request() | Bounds() if actuators is not None:
+                yield from actuators.handle(message, now_ns)
+            case Malformed() if actuators is not None and message.topic in actuators.listens:
+                yield from actuators.handle(message, now_ns)
+            case Wake() if actuators is not None:
+                yield from actuators.handle(message, now_ns)
+                yield from self._calls.handle(message, now_ns)
+            case _:
+                yield from self._calls.handle(message, now_ns)
+        if actuators is not None:
+            yield from actuators.carry_out_halt(now_ns)
+
+    def close(self) -> None:
+        """Give the actuators their idle commands, and make the devices of the others safe."""
+        if self._actuators is not None:
+            self._actuators.close(self._now_ns)
+
+    def _dispatcher(self, methods: tuple[Method, ...]) -> CallDispatcher:
+        actuators = self._actuators
+        if actuators is None:
+            return CallDispatcher(self.address, methods, other_limit_messages=self._limit_messages)
+        deploy = calls.method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES)
+
+        def on_lost(caller: Caller, now_ns: int) -> Iterable[Effect]:
+            actuators.on_lost(caller)
+            return ()
+
+        return CallDispatcher(
+            self.address,
+            (*methods, deploy),
+            on_lost=on_lost,
+            stop=actuators.stop,
+            other_limit_messages=self._limit_messages,
+        )
+
+    def _limit_messages(self) -> Iterable[str]:
+        return self._publisher.limit_messages
 
     def _report_errors(self, method: Method) -> calls.Handler:
         """Return the method's handler, with its exceptions reported and turned into refusals."""
@@ -128,19 +170,34 @@ class Service(QuietNode):
 
         return handle
 
+    # --- frames --------------------------------------------------------------------------------------
+
+    def _publish(self, message: Tick | Fetch) -> Iterator[Effect]:
+        """Publish a frame; also to the Clock, without fields, as it listens to no frames of such servers."""
+        for effect in self._publisher.handle(message):
+            yield effect
+            if isinstance(effect, Send) and isinstance(effect.message, ServerFrame):
+                yield Send(topics.ANSWERS, msgspec.structs.replace(effect.message, fields={}))
+
     def _read(self, tick: Tick) -> Fields:
-        return {f.description.name: self._sample(f) for f in self._fields}
+        fields = self._reader.read(self._now_ns)
+        return fields if self._actuators is None else {**fields, **self._actuators.fields(tick)}
 
-    def _sample(self, field: Field) -> Sample | None:
-        try:
-            value = field.read()
-        except Exception:
-            self._report(f"{self.address}.{field.description.name} failed:\n{traceback.format_exc()}")
-            return None
-        return None if value is None else Sample(value, self._now_ns)
+    def _stopped(self) -> Stopped | None:
+        return None if self._actuators is None else self._actuators.stopped
 
+    # --- commands ------------------------------------------------------------------------------------
 
-def _acknowledgement(effect: Effect) -> Iterator[Effect]:
-    """Yield the frame, without its fields, for the Clock, which listens to no frames of a user's servers."""
-    if isinstance(effect, Send) and isinstance(effect.message, ServerFrame):
-        yield Send(topics.ANSWERS, msgspec.structs.replace(effect.message, fields={}))
+    def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
+        actuators = self._actuators
+        assert actuators is not None
+        wrong = self._performer.mismatch(deployed)
+        if wrong is not None:
+            raise RefusedError("deployment", f"{self.address}.deploy: {wrong}")
+        if actuators.lead(call_id.caller, deployed):
+            actuators.activate(deployed, now_ns)
+            self._performer.begin(deployed)
+
+    def _perform(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+        assert self._actuators is not None
+        self._performer.perform(actuator, values, stale=self._actuators.is_stale(now_ns))

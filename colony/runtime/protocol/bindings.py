@@ -1,7 +1,8 @@
 """Binding of a program's sensors and actuators to the servers of a robot, checked before anything moves.
 
 Codes: R001 no such server, R002 no such field, R003 a type that does not fit, R004 no such command, R005 no
-such parameter, R006 two actuators on one command.
+such parameter, R006 two actuators on one command, R007 a sensor `within` a time that reads a field without an
+age, R008 a range beyond that of the command.
 """
 
 from __future__ import annotations
@@ -12,10 +13,17 @@ from dataclasses import dataclass
 from colony.execute.intake import converted
 from colony.ir.program import Actuator, Robot, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type, Value
-from colony.runtime.protocol.fields import SERVERS, CommandSpec, FieldSpec, ServerSpec
+from colony.runtime.protocol.fields import (
+    SERVERS,
+    CommandSpec,
+    FieldSpec,
+    ParameterSpec,
+    ServerSpec,
+)
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.suggestions import did_you_mean
 from colony.text.units import NUMBER
+from colony.text.wording import duration_text, listed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,6 +154,9 @@ def _bind_sensor(
             message = f"`{sensor.name}`: {server.name}.{spec.name} is {spec.type}, not {sensor.type}"
             diagnostics.append(error("R003", sensor.span, message, f"it is {spec.meaning}"))
             return None
+        if sensor.within_ns is not None and not spec.has_age:
+            diagnostics.append(_ageless(sensor, spec))
+            return None
     return SensorBinding(
         sensor=sensor.name,
         server=server.name,
@@ -154,6 +165,17 @@ def _bind_sensor(
         factor=sensor.factor,
         declared=server.accepts_any_name,
     )
+
+
+def _ageless(sensor: Sensor, spec: FieldSpec) -> Diagnostic:
+    assert sensor.within_ns is not None
+    where = f"{sensor.server}.{spec.name}"
+    message = (
+        f"`{sensor.name}` must be measured within {duration_text(sensor.within_ns)}, "
+        f"but {where} does not say how old it is"
+    )
+    hint = "declare the field of the server with `has_age=True`, or leave out `within`"
+    return error("R007", sensor.span, message, hint)
 
 
 def _sensor_fits(declared: Type, spec: FieldSpec) -> bool:
@@ -169,13 +191,16 @@ def _sensor_fits(declared: Type, spec: FieldSpec) -> bool:
 def _fits(wanted: Scalar, provided: Scalar) -> bool:
     """Return True if the types are equal, or if a plain number is wanted from a quantity.
 
-    Any quantity can be read as a plain number, which is its value in base units.
+    Any quantity can be read as a plain number, which is its value in base units. Enums are equal if their
+    members are.
     """
     match wanted, provided:
         case Quantity(dimension=a), Quantity(dimension=b):
             return a in (b, NUMBER)
         case Bool(), Bool():
             return True
+        case Enum(members=a_members), Enum(members=b_members):
+            return set(a_members) == set(b_members)
         case _:
             return False
 
@@ -216,7 +241,59 @@ def _check_parameters(actuator: Actuator, command: CommandSpec, diagnostics: lis
             diagnostics.append(error("R005", field.span, message, name_hint(field.name, parameters)))
         elif not _fits(field.type, spec.type):
             message = f"`{actuator.name}.{field.name}` is {field.type}, but the command takes {spec.type}"
-            diagnostics.append(error("R003", field.span, message, f"it is the {spec.meaning}"))
+            diagnostics.append(error("R003", field.span, message, _taken(spec)))
+        elif not _is_within(field.low, field.high, spec):
+            found = _interval(field.low, field.high, field.type)
+            message = f"`{actuator.name}.{field.name}` is {found}, but the command takes {_range(spec)}"
+            diagnostics.append(error("R008", field.span, message, "declare its `range` within that"))
+    declared = {field.name for field in actuator.fields}
+    for spec in command.parameters:
+        if spec.name not in declared and not _takes_zero(spec):
+            message = (
+                f"`{actuator.name}` has no field `{spec.name}`, which is then 0, "
+                f"but the command takes {_range(spec)}"
+            )
+            diagnostics.append(error("R008", actuator.span, message, f"declare the field `{spec.name}`"))
+
+
+def _taken(spec: ParameterSpec) -> str | None:
+    """Return a hint at what a parameter is, None if nothing is known of it."""
+    if isinstance(spec.type, Enum):
+        members = ", ".join(f"{name} = {number:g}" for name, number in spec.type.members)
+        return f"declare an enum with the members {members}"
+    return f"it is the {spec.meaning}" if spec.meaning else None
+
+
+def _range(spec: ParameterSpec) -> str:
+    if isinstance(spec.type, Enum):
+        return listed([f"{number:g}" for _, number in spec.type.members], "or")
+    return _interval(spec.low, spec.high, spec.type)
+
+
+def _interval(low: float | None, high: float | None, type_: Scalar) -> str:
+    unit = "" if str(type_) == "number" else f" {type_}"
+    match low, high:
+        case None, None:
+            return "of any size"
+        case None, _:
+            return f"at most {high:g}{unit}"
+        case _, None:
+            return f"at least {low:g}{unit}"
+        case _:
+            return f"{low:g} to {high:g}{unit}"
+
+
+def _is_within(low: float | None, high: float | None, spec: ParameterSpec) -> bool:
+    """Return True if a range is within that of a parameter."""
+    return (spec.low is None or (low is not None and low >= spec.low)) and (
+        spec.high is None or (high is not None and high <= spec.high)
+    )
+
+
+def _takes_zero(spec: ParameterSpec) -> bool:
+    if isinstance(spec.type, Enum):
+        return any(number == 0.0 for _, number in spec.type.members)
+    return _is_within(0.0, 0.0, spec)
 
 
 def _shared_commands(actuators: tuple[Actuator, ...]) -> Iterable[Diagnostic]:

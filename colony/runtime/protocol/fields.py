@@ -20,20 +20,29 @@ TURN_RATE = Quantity(ANGLE.over(TIME))
 
 @dataclass(frozen=True, slots=True)
 class FieldSpec:
-    """A field of a server's frames; `type` is in base units."""
+    """A field of a server's frames; `type` is in base units.
+
+    `has_age` is True if the server says when its value was measured, or measures it for each frame.
+    """
 
     name: str
     type: Type
     meaning: str
+    has_age: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
-    """A parameter of a command, in base units; it is 0 if an actuator does not declare it."""
+    """A parameter of a command, in base units; it is 0 if an actuator does not declare it.
+
+    `low` and `high` are the bounds within which the server carries it out, None for none.
+    """
 
     name: str
     type: Scalar
     meaning: str
+    low: float | None = None
+    high: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

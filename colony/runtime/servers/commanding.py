@@ -27,7 +27,22 @@ from colony.runtime.protocol.messages import (
 )
 
 Perform = Callable[[ActuatorSpec, tuple[ScalarValue, ...], int], None]
-"""A function that carries out a command: the actuator, its fields in base units, the time."""
+"""A function that carries out a command: the actuator, its fields in base units, the time.
+
+It may raise `NotSentError`.
+"""
+
+
+class NotSentError(Exception):
+    """A command that was not carried out; the message, for a verdict, says why.
+
+    `instead` is what the actuator was given in its place, in base units; None if it was given nothing.
+    """
+
+    def __init__(self, message: str, *, instead: tuple[ScalarValue, ...] | None = None) -> None:
+        super().__init__(message)
+        self.instead = instead
+
 
 OnDispatch = Callable[[ActuatorSpec, Dispatch, int], None]
 """A function called with each dispatch before it is carried out, even if it sends nothing."""
@@ -184,8 +199,7 @@ class CommandDispatcher:
         for name, spec in self._actuators.items():
             yield from self.intervene(name, STOPPED, now_ns)
             if spec.idle is not None:
-                self._perform(spec, spec.idle, now_ns)
-        self.note_halted()
+                self._send(spec, spec.idle, now_ns)
 
     def note_malformed(self, message: Malformed) -> None:
         """Add a note about a malformed request to the verdicts of the frame."""
@@ -228,12 +242,23 @@ class CommandDispatcher:
                 spec = self._actuators[name]
                 self._on_dispatch(spec, event, now_ns)
                 if event.values is not None:
-                    self._given[name] = event.values
-                    self._perform(spec, event.values, now_ns)
+                    self._send(spec, event.values, now_ns)
             else:
                 self._counts[name].add(event)
                 if self._publish:
                     yield Send(topics.VERDICTS, event)
+
+    def _send(self, spec: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+        before, self._given[spec.name] = self._given.get(spec.name), values
+        try:
+            self._perform(spec, values, now_ns)
+        except NotSentError as problem:
+            self.add_note(spec.name, f"frame {self._k}: {problem}")
+            given = before if problem.instead is None else problem.instead
+            if given is None:
+                del self._given[spec.name]
+            else:
+                self._given[spec.name] = given
 
     def _schedule_wake(self) -> Iterator[Effect]:
         times = (arbiter.wake_at for arbiter in self._arbiters.values())

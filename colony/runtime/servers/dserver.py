@@ -16,9 +16,6 @@ from collections.abc import Callable, Iterable, Mapping
 import msgspec
 
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.arbitration.arbiter import timing
-from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED
-from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import CallId, RefusedError, method
@@ -30,7 +27,6 @@ from colony.runtime.protocol.deployment import (
     client_addresses,
 )
 from colony.runtime.protocol.fields import DSERVER
-from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
@@ -42,14 +38,12 @@ from colony.runtime.protocol.messages import (
     Message,
     Recall,
     Request,
-    Stopped,
     Tick,
     Wake,
-    WakeAt,
 )
+from colony.runtime.servers.actuating import CommandedActuators
 from colony.runtime.servers.call_answers import CallAnswers
 from colony.runtime.servers.checkpoints import Checkpoints
-from colony.runtime.servers.commanding import CommandDispatcher
 from colony.runtime.servers.data_calls import DataCalls
 from colony.runtime.servers.data_methods import set_commanded_variable
 from colony.runtime.servers.frame_content import FrameSubscriptions
@@ -62,11 +56,6 @@ from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreEr
 
 _CLOCK_ID = Key("fact", "epoch")
 _CLOSED = Key("fact", "closed")
-
-_TIMING_WITHOUT_PROGRAM = timing(50_000_000)
-
-WATCHDOG_DEADLINES = 3
-"""Time without a tick, in frame deadlines, after which actuators become idle: two ticks were missed."""
 
 SPACE_CHECK_INTERVAL_NS = 1_000_000_000
 """Nanoseconds between two checks for space on a full disk."""
@@ -121,7 +110,7 @@ class DServer:
         self._last_sent = LastSent(self._journal)
         if self._load():
             self._variables.pin(pinned_variables or {})
-        self._leadership = Leadership(self.address)
+        self._actuators = CommandedActuators(self.address, self._set)
         self._calls = DataCalls(
             self._variables,
             self._semaphores,
@@ -129,30 +118,24 @@ class DServer:
             self._watches,
             self._frame_subscriptions,
             other_methods=(method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),),
-            on_lost=self._leadership.on_lost,
-            stop=self._stop,
+            on_lost=self._actuators.on_lost,
+            stop=self._actuators.stop,
             other_limit_messages=self.limit_messages,
             storage_problem=lambda: self._journal.full,
         )
         self._next_space_check_ns = 0
-        self._emergency = StopFollower()
-        self._halt_due = False
-        self._watchdog_due_ns: int | None = None
-        self._timing = _TIMING_WITHOUT_PROGRAM
         self._changed: list[str] = []
         self._reads: tuple[str, ...] = ()
-        self._run: str | None = None
         self._publisher = Publisher(
-            self.address, self._read, frames_kept=frames_kept, stopped=lambda: self._emergency.stopped
+            self.address, self._read, frames_kept=frames_kept, stopped=lambda: self._actuators.stopped
         )
-        self._commands = CommandDispatcher((), self._timing, self._set)
         self._relay = ActivityRelay(self.address, (), frames_kept=frames_kept)
         if deployment is not None:
-            self._activate(deployment)
+            self._activate(deployment, 0)
         listens = (
             *self._publisher.listens,
             *self._relay.listens,
-            topics.requests(self.address),
+            *self._actuators.listens,
             topics.checkpoints(self.address),
             *self._calls.listens,
         )
@@ -171,13 +154,7 @@ class DServer:
                 yield from self._calls.handle(message, now_ns)
             case Tick():
                 self._relay.tick()
-                before = self._emergency.stopped
-                self._emergency.follow(message)
-                self._halt_due = before is None and self._emergency.stopped is not None
-                yield from self._commands.end_before(message, now_ns)
-                yield from self._publisher.handle(message)
-                yield from self._arbitrate(message, now_ns)
-                yield from self._feed_watchdog(now_ns)
+                yield from self._actuators.tick(message, now_ns, self._publisher.handle)
             case Fetch() if message.server == self.address:
                 yield from self._publisher.handle(message)
             case Fetch():
@@ -185,24 +162,21 @@ class DServer:
             case Announcement():
                 yield from self._relay.announce(message, now_ns)
             case Request():
-                yield from self._commands.request(message, now_ns)
+                yield from self._actuators.handle(message, now_ns)
             case Checkpoint():
                 self._checkpoints.put(message)
             case Recall():
                 yield from self._checkpoints.recall(message)
             case Malformed() if message.topic == topics.requests(self.address):
-                self._commands.note_malformed(message)
+                yield from self._actuators.handle(message, now_ns)
             case Malformed():
                 yield from self._calls.handle(message, now_ns)
             case Wake():
-                yield from self._commands.wake(now_ns)
+                yield from self._actuators.handle(message, now_ns)
                 yield from self._calls.handle(message, now_ns)
-                self._check_watchdog(now_ns)
             case _:
                 return
-        if self._halt_due:
-            self._halt_due = False
-            yield from self._commands.halt(now_ns)
+        yield from self._actuators.carry_out_halt(now_ns)
         if self._changed:
             changed, self._changed = self._changed, []
             yield from self._calls.changed(changed, now_ns)
@@ -212,11 +186,6 @@ class DServer:
         if self._journal.full is not None and now_ns >= self._next_space_check_ns:
             self._next_space_check_ns = now_ns + SPACE_CHECK_INTERVAL_NS
             self._journal.check_space()
-
-    def _check_watchdog(self, now_ns: int) -> None:
-        """Halt once the watchdog is due."""
-        if self._watchdog_due_ns is not None and now_ns >= self._watchdog_due_ns:
-            self._watchdog_due_ns, self._halt_due = None, True
 
     def limit_messages(self) -> tuple[str, ...]:
         """Return user-readable messages about the store and the limits reached since the server started."""
@@ -261,28 +230,8 @@ class DServer:
             self._reads = reads
             self._variables.set_program_names(reads)
         self._variables.show(shown)
-        variables, sent = self._variables.fields(tick.t_ns), self._commands.fields(tick)
+        variables, sent = self._variables.fields(tick.t_ns), self._actuators.fields(tick)
         return {**variables, **sent} if sent else variables
-
-    def _arbitrate(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
-        """Begin a frame of the deployed run; end the frames if the tick is of another run."""
-        if self._run not in (None, tick.run):
-            return self._commands.finish(now_ns)
-        return self._commands.tick(
-            tick, now_ns, NO_INTERVENTIONS if self._emergency.stopped is None else STOPPED
-        )
-
-    # --- the emergency stop --------------------------------------------------------------------------
-
-    def _stop(self, by: str, now_ns: int) -> None:
-        self._emergency.engage(Stopped(by=by, t_ns=now_ns))
-        self._halt_due = True
-
-    def _feed_watchdog(self, now_ns: int) -> Iterable[Effect]:
-        """Schedule a wake at which the actuators become idle, unless a tick arrives first."""
-        if self._commands.can_halt:
-            self._watchdog_due_ns = now_ns + WATCHDOG_DEADLINES * self._timing.deadline_ns
-            yield WakeAt(self._watchdog_due_ns)
 
     # --- published and set variables -----------------------------------------------------------------
 
@@ -292,18 +241,14 @@ class DServer:
         self._changed.append(actuator.command)
 
     def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
-        if not self._leadership.take(call_id.caller, deployed):
-            return
-        self._activate(deployed)
+        if self._actuators.lead(call_id.caller, deployed):
+            self._activate(deployed, now_ns)
 
-    def _activate(self, deployed: Deployment) -> None:
+    def _activate(self, deployed: Deployment, now_ns: int) -> None:
         self._variables.hide(self._frame_subscriptions.deploy(deployed.run, deployed.reads))
-        self._run = deployed.run
         self._checkpoints.begin(deployed.run, (client for client, _ in client_addresses(deployed)))
-        self._timing = timing(deployed.frame_ns, lockstep=deployed.lockstep)
-        actuators = actuators_of(deployed, self.address)
-        given = self._last_sent.begin(deployed.run, actuators)
-        self._commands = CommandDispatcher(actuators, self._timing, self._set, given=given)
+        given = self._last_sent.begin(deployed.run, actuators_of(deployed, self.address))
+        self._actuators.activate(deployed, now_ns, given)
         self._relay.deploy(deployed.python_modules)
 
     def _load(self) -> bool:

@@ -39,6 +39,7 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
+from colony.runtime.servers.actuating import STALE_FRAMES
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.base_actuator import base_actuator, mismatch, sent_speeds, speeds_of
 from colony.runtime.servers.commanding import ActuatorCounts, CommandDispatcher
@@ -46,13 +47,6 @@ from colony.runtime.servers.drivers import BaseDriver
 from colony.runtime.servers.piloting import Bumper, Pilot
 
 WATCHDOG_FRAMES = 2
-
-STALE_FRAMES = 2
-"""Age in frames above which a tick is too old to move the base.
-
-Then the process was suspended, and may not have received a later emergency stop yet.
-"""
-
 
 CLOCK_GRACE_NS = 2_000_000_000
 """Nanoseconds without a tick after which calls that command motion are refused."""

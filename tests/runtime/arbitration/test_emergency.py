@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from msgspec import structs
 
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.emergency import StopButton
@@ -15,12 +16,12 @@ from colony.runtime.library import data, emergency
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import NoArguments
-from colony.runtime.protocol.messages import Call
+from colony.runtime.protocol.messages import Call, Stopped, Tick
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release
 from tests.runtime.calling import call_of, opening
 from tests.runtime.programs import roam
 from tests.runtime.scripted import Log, Script, session
-from tests.runtime.servers.data_stage import MS, DataStage
+from tests.runtime.servers.data_stage import MS, Connection, DataStage
 from tests.runtime.servers.test_dserver import LAMP, deploy, field, program, request, table, tick
 from tests.waiting import until
 
@@ -114,6 +115,30 @@ def test_a_stop_makes_variables_idle_at_once_and_says_so_in_frames(lit: DataStag
     assert frames[0].stopped is not None  # type: ignore[attr-defined, unused-ignore]
     lit.handle(request(2, "lamp", True))
     assert not lamp(lit), "and stay idle"
+
+
+def test_variables_become_idle_when_the_run_ends(lit: DataStage) -> None:
+    tick(lit, 2)
+    lit.handle(request(2, "lamp", True))
+    assert lamp(lit)
+    tick(lit, 3, run="")
+    assert not lamp(lit)
+
+
+def test_variables_become_idle_when_another_run_begins(lit: DataStage) -> None:
+    leader = Connection(lit, "ada/leader", 0)
+    leader.number = 10  # calls with the numbers before were made already
+    leader.do(deploy(program("next", structs.replace(IDLE_LAMP, command="Other"))))
+    assert not lamp(lit)
+
+
+def test_an_old_tick_does_not_bring_back_a_stop(lit: DataStage) -> None:
+    stopped, now = Stopped(by="ann/1", t_ns=lit.now), lit.now
+    lit.handle(Tick(k=2, t_ns=now, run="run", stopped=stopped))
+    lit.handle(Tick(k=3, t_ns=now, run="run", released_ns=now))
+    lit.handle(Tick(k=2, t_ns=now, run="run", stopped=stopped))
+    lit.handle(request(3, "lamp", True))
+    assert lamp(lit)
 
 
 def test_variables_become_idle_when_the_ticks_stop(lit: DataStage) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 
 import msgspec
 
-from colony.runtime.kit.server import Field, Method, Server, field, method
+from colony.runtime.kit.server import Field, Method, Offer, Reading, Server, Servers, field, method
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
@@ -45,7 +47,7 @@ class Battery:
     def fields(self) -> list[Field]:
         return [
             field("level", lambda: self.level, meaning="how full it is, 0 to 1"),
-            field("cells", lambda: (3.0, 4.0), size=2),
+            field("cells", lambda: Reading((3.0, 4.0), age_ns=1_000_000), size=2, has_age=True),
             field("broken", lambda: 1 / 0),
             field("nothing", lambda: None, boolean=True),
         ]
@@ -105,6 +107,11 @@ def battery_process(environment: Mapping[str, str]) -> AbstractContextManager[su
     return python_process(environment, "-m", "tests.runtime.kit.stage", says="ready")
 
 
+def several_process(environment: Mapping[str, str]) -> AbstractContextManager[subprocess.Popen[str]]:
+    """A process with the servers Lidar and Button, killed in the end if it is still there."""
+    return python_process(environment, "-m", "tests.runtime.kit.stage", "several", says="ready")
+
+
 def gone(process: subprocess.Popen[str]) -> None:
     """Kill it, and see it dead."""
     process.kill()
@@ -113,8 +120,6 @@ def gone(process: subprocess.Popen[str]) -> None:
 
 def main() -> None:
     """The server, until somebody ends it by a signal."""
-    import signal
-
     battery = Battery()
     with Server.open(BATTERY, robot=ROBOT) as server:
         signal.signal(signal.SIGTERM, lambda *_: server.exitloop())
@@ -122,5 +127,20 @@ def main() -> None:
         server.mainloop(battery.methods(), fields=battery.fields())
 
 
+def several() -> None:
+    """Two servers, until somebody ends them by a signal."""
+    scan = field("scan", lambda: Reading((1.0, 2.0), age_ns=0), unit="mm", size=2, has_age=True)
+    press = method("press", NoArguments, lambda caller, nothing: "Button was pressed")
+    with Servers.open("Lidar", "Button", robot=ROBOT) as servers:
+        signal.signal(signal.SIGTERM, lambda *_: servers.exitloop())
+        print("ready", flush=True)
+        servers.mainloop(
+            {
+                "Lidar": Offer(fields=[scan]),
+                "Button": Offer(methods=[press], fields=[field("pressed", lambda: True, boolean=True)]),
+            }
+        )
+
+
 if __name__ == "__main__":
-    main()
+    several() if sys.argv[1:] else main()

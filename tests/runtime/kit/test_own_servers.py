@@ -4,7 +4,8 @@ everyone when they are down."""
 from __future__ import annotations
 
 from colony.runtime.frames.clock import Clock
-from colony.runtime.kit.service import Service, field
+from colony.runtime.kit.fields import field
+from colony.runtime.kit.service import Service
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Message, QuietNode, Send, ServerFrame, Tick

@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, DISTANCE, Array, Enum, Type
 from colony.runtime.protocol.bindings import SensorBinding, bind, name_hint
-from colony.runtime.protocol.fields import SPEED, TURN_RATE
+from colony.runtime.protocol.fields import (
+    SERVERS,
+    SPEED,
+    TURN_RATE,
+    CommandSpec,
+    FieldSpec,
+    ParameterSpec,
+    ServerSpec,
+)
 from colony.text.diagnostics import DiagnosticError, render
 from colony.text.source import Source, Span
 from colony.text.units import parse_unit
@@ -149,3 +157,121 @@ def test_the_nearest_name_or_all_that_are_known() -> None:
     assert name_hint("rserver", ["PServer", "RServer"]) == "did you mean `RServer`?"
     assert name_hint("camera", ["PServer", "RServer"]) == "expected one of: PServer, RServer"
     assert name_hint("camera", []) == "there is none"
+
+
+@pytest.mark.parametrize(
+    ("has_age", "within_ns", "fits"),
+    [(True, 300_000_000, True), (False, None, True), (False, 300_000_000, False)],
+)
+def test_a_sensor_within_a_time_reads_only_a_field_that_has_an_age(
+    has_age: bool, within_ns: int | None, fits: bool
+) -> None:
+    spec = FieldSpec("scan", Array(DISTANCE, 3), "ranges", has_age=has_age)
+    sensor = Sensor(name="scan", type=spec.type, server="Lidar", field="scan", within_ns=within_ns)
+    servers = (*SERVERS, ServerSpec("Lidar", fields=(spec,)))
+    if fits:
+        assert bind(robot(sensor), servers).sensors[-1].max_age_ns == within_ns
+        return
+    with pytest.raises(DiagnosticError) as failed:
+        bind(robot(sensor), servers)
+    (found,) = failed.value.diagnostics
+    assert found.code == "R007"
+    assert "`scan` must be measured within 300 ms, but Lidar.scan does not say" in found.message
+    assert "has_age=True" in (found.hint or "")
+
+
+def test_the_fields_that_every_robot_has_can_be_held_to_a_time() -> None:
+    assert all(field.has_age for server in SERVERS for field in server.fields)
+    shared = Sensor(name="goal", type=DISTANCE, server="DServer", field="Goal", within_ns=1_000_000_000)
+    assert bind(robot(shared)).sensors[-1].max_age_ns == 1_000_000_000
+
+
+# --- commands of servers that have ranges --------------------------------------------------------------
+
+POSITIONS = (("down", 0.0), ("up", 2.0))
+LIFT = ServerSpec(
+    "Lift",
+    commands=(
+        CommandSpec("move", (ParameterSpec("height", DISTANCE, "height", low=0.0, high=400.0),)),
+        CommandSpec("push", (ParameterSpec("force", DIMENSIONLESS, "", low=5.0),)),
+        CommandSpec("go", (ParameterSpec("position", Enum("position", POSITIONS), ""),)),
+    ),
+)
+
+
+def lift(command: str, *fields: ActuatorField) -> Actuator:
+    return Actuator(name="lift", fields=fields, server="Lift", command=command, idle=None)
+
+
+def height(low: float | None, high: float | None) -> ActuatorField:
+    return ActuatorField(name="height", type=DISTANCE, low=low, high=high)
+
+
+def force(low: float | None) -> ActuatorField:
+    return ActuatorField(name="force", type=DIMENSIONLESS, low=low)
+
+
+def position(*members: tuple[str, float]) -> ActuatorField:
+    return ActuatorField(name="position", type=Enum("my_position", members))
+
+
+@pytest.mark.parametrize(
+    "actuator",
+    [
+        lift("move", height(0.0, 400.0)),
+        lift("move", height(100.0, 200.0)),
+        lift("move"),
+        lift("push", force(5.0)),
+        lift("go", position(*reversed(POSITIONS))),
+        lift("go"),
+    ],
+)
+def test_an_actuator_may_do_less_than_the_command(actuator: Actuator) -> None:
+    assert bind(robot(actuators=(actuator,)), (*SERVERS, LIFT)).actuators[-1].server == "Lift"
+
+
+TOO_FAR = [
+    (
+        lift("move", height(-1.0, 400.0)),
+        "R008",
+        "`lift.height` is -1 to 400 mm, but the command takes 0 to 400 mm",
+    ),
+    (lift("move", height(0.0, 401.0)), "R008", "is 0 to 401 mm"),
+    (lift("move", height(0.0, None)), "R008", "is at least 0 mm"),
+    (
+        lift("move", height(None, None)),
+        "R008",
+        "`lift.height` is of any size, but the command takes 0 to 400 mm",
+    ),
+    (lift("push", force(None)), "R008", "is of any size, but the command takes at least 5"),
+    (lift("push"), "R008", "`lift` has no field `force`, which is then 0, but the command takes at least 5"),
+    (lift("go", position(("down", 0.0))), "R003", "is my_position, but the command takes position"),
+    (
+        lift("go", position(("down", 0.0), ("up", 1.0))),
+        "R003",
+        "is my_position, but the command takes position",
+    ),
+    (
+        lift("go", ActuatorField(name="position", type=DIMENSIONLESS)),
+        "R003",
+        "is number, but the command takes",
+    ),
+]
+
+
+@pytest.mark.parametrize(("actuator", "code", "message"), TOO_FAR)
+def test_an_actuator_that_goes_beyond_the_command_is_an_error(
+    actuator: Actuator, code: str, message: str
+) -> None:
+    with pytest.raises(DiagnosticError) as failed:
+        bind(robot(actuators=(actuator,)), (*SERVERS, LIFT))
+    (found,) = failed.value.diagnostics
+    assert found.code == code
+    assert message in found.message
+    assert found.hint
+
+
+def test_an_enum_of_a_command_is_told() -> None:
+    with pytest.raises(DiagnosticError) as failed:
+        bind(robot(actuators=(lift("go", position(("down", 0.0))),)), (*SERVERS, LIFT))
+    assert failed.value.diagnostics[0].hint == "declare an enum with the members down = 0, up = 2"
