@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 TURN = 360
 """A full turn in degrees."""
@@ -128,6 +129,7 @@ def margin(bearings: Bearings) -> Fraction:
     return Fraction(LIST_STEP) if bearings.step is None else Fraction(repr(abs(bearings.step))) / 2
 
 
+@lru_cache(maxsize=64)  # functions take the same slice in each call
 def between(bearings: Bearings, first: float, last: float) -> tuple[int, ...]:
     """Return the indices of the elements from one angle counterclockwise to another, both included."""
     start, width = Fraction(repr(first)), sweep(first, last)
