@@ -111,7 +111,7 @@ def find_description(text: str, folder: Path, project: Path | None) -> Path | No
 
 
 def _file_at(path: Path) -> Path | None:
-    """Return the description in the folder `path` of a robot, or else the file `path`; None if none exists."""
+    """Return the description in the folder `path` of a robot, else the file `path`; None if none exists."""
     found = Shipped.ROBOT.user_file(path / path.name) or Shipped.ROBOT.user_file(path)
     return None if found is None else Path(found)
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from colony.dsl.files import UnreadableFileError, decode
 from colony.dsl.site import SiteParams, SiteValue
-from colony.dsl.toml_places import places
+from colony.text.toml_places import places
 from colony.files import read_file, reason, size_text
 from colony.ir.site import Site
 from colony.text.diagnostics import Diagnostic, error
