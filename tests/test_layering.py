@@ -18,6 +18,7 @@ ALLOWED: dict[str, set[str]] = {
     "text": set(),
     "shipped": set(),
     "ir": set(),
+    "body": {"ir"},
     "dsl": {"ir", "shipped"},
     "execute": {"ir"},
     "compile": {"ir", "execute"},
