@@ -27,7 +27,7 @@ ALLOWED: dict[str, set[str]] = {
     "nav": {"runtime", "shipped"},
     "vision": {"runtime", "nav"},
     "sim": {"runtime", "nav"},
-    "view": {"ir", "compile", "nav"},
+    "view": {"ir", "body", "compile", "nav"},
     "robots": {"shipped", "ir", "dsl", "execute", "compile", "verify", "runtime", "nav", "vision", "sim"},
     "experiment": {"shipped", "ir", "dsl", "compile", "verify", "runtime", "nav", "vision", "sim", "robots"},
 }
