@@ -30,6 +30,9 @@ from colony.text.units import ANGLE, LENGTH, NUMBER
 MAX_ELEMENTS = 4096
 """Maximum number of elements of an array that a device measures."""
 
+_STRAIGHT_WITHIN_DEG = 1e-6
+"""The angle within which an element looks straight ahead: a text has finitely many decimals."""
+
 _LENGTH = Measure(LENGTH, "400 mm", POSITIVE)
 _RANGE = Measure(LENGTH, "10 m", POSITIVE)
 _HEIGHT = Measure(LENGTH, "1.2 m", POSITIVE)
@@ -140,6 +143,24 @@ class Proximity:
     def bearings(self) -> Bearings | None:
         """Return the bearings of the elements, None if they take more than a turn."""
         return uniform(self.bearing_deg, self.step_deg, self.count)
+
+    @property
+    def ahead(self) -> int:
+        """The element that looks straight ahead, in a ring that closes counterclockwise.
+
+        Raises:
+            ValueError: it is no such ring, or no element looks straight ahead.
+        """
+        bearings = self.bearings()
+        is_ring = bearings is not None and bearings.closes and (bearings.step or 0.0) > 0.0
+        angles = bearings.angles if bearings is not None and is_ring else ()
+        ahead = next((i for i, angle in enumerate(angles) if abs(angle) <= _STRAIGHT_WITHIN_DEG), None)
+        if ahead is None:
+            raise ValueError(
+                f"the ring of {self.count} elements from {self.bearing_deg:g} deg; expected one that closes "
+                "counterclockwise and has an element that looks straight ahead"
+            )
+        return ahead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

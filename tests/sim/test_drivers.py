@@ -8,9 +8,9 @@ from colony.runtime.library.camera import array
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.surfaces import scene
-from colony.sim.config import IDEAL
 from colony.sim.drivers import Plant, SimulatedCamera, image_of, simulated_drivers
 from colony.sim.world.world import World
+from tests.sim.robots import IDEAL
 
 S = 1_000_000_000
 

@@ -9,11 +9,11 @@ from colony.runtime.protocol.images import Shot
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.scene import scene_of
-from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.shots import CeilingShot, LevelShot
 from colony.sim.world.world import World
 from tests.buildings import LOOP
+from tests.sim.robots import IDEAL
 
 SCENERY = draw(Hazards(person_spacing_mm=5000.0), LOOP, 2)
 

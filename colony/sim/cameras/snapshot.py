@@ -12,7 +12,7 @@ from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.compiled import Bytes2, Floats2
-from colony.sim.config import RobotConfig
+from colony.sim.config import rome_config
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.hazards.scenery import Scenery
 
@@ -42,7 +42,7 @@ def snapshot(
     """
     if not all(map(math.isfinite, pose)):
         raise ValueError(f"the pose is {tuple(pose)}; expected finite numbers")
-    camera = Camera(scene_of(floor, scenery), config, robot_radius_mm=RobotConfig().radius_mm, seed=seed)
+    camera = Camera(scene_of(floor, scenery), config, robot_radius_mm=rome_config().radius_mm, seed=seed)
     return camera.image(
         np.array([pose], dtype=np.float64), 0, 0, people=_people(scenery), speed=(speed_mm_s, 0.0)
     )

@@ -8,11 +8,11 @@ import pytest
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.walls import walls_of
 from colony.nav.pose.echoes import CHANNELS, Reflectors, SonarModel, SonarRing, reflectors_of
-from colony.sim.config import IDEAL
 from colony.sim.world.world import World
 from colony.text.source import Source
 from tests.nav.maps.small_maps import ROOM
 from tests.paths import MAPS
+from tests.sim.robots import IDEAL
 
 LOOP = MAPS / "loop.stickrep"
 RING = SonarRing(SonarModel())

@@ -15,10 +15,10 @@ from colony.sim.cameras.optics import PINHOLE, Optics
 from colony.sim.cameras.scene import scene_of
 from colony.sim.cameras.silhouettes import PERSON_WIDTH_MM
 from colony.sim.cameras.surfaces import CEILING_MM, Panel, Scene, scene
-from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.world.world import World
 from tests.buildings import HALLWAY
+from tests.sim.robots import IDEAL
 
 ROOM = [
     [-3000.0, -3000.0, -3000.0, 3000.0],

@@ -16,12 +16,12 @@ from colony.sim.cameras.fitting import scene_with_walls
 from colony.sim.cameras.optics import PINHOLE
 from colony.sim.cameras.scene import scene_of
 from colony.sim.compiled import Bytes2
-from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.world.elevators import SLIDE_S, Elevators, cabin_of
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
 from tests.paths import MAPS
+from tests.sim.robots import IDEAL
 
 NODE = "acs.elev.L"
 CABIN = cabin_of(MSU, NODE)

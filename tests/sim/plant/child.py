@@ -12,8 +12,8 @@ from pathlib import Path
 
 from colony.nav.maps.stickrep.reader import load_map
 from colony.sim.cameras.camera import CameraConfig
-from colony.sim.config import IDEAL
 from colony.sim.plant.process import PlantOptions, serve_plant
+from tests.sim.robots import IDEAL
 
 
 def main(path: str, building: str, robots: str, logical_ns: str | None = None) -> None:

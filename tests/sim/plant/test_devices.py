@@ -11,12 +11,12 @@ import pytest
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.surfaces import scene
-from colony.sim.config import IDEAL
 from colony.sim.hazards.scenery import CeilingLight, bare_scenery
 from colony.sim.plant.devices import MAX_LAG_NS, STEP_NS, WATCHDOG_NS, Devices
 from colony.sim.plant.ports import reading
 from colony.sim.plant.protocol import AttachBase, AttachCamera, AttachProximity
 from colony.sim.world.world import World
+from tests.sim.robots import IDEAL
 
 MS = 1_000_000
 S = 1_000_000_000

@@ -18,12 +18,12 @@ from colony.runtime.protocol.images import Image
 from colony.runtime.servers.drivers import BaseState
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
-from colony.sim.config import IDEAL
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.drivers import MAX_READING_AGE_NS, RemoteBase, RemoteCamera, RemoteProximity
 from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
 from tests.buildings import HALLWAY
 from tests.sim.plant.plants import START, PlantProcess, wait_for
+from tests.sim.robots import IDEAL
 from tests.waiting import PATIENCE_S
 
 S = 1_000_000_000
