@@ -24,7 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "compile": {"ir", "execute"},
     "verify": {"ir", "execute", "compile", "dsl"},
     "runtime": {"ir", "execute"},
-    "nav": {"runtime", "shipped"},
+    "nav": {"body", "runtime", "shipped"},
     "vision": {"runtime", "nav"},
     "sim": {"body", "runtime", "nav"},
     "view": {"ir", "body", "compile", "nav"},

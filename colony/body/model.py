@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.body.devices import DEVICES, Device
+from colony.body.devices import DEVICES, Device, Proximity
 from colony.body.kinds import (
     NAME,
     NOT_NEGATIVE,
@@ -212,6 +212,17 @@ class Body:
     robot: Identity = entry("robot", Table(Identity), "whose body it is")
     chassis: Chassis = entry("body", Table(Chassis), "its shape and its drive")
     servers: Mapping[str, Server] = entry("server", Named(Table(Server)), "its servers by name", default={})
+
+    def ring(self) -> Proximity:
+        """Return the robot's ring of sonars.
+
+        Raises:
+            ValueError: it has none, or several.
+        """
+        rings = [s.simulated for s in self.servers.values() if isinstance(s.simulated, Proximity)]
+        if len(rings) != 1:
+            raise ValueError(f"`{self.robot.name}` has {len(rings)} rings of sonars; expected one")
+        return rings[0]
 
 
 ROOT = Table(Body)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields, replace
 from functools import cache
 
 from colony.body.consistency import radius_mm
-from colony.body.devices import Proximity
 from colony.body.model import Body
 from colony.body.shipped import shipped_body
 from colony.runtime.servers.drivers import BaseLimits
@@ -101,10 +100,7 @@ def config_of(body: Body) -> RobotConfig:
         ValueError: the simulator cannot simulate it: it has no ring of sonars, more than one, or a ring that
             does not close, or in which nothing looks straight ahead.
     """
-    rings = [s.simulated for s in body.servers.values() if isinstance(s.simulated, Proximity)]
-    if len(rings) != 1:
-        raise ValueError(f"`{body.robot.name}` has {len(rings)} rings of sonars; the simulator expects one")
-    [ring] = rings
+    ring = body.ring()
     drive, limits, sonar = body.chassis.drive, body.chassis.limits, ring.sonar
     wired = ring.infrared.wired
     return RobotConfig(
