@@ -25,7 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "verify": {"ir", "execute", "compile", "dsl"},
     "runtime": {"ir", "execute"},
     "nav": {"body", "runtime", "shipped"},
-    "vision": {"runtime", "nav"},
+    "vision": {"body", "runtime", "nav"},
     "sim": {"body", "runtime", "nav"},
     "view": {"ir", "body", "compile", "nav"},
     "robots": {"shipped", "ir", "dsl", "execute", "compile", "verify", "runtime", "nav", "vision", "sim"},

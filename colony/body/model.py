@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.body.devices import DEVICES, Device, Proximity
+from colony.body.devices import DEVICES, Camera, CeilingCamera, Device, Proximity
 from colony.body.kinds import (
     NAME,
     NOT_NEGATIVE,
@@ -212,6 +212,28 @@ class Body:
     robot: Identity = entry("robot", Table(Identity), "whose body it is")
     chassis: Chassis = entry("body", Table(Chassis), "its shape and its drive")
     servers: Mapping[str, Server] = entry("server", Named(Table(Server)), "its servers by name", default={})
+
+    def camera(self, server: str) -> Camera:
+        """Return the level camera of a server.
+
+        Raises:
+            ValueError: the robot has none of this name.
+        """
+        found = self.servers.get(server)
+        if found is None or not isinstance(found.simulated, Camera):
+            raise ValueError(f"`{self.robot.name}` has no level camera `{server}`")
+        return found.simulated
+
+    def ceiling_camera(self) -> CeilingCamera:
+        """Return the camera that looks up.
+
+        Raises:
+            ValueError: the robot has none, or several.
+        """
+        found = [s.simulated for s in self.servers.values() if isinstance(s.simulated, CeilingCamera)]
+        if len(found) != 1:
+            raise ValueError(f"`{self.robot.name}` has {len(found)} cameras that look up; expected one")
+        return found[0]
 
     def ring(self) -> Proximity:
         """Return the robot's ring of sonars.

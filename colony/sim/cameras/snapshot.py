@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from colony.nav.maps.stickrep.model import Map
-from colony.sim.cameras.camera import Camera, CameraConfig
-from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
+from colony.sim.cameras.camera import Camera, CameraConfig, rome_camera
+from colony.sim.cameras.ceiling import CeilingCamera, rome_ceiling_camera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.compiled import Bytes2, Floats2
 from colony.sim.config import rome_config
@@ -74,11 +75,11 @@ def snapshots(
     width, height = size
     images = {}
     for name, yaw in yaws.items():
-        config = CameraConfig(width=width, height=height, yaw_deg=yaw)
+        config = replace(rome_camera(), width=width, height=height, yaw_deg=yaw)
         images[name] = snapshot(
             floor, pose, config, scenery=scenery, seed=scenery.seed, speed_mm_s=speed_mm_s
         )
-    ceiling = CeilingCamera(scenery, CeilingCameraConfig(width=width, height=height))
+    ceiling = CeilingCamera(scenery, replace(rome_ceiling_camera(), width=width, height=height))
     return images | {"up": ceiling.image(pose, 0)}
 
 
