@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.arguments import picture, whole_number
 from colony.nav.maps.stickrep.reader import load_map
-from colony.sim.config import IDEAL
+from colony.sim.config import rome_config, without_errors
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.hazards.premises import premises_of
 from colony.sim.world.world import World
@@ -41,7 +41,9 @@ def drive_north(seed: int) -> list[Reading]:
     track = max(northward, key=lambda t: t.length_mm)
     start = track.point_at(1000.0)
     world = World(
-        walls=draw(Hazards().only(Hazard.COMPASS), floor, seed), poses=[(*start, 0.0)], config=IDEAL
+        walls=draw(Hazards().only(Hazard.COMPASS), floor, seed),
+        poses=[(*start, 0.0)],
+        config=without_errors(rome_config()),
     )
     world.command(0, SPEED_MM_S, 0.0)
     readings = []

@@ -38,7 +38,7 @@ def run() -> list[Row]:
     rows += [
         _behavior(file)
         for file in sorted(
-            [*ROOT.glob("behaviors/*.colony"), *ROOT.glob("robots/*.colony")], key=lambda path: path.stem
+            [*ROOT.glob("behaviors/*.colony"), *ROOT.glob("robots/*/*.colony")], key=lambda path: path.stem
         )
     ]
     return rows

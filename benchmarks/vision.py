@@ -24,7 +24,7 @@ from benchmarks.simulation import calibration
 from colony.nav.maps.signs import Sign, markers_of, plates_of
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.stickrep.reader import load_map
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.hazards.hazards import Hazards, draw
@@ -35,6 +35,7 @@ from colony.vision.lights.track import LightDetections, LightGoal, LightTrack
 from colony.vision.markers.rows import find_markers
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.reader import read_plate
+from tests.sim.robots import FRONT_CAMERA
 
 Row = dict[str, object]
 Image = NDArray[np.uint8]
@@ -68,7 +69,7 @@ class Views:
 
     def __init__(self, floor: Map, *, seed: int = 1) -> None:
         self._camera = Camera(
-            scene_of(floor, draw(Hazards(), floor, seed)), CameraConfig(), robot_radius_mm=400.0, seed=seed
+            scene_of(floor, draw(Hazards(), floor, seed)), FRONT_CAMERA, robot_radius_mm=400.0, seed=seed
         )
 
     def of(self, sign: Sign, distance_mm: float, aside_mm: float, look: int) -> Image:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,22 +29,26 @@ from colony.robots.variants import CEILING_CAMERA, OURS, PLANNER
 from colony.runtime.assembly.loop import Loop
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.cameras.ceiling import CeilingCamera
-from colony.sim.config import RobotConfig
+from colony.sim.config import RobotConfig, rome_config
 from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.shots import CeilingShot
 from colony.sim.world.world import World
 
 ROBOTS: Mapping[str, RobotConfig] = {
-    "as believed": RobotConfig(),
-    "cone of 9 degrees": RobotConfig(sonar_half_beam_deg=9.0),
-    "cone of 15 degrees": RobotConfig(sonar_half_beam_deg=15.0),
-    "critical angle 20": RobotConfig(sonar_critical_deg=20.0),
-    "critical angle 45": RobotConfig(sonar_critical_deg=45.0),
-    "five times the noise": RobotConfig(sonar_noise_mm=15.0, sonar_noise=0.015),
-    "ring 30 mm smaller": RobotConfig(sonar_ring_mm=330.0),
-    "15, 45 and the noise": RobotConfig(
-        sonar_half_beam_deg=15.0, sonar_critical_deg=45.0, sonar_noise_mm=15.0, sonar_noise=0.015
+    "as believed": rome_config(),
+    "cone of 9 degrees": replace(rome_config(), sonar_half_beam_deg=9.0),
+    "cone of 15 degrees": replace(rome_config(), sonar_half_beam_deg=15.0),
+    "critical angle 20": replace(rome_config(), sonar_critical_deg=20.0),
+    "critical angle 45": replace(rome_config(), sonar_critical_deg=45.0),
+    "five times the noise": replace(rome_config(), sonar_noise_mm=15.0, sonar_noise=0.015),
+    "ring 30 mm smaller": replace(rome_config(), sonar_ring_mm=330.0),
+    "15, 45 and the noise": replace(
+        rome_config(),
+        sonar_half_beam_deg=15.0,
+        sonar_critical_deg=45.0,
+        sonar_noise_mm=15.0,
+        sonar_noise=0.015,
     ),
 }
 LOOK_FRAMES = 10

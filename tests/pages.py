@@ -13,7 +13,7 @@ import pytest
 
 from colony.cli.main import main
 
-COMMANDS = re.compile(r"```sh\n(.*?)```\n\n```text\n(.*?)```", re.DOTALL)
+COMMANDS = re.compile(r"```sh\n((?:(?!```).)*)```\n\n```text\n(.*?)```", re.DOTALL)
 """A block of commands, and the block of output below it."""
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 MAPS = ROOT / "maps"
-ROBOTS = sorted((ROOT / "robots").glob("*.colony"))
+ROBOTS = sorted((ROOT / "robots").glob("*/*.colony"))
 """The robots that come with the project."""
 
 BEHAVIORS = sorted([*(ROOT / "behaviors").glob("*.colony"), *ROBOTS], key=lambda path: path.stem)

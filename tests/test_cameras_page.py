@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from colony.sim.cameras.camera import CameraConfig
 from colony.sim.cameras.optics import Optics
 from colony.sim.hazards.hazards import Hazards
 from tests.pages import COMMANDS, typed
 from tests.paths import ROOT
+from tests.sim.robots import FRONT_CAMERA
 
 PAGE = (ROOT / "docs" / "cameras.md").read_text(encoding="utf-8")
 PICTURES = re.findall(r"!\[[^]]*\]\((cameras/([^/]+)/(\w+)\.png)\)", PAGE)
@@ -72,8 +72,8 @@ def test_the_table_has_all_of_the_optics() -> None:
 @pytest.mark.parametrize(
     ("words", "value"),
     [
-        ("{} mm above the\nfloor", CameraConfig().above_floor_mm),
-        ("image is {} by", CameraConfig().width),
+        ("{} mm above the\nfloor", FRONT_CAMERA.above_floor_mm),
+        ("image is {} by", FRONT_CAMERA.width),
         ("every {} m of wall", Hazards().black_poster_spacing_mm / 1000),
         ("notice on every {} m", Hazards().poster_spacing_mm / 1000),
         ("sign on every {} m", Hazards().extinguisher_spacing_mm / 1000),

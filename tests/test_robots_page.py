@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 
 from colony.dsl.load import check_file
+from tests.body.keys_table import rows
 from tests.pages import COMMANDS, typed
 from tests.paths import ROOT
 
 PAGE = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
-FILES = dict(re.findall(r"^```colony file=(\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
+FILES = dict(re.findall(r"^```(?:colony|toml) file=(\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
 
 LISTED = """
   sensor infrared[24] : bool bearing -180 deg from PServer.infrared
@@ -33,7 +34,7 @@ let right = ranges[-90 deg]
 
 @pytest.mark.parametrize("behavior", ["wander", "teleop", "herbert"])
 def test_a_behavior_checks_on_a_robot_that_has_what_is_listed(behavior: str, tmp_path: Path) -> None:
-    scout = FILES["robots/scout.colony"].replace("\n  actuator drive", LISTED) + NEAREST
+    scout = FILES["robots/scout/scout.colony"].replace("\n  actuator drive", LISTED) + NEAREST
     (tmp_path / "scout.colony").write_text(scout, encoding="utf-8")
     path = ROOT / "behaviors" / f"{behavior}.colony"
     assert check_file(path, robot=str(tmp_path / "scout.colony")).diagnostics == ()
@@ -43,12 +44,16 @@ def test_a_behavior_checks_on_a_robot_that_has_what_is_listed(behavior: str, tmp
 
 def test_commands_print_what_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "robots").mkdir()
     for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
-    [(commands, shown)] = COMMANDS.findall(PAGE)
-    printed = "".join(typed(command, monkeypatch, errors=True) for command in commands.splitlines())
-    assert printed == shown
+    for commands, shown in COMMANDS.findall(PAGE):
+        printed = "".join(typed(command, monkeypatch, errors=True) for command in commands.splitlines())
+        assert printed == shown
     assert typed("colony test wander --robot scout", monkeypatch).endswith("5 passed, 0 failed\n")
     typed("colony new walk", monkeypatch)
     assert typed("colony test walk/walk.colony --robot scout", monkeypatch).endswith("1 passed, 0 failed\n")
+
+
+def test_the_page_has_every_key_of_a_body() -> None:
+    assert "\n".join(rows()) in PAGE

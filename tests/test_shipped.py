@@ -28,7 +28,7 @@ def test_all_that_is_shipped_has_a_name() -> None:
     assert Shipped.BEHAVIOR.names() + Shipped.ROBOT.names() == [
         path.stem for path in [*(b for b in BEHAVIORS if b not in ROBOTS), *ROBOTS]
     ]
-    assert Shipped.BEHAVIOR.find("rome") == str(ROOT / "robots" / "rome.colony")
+    assert Shipped.BEHAVIOR.find("rome") == str(ROOT / "robots" / "rome" / "rome.colony")
     assert Shipped.MAP.names() == sorted(path.stem for path in MAPS.glob("*.stickrep"))
     assert Shipped.MAP.path("loop") == MAPS / "loop.stickrep"
 
@@ -90,7 +90,7 @@ def test_a_behavior_for_any_robot_is_for_rome_where_no_project_says_otherwise(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert library.load(name).robot.name == "rome"
-    other = (ROOT / "robots" / "rome.colony").read_text().replace("robot rome {", "robot other {")
+    other = (ROOT / "robots" / "rome" / "rome.colony").read_text().replace("robot rome {", "robot other {")
     (tmp_path / "other.colony").write_text(other)
     assert library.load(name, robot="./other.colony").robot.name == "other"
     (tmp_path / "colony.toml").write_text('robot = "./other.colony"')

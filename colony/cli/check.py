@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.params_choice import chosen_params, params_option
-from colony.cli.reporting import Format, format_option, is_unreadable, one_line, report, say
+from colony.cli.reporting import Format, format_option, formatted, is_unreadable, one_line, report, say
 from colony.cli.robot_choice import repeated_description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.collector import gc_paused
@@ -73,7 +72,7 @@ def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str
                 if all(one.program is not None for one in by_robot.values()):
                     click.echo(f"{file}: ok")
     if format_ != "text":
-        click.echo(_formatted(diagnostics, cast(Format, format_)))
+        click.echo(formatted(diagnostics, cast(Format, format_)))
     if unreadable:
         raise click.exceptions.Exit(EXIT_MISUSE)
     if has_errors(diagnostics):
@@ -109,13 +108,3 @@ def _notes(checked: Checked, noted: set[str]) -> Iterator[Diagnostic]:
         if file.tree.language is None and file.key not in noted and id(file.source) not in misread:
             yield version_note(file.source)
         noted.add(file.key)
-
-
-def _formatted(diagnostics: Sequence[Diagnostic], format_: Format) -> str:
-    if format_ == "sarif":
-        from colony.cli.sarif import sarif
-
-        return sarif(diagnostics, directory=Path.cwd())
-    from colony.text.diagnostics import to_json
-
-    return to_json(diagnostics)

@@ -74,6 +74,17 @@ def report(diagnostics: Iterable[Diagnostic]) -> None:
         _echo(text)
 
 
+def formatted(diagnostics: Sequence[Diagnostic], format_: Format) -> str:
+    """Return diagnostics as SARIF, or as JSON for any other format."""
+    if format_ == "sarif":
+        from colony.cli.sarif import sarif
+
+        return sarif(diagnostics, directory=Path.cwd())
+    from colony.text.diagnostics import to_json
+
+    return to_json(diagnostics)
+
+
 def one_line(diagnostic: Diagnostic) -> str:
     """Return a diagnostic and its hint on one line, even if a file's name has line breaks."""
     hint = f" ({diagnostic.hint})" if diagnostic.hint else ""

@@ -1,9 +1,12 @@
 """Descriptions of robots, for `import robot`: which one a program is for, and where it is.
 
 A description is a file that declares a robot. It is given by its path, or by its name if it comes with colony
-or is in the folder `robots` of the project. The project of a behavior is the nearest folder from its own
-upwards with a `colony.toml`, or a `pyproject.toml` that has a table `[tool.colony]`; there, `robot = "NAME"`
-is the robot of all behaviors of which nothing else says so.
+or is in the folder `robots` of the project: `robots/NAME/NAME.colony`, with the robot's body beside it, or
+`robots/NAME.colony`, a description without a body.
+
+The project of a behavior is the nearest folder from its own upwards with a `colony.toml`, or a
+`pyproject.toml` that has a table `[tool.colony]`; there, `robot = "NAME"` is the robot of all behaviors of
+which nothing else says so.
 """
 
 from __future__ import annotations
@@ -115,13 +118,18 @@ def find_description(text: str, folder: Path, project: Path | None) -> Path | No
         project: the folder of the project, whose own descriptions come before those of colony.
     """
     if is_path(text):
-        found = Shipped.ROBOT.user_file(folder / text)
-        return None if found is None else Path(found)
+        return _file_at(folder / text)
     for place in dict.fromkeys((project or folder, folder)):
-        found = Shipped.ROBOT.user_file(place / ROBOTS / text)
+        found = _file_at(place / ROBOTS / text)
         if found is not None:
-            return Path(found)
+            return found
     return Shipped.ROBOT.file_named(text)
+
+
+def _file_at(path: Path) -> Path | None:
+    """Return the description in the folder `path` of a robot, else the file `path`; None if none exists."""
+    found = Shipped.ROBOT.user_file(path / path.name) or Shipped.ROBOT.user_file(path)
+    return None if found is None else Path(found)
 
 
 def is_path(text: str) -> bool:
@@ -136,7 +144,9 @@ def known_descriptions(folder: Path) -> tuple[str, ...]:
 
 def _own_descriptions(folder: Path) -> list[str]:
     """Return the names of the descriptions in `robots` of this folder."""
-    return sorted(path.stem for path in (folder / ROBOTS).glob(f"*{Shipped.ROBOT.suffix}"))
+    robots, suffix = folder / ROBOTS, Shipped.ROBOT.suffix
+    own = {path.stem for path in robots.glob(f"*/*{suffix}") if path.stem == path.parent.name}
+    return sorted(own | {path.stem for path in robots.glob(f"*{suffix}")})
 
 
 def listed_descriptions(folder: Path) -> str:

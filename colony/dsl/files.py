@@ -285,7 +285,7 @@ class _Loader:
             path: its path; None if it is one of the program's files anyway.
         """
         below = self._imported_by(target)
-        is_shipped = path is not None and Path(path).parent == Shipped.ROBOT.folder
+        is_shipped = path is not None and Shipped.ROBOT.contains(Path(path))
         for key, file in self.files.items():
             found = [d for d in file.tree.declarations if isinstance(d, ast.RobotImportDecl)]
             is_cycle = path is not None and key == next(

@@ -43,9 +43,8 @@ class ProgramContext(Record):
 def context_of_file(path: Path, choice: RobotChoice | None) -> ProgramContext:
     """Return the context of a file; that of a behavior that comes with colony is the current folder."""
     try:
-        is_shipped = Path(os.path.realpath(path)).parent in {
-            Path(os.path.realpath(k.folder)) for k in Shipped
-        }
+        real = Path(os.path.realpath(path))
+        is_shipped = any(os.path.realpath(kind.path(real.stem)) == str(real) for kind in Shipped)
     except (OSError, ValueError):  # no path at all, as reading it reports
         is_shipped = False
     return ProgramContext(choice=choice, folder=Path() if is_shipped else path.parent, is_shipped=is_shipped)

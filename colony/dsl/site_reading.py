@@ -19,11 +19,11 @@ from pathlib import Path
 
 from colony.dsl.files import UnreadableFileError, decode
 from colony.dsl.site import SiteParams, SiteValue
-from colony.dsl.toml_places import places
 from colony.files import read_file, reason, size_text
 from colony.ir.site import Site
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Source, Span
+from colony.text.toml_places import places
 
 MAX_BYTES = 64 * 1024
 """Byte limit of a file of params: it is far more than people write, and is read at once."""

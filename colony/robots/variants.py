@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -19,7 +19,7 @@ from colony.nav.pose.estimate import pose_estimator
 from colony.nav.pose.tracker import EVERY_SOURCE, Source
 from colony.runtime.kit.script import Script
 from colony.shipped import Shipped
-from colony.sim.config import RobotConfig
+from colony.sim.config import RobotConfig, rome_config
 from colony.vision.lights.tracker import light_tracker
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Variant:
     name: VariantName
     behavior: Path
     expected_mm_s: float
-    robot: RobotConfig = field(default_factory=RobotConfig)
+    robot: RobotConfig = field(default_factory=rome_config)
 
     def scripts(
         self,
@@ -121,6 +121,6 @@ THESIS = Variant(
     name="thesis",
     behavior=Shipped.BEHAVIOR.path("thesis_navigator"),
     expected_mm_s=100.0,
-    robot=RobotConfig(wheel_scale=0.0005),
+    robot=replace(rome_config(), wheel_scale=0.0005),
 )
 VARIANTS: Mapping[str, Variant] = {variant.name: variant for variant in (OURS, THESIS)}

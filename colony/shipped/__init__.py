@@ -22,7 +22,10 @@ def errors_page() -> str:
 
 @unique
 class Shipped(Enum):
-    """A kind of shipped file, with its folder and the suffix of its files."""
+    """A kind of shipped file, with its folder and the suffix of its files.
+
+    A robot has a folder of its own, with its description and its body: `robots/rome/rome.colony`.
+    """
 
     BEHAVIOR = ("behaviors", ".colony")
     LIBRARY = ("behaviors/library", ".colony")
@@ -41,11 +44,16 @@ class Shipped(Enum):
 
     def names(self) -> list[str]:
         """Return the names of all files of this kind, in alphabetical order."""
-        return sorted(path.stem for path in self.folder.glob(f"*{self.suffix}"))
+        return sorted(path.stem for path in self.folder.glob(f"**/*{self.suffix}") if self.contains(path))
 
     def path(self, name: str) -> Path:
         """Return the file of this name, which is one of `names()`."""
-        return self.folder / f"{name}{self.suffix}"
+        folder = self.folder / name if self is Shipped.ROBOT else self.folder
+        return folder / f"{name}{self.suffix}"
+
+    def contains(self, path: Path) -> bool:
+        """Return True if `path` is the path of a file of this kind, as `path` gives it."""
+        return path.suffix == self.suffix and path == self.path(path.stem)
 
     def find(self, name_or_path: str) -> str:
         """Return the path of the user's file, given with or without its suffix, or else of a shipped file.
@@ -69,7 +77,8 @@ class Shipped(Enum):
         It is searched for in `folder`, by default among the shipped files. A robot is a behavior, too, and so
         is a file of the library, which has no robot: behaviors and descriptions of robots import it.
         """
-        path = (folder or self.folder) / f"{name.removesuffix(self.suffix)}{self.suffix}"
+        stem = name.removesuffix(self.suffix)
+        path = self.path(stem) if folder is None else folder / f"{stem}{self.suffix}"
         if os.path.basename(name) == name and os.path.isfile(path):
             return path
         if self is not Shipped.BEHAVIOR or folder is not None:

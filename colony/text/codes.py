@@ -3,7 +3,8 @@
 Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
 when each occurs and how to fix it. M is about maps, F about the frames of a trace, R about binding a program
 to a robot, P about modules written in Python, T about failed tests, C about compiled programs, A about
-recordings to be audited, V about results of proofs. Those of the front end are in `colony.dsl.errors`.
+recordings to be audited, V about results of proofs, B about the bodies of robots. Those of the front end are
+in `colony.dsl.errors`.
 """
 
 from __future__ import annotations
@@ -57,6 +58,24 @@ CODES: dict[str, str] = {
     "R006": "two actuators have one command",
     "R007": "a time limit on a field without an age",
     "R008": "a range beyond that of the command",
+    "B001": "the body cannot be read",
+    "B002": "the body is not TOML",
+    "B003": "an unknown key in a body",
+    "B004": "a part of a body is missing",
+    "B005": "an unknown device, drive or shape",
+    "B006": "a value of the wrong form in a body",
+    "B007": "a value in the wrong unit in a body",
+    "B008": "a value of a body is out of bounds",
+    "B009": "parts of a body contradict each other",
+    "B010": "interface and body have different names",
+    "B011": "interface and body have different frame periods",
+    "B012": "the body lacks what the interface names",
+    "B013": "a sensor has not as many elements as its device",
+    "B014": "a sensor and its device look along different bearings",
+    "B015": "a reading is beyond the range of its sensor",
+    "B016": "an actuator reaches beyond the limits of the base",
+    "B017": "a field is measured less often than it is read",
+    "B018": "nothing in the interface reads a part of the body",
     "P001": "a class in Python cannot be imported and built",
     "P002": "a module in Python is not deterministic",
     "T001": "an expectation is false",

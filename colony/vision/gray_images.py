@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.vision.level_camera import LevelCamera
+from colony.vision.level_camera import AHEAD, LevelCamera
 
 Gray = NDArray[np.uint8]
 """An image: (rows, columns), from 0 (black) to 255 (white)."""
@@ -45,14 +46,14 @@ def gray_image(image: NDArray[Any]) -> Gray:
 def gray_band(image: NDArray[Any], camera: LevelCamera | None, first_row: int) -> tuple[Gray, LevelCamera]:
     """Return an image in gray, with its camera.
 
-    The image is complete, or a band that begins with row `first_row`. The default camera has a field of view
-    of 60 degrees and images of this size.
+    The image is complete, or a band that begins with row `first_row`. The default camera is RoME's, with
+    images of this size.
 
     Raises:
         ValueError: `image` is not an image, or not one of this camera.
     """
     gray = gray_image(image)
-    camera = camera or LevelCamera(columns=gray.shape[1], rows=gray.shape[0])
+    camera = camera or replace(AHEAD, columns=gray.shape[1], rows=gray.shape[0])
     if gray.shape[1] != camera.columns or first_row < 0 or first_row + gray.shape[0] > camera.rows:
         raise ValueError(
             f"an image of {gray.shape[0]} rows from row {first_row} on, {gray.shape[1]} columns; expected "

@@ -13,6 +13,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from colony.body.devices import Camera
+from colony.body.shipped import shipped_body
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelCamera:
@@ -28,11 +31,11 @@ class LevelCamera:
         ValueError: a parameter is out of range.
     """
 
-    columns: int = 240
-    rows: int = 120
-    view_deg: float = 60.0
-    yaw_deg: float = 0.0
-    height_mm: float = 1350.0
+    columns: int
+    rows: int
+    view_deg: float
+    yaw_deg: float
+    height_mm: float
 
     def __post_init__(self) -> None:
         """Check the ranges of the parameters."""
@@ -65,8 +68,19 @@ class LevelCamera:
         return (self.rows - 1) / 2.0 - self.focal * (above_floor_mm - self.height_mm) / depth_mm
 
 
-SIDE = LevelCamera(yaw_deg=90.0)
-"""The camera that looks to the left, for door plates."""
+def level_camera_of(camera: Camera) -> LevelCamera:
+    """Return the geometry of a camera of a robot's body."""
+    return LevelCamera(
+        columns=camera.size.columns,
+        rows=camera.size.rows,
+        view_deg=camera.view_deg,
+        yaw_deg=camera.pose.bearing_deg,
+        height_mm=camera.height_mm,
+    )
 
-AHEAD = LevelCamera()
-"""The camera that looks ahead, for markers."""
+
+SIDE = level_camera_of(shipped_body("rome").camera("CServerSide"))
+"""RoME's camera that looks to the left, for door plates."""
+
+AHEAD = level_camera_of(shipped_body("rome").camera("CServerFront"))
+"""RoME's camera that looks ahead, for markers."""

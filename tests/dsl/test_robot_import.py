@@ -166,6 +166,21 @@ def test_a_description_imports_on(project: Path) -> None:
     assert robot_of(load_text(GO + "let a = better", robot="better")) == "amr"
 
 
+def test_a_robot_may_have_a_folder_of_its_own(project: Path) -> None:
+    (project / "robots" / "amr").mkdir()
+    (project / "robots" / "amr" / "amr.colony").write_text(description("amr", 700))
+    (project / "robots" / "amr" / "parts.colony").write_text("param parts = 3\n")
+    for text in ("amr", "robots/amr", "robots/amr/amr.colony", str(project / "robots" / "amr")):
+        program = load_file("go.colony", robot=text)
+        assert [path for path, _ in program.files] == ["robots/amr/amr.colony", "go.colony"]
+    assert message(check_file("go.colony"))[1] == (
+        'give --robot NAME, or write `robot = "NAME"` in colony.toml; '
+        "robots that come with colony: rome; in `robots`: amr, cart"
+    )
+    (project / "robots" / "rome").mkdir()  # without a description: that of colony is used
+    assert robot_of(load_file("go.colony", robot="rome")) == "rome"
+
+
 @pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
 def test_robots_of_colony(path: Path) -> None:
     program = load_text(GO, robot=path.stem)

@@ -16,11 +16,11 @@ from colony.nav.plan.plan import FloorPoint, Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
-from colony.sim.config import IDEAL
 from colony.sim.hazards.scenery import Joint, Scenery, Slip, bare_scenery
 from colony.sim.world.world import World
 from tests.experiment.conformance_stage import PROGRAM
 from tests.experiment.loops import loop_of
+from tests.sim.robots import IDEAL
 
 
 def _segment(kind: GoalKind, start: float, end: float, *lights: float) -> Segment:

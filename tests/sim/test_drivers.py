@@ -6,11 +6,11 @@ import pytest
 
 from colony.runtime.library.camera import array
 from colony.runtime.transport.virtual import VirtualClock
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.surfaces import scene
-from colony.sim.config import IDEAL
 from colony.sim.drivers import Plant, SimulatedCamera, image_of, simulated_drivers
 from colony.sim.world.world import World
+from tests.sim.robots import FRONT_CAMERA, IDEAL
 
 S = 1_000_000_000
 
@@ -71,7 +71,7 @@ def test_a_camera_sees_where_the_robot_is_now() -> None:
     clock = VirtualClock()
     shared = plant(clock)
     scenery = scene([[-5000.0, 3000.0, 5000.0, 3000.0]])
-    eye = Camera(scenery, CameraConfig(), robot_radius_mm=400.0)
+    eye = Camera(scenery, FRONT_CAMERA, robot_radius_mm=400.0)
     camera = SimulatedCamera(shared, lambda now_ns: image_of(eye.see(shared.world, 0, now_ns), now_ns))
     first = camera.grab().rows(0, 120)
     simulated_drivers(shared).base.drive(500.0, 0.0)

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from colony.runtime.protocol.images import Shot
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.scene import scene_of
-from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.shots import CeilingShot, LevelShot
 from colony.sim.world.world import World
 from tests.buildings import LOOP
+from tests.sim.robots import FRONT_CAMERA, IDEAL
 
 SCENERY = draw(Hazards(person_spacing_mm=5000.0), LOOP, 2)
 
 
 def staged() -> tuple[World, Camera]:
     world = World(walls=SCENERY, poses=[LOOP.start], config=IDEAL)
-    return world, Camera(scene_of(LOOP, SCENERY), CameraConfig(yaw_deg=90.0), robot_radius_mm=400.0)
+    return world, Camera(scene_of(LOOP, SCENERY), replace(FRONT_CAMERA, yaw_deg=90.0), robot_radius_mm=400.0)
 
 
 def shots() -> list[Shot]:

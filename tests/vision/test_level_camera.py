@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -53,4 +54,4 @@ def test_a_plate_of_the_thesis_robot_is_as_large_as_it_is() -> None:
 )
 def test_what_makes_no_camera_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="expected"):
-        LevelCamera(**wrong)  # type: ignore[arg-type]
+        replace(AHEAD, **wrong)  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ import pytest
 
 from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
 from colony.vision.detectors import Detection, Detector
-from colony.vision.level_camera import LevelCamera
+from colony.vision.level_camera import AHEAD
 from tests.vision.second_renderer import measure
 from tests.vision.second_renderer.lettering import FONTS, font_file, plate
 from tests.vision.second_renderer.measure import CORPUS, PAGE, Picture, Score, overlap, pictures, score
@@ -216,7 +216,7 @@ def test_its_camera_is_a_level_camera() -> None:
     from tests.vision.second_renderer.scenes import View
 
     view = View("level", (1.8, 0.0, 1.35), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (240, 120), 0.0, 0.0, 1.8)
-    camera = LevelCamera()
+    camera = AHEAD
     seen = _seen_at(np.array([0.0, 0.5, 1.4]), view)
     assert seen is not None
     assert seen[0] == pytest.approx(camera.column_of(-np.degrees(np.arctan2(0.5, 1.8))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,13 +11,14 @@ from numpy.typing import NDArray
 
 from colony.nav.maps.signs import Marker, Plate, markers_of, plates_of
 from colony.nav.maps.stickrep.reader import load_map
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.optics import Optics
 from colony.sim.cameras.scene import scene_of
-from colony.vision.level_camera import LevelCamera
+from colony.vision.level_camera import AHEAD
 from colony.vision.signs_in_view import corners_of, signs_in_view
 from tests.buildings import LOOP, MSU
 from tests.paths import MAPS
+from tests.sim.robots import FRONT_CAMERA
 
 OPTICS = Optics(blur=0.0, noise=0.0, vignetting=0.0, gain=0.0, exposure_s=0.0)
 NARROW = load_map(MAPS / "narrow.stickrep")
@@ -54,10 +56,10 @@ def test_a_plate_is_rendered_where_its_corners_are(
     size: tuple[int, int], aside: float, turned: float, yaw: float
 ) -> None:
     columns, rows = size
-    camera = LevelCamera(columns=columns, rows=rows, yaw_deg=yaw)
+    camera = replace(AHEAD, columns=columns, rows=rows, yaw_deg=yaw)
     eye = Camera(
         scene_of(MSU),
-        CameraConfig(width=columns, height=rows, yaw_deg=yaw, optics=OPTICS),
+        replace(FRONT_CAMERA, width=columns, height=rows, yaw_deg=yaw, optics=OPTICS),
         robot_radius_mm=400.0,
     )
     for plate in plates_of(MSU)[:4]:  # on painted brick
@@ -76,7 +78,7 @@ def test_a_plate_is_rendered_where_its_corners_are(
 
 
 def test_markers_too_are_where_they_are_said_to_be() -> None:
-    camera, eye = LevelCamera(), Camera(scene_of(MSU), CameraConfig(optics=OPTICS), robot_radius_mm=400.0)
+    camera, eye = AHEAD, Camera(scene_of(MSU), replace(FRONT_CAMERA, optics=OPTICS), robot_radius_mm=400.0)
     for marker in markers_of(MSU):
         pose = before(marker, away=1700.0, aside=150.0, turned=7.0, yaw=0.0)
         corners = corners_of(marker, pose, camera)
@@ -88,7 +90,7 @@ def test_markers_too_are_where_they_are_said_to_be() -> None:
 
 
 def test_what_is_in_view_is_there_and_nothing_else() -> None:
-    camera = LevelCamera(yaw_deg=90.0)
+    camera = replace(AHEAD, yaw_deg=90.0)
     for floor in (LOOP, MSU, NARROW):
         for plate in plates_of(floor)[::7]:
             pose = before(plate, away=800.0, aside=0.0, turned=0.0, yaw=90.0)
@@ -103,7 +105,7 @@ def test_what_is_in_view_is_there_and_nothing_else() -> None:
 def test_walls_hide_signs_and_backs_show_none() -> None:
     plate = plates_of(MSU)[3]
     behind = before(plate, away=-900.0, aside=0.0, turned=180.0, yaw=0.0)
-    assert corners_of(plate, behind, LevelCamera()) is None
+    assert corners_of(plate, behind, AHEAD) is None
     far = before(plate, away=9000.0, aside=0.0, turned=0.0, yaw=0.0)
-    assert corners_of(plate, far, LevelCamera()) is not None
-    assert plate not in [one.sign for one in signs_in_view(MSU, far, LevelCamera())]
+    assert corners_of(plate, far, AHEAD) is not None
+    assert plate not in [one.sign for one in signs_in_view(MSU, far, AHEAD)]

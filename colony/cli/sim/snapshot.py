@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
@@ -173,12 +174,12 @@ def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
 
 def _view_text(floor: Map, pose: _Pose, name: str, size: tuple[int, int]) -> str:
     """Return a description of the signs in a camera's view, nearest first."""
-    from colony.vision.level_camera import LevelCamera
+    from colony.vision.level_camera import AHEAD
     from colony.vision.signs_in_view import signs_in_view
 
     if name not in _YAWS:
         return "the ceiling"
-    camera = LevelCamera(columns=size[0], rows=size[1], yaw_deg=_YAWS[name])
+    camera = replace(AHEAD, columns=size[0], rows=size[1], yaw_deg=_YAWS[name])
     signs = [sign for sign in signs_in_view(floor, pose, camera) if _width(sign) >= _MIN_SIGN_WIDTH_PX]
     return "; ".join(map(_sign, signs)) or "neither plate nor marker"
 

@@ -8,13 +8,13 @@ Avoidance (1991); thesis section 5.5.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.nav.pose.echoes import BEARINGS_RAD, Floats
+from colony.nav.pose.echoes import Floats, SonarModel, rome_sonars
 
 MAX_CERTAINTY = 15
 HIT_INCREMENT = 3
@@ -29,15 +29,13 @@ class HimmParameters:
         cell_mm: side of a cell.
         half_side_mm: distance of each side of the map from its origin.
         reach_mm: maximum distance of an echo that is marked, and of the cells that are cleared.
-        full_range_mm: reading of a sonar without an echo; it changes nothing.
-        ring_mm: distance from the robot's center to each transducer.
+        sonars: the model of the sonars; a reading without an echo changes nothing.
     """
 
     cell_mm: float = 100.0
     half_side_mm: float = 16_000.0
     reach_mm: float = 3_000.0
-    full_range_mm: float = 10_000.0
-    ring_mm: float = 360.0
+    sonars: SonarModel = field(default_factory=rome_sonars)
 
 
 class LocalPose(NamedTuple):
@@ -68,6 +66,7 @@ class HimmMap:
         self.parameters = parameters or HimmParameters()
         side = 2 * round(self.parameters.half_side_mm / self.parameters.cell_mm)
         self._side = side
+        self._bearings = self.parameters.sonars.bearings_rad()
         self._grid = np.zeros(side * side, dtype=np.int16)
         steps = int(self.parameters.reach_mm / self.parameters.cell_mm) + 2
         self._steps = np.arange(steps, dtype=np.float64)[None, :]
@@ -82,12 +81,13 @@ class HimmMap:
         self._grid[:] = 0
 
     def mark(self, pose: LocalPose, ranges: Floats) -> None:
-        """Add a scan, (24,) in mm; ignore invalid readings and cells outside the map."""
+        """Add a scan, (sonars,) in mm; ignore invalid readings and cells outside the map."""
         parameters = self.parameters
-        valid = np.flatnonzero((ranges >= 0.0) & (ranges < parameters.full_range_mm))
-        angles = BEARINGS_RAD[valid] + pose.heading_rad
+        valid = np.flatnonzero((ranges >= 0.0) & (ranges < parameters.sonars.full_range_mm))
+        angles = self._bearings[valid] + pose.heading_rad
         cosine, sine = np.cos(angles), np.sin(angles)
-        origin = (pose.ahead_mm + parameters.ring_mm * cosine, pose.left_mm + parameters.ring_mm * sine)
+        ring_mm = parameters.sonars.ring_mm
+        origin = (pose.ahead_mm + ring_mm * cosine, pose.left_mm + ring_mm * sine)
         distance = ranges[valid]
         hit = distance <= parameters.reach_mm
         cleared = np.minimum(distance, parameters.reach_mm)

@@ -19,7 +19,7 @@ from colony.nav.mapping.hough import lines_in
 from colony.nav.mapping.local_map import local_pose
 from colony.nav.mapping.orientation import hallway_direction, wrap_deg
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.echoes import SonarModel
+from colony.nav.pose.echoes import rome_sonars
 from colony.nav.shared import GOAL_DIRECTION, GOAL_DISTANCE, LIGHT_DETECTED, START_MAP
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, proximity, robot
@@ -38,8 +38,7 @@ def local_mapper() -> Script:
 
     Each correction comes from the lines in a local map that spans three lights.
     """
-    model = SonarModel()
-    himm = HimmParameters(full_range_mm=model.full_range_mm, ring_mm=model.ring_mm)
+    himm = HimmParameters(sonars=rome_sonars())
     for name in (START_MAP, LIGHT_DETECTED):
         yield from do("DServer", data.create_semaphore(name, 0))
     while True:

@@ -11,29 +11,33 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from colony.body.model import Body
+from colony.body.shipped import shipped_body
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-CHANNELS = 24
-"""Number of sonars, 15 degrees apart counterclockwise: 12 ahead, 18 left, 0 back, 6 right."""
-
-BEARINGS_RAD = (np.arange(CHANNELS) - 12) * (2.0 * math.pi / CHANNELS)
-"""(24,), the direction of each sonar, counterclockwise from ahead."""
+ROME = "rome"
+"""The robot whose sonars are modeled where nothing else is said."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SonarModel:
     """The model of a robot's sonars; lengths in mm, angles in degrees.
 
+    What is known of the robot is in its body; what has a default is how the filter reads it.
+
     Attributes:
+        count: number of sonars, in a ring that closes, counterclockwise.
+        ahead: the sonar that looks straight ahead.
         ring_mm: distance from the robot's center to each transducer, where ranges begin.
         half_beam_deg: half the opening angle of the cone.
         critical_deg: maximum angle to a wall's normal at which the wall returns an echo.
@@ -45,14 +49,49 @@ class SonarModel:
         oblique_mm: the constant for a wall detected by the edge of the cone, which is blurred in reality.
     """
 
-    ring_mm: float = 360.0
-    half_beam_deg: float = 12.0
-    critical_deg: float = 30.0
-    full_range_mm: float = 10_000.0
+    count: int
+    ahead: int
+    ring_mm: float
+    half_beam_deg: float
+    critical_deg: float
+    full_range_mm: float
     reach_mm: float = 6_000.0
     noise_mm: float = 12.0
     noise_fraction: float = 0.006
     oblique_mm: float = 30.0
+
+    def bearings_rad(self) -> Floats:
+        """Return the direction of each sonar, (count,), counterclockwise from ahead."""
+        return np.arange(-self.ahead, self.count - self.ahead, dtype=np.float64) * (
+            2.0 * math.pi / self.count
+        )
+
+    def index_toward(self, bearing_deg: float) -> int:
+        """Return the sonar that looks nearest to a direction, counterclockwise from ahead."""
+        return (self.ahead + round(bearing_deg * self.count / 360.0)) % self.count
+
+
+def sonar_model_of(body: Body) -> SonarModel:
+    """Return the model of a robot with this body.
+
+    Raises:
+        ValueError: it has no ring of sonars, more than one, or one in which nothing looks straight ahead.
+    """
+    ring = body.ring()
+    return SonarModel(
+        count=ring.count,
+        ahead=ring.ahead,
+        ring_mm=ring.ring_mm,
+        half_beam_deg=ring.sonar.half_beam_deg,
+        critical_deg=ring.sonar.critical_deg,
+        full_range_mm=ring.sonar.range_mm,
+    )
+
+
+@cache
+def rome_sonars() -> SonarModel:
+    """Return the model of RoME's sonars."""
+    return sonar_model_of(shipped_body(ROME))
 
 
 class Reflectors(NamedTuple):
@@ -107,9 +146,9 @@ class Prediction(NamedTuple):
     """The predicted readings of the ring at a pose.
 
     Attributes:
-        ranges: (24,) in mm; infinity where no echo is expected.
-        sigma: (24,), standard deviation of each in mm; infinity where the prediction is not to be used.
-        jacobian: (24, 3), derivatives of each by x and y (mm per mm) and by the heading (mm per radian).
+        ranges: (sonars,) in mm; infinity where no echo is expected.
+        sigma: (sonars,), standard deviation of each in mm; infinity where the prediction is not to be used.
+        jacobian: (sonars, 3), derivatives of each by x and y (mm per mm) and by the heading (mm per radian).
     """
 
     ranges: Floats
@@ -124,12 +163,11 @@ _LEAK_MM = 0.5
 # is somewhere between two rays, and scan after scan between the same two: an error of up to 3 %, which
 # averaging does not remove.
 _END_RATIO = 1.003
-_CHANNEL = np.arange(CHANNELS)
 _RAY = np.arange(_RAYS)[None, :]
 
 
 class _Hit(NamedTuple):
-    """The first hit of each sonar, (24,) each.
+    """The first hit of each sonar, (sonars,) each.
 
     Attributes:
         distance: distance to the hit; infinity without one.
@@ -152,15 +190,17 @@ class SonarRing:
         self.model = model
         self._half_beam = math.radians(model.half_beam_deg)
         offsets = np.linspace(-1.0, 1.0, _RAYS) * self._half_beam
-        angles = (BEARINGS_RAD[:, None] + offsets[None, :]).ravel()
+        self._bearings = model.bearings_rad()
+        self._channel = np.arange(model.count)
+        angles = (self._bearings[:, None] + offsets[None, :]).ravel()
         self._ray_u, self._ray_v = np.cos(angles), np.sin(angles)
         self._cos_critical = math.cos(math.radians(model.critical_deg))
 
     def predict(self, reflectors: Reflectors, x_mm: float, y_mm: float, heading_rad: float) -> Prediction:
         """Predict the readings at a pose; the heading counts counterclockwise from north."""
         if len(reflectors.length) == 0:
-            no_echo = np.full(CHANNELS, np.inf)
-            return Prediction(no_echo, no_echo, np.zeros((CHANNELS, 3)))
+            no_echo = np.full(self.model.count, np.inf)
+            return Prediction(no_echo, no_echo, np.zeros((self.model.count, 3)))
         sine, cosine = math.sin(heading_rad), math.cos(heading_rad)
         ray_x = -self._ray_u * sine - self._ray_v * cosine
         ray_y = self._ray_u * cosine - self._ray_v * sine
@@ -176,8 +216,8 @@ class SonarRing:
         normal, along = reflectors.normal.T, reflectors.along.T
         height = origins @ normal - (start * reflectors.normal).sum(axis=1)
         foot = origins @ along - (start * reflectors.along).sum(axis=1)
-        cosines = -(rays @ normal).reshape(CHANNELS, _RAYS, -1)
-        sines = (rays @ along).reshape(CHANNELS, _RAYS, -1)
+        cosines = -(rays @ normal).reshape(self.model.count, _RAYS, -1)
+        sines = (rays @ along).reshape(self.model.count, _RAYS, -1)
         with np.errstate(divide="ignore", invalid="ignore"):
             distances = height[:, None, :] / cosines
         hit_along = foot[:, None, :] + distances * sines
@@ -185,16 +225,16 @@ class SonarRing:
         hits &= (hit_along > -_LEAK_MM) & (hit_along < reflectors.length + _LEAK_MM)
         distances = np.where(hits, distances, np.inf)
         walls = distances.argmin(axis=2)
-        ray_index = (_CHANNEL[:, None], _RAY, walls)
+        ray_index = (self._channel[:, None], _RAY, walls)
         depth, cosine = distances[ray_index], cosines[ray_index]
         detected = (depth < self.model.reach_mm) & (cosine >= self._cos_critical)
         distance = np.where(detected, depth, np.inf)
-        best_ray = (_CHANNEL, distance.argmin(axis=1))
+        best_ray = (self._channel, distance.argmin(axis=1))
         first = walls[best_ray]
         return _Hit(
             distance=distance[best_ray],
             wall=first,
-            height=height[_CHANNEL, first],
+            height=height[self._channel, first],
             detected=detected[best_ray],
         )
 

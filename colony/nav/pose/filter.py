@@ -189,7 +189,7 @@ class PoseFilter:
         return self.agreement < _LOST_AGREEMENT
 
     def observe_scan(self, reflectors: Reflectors, ranges: Floats, blur_rad: float = 0.0) -> None:
-        """Update with a scan, (24,) in mm; readings that are not finite are ignored.
+        """Update with a scan, (sonars,) in mm; readings that are not finite are ignored.
 
         `blur_rad` is the standard deviation of an additional heading error of this scan.
         """

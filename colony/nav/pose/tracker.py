@@ -21,7 +21,7 @@ from colony.nav.mapping.local_map import Trail
 from colony.nav.mapping.wall_matching import Gate, WallMatch, combine_matches, in_building_frame, match_wall
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.walls import Walls
-from colony.nav.pose.echoes import Floats, Reflectors, SonarModel, SonarRing, reflectors_of
+from colony.nav.pose.echoes import Floats, Reflectors, SonarRing, reflectors_of, rome_sonars
 from colony.nav.pose.filter import JumpLimit, PoseFilter
 from colony.nav.pose.fixes import Fix, Row
 from colony.nav.pose.motion_history import MotionHistory
@@ -102,13 +102,12 @@ class PoseTracker:
 
     def __init__(self, walls: Walls, *, sources: frozenset[Source] = EVERY_SOURCE) -> None:
         """Start without a position: the first one is adopted unchanged."""
-        self._sonar = SonarModel()
+        self._sonar = rome_sonars()
         self._sources = sources
         self._ring = SonarRing(self._sonar)
         self._himm = HimmParameters(
             half_side_mm=_TRAIL_MM + 4_000.0,
-            full_range_mm=self._sonar.full_range_mm,
-            ring_mm=self._sonar.ring_mm,
+            sonars=self._sonar,
         )
         self._reflectors = reflectors_of(walls)
         self._nearby: Reflectors | None = None

@@ -13,9 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from functools import cache
 
 import numpy as np
 
+from colony.body import devices
+from colony.body.shipped import shipped_body
 from colony.sim.cameras.atlas import Atlas
 from colony.sim.cameras.columns import Canvas, canvas_of, draw_columns
 from colony.sim.cameras.fitting import scene_with_walls
@@ -28,7 +31,6 @@ from colony.sim.world.world import World
 MAX_PIXELS = 4_000_000
 
 _NO_PEOPLE = np.zeros((0, 2))
-_ROBOT_HEIGHT_MM = 1000.0
 _RECORDS = (Atlas, Lighting)  # types of a scene's fields, which the compiler looks up in this file
 
 
@@ -47,11 +49,11 @@ class CameraConfig:
         ValueError: a number is not finite, or out of range.
     """
 
-    width: int = 240
-    height: int = 120
-    view_deg: float = 60.0
-    yaw_deg: float = 0.0
-    above_floor_mm: float = 1350.0
+    width: int
+    height: int
+    view_deg: float
+    yaw_deg: float
+    above_floor_mm: float
     optics: Optics = field(default_factory=Optics)
 
     def __post_init__(self) -> None:
@@ -70,6 +72,23 @@ class CameraConfig:
             raise ValueError(f"above_floor_mm is {self.above_floor_mm}; expected a height above 0")
 
 
+def camera_config_of(camera: devices.Camera) -> CameraConfig:
+    """Return the configuration of a camera of a robot's body."""
+    return CameraConfig(
+        width=camera.size.columns,
+        height=camera.size.rows,
+        view_deg=camera.view_deg,
+        yaw_deg=camera.pose.bearing_deg,
+        above_floor_mm=camera.height_mm,
+    )
+
+
+@cache
+def rome_camera() -> CameraConfig:
+    """Return the configuration of RoME's camera that looks ahead."""
+    return camera_config_of(shipped_body("rome").camera("CServerFront"))
+
+
 def lens_of(config: CameraConfig, *, robot_radius_mm: float) -> Lens:
     """Return a camera in the renderer's form."""
     return Lens(
@@ -77,7 +96,7 @@ def lens_of(config: CameraConfig, *, robot_radius_mm: float) -> Lens:
         above_floor=float(config.above_floor_mm),
         yaw=math.radians(config.yaw_deg),
         robot_radius=float(robot_radius_mm),
-        robot_height=_ROBOT_HEIGHT_MM,
+        robot_height=shipped_body("rome").chassis.height_mm,
         rays=config.optics.rays,
         exposure=float(config.optics.exposure_s),
     )

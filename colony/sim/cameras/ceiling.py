@@ -14,10 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from colony.body import devices
+from colony.body.shipped import shipped_body
 from colony.sim.cameras.grain import QUANTILES, quantiles
 from colony.sim.chance import PIXELS, SEED_MODULUS, random_bits
 from colony.sim.compiled import Bytes2, Floats, Floats2, Ints, compiled, inlined
@@ -51,11 +54,11 @@ class CeilingCameraConfig:
         ValueError: a number is not finite, or out of range.
     """
 
-    width: int = 240
-    height: int = 120
-    along_deg: float = 60.0
-    across_deg: float = 48.0
-    below_ceiling_mm: float = 1350.0
+    width: int
+    height: int
+    along_deg: float
+    across_deg: float
+    below_ceiling_mm: float
     blur_mm: float = 16.0
     vignetting: float = 0.22
     noise: float = 2.5
@@ -69,6 +72,23 @@ class CeilingCameraConfig:
             value, (low, high) = getattr(self, field.name), ranges[field.name]
             if not low <= value <= high:
                 raise ValueError(f"{field.name} is {value!r}; expected {low:g} to {high:g}")
+
+
+def ceiling_config_of(camera: devices.CeilingCamera) -> CeilingCameraConfig:
+    """Return the configuration of a camera of a robot's body."""
+    return CeilingCameraConfig(
+        width=camera.size.columns,
+        height=camera.size.rows,
+        along_deg=camera.along_deg,
+        across_deg=camera.across_deg,
+        below_ceiling_mm=camera.below_ceiling_mm,
+    )
+
+
+@cache
+def rome_ceiling_camera() -> CeilingCameraConfig:
+    """Return the configuration of RoME's camera that looks up."""
+    return ceiling_config_of(shipped_body("rome").ceiling_camera())
 
 
 class CeilingModel(NamedTuple):
@@ -269,7 +289,7 @@ class CeilingCamera:
     """A camera that looks up, in a building. Stateful: reuses its work space."""
 
     def __init__(self, scenery: Scenery, config: CeilingCameraConfig | None = None) -> None:
-        self.config = config or CeilingCameraConfig()
+        self.config = config or rome_ceiling_camera()
         self._ceiling, self._lens = ceiling_model(scenery, self.config.width), lens_of(self.config)
         self._all_rows = np.arange(self.config.height, dtype=np.int64)
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from colony.nav.maps.stickrep.model import Map
-from colony.sim.cameras.camera import Camera, CameraConfig
-from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
+from colony.sim.cameras.camera import Camera, CameraConfig, rome_camera
+from colony.sim.cameras.ceiling import CeilingCamera, rome_ceiling_camera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.compiled import Bytes2, Floats2
-from colony.sim.config import RobotConfig
+from colony.sim.config import rome_config
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.hazards.scenery import Scenery
 
@@ -42,7 +43,7 @@ def snapshot(
     """
     if not all(map(math.isfinite, pose)):
         raise ValueError(f"the pose is {tuple(pose)}; expected finite numbers")
-    camera = Camera(scene_of(floor, scenery), config, robot_radius_mm=RobotConfig().radius_mm, seed=seed)
+    camera = Camera(scene_of(floor, scenery), config, robot_radius_mm=rome_config().radius_mm, seed=seed)
     return camera.image(
         np.array([pose], dtype=np.float64), 0, 0, people=_people(scenery), speed=(speed_mm_s, 0.0)
     )
@@ -74,11 +75,11 @@ def snapshots(
     width, height = size
     images = {}
     for name, yaw in yaws.items():
-        config = CameraConfig(width=width, height=height, yaw_deg=yaw)
+        config = replace(rome_camera(), width=width, height=height, yaw_deg=yaw)
         images[name] = snapshot(
             floor, pose, config, scenery=scenery, seed=scenery.seed, speed_mm_s=speed_mm_s
         )
-    ceiling = CeilingCamera(scenery, CeilingCameraConfig(width=width, height=height))
+    ceiling = CeilingCamera(scenery, replace(rome_ceiling_camera(), width=width, height=height))
     return images | {"up": ceiling.image(pose, 0)}
 
 

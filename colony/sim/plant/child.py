@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -108,10 +109,10 @@ def serve(
 
 
 def _camera(direction: ViewDirection) -> CameraConfig | CeilingCameraConfig:
-    from colony.sim.cameras.camera import CameraConfig
-    from colony.sim.cameras.ceiling import CeilingCameraConfig
+    from colony.sim.cameras.camera import rome_camera
+    from colony.sim.cameras.ceiling import rome_ceiling_camera
 
-    return CeilingCameraConfig() if direction == "up" else CameraConfig(yaw_deg=direction)
+    return rome_ceiling_camera() if direction == "up" else replace(rome_camera(), yaw_deg=direction)
 
 
 def main() -> None:

@@ -24,7 +24,7 @@ import msgspec
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
-from colony.sim.config import RobotConfig, limits_of
+from colony.sim.config import RobotConfig, limits_of, rome_config
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
     Attach,
@@ -253,7 +253,7 @@ class RemoteBase(_RemoteDriver[BaseReading]):
         config: RobotConfig | None = None,
     ) -> None:
         super().__init__(path, AttachBase(robot=robot), BaseReading, origin_ns, clock)
-        self.limits = limits_of(config or RobotConfig())
+        self.limits = limits_of(config or rome_config())
 
     def drive(self, velocity: float, turn: float) -> None:
         """Command the speeds of the base; in logical time, wait for the end of the frame."""

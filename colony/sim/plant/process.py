@@ -28,7 +28,7 @@ from colony.nav.maps.stickrep.model import Map
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
 from colony.sim.cameras.scene import scene_of
-from colony.sim.config import RobotConfig
+from colony.sim.config import RobotConfig, rome_config
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.plant.devices import STEP_NS, WATCHDOG_NS, Devices, RobotCamera
 from colony.sim.plant.ports import answer, checked_attachment, reading
@@ -89,7 +89,7 @@ class PlantOptions:
     cameras: Mapping[str, CameraConfig | CeilingCameraConfig] = field(default_factory=dict)
     hazards: Hazards = field(default_factory=Hazards.none)
     hazards_seed: int = 0
-    config: RobotConfig = field(default_factory=RobotConfig)
+    config: RobotConfig = field(default_factory=rome_config)
     seed: int = 0
     step_ns: int = STEP_NS
     watchdog_ns: int = WATCHDOG_NS

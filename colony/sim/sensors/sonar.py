@@ -1,4 +1,4 @@
-"""The 24 sonars and infrared detectors of each robot.
+"""The ring of sonars and infrared detectors of each robot.
 
 The beam of a transducer is a cone of evenly spaced rays, two of them on its edges. Each ray stops at the
 first obstacle that it hits. The obstacle may return an echo or not:
@@ -24,7 +24,7 @@ import numpy as np
 
 from colony.sim.chance import CROSS_TALK, uniform
 from colony.sim.compiled import Bools2, Floats, Floats2, Ints2, compiled, inlined
-from colony.sim.config import AHEAD, CHANNELS, SPACING_DEG, RobotConfig
+from colony.sim.config import RobotConfig
 from colony.sim.world.people import Crowd
 
 RAY_STEP_DEG = 3.0
@@ -41,11 +41,11 @@ class Fan(NamedTuple):
     """The rays of a robot in its frame, u ahead and v to the left, with work space.
 
     Attributes:
-        origin_u, origin_v: (24,), the transducers in mm.
-        ray_u, ray_v: (24, rays), unit vectors; the ray in the middle is the axis of the cone.
-        depth: (24, rays), the length of each ray in mm.
-        target: (24, rays), the obstacle that each ray hits: the index of a wall, a hull, or nothing.
-        deepest: (24,), the greatest depth of each cone.
+        origin_u, origin_v: (channels,), the transducers in mm.
+        ray_u, ray_v: (channels, rays), unit vectors; the ray in the middle is the axis of the cone.
+        depth: (channels, rays), the length of each ray in mm.
+        target: (channels, rays), the obstacle that each ray hits: the index of a wall, a hull, or nothing.
+        deepest: (channels,), the greatest depth of each cone.
     """
 
     origin_u: Floats
@@ -58,8 +58,13 @@ class Fan(NamedTuple):
 
 
 class ProximityModel(NamedTuple):
-    """The model of a robot's sonars and infrared detectors, from its `RobotConfig`."""
+    """The model of a robot's sonars and infrared detectors, from its `RobotConfig`.
 
+    `ahead` is the channel that looks straight ahead, `spacing_rad` the angle between neighbors.
+    """
+
+    ahead: int
+    spacing_rad: float
     radius: float
     full_range: float
     min_range: float
@@ -87,7 +92,7 @@ def _rays_of(config: RobotConfig) -> tuple[int, float]:
 def fan_of(config: RobotConfig) -> Fan:
     """Return the rays of a robot."""
     rays_per_side, step_deg = _rays_of(config)
-    axes = np.radians((np.arange(CHANNELS) - AHEAD) * SPACING_DEG)
+    axes = np.radians((np.arange(config.channels) - config.ahead) * config.spacing_deg)
     offsets = np.radians(np.arange(-rays_per_side, rays_per_side + 1) * step_deg)
     angles = axes[:, None] + offsets[None, :]
     return Fan(
@@ -97,13 +102,15 @@ def fan_of(config: RobotConfig) -> Fan:
         ray_v=np.sin(angles),
         depth=np.empty(angles.shape),
         target=np.empty(angles.shape, dtype=np.int64),
-        deepest=np.empty(CHANNELS),
+        deepest=np.empty(config.channels),
     )
 
 
 def proximity_model(config: RobotConfig) -> ProximityModel:
     """Return the model of a robot's sonars and infrared detectors."""
     return ProximityModel(
+        ahead=config.ahead,
+        spacing_rad=2.0 * math.pi / config.channels,
         radius=config.radius_mm,
         full_range=config.sonar_range_mm,
         min_range=config.sonar_min_mm,
@@ -155,15 +162,19 @@ def corner_reflectors(walls: Floats2) -> Bools2:
 
 
 @inlined
-def _cones(low: float, high: float, half_beam: float) -> tuple[int, int]:
+def _cones(low: float, high: float, model: ProximityModel, channels: int) -> tuple[int, int]:
     """Return the first transducer whose cone overlaps the bearings low to high (rad), and how many do.
 
     An object in the cone of a transducer is even closer to its axis as seen from the robot's center.
     """
-    spacing = 2.0 * math.pi / CHANNELS
-    first = math.ceil((low - half_beam) / spacing - 1e-6)
-    last = math.floor((high + half_beam) / spacing + 1e-6)
-    return (first + AHEAD + CHANNELS) % CHANNELS, min(last - first + 1, CHANNELS)
+    first = math.ceil((low - model.half_beam_rad) / model.spacing_rad - 1e-6)
+    last = math.floor((high + model.half_beam_rad) / model.spacing_rad + 1e-6)
+    channel = first + model.ahead
+    while channel < 0:
+        channel += channels
+    while channel >= channels:
+        channel -= channels
+    return channel, min(last - first + 1, channels)
 
 
 @inlined
@@ -175,14 +186,15 @@ def _cast_at_wall(
     v1: float,
     start: float,
     end: float,
-    half_beam: float,
+    model: ProximityModel,
     fan: Fan,
 ) -> None:
     """Shorten the rays that hit a wall, given by its ends and their bearings in the robot's frame."""
     low, high = min(start, end), max(start, end)
     if high - low > math.pi:
         low, high = high, low + 2.0 * math.pi
-    channel, count = _cones(low, high, half_beam)
+    channels = fan.origin_u.shape[0]
+    channel, count = _cones(low, high, model, channels)
     eu, ev = u1 - u0, v1 - v0
     for _ in range(count):
         au, av = u0 - fan.origin_u[channel], v0 - fan.origin_v[channel]
@@ -199,15 +211,16 @@ def _cast_at_wall(
             is_nearer &= (along >= -_EDGE * across) & (along <= (1.0 + _EDGE) * across)
             fan.depth[channel, ray] = height / across if is_nearer else before
             fan.target[channel, ray] = wall if is_nearer else fan.target[channel, ray]
-        channel = 0 if channel == CHANNELS - 1 else channel + 1
+        channel = 0 if channel == channels - 1 else channel + 1
 
 
 @inlined
-def _cast_at_hull(u: float, v: float, radius: float, half_beam: float, fan: Fan) -> None:
+def _cast_at_hull(u: float, v: float, radius: float, model: ProximityModel, fan: Fan) -> None:
     """Shorten the rays that hit a robot or a person at (u, v)."""
     # The arc sine of up to one half (hulls do not overlap) is less than pi / 3 times as much.
     bearing, half_width = math.atan2(v, u), math.pi / 3.0 * radius / math.sqrt(u * u + v * v)
-    channel, count = _cones(bearing - half_width, bearing + half_width, half_beam)
+    channels = fan.origin_u.shape[0]
+    channel, count = _cones(bearing - half_width, bearing + half_width, model, channels)
     for _ in range(count):
         cu, cv = u - fan.origin_u[channel], v - fan.origin_v[channel]
         distance_squared = cu * cu + cv * cv
@@ -220,7 +233,7 @@ def _cast_at_hull(u: float, v: float, radius: float, half_beam: float, fan: Fan)
                 is_nearer = (ahead > 0.0) & (under_root > 0.0) & (distance < before)
                 fan.depth[channel, ray] = distance if is_nearer else before
                 fan.target[channel, ray] = _HULL if is_nearer else fan.target[channel, ray]
-        channel = 0 if channel == CHANNELS - 1 else channel + 1
+        channel = 0 if channel == channels - 1 else channel + 1
 
 
 @inlined
@@ -228,13 +241,13 @@ def _cast_at_all_walls(
     x: float, y: float, sine: float, cosine: float, walls: Floats2, model: ProximityModel, fan: Fan
 ) -> None:
     """Set the depths of a robot's rays, at most the full range, and the walls that they hit."""
-    for channel in range(CHANNELS):
+    for channel in range(fan.depth.shape[0]):
         for ray in range(fan.ray_u.shape[1]):
             fan.depth[channel, ray] = model.full_range
             fan.target[channel, ray] = _NOTHING
     last_x = last_y = math.nan
     last_bearing = 0.0
-    farthest = (model.full_range + fan.origin_u[AHEAD]) ** 2
+    farthest = (model.full_range + fan.origin_u[model.ahead]) ** 2
     for wall in range(walls.shape[0]):
         x0, y0, x1, y1 = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 2] - x, walls[wall, 3] - y
         along = min(max(-(x0 * walls[wall, 4] + y0 * walls[wall, 5]), 0.0), walls[wall, 6])
@@ -244,7 +257,7 @@ def _cast_at_all_walls(
             # Walls usually start at the end of the previous one.
             start = last_bearing if x0 == last_x and y0 == last_y else math.atan2(v0, u0)
             last_x, last_y, last_bearing = x1, y1, math.atan2(v1, u1)
-            _cast_at_wall(wall, u0, v0, u1, v1, start, last_bearing, model.half_beam_rad, fan)
+            _cast_at_wall(wall, u0, v0, u1, v1, start, last_bearing, model, fan)
 
 
 @inlined
@@ -252,16 +265,19 @@ def _cast_at_all_hulls(
     robot: int, poses: Floats2, sine: float, cosine: float, crowd: Crowd, model: ProximityModel, fan: Fan
 ) -> None:
     """Shorten the rays of a robot that hit another robot or a person."""
-    for channel in range(CHANNELS):
+    for channel in range(fan.depth.shape[0]):
         fan.deepest[channel] = fan.depth[channel].max()
     robots = poses.shape[0]
     for other in range(robots + crowd.people.shape[0]):
         hull = poses[other] if other < robots else crowd.people[other - robots]
         radius = model.radius if other < robots else crowd.radius
         dx, dy = hull[0] - poses[robot, 0], hull[1] - poses[robot, 1]
-        if other != robot and dx * dx + dy * dy < (model.full_range + fan.origin_u[AHEAD] + radius) ** 2:
+        if (
+            other != robot
+            and dx * dx + dy * dy < (model.full_range + fan.origin_u[model.ahead] + radius) ** 2
+        ):
             u, v = dy * cosine - dx * sine, -dx * cosine - dy * sine
-            _cast_at_hull(u, v, radius, model.half_beam_rad, fan)
+            _cast_at_hull(u, v, radius, model, fan)
 
 
 @inlined
@@ -313,13 +329,16 @@ def _nearest_echo(
 
 
 @inlined
-def _with_cross_talk(cross_talk: CrossTalk, step: int, channel: int, reading: float) -> float:
-    """Return the reading, or a false one caused by another transducer."""
+def _with_cross_talk(cross_talk: CrossTalk, step: int, channel: int, channels: int, reading: float) -> float:
+    """Return the reading, or a false one caused by another transducer.
+
+    `channel` counts the channels of all robots.
+    """
     if (
         uniform(cross_talk.seed, CROSS_TALK, step, channel) < cross_talk.probability
         and reading > _MIN_FALSE_MM
     ):
-        fraction = uniform(cross_talk.seed, CROSS_TALK, step, channel + CHANNELS)
+        fraction = uniform(cross_talk.seed, CROSS_TALK, step, channel + channels)
         reading = _MIN_FALSE_MM + fraction * (reading - _MIN_FALSE_MM)
     return reading
 
@@ -343,16 +362,17 @@ def sense(
         fan: the rays, and work space.
         noise: (robots, k), standard normal numbers.
         noise_column: the first column of `noise` for the transducers.
-        sonar: (robots, 24), receives the readings in mm.
-        infrared: (robots, 24), receives True if there is an obstacle on the axis, with an echo or not.
+        sonar: (robots, channels), receives the readings in mm.
+        infrared: (robots, channels), receives True if there is an obstacle on the axis, with an echo or not.
     """
+    channels = fan.origin_u.shape[0]
     for robot in range(poses.shape[0]):
         x, y, heading = poses[robot, 0], poses[robot, 1], math.radians(poses[robot, 2])
         sine, cosine = math.sin(heading), math.cos(heading)
         _cast_at_all_walls(x, y, sine, cosine, walls, model, fan)
         if poses.shape[0] + crowd.people.shape[0] > 1:
             _cast_at_all_hulls(robot, poses, sine, cosine, crowd, model, fan)
-        for channel in range(CHANNELS):
+        for channel in range(channels):
             reading = _nearest_echo(channel, x, y, sine, cosine, walls, reflectors, model, fan)
             if reading < model.full_range:
                 reading += noise[robot, noise_column + channel] * (
@@ -360,6 +380,8 @@ def sense(
                 )
                 reading = min(max(reading, model.min_range), model.full_range)
             if cross_talk.probability > 0.0:
-                reading = _with_cross_talk(cross_talk, step, channel + 2 * CHANNELS * robot, reading)
+                reading = _with_cross_talk(
+                    cross_talk, step, channel + 2 * channels * robot, channels, reading
+                )
             sonar[robot, channel] = reading
             infrared[robot, channel] = fan.depth[channel, fan.ray_u.shape[1] // 2] <= model.infrared_range

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from colony.nav.maps.stickrep.model import Pose
 from colony.sim.chance import SEED_MODULUS
-from colony.sim.config import CHANNELS, RobotConfig
+from colony.sim.config import RobotConfig, rome_config
 from colony.sim.hazards.scenery import Scenery, bare_scenery
 from colony.sim.noise import Noise
 from colony.sim.sensors.compass import disturbance_deg
@@ -83,7 +83,7 @@ class World:
         Raises:
             ValueError: a shape is wrong, a number is not finite, or a robot overlaps a wall or another robot.
         """
-        self.config = config or RobotConfig()
+        self.config = config or rome_config()
         scenery = walls if isinstance(walls, Scenery) else bare_scenery(checked_walls(walls))
         initial_poses = checked_poses(poses)
         self._noise = Noise(len(initial_poses), seed)
@@ -104,10 +104,11 @@ class World:
             slip=self.config.wheel_slip_mm / math.sqrt(1000.0),
         )
         self._proximity_model, self._fan = proximity_model(self.config), fan_of(self.config)
-        self._unwired = np.setdiff1d(np.arange(CHANNELS), self.config.infrared_wired)
-        self._sonar = np.empty((len(initial_poses), CHANNELS))
-        self._infrared = np.empty((len(initial_poses), CHANNELS), dtype=np.bool_)
-        self._sonar_noise_column = self._noise.take(CHANNELS)
+        channels = self.config.channels
+        self._unwired = np.setdiff1d(np.arange(channels), self.config.infrared_wired)
+        self._sonar = np.empty((len(initial_poses), channels))
+        self._infrared = np.empty((len(initial_poses), channels), dtype=np.bool_)
+        self._sonar_noise_column = self._noise.take(channels)
         self._sensed = False
         self._snapshot: _Snapshot | None = None
 
@@ -156,10 +157,10 @@ class World:
             raise ValueError(f"cannot advance by {dt_s} s; expected a time above 0, up to {MAX_STEP_S:g} s")
         substeps = math.ceil(dt_s / SUBSTEP_S - 1e-9) if self._has_events else 1
         slices = math.ceil(dt_s / substeps / SLICE_S - 1e-9)
-        noise_column = self._noise.take(CHANNELS + 2 * substeps * slices)
+        noise_column = self._noise.take(self.config.channels + 2 * substeps * slices)
         self._sonar_noise_column = noise_column
         for substep in range(substeps):
-            self._substep(dt_s / substeps, slices, noise_column + CHANNELS + 2 * substep * slices)
+            self._substep(dt_s / substeps, slices, noise_column + self.config.channels + 2 * substep * slices)
         self._steps += 1
         self._sensed = False
         self._snapshot = None
@@ -175,13 +176,13 @@ class World:
             slip(self._floor, before, bases.poses, bases.speeds, bases.odometry)
 
     def sonar(self, robot: int) -> NDArray[np.float64]:
-        """Return the sonar readings, (24,) float64 in mm: 12 is ahead, 18 left, 0 back, 6 right."""
+        """Return the sonar readings, (channels,) float64 in mm, counterclockwise."""
         self._sense()
         readings: NDArray[np.float64] = self._sonar[self._index(robot)].copy()
         return readings
 
     def infrared(self, robot: int) -> NDArray[np.bool_]:
-        """Return the infrared readings, (24,) bool, numbered like the sonars."""
+        """Return the infrared readings, (channels,) bool, numbered like the sonars."""
         self._sense()
         readings: NDArray[np.bool_] = self._infrared[self._index(robot)].copy()
         return readings

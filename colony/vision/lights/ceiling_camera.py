@@ -12,6 +12,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from colony.body import devices
+from colony.body.shipped import shipped_body
+
 LIGHT_LENGTH_MM = 600.0
 """Length of a ceiling light along the corridor."""
 
@@ -33,11 +36,11 @@ class CeilingCamera:
         ValueError: a parameter is out of range.
     """
 
-    columns: int = 240
-    rows: int = 120
-    length_deg: float = 60.0
-    across_deg: float = 48.0
-    height_mm: float = 1350.0
+    columns: int
+    rows: int
+    length_deg: float
+    across_deg: float
+    height_mm: float
     ahead_mm: float = 0.0
     left_mm: float = 0.0
 
@@ -85,5 +88,16 @@ class CeilingCamera:
         return (self.rows - 1) / 2.0 - (left_mm - self.left_mm) / self.mm_per_row
 
 
-UPWARD = CeilingCamera()
-"""The camera of the thesis's robot: 1.2 m by 1.56 m of the ceiling, in 120 rows of 240 pixels."""
+def ceiling_camera_of(camera: devices.CeilingCamera) -> CeilingCamera:
+    """Return the geometry of a camera of a robot's body."""
+    return CeilingCamera(
+        columns=camera.size.columns,
+        rows=camera.size.rows,
+        length_deg=camera.along_deg,
+        across_deg=camera.across_deg,
+        height_mm=camera.below_ceiling_mm,
+    )
+
+
+UPWARD = ceiling_camera_of(shipped_body("rome").ceiling_camera())
+"""The camera of RoME, the thesis's robot: 1.2 m by 1.56 m of the ceiling, in 120 rows of 240 pixels."""

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.echoes import SonarModel
+from colony.nav.pose.echoes import rome_sonars
 from colony.nav.pose.fixes import fix_list
 from colony.nav.pose.pose import pose_of
 from colony.nav.pose.tracker import position_at
@@ -49,9 +49,6 @@ from colony.vision.plates.thesis import scan_band
 
 BAND_FRACTION = 0.54
 """Fraction of the image's rows, around the middle, that is searched; it holds whole plates from 0.45 m on."""
-
-SIDE_SONAR = 18
-"""Index of the sonar that points along the camera's axis."""
 
 OLDEST_IMAGE_S = 1.0
 """Maximum age of an image; the robot's pose at older images is not known well enough."""
@@ -186,7 +183,10 @@ class _WallCamera:
             return None
         self._newest_ns = band.t_ns
         scan = yield from _try_ask("PServer", proximity.sonar())
-        distance = None if scan is None else SonarModel().ring_mm + scan.ranges[SIDE_SONAR]
+        distance = None
+        if scan is not None:
+            sonars = rome_sonars()
+            distance = sonars.ring_mm + scan.ranges[sonars.index_toward(self._geometry.yaw_deg)]
         then = position_at(band.t_ns, here, last)
         gray = gray_image(cameras.array(band))
         return View(band.t_ns, gray, band.first_row, _pose(then), _tilt(then.heading, goal), distance)

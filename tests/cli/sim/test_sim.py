@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,12 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from colony.nav.maps.viewpoints import viewpoint_of
-from colony.sim.cameras.camera import CameraConfig
 from colony.sim.cameras.snapshot import snapshot
 from colony.sim.hazards.hazards import Hazards, draw
 from tests.buildings import MSU
 from tests.cli.conftest import Colony
 from tests.paths import MAPS
+from tests.sim.robots import FRONT_CAMERA
 
 MAP = MAPS / "msu_engineering_3.stickrep"
 
@@ -33,7 +34,9 @@ def test_it_writes_what_each_camera_sees_and_says_what_that_is(colony: Colony, t
     assert "side.png: plate 376, columns 99 to 140, 1.83 m away" in out
     side = read(tmp_path / "side.png")
     scenery = draw(Hazards(), MSU, 7)
-    expected = snapshot(MSU, viewpoint_of(MSU, "376"), CameraConfig(yaw_deg=90.0), scenery=scenery, seed=7)
+    expected = snapshot(
+        MSU, viewpoint_of(MSU, "376"), replace(FRONT_CAMERA, yaw_deg=90.0), scenery=scenery, seed=7
+    )
     assert np.array_equal(side, expected)
     assert read(tmp_path / "front.png").shape == (120, 240)
     assert read(tmp_path / "up.png").shape == (120, 240)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from colony.nav.mapping.himm import MAX_CERTAINTY, HimmMap, HimmParameters, LocalPose
-from colony.nav.pose.echoes import CHANNELS
+from tests.nav.sonars import CHANNELS
 
 SILENT = 10_000.0
 ORIGIN = LocalPose(0.0, 0.0, 0.0)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from colony.nav.mapping.himm import HimmParameters, LocalPose
 from colony.nav.mapping.local_map import Trail, local_pose, pose_after, relative_pose
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.echoes import CHANNELS
 from colony.nav.pose.steps import Step
+from tests.nav.sonars import CHANNELS
 
 coordinates = st.floats(-5_000.0, 5_000.0)
 local_poses = st.builds(LocalPose, coordinates, coordinates, st.floats(-3.0, 3.0))

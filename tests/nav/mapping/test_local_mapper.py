@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from colony.nav.mapping.local_mapper import local_mapper
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
 from colony.runtime.library import data
-from colony.sim.config import RobotConfig
 from colony.sim.world.world import World
 from tests.nav.pose.bench import Bench, drive
 from tests.paths import MAPS
+from tests.sim.robots import ROME
 
 LOOP = MAPS / "loop.stickrep"
 WALLS = walls_of(load_map(LOOP))
@@ -23,7 +25,7 @@ LIGHTS = (8_000.0, 12_200.0, 16_400.0, 20_600.0, 24_800.0)
 
 def with_lights(turn: float, count: int) -> tuple[Bench, list[float]]:
     """Drive below so many lights with a heading that is off; gives the error of the heading after each."""
-    still = RobotConfig(wheel_scale=0.0, wheel_slip_mm=0.0)
+    still = replace(ROME, wheel_scale=0.0, wheel_slip_mm=0.0)
     world = World(walls=WALLS.segments, poses=[(6_000.0, SOUTH, 270.0)], config=still)
     robot = Bench(world, local_mapper(), cross_talk=0.005)
     at = world.true_pose(0)

@@ -13,11 +13,11 @@ from colony.nav.mapping.himm import MAX_CERTAINTY, Cells, HimmMap, HimmParameter
 from colony.nav.mapping.hough import HoughParameters, lines_in
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
-from colony.nav.pose.echoes import CHANNELS, Floats, SonarModel, SonarRing, reflectors_of
+from colony.nav.pose.echoes import Floats, reflectors_of
 from colony.nav.pose.tracker import Correction, PoseTracker
 from colony.runtime.library.robot import Position
+from tests.nav.sonars import CHANNELS, RING
 
-RING = SonarRing(SonarModel())
 SILENT = (10_000.0,) * CHANNELS
 PERIOD_NS = 100_000_000
 AT = (1_400.0, 1_200.0, 20.0)

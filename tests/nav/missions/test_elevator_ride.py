@@ -20,7 +20,7 @@ from colony.nav.shared import GoalKind
 from colony.runtime.kit.script import Script, do
 from colony.runtime.library import robot
 from colony.runtime.protocol.images import Shot
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.hazards.scenery import Scenery
@@ -33,6 +33,7 @@ from colony.vision.markers.finder import marker_finder
 from tests.experiment.loops import loop_of
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
+from tests.sim.robots import FRONT_CAMERA
 
 NAVIGATOR = ROOT / "behaviors" / "navigator.colony"
 
@@ -95,7 +96,7 @@ def _mislead(aside_mm: float) -> Script:
 
 
 def _camera_ahead(floor: Map, scenery: Scenery) -> Camera:
-    return Camera(scene_of(floor, scenery), CameraConfig(), robot_radius_mm=400.0, seed=1)
+    return Camera(scene_of(floor, scenery), FRONT_CAMERA, robot_radius_mm=400.0, seed=1)
 
 
 def test_the_robot_rides_to_another_floor_and_goes_on_there(tmp_path: Path) -> None:

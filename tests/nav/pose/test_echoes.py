@@ -1,21 +1,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.walls import walls_of
-from colony.nav.pose.echoes import CHANNELS, Reflectors, SonarModel, SonarRing, reflectors_of
-from colony.sim.config import IDEAL
+from colony.nav.pose.echoes import Reflectors, SonarRing, reflectors_of
 from colony.sim.world.world import World
 from colony.text.source import Source
 from tests.nav.maps.small_maps import ROOM
+from tests.nav.sonars import CHANNELS, RING, SONARS
 from tests.paths import MAPS
+from tests.sim.robots import IDEAL
 
 LOOP = MAPS / "loop.stickrep"
-RING = SonarRing(SonarModel())
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +109,7 @@ def test_nothing_near_by_and_nothing_within_reach() -> None:
     assert len(none.length) == 0
     for expected in (
         RING.predict(none, 0.0, 0.0, 0.0),
-        SonarRing(SonarModel(reach_mm=300.0)).predict(reflectors, 1_500.0, 1_270.0, 0.0),
+        SonarRing(replace(SONARS, reach_mm=300.0)).predict(reflectors, 1_500.0, 1_270.0, 0.0),
     ):
         assert not np.isfinite(expected.ranges).any()
         assert not np.isfinite(expected.sigma).any()

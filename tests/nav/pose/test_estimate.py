@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -31,16 +32,17 @@ from colony.runtime.kit.script import Do, Script, Sleep, Step
 from colony.runtime.library import proximity
 from colony.runtime.library import robot as robot_asks
 from colony.runtime.library.robot import Position
-from colony.sim.config import IDEAL, RobotConfig
+from colony.sim.config import RobotConfig
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.world import World
 from tests.nav.pose.bench import Bench, drive, with_doors_open
 from tests.paths import MAPS
+from tests.sim.robots import IDEAL, ROME
 
 LOOP = MAPS / "loop.stickrep"
 THIRD_FLOOR = LOOP.with_name("msu_engineering_3.stickrep")
 WALLS = walls_of(load_map(LOOP))
-ROUGH = RobotConfig(wheel_scale=0.0105)
+ROUGH = replace(ROME, wheel_scale=0.0105)
 """RoME whose wheels are out by another 1 %: it drifts by more than two degrees a meter."""
 
 WEST, SOUTH, NORTH, EAST = 1_270.0, 1_270.0, 18_745.2, 28_702.0
@@ -100,7 +102,7 @@ def test_a_slip_is_found_within_a_meter(turn: float) -> None:
 
 def test_in_a_turning_space_the_position_is_fixed() -> None:
     """East of the last light all is dead reckoning, and the place along the corridor is off by 250 mm."""
-    robot = bench(start=(22_000.0, SOUTH, 270.0), config=RobotConfig())
+    robot = bench(start=(22_000.0, SOUTH, 270.0), config=ROME)
     believe(robot, -250.0, 40.0, 3.0)
     log = drive(robot, [(EAST, SOUTH), (EAST, SOUTH + 800.0)])
     assert log.x[0] > 200.0
@@ -145,7 +147,7 @@ def test_glass_that_is_not_seen_does_no_harm() -> None:
     ids=["heading, by half a right angle", "place across the corridor, by far"],
 )
 def test_what_is_wrong_is_found_by_the_lines_of_a_map(go_wrong: Callable[[Bench], object]) -> None:
-    robot = bench(config=RobotConfig())
+    robot = bench(config=ROME)
     drive(robot, [(8_000.0, SOUTH)])
     go_wrong(robot)
     log = drive(robot, [(16_000.0, SOUTH)])
@@ -168,7 +170,7 @@ def test_what_other_clients_correct_is_taken_over() -> None:
 
 def test_scans_that_are_older_than_the_position_are_put_where_they_belong() -> None:
     """A frame is 3 degrees on the spot, and 20 mm along the corridor."""
-    robot = bench(start=(24_000.0, SOUTH, 270.0), config=RobotConfig(), lag=True)
+    robot = bench(start=(24_000.0, SOUTH, 270.0), config=ROME, lag=True)
     log = drive(robot, [(EAST, SOUTH), (EAST, 6_000.0), (EAST, 4_000.0)])
     assert np.percentile(log.heading, 95) < 1.2
     assert np.percentile(np.hypot(log.x, log.y), 95) < 60.0
@@ -339,7 +341,7 @@ class Witness(Bench):
     [(Source.LIGHTS, LIGHT_FIX), (Source.PLATES, PLATE_FIX), (Source.MARKERS, MARKER_FIX)],
 )
 def test_landmarks_alone_hold_the_place_along_the_corridor(source: Source, name: str) -> None:
-    world = World(walls=WALLS.segments, poses=[EASTWARD], config=RobotConfig(wheel_scale=0.0105), seed=3)
+    world = World(walls=WALLS.segments, poses=[EASTWARD], config=replace(ROME, wheel_scale=0.0105), seed=3)
     script = pose_estimator({"here": WALLS}, sources=frozenset({source}))
     log = drive(Witness(world, script, name=name), [(24_000.0, SOUTH)])
     assert log.x[len(log.x) // 3 :].max() < 60.0
@@ -391,7 +393,7 @@ def test_the_covariance_says_how_far_off_the_estimate_is() -> None:
 def test_on_another_floor_the_walls_of_that_floor_count() -> None:
     """The other floor is the same one, 500 mm farther north; the Planner has moved RServer's position."""
     above = Walls(segments=WALLS.segments + (0.0, 500.0) * 2, kinds=WALLS.kinds, attributes=WALLS.attributes)
-    world = World(walls=WALLS.segments, poses=[EASTWARD], config=RobotConfig())
+    world = World(walls=WALLS.segments, poses=[EASTWARD], config=ROME)
     robot = Bench(world, pose_estimator({"first": WALLS, "second": above}))
     drive(robot, [(9_000.0, SOUTH)])
     assert abs(robot.position_error_mm[1]) < 30.0
@@ -410,7 +412,7 @@ def test_on_another_floor_the_walls_of_that_floor_count() -> None:
 
 
 def test_in_an_elevator_the_sonars_say_nothing_of_the_map() -> None:
-    robot = bench(config=RobotConfig())
+    robot = bench(config=ROME)
     robot.tell("GoalType", int(GoalKind.ELEVATOR))
     believe(robot, 0.0, 80.0, 3.0)
     drive(robot, [(9_000.0, SOUTH)])

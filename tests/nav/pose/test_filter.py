@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from colony.nav.maps.stickrep.reader import read_map
 from colony.nav.maps.walls import walls_of
-from colony.nav.pose.echoes import CHANNELS, Floats, SonarModel, SonarRing, reflectors_of
+from colony.nav.pose.echoes import Floats, reflectors_of
 from colony.nav.pose.filter import JumpLimit, PoseFilter, Uncertainty
 from colony.nav.pose.fixes import Row
 from colony.nav.pose.steps import MotionSince, Step
 from colony.text.source import Source
 from tests.nav.maps.small_maps import ROOM
+from tests.nav.sonars import CHANNELS, RING
 
-RING = SonarRing(SonarModel())
 MIRRORS = reflectors_of(walls_of(read_map(Source("room", ROOM.replace("glass", "wood")))))
 TRUE = (1_400.0, 1_200.0, 20.0)
 

@@ -9,10 +9,10 @@ from colony.experiment.behavior import behavior_from
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
-from colony.sim.config import IDEAL
 from colony.sim.world.world import World
 from tests.experiment.conformance_stage import PROGRAM, WALLS
 from tests.experiment.loops import loop_of
+from tests.sim.robots import IDEAL
 
 
 class Stage:

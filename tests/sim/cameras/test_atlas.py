@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from colony.sim.cameras.atlas import Picture, atlas_of
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.optics import PINHOLE
 from colony.sim.cameras.surfaces import PEOPLE, WallPicture, atlas_with, scene
+from tests.sim.robots import FRONT_CAMERA
 
 WIDE, HIGH = 1000.0, 600.0
 EYE = 1350.0
@@ -26,7 +29,7 @@ def seen(picture: Picture, *, left: float = -500.0, top: float = EYE + 300.0) ->
     wall_pictures = WallPicture(0, at, end, top - picture.height_mm, top, PEOPLE, at)
     made = scene(wall, wall_pictures=[wall_pictures], atlas=atlas_with([picture]))
     made = made._replace(shades=np.zeros(1))
-    camera = Camera(made, CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
+    camera = Camera(made, replace(FRONT_CAMERA, optics=PINHOLE), robot_radius_mm=400.0)
     return camera.image(np.array([[0.0, 0.0, 0.0]]), 0)
 
 
@@ -82,7 +85,7 @@ def test_a_picture_that_repeats_goes_on() -> None:
     picture = Picture(shades=shades, width_mm=400.0, height_mm=2700.0, wraps=True)
     wall = [[-5000.0, DEPTH, 5000.0, DEPTH]]
     made = scene(wall, materials=[PEOPLE], atlas=atlas_with([picture]))
-    camera = Camera(made, CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
+    camera = Camera(made, replace(FRONT_CAMERA, optics=PINHOLE), robot_radius_mm=400.0)
     row = camera.image(np.array([[0.0, 0.0, 0.0]]), 0)[60]
     steps = np.flatnonzero(np.abs(np.diff((row > 60).astype(int))))
     assert len(steps) >= 10
@@ -94,7 +97,7 @@ def test_a_wall_that_is_grazed_shows_the_mean() -> None:
     fine = np.indices((4, 2000)).sum(axis=0) % 2 * 1.0
     picture = Picture(shades=fine, width_mm=2000.0, height_mm=2700.0, wraps=True)
     made = scene([[-1000.0, -5000.0, -1000.0, 60_000.0]], materials=[PEOPLE], atlas=atlas_with([picture]))
-    camera = Camera(made, CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
+    camera = Camera(made, replace(FRONT_CAMERA, optics=PINHOLE), robot_radius_mm=400.0)
     row = camera.image(np.array([[0.0, 0.0, 0.0]]), 0)[60, 60:115].astype(float)
     assert np.abs(np.diff(row, 2)).max() < 6.0  # no stripes where columns are much wider than texels
 

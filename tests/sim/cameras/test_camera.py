@@ -10,15 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 from colony.nav.maps.walls import walls_of
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.optics import PINHOLE, Optics
 from colony.sim.cameras.scene import scene_of
 from colony.sim.cameras.silhouettes import PERSON_WIDTH_MM
 from colony.sim.cameras.surfaces import CEILING_MM, Panel, Scene, scene
-from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.world.world import World
 from tests.buildings import HALLWAY
+from tests.sim.robots import FRONT_CAMERA, IDEAL
 
 ROOM = [
     [-3000.0, -3000.0, -3000.0, 3000.0],
@@ -33,7 +33,7 @@ FOCAL = 120.0 / math.tan(math.radians(30.0))
 def see(
     made: Scene, *poses: tuple[float, float, float], robot: int = 0, **options: float
 ) -> NDArray[np.uint8]:
-    camera = Camera(made, CameraConfig(optics=PINHOLE, **options), robot_radius_mm=400.0)  # type: ignore[arg-type]
+    camera = Camera(made, replace(FRONT_CAMERA, optics=PINHOLE, **options), robot_radius_mm=400.0)  # type: ignore[arg-type]
     return camera.image(np.array(poses), robot)
 
 
@@ -124,7 +124,7 @@ def test_no_light_leaks_where_walls_meet() -> None:
 
 
 def test_the_same_place_gives_the_same_image() -> None:
-    camera = Camera(scene_of(HALLWAY), CameraConfig(), robot_radius_mm=400.0)
+    camera = Camera(scene_of(HALLWAY), FRONT_CAMERA, robot_radius_mm=400.0)
     x, y, heading = HALLWAY.start
     here, there = np.array([[x, y, heading]]), np.array([[x + 100.0, y, heading + 5.0]])
     first = camera.image(here, 0)
@@ -145,24 +145,24 @@ def test_the_same_place_gives_the_same_image() -> None:
 )
 def test_cameras_that_make_no_sense(options: dict[str, float], found: str) -> None:
     with pytest.raises(ValueError, match=found):
-        CameraConfig(**options)  # type: ignore[arg-type]
+        replace(FRONT_CAMERA, **options)  # type: ignore[arg-type]
 
 
 def test_the_lens_is_below_the_ceiling() -> None:
     with pytest.raises(ValueError, match="expected less than the ceiling's 2700"):
-        Camera(scene(ROOM), CameraConfig(above_floor_mm=2700.0), robot_radius_mm=400.0)
+        Camera(scene(ROOM), replace(FRONT_CAMERA, above_floor_mm=2700.0), robot_radius_mm=400.0)
 
 
 # --- what a lens and a sensor do, and who is in the way --------------------------------------------
 
 
-REAL = Camera(scene_of(HALLWAY), CameraConfig(yaw_deg=90.0), robot_radius_mm=400.0, seed=5)
+REAL = Camera(scene_of(HALLWAY), replace(FRONT_CAMERA, yaw_deg=90.0), robot_radius_mm=400.0, seed=5)
 HERE = np.array([list(HALLWAY.start)])
 
 
 def test_the_same_seed_time_and_place_give_the_same_image() -> None:
-    again = Camera(scene_of(HALLWAY), CameraConfig(yaw_deg=90.0), robot_radius_mm=400.0, seed=5)
-    other = Camera(scene_of(HALLWAY), CameraConfig(yaw_deg=90.0), robot_radius_mm=400.0, seed=6)
+    again = Camera(scene_of(HALLWAY), replace(FRONT_CAMERA, yaw_deg=90.0), robot_radius_mm=400.0, seed=5)
+    other = Camera(scene_of(HALLWAY), replace(FRONT_CAMERA, yaw_deg=90.0), robot_radius_mm=400.0, seed=6)
     image = REAL.image(HERE, 0, 7)
     assert (again.image(HERE, 0, 7) == image).all()
     assert (REAL.image(HERE, 0, 8) != image).mean() > 0.5
@@ -193,7 +193,7 @@ def test_rows_that_there_are_not(first: int, count: int) -> None:
 def test_corners_are_darker_and_places_have_gains_of_their_own() -> None:
     made, optics = scene(ROOM), Optics(noise=0.0, gain=0.0)
     plain, shaded, uneven = (
-        Camera(made, CameraConfig(view_deg=20.0, height=60, optics=one), robot_radius_mm=400.0)
+        Camera(made, replace(FRONT_CAMERA, view_deg=20.0, height=60, optics=one), robot_radius_mm=400.0)
         for one in (replace(optics, vignetting=0.0), optics, replace(optics, vignetting=0.0, gain=0.2))
     )
     at = np.array([[0.0, 0.0, 0.0]])
@@ -219,7 +219,9 @@ def width_of_edge(image: NDArray[np.uint8]) -> float:
 
 def test_what_moves_past_is_smeared_by_how_far_it_moves_during_the_exposure() -> None:
     made = scene(ROOM, [Panel(0, 0.0, 3000.0, 0.0, CEILING_MM, 0.0)])  # the south half of the west wall
-    camera = Camera(made, CameraConfig(yaw_deg=90.0, optics=Optics(noise=0.0)), robot_radius_mm=400.0)
+    camera = Camera(
+        made, replace(FRONT_CAMERA, yaw_deg=90.0, optics=Optics(noise=0.0)), robot_radius_mm=400.0
+    )
     at = np.array([[-2000.0, 0.0, 0.0]])  # a meter from the edge
     still, turning = camera.image(at, 0), camera.image(at, 0, speed=(0.0, 60.0))
     driving = camera.image(at, 0, speed=(1500.0, 0.0))
@@ -231,7 +233,9 @@ def test_what_moves_past_is_smeared_by_how_far_it_moves_during_the_exposure() ->
 
 def test_edges_move_by_less_than_a_pixel() -> None:
     made = scene(ROOM, [Panel(0, 0.0, 3000.0, 0.0, CEILING_MM, 0.0)])
-    camera = Camera(made, CameraConfig(yaw_deg=90.0, optics=Optics(noise=0.0)), robot_radius_mm=400.0)
+    camera = Camera(
+        made, replace(FRONT_CAMERA, yaw_deg=90.0, optics=Optics(noise=0.0)), robot_radius_mm=400.0
+    )
 
     def edge(y: float) -> float:
         row = camera.image(np.array([[-2000.0, y, 0.0]]), 0)[20:100].astype(float).mean(axis=0)
@@ -245,7 +249,7 @@ def test_edges_move_by_less_than_a_pixel() -> None:
 
 def test_people_hide_what_is_behind_them_and_walls_hide_people() -> None:
     made = scene([*ROOM, [-3000.0, 2000.0, 3000.0, 2000.0]])
-    camera = Camera(made, CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
+    camera = Camera(made, replace(FRONT_CAMERA, optics=PINHOLE), robot_radius_mm=400.0)
     at = np.array([[0.0, -2500.0, 0.0]])
     alone = camera.image(at, 0)
     image = camera.image(at, 0, people=np.array([[500.0, 500.0]]))
@@ -267,7 +271,7 @@ def test_people_hide_what_is_behind_them_and_walls_hide_people() -> None:
 
 
 def test_a_person_hides_a_robot_and_a_robot_a_person() -> None:
-    camera = Camera(scene(ROOM), CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
+    camera = Camera(scene(ROOM), replace(FRONT_CAMERA, optics=PINHOLE), robot_radius_mm=400.0)
     poses = np.array([[0.0, -2500.0, 0.0], [0.0, 0.0, 0.0]])
     robot = camera.image(poses, 0)
     behind = camera.image(poses, 0, people=np.array([[0.0, 1000.0]]))
@@ -282,7 +286,7 @@ def test_a_world_is_seen_with_its_people() -> None:
     track = scenery.people[0].track
     x, y = track.point_at(track.length_mm / 2)
     world = World(walls=scenery, poses=[(x, y, track.heading_deg)], config=IDEAL)
-    camera = Camera(scene_of(HALLWAY, scenery), CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
+    camera = Camera(scene_of(HALLWAY, scenery), replace(FRONT_CAMERA, optics=PINHOLE), robot_radius_mm=400.0)
     assert (camera.see(world, 0, 0) == camera.image(world.true_poses, 0, people=world.people)).all()
     px, py = world.people[0]
     toward = math.degrees(math.atan2(-(px - x), py - y))

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from colony.runtime.transport.virtual import VirtualClock
-from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
+from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.drivers import Plant, SimulatedCamera, image_of
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.hazards.scenery import CeilingLight, Scenery, SunBand
 from colony.sim.world.world import World
 from tests.buildings import MSU
+from tests.sim.robots import UP_CAMERA
 
 NO_WALLS = np.zeros((0, 4))
-SHARP = CeilingCameraConfig(noise=0.0, vignetting=0.0, blur_mm=0.1)
+SHARP = replace(UP_CAMERA, noise=0.0, vignetting=0.0, blur_mm=0.1)
 H = 1350.0
 FX, FY = 120.0 / math.tan(math.radians(30.0)), 60.0 / math.tan(math.radians(24.0))
 ON = 200
@@ -78,7 +80,7 @@ def test_the_blur_widens_an_edge_and_leaves_its_middle() -> None:
     lamp = CeilingLight(x_mm=0.0, y_mm=0.0, heading_deg=0.0)
     widths = []
     for blur in (5.0, 40.0):
-        config = CeilingCameraConfig(noise=0.0, vignetting=0.0, blur_mm=blur)
+        config = replace(UP_CAMERA, noise=0.0, vignetting=0.0, blur_mm=blur)
         row = CeilingCamera(scenery(lamp), config).rows((0.0, 0.0, 0.0), 0, [59])[0].astype(float)
         low, high = np.median(row[:40]), row[119]
         part = (row - low) / (high - low)
@@ -108,7 +110,7 @@ def test_the_sun_makes_the_ceiling_bright_and_lights_faint() -> None:
 
 
 def test_corners_are_darker_than_the_middle() -> None:
-    config = CeilingCameraConfig(noise=0.0, vignetting=0.5)
+    config = replace(UP_CAMERA, noise=0.0, vignetting=0.5)
     image = CeilingCamera(scenery(), config).image((150.0, 150.0, 0.0), 0).astype(float)
     corner = np.median(image[:10, :10])
     assert corner < 0.7 * np.median(image[55:65, 110:130])
@@ -127,8 +129,8 @@ def test_noise_depends_on_seed_and_time_alone() -> None:
 
 def test_noise_has_the_deviation_that_the_config_says() -> None:
     pose = (300.0, 300.0, 0.0)
-    noisy = CeilingCamera(scenery(), CeilingCameraConfig(noise=5.0)).image(pose, 7).astype(float)
-    clean = CeilingCamera(scenery(), CeilingCameraConfig(noise=0.0)).image(pose, 7).astype(float)
+    noisy = CeilingCamera(scenery(), replace(UP_CAMERA, noise=5.0)).image(pose, 7).astype(float)
+    clean = CeilingCamera(scenery(), replace(UP_CAMERA, noise=0.0)).image(pose, 7).astype(float)
     assert (noisy - clean).std() == pytest.approx(5.0, abs=0.2)
     assert abs((noisy - clean).mean()) < 0.2
 
@@ -151,7 +153,7 @@ def test_rows_that_there_are_not_are_refused(row: int) -> None:
 @pytest.mark.parametrize("wrong", [{"along_deg": 180.0}, {"noise": math.nan}, {"width": 0}, {"blur_mm": 0.0}])
 def test_cameras_that_make_no_sense_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="expected"):
-        CeilingCameraConfig(**wrong)  # type: ignore[arg-type]
+        replace(UP_CAMERA, **wrong)  # type: ignore[arg-type]
 
 
 def test_a_driver_grabs_what_is_above_the_robot_now() -> None:

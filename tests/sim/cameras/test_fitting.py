@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,23 +12,23 @@ from colony.nav.maps.building import load_building
 from colony.nav.maps.signs import markers_of, plates_of
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import walls_of
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.fitting import scene_with_walls
 from colony.sim.cameras.optics import PINHOLE
 from colony.sim.cameras.scene import scene_of
 from colony.sim.compiled import Bytes2
-from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.world.elevators import SLIDE_S, Elevators, cabin_of
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
 from tests.paths import MAPS
+from tests.sim.robots import FRONT_CAMERA, IDEAL
 
 NODE = "acs.elev.L"
 CABIN = cabin_of(MSU, NODE)
 [MARKER] = [marker for marker in markers_of(MSU) if marker.node == NODE]
 CALM = draw(Hazards.none(), MSU, 1)
-SHARP = CameraConfig(optics=PINHOLE)
+SHARP = replace(FRONT_CAMERA, optics=PINHOLE)
 FOCAL = 120.0 / math.tan(math.radians(30.0))
 
 

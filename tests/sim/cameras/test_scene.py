@@ -14,7 +14,7 @@ from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.walls import walls_of
 from colony.sim.cameras import textures
 from colony.sim.cameras.atlas import Picture
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.lighting import lighting_of
 from colony.sim.cameras.posters import posters
 from colony.sim.cameras.scene import scene_of
@@ -24,6 +24,7 @@ from colony.sim.hazards.scenery import CeilingLight
 from colony.text.source import Source
 from tests.buildings import LOOP, MSU
 from tests.paths import MAPS
+from tests.sim.robots import FRONT_CAMERA
 
 HEADER = """stickrep 1
 map      room
@@ -147,7 +148,7 @@ def test_doors_that_are_too_narrow_have_nothing_on_them() -> None:
     assert markers_of(narrow) == ()
     made = scene_of(narrow, draw(Hazards(), narrow, 1))
     assert len(made.first_wall_picture) == len(made.walls) + 1
-    camera = Camera(made, CameraConfig(), robot_radius_mm=400.0)
+    camera = Camera(made, FRONT_CAMERA, robot_radius_mm=400.0)
     x, y, _ = narrow.start
     assert all(camera.image(np.array([[x, y, h]]), 0).std() > 0.0 for h in (0.0, 90.0, 180.0, 270.0))
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 import json
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 from colony.nav.maps.stickrep.reader import load_map
-from colony.sim.cameras.camera import CameraConfig
-from colony.sim.config import IDEAL
 from colony.sim.plant.process import PlantOptions, serve_plant
+from tests.sim.robots import FRONT_CAMERA, IDEAL
 
 
 def main(path: str, building: str, robots: str, logical_ns: str | None = None) -> None:
@@ -21,7 +21,7 @@ def main(path: str, building: str, robots: str, logical_ns: str | None = None) -
         path=Path(path),
         building=load_map(building),
         robots={name: tuple(pose) for name, pose in json.loads(robots).items()},
-        cameras={"ahead": CameraConfig(), "left": CameraConfig(yaw_deg=90.0)},
+        cameras={"ahead": FRONT_CAMERA, "left": replace(FRONT_CAMERA, yaw_deg=90.0)},
         config=IDEAL,
         logical_ns=None if logical_ns is None else int(logical_ns),
     )

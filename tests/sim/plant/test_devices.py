@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.surfaces import scene
-from colony.sim.config import IDEAL
 from colony.sim.hazards.scenery import CeilingLight, bare_scenery
 from colony.sim.plant.devices import MAX_LAG_NS, STEP_NS, WATCHDOG_NS, Devices
 from colony.sim.plant.ports import reading
 from colony.sim.plant.protocol import AttachBase, AttachCamera, AttachProximity
 from colony.sim.world.world import World
+from tests.sim.robots import FRONT_CAMERA, IDEAL
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -26,7 +26,7 @@ ALONE = ((0.0, 0.0, 0.0),)
 
 def devices(poses: tuple[tuple[float, float, float], ...] = ALONE, **options: int) -> Devices:
     world = World(walls=NORTH_WALL, poses=poses, config=IDEAL)
-    cameras = {"ahead": Camera(scene(NORTH_WALL), CameraConfig(), robot_radius_mm=400.0)}
+    cameras = {"ahead": Camera(scene(NORTH_WALL), FRONT_CAMERA, robot_radius_mm=400.0)}
     names = tuple(f"robot{number}" for number in range(len(poses)))
     return Devices(world, names, cameras, now_ns=7, **options)
 

@@ -16,14 +16,14 @@ import pytest
 from colony.runtime.library.camera import array
 from colony.runtime.protocol.images import Image
 from colony.runtime.servers.drivers import BaseState
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
-from colony.sim.config import IDEAL
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.drivers import MAX_READING_AGE_NS, RemoteBase, RemoteCamera, RemoteProximity
 from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
 from tests.buildings import HALLWAY
 from tests.sim.plant.plants import START, PlantProcess, wait_for
+from tests.sim.robots import FRONT_CAMERA, IDEAL
 from tests.waiting import PATIENCE_S
 
 S = 1_000_000_000
@@ -89,7 +89,7 @@ def test_robots_of_one_plant_see_each_other(robot: Robot, control: PlantControl)
 def test_images_are_those_of_the_camera(robot: Robot, control: PlantControl) -> None:
     truths = [control.truth(name) for name in ("rome", "remus")]
     poses = np.array([(t.x, t.y, t.heading) for t in truths])
-    camera = Camera(scene_of(HALLWAY), CameraConfig(), robot_radius_mm=IDEAL.radius_mm)
+    camera = Camera(scene_of(HALLWAY), FRONT_CAMERA, robot_radius_mm=IDEAL.radius_mm)
 
     def image() -> Image | None:
         found = robot.camera.grab()

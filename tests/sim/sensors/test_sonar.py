@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.sim.config import IDEAL, RobotConfig
+from colony.sim.config import RobotConfig
 from colony.sim.sensors.sonar import RAY_STEP_DEG, corner_reflectors, fan_of, wall_table
 from colony.sim.world.world import World
+from tests.sim.robots import IDEAL, ROME
 
 RING = IDEAL.sonar_ring_mm
 FULL = IDEAL.sonar_range_mm
@@ -173,7 +174,7 @@ def test_only_wired_detectors_see() -> None:
 
 
 def test_noise_has_the_deviation_that_the_robot_says() -> None:
-    noisy = RobotConfig(sonar_noise_mm=5.0, sonar_noise=0.002)
+    noisy = replace(ROME, sonar_noise_mm=5.0, sonar_noise=0.002)
     one = World(walls=[wall_at(0.0, 3_000.0)], poses=[(0.0, 0.0, 0.0)], config=noisy, seed=5)
     readings, silent = [], []
     for _ in range(2_000):
@@ -189,7 +190,7 @@ def test_noise_has_the_deviation_that_the_robot_says() -> None:
 
 @pytest.mark.parametrize("half_beam_deg", [0.0, 1.0, 9.0, 10.0, 12.0, 14.5, 40.0])
 def test_a_cone_is_as_wide_as_the_config_says(half_beam_deg: float) -> None:
-    fan = fan_of(RobotConfig(sonar_half_beam_deg=half_beam_deg))
+    fan = fan_of(replace(ROME, sonar_half_beam_deg=half_beam_deg))
     ahead = np.degrees(np.arctan2(fan.ray_v[12], fan.ray_u[12]))
     assert (ahead[0], ahead[-1]) == pytest.approx((-half_beam_deg, half_beam_deg))
     assert ahead[len(ahead) // 2] == 0.0

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.sim.config import IDEAL, RobotConfig
+from colony.sim.config import RobotConfig
 from colony.sim.world.base import SLICE_S
 from colony.sim.world.world import World
+from tests.sim.robots import IDEAL
 
 RADIUS = IDEAL.radius_mm
 AGILE = replace(IDEAL, acceleration_mm_s2=1e9, turn_acceleration_deg_s2=1e9)

@@ -13,10 +13,11 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Reply
 from colony.runtime.servers.drivers import BaseState
 from colony.runtime.transport.virtual import VirtualClock
-from colony.sim.config import IDEAL, RobotConfig
+from colony.sim.config import RobotConfig
 from colony.sim.drivers import Plant, SimulatedBase
 from colony.sim.world.world import World
 from tests.runtime.servers.base_stage import Stage
+from tests.sim.robots import IDEAL, ROME
 
 WALLS = [[-60_000.0, 4000.0, 5000.0, 4000.0]]
 
@@ -76,7 +77,7 @@ def test_a_square_ends_where_it_began() -> None:
 
 
 def test_what_wheels_report_wrongly_does_not_keep_it_from_its_way() -> None:
-    one, world = stage(RobotConfig())
+    one, world = stage(ROME)
     assert done(one, robot.move(3000.0, 500.0)).problem is None
     odometry = world.odometry(0)
     assert odometry.y_mm == pytest.approx(3000.0, abs=5.0)

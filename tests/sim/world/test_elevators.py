@@ -8,13 +8,13 @@ import pytest
 
 from colony.nav.maps.building import load_building
 from colony.runtime.transport.virtual import VirtualClock
-from colony.sim.config import IDEAL
 from colony.sim.drivers import Plant
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.elevators import CABIN_DEPTH_MM, CABIN_WIDTH_MM, SLIDE_S, Elevators, cabin_of
 from colony.sim.world.world import World
 from tests.buildings import LOOP
 from tests.paths import MAPS
+from tests.sim.robots import IDEAL
 
 BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")
 THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"

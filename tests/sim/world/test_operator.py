@@ -7,13 +7,13 @@ import pytest
 from colony.nav.maps.building import load_building
 from colony.nav.missions.elevator_calls import decode_elevator_call
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
-from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Elevators, cabin_of
 from colony.sim.world.operator import DELAY_S, POLL_INTERVAL_S, RIDE_S, STANDSTILL_S, operator
 from colony.sim.world.world import World
 from tests.nav.script_stage import Stage
 from tests.paths import MAPS
+from tests.sim.robots import IDEAL
 
 BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")
 THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"

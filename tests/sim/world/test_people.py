@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from colony.nav.maps.walls import walls_of
-from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Person, Scenery, Track
 from colony.sim.world.people import LONGEST_STOP_S
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
+from tests.sim.robots import IDEAL
 
 LENGTH, HALF = 30_000.0, 1500.0
 WALLS = np.array([(-HALF, 0.0, -HALF, LENGTH), (HALF, LENGTH, HALF, 0.0), (-HALF, LENGTH, HALF, LENGTH)])

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from colony.nav.maps.walls import walls_of
-from colony.sim.config import IDEAL
 from colony.sim.world.world import World
 from tests.buildings import LOOP
+from tests.sim.robots import IDEAL
 
 WALLS = walls_of(LOOP).segments
 

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from colony.nav.maps.walls import walls_of
-from colony.sim.config import IDEAL, RobotConfig
+from colony.sim.config import RobotConfig
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.hazards.scenery import CompassDisturbance, Joint, Scenery, Slip, bare_scenery
 from colony.sim.sensors.compass import disturbance_deg
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
+from tests.sim.robots import IDEAL, ROME
 from tests.sim.world.test_world import history
 
 BOX = np.array(
@@ -275,7 +276,7 @@ def test_what_a_robot_does_not_meet_changes_nothing_of_its_run(hazard: Hazard) -
     assert run(Hazards()) == run(Hazards().without(hazard))
 
 
-@pytest.mark.parametrize("config", [IDEAL, RobotConfig()], ids=["ideal", "real"])
+@pytest.mark.parametrize("config", [IDEAL, ROME], ids=["ideal", "real"])
 def test_with_all_hazards_the_same_seed_gives_the_same_run(config: RobotConfig) -> None:
     def run(seed: int) -> list[tuple[object, ...]]:
         world = World(walls=draw(Hazards(), MSU, seed), poses=[MSU.start], seed=seed, config=config)

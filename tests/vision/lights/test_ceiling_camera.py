@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from colony.sim.cameras.ceiling import LIGHT_ALONG_MM, CeilingCameraConfig, lens_of
-from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, UPWARD, CeilingCamera
+from colony.sim.cameras.ceiling import LIGHT_ALONG_MM, lens_of
+from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, UPWARD
+from tests.sim.robots import UP_CAMERA
 
 
 def test_the_image_covers_what_the_thesis_says() -> None:
@@ -23,8 +25,8 @@ def test_columns_grow_ahead_and_rows_to_the_right() -> None:
 
 
 def test_offsets_and_pixels_are_inverse_to_each_other() -> None:
-    camera = CeilingCamera(
-        columns=320, rows=200, length_deg=70.0, height_mm=900.0, ahead_mm=120.0, left_mm=-80.0
+    camera = replace(
+        UPWARD, columns=320, rows=200, length_deg=70.0, height_mm=900.0, ahead_mm=120.0, left_mm=-80.0
     )
     for pixel in np.linspace(-10, 330, 35):
         assert camera.column_of(camera.ahead_of(pixel)) == pytest.approx(pixel)
@@ -36,7 +38,7 @@ def test_scan_lines_are_at_the_quarters() -> None:
 
 
 def test_the_simulator_renders_with_the_same_geometry() -> None:
-    lens = lens_of(CeilingCameraConfig())
+    lens = lens_of(UP_CAMERA)
     assert (lens.along_mm, lens.across_mm) == pytest.approx((UPWARD.mm_per_column, UPWARD.mm_per_row))
     assert lens.center_column == pytest.approx(UPWARD.column_of(0.0))
     assert lens.center_row == pytest.approx(UPWARD.row_of(0.0))
@@ -55,4 +57,4 @@ def test_the_simulator_renders_with_the_same_geometry() -> None:
 )
 def test_what_is_no_camera_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="expected"):
-        CeilingCamera(**wrong)  # type: ignore[arg-type]
+        replace(UPWARD, **wrong)  # type: ignore[arg-type]

@@ -28,7 +28,7 @@ from colony.runtime.assembly.loop import LocalCamera
 from colony.runtime.kit.script_local import LocalServer, ScriptError
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.servers.base import Base
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.drivers import Plant, SimulatedBase, SimulatedCamera
 from colony.sim.hazards.hazards import Hazards, draw
@@ -38,6 +38,7 @@ from colony.vision.level_camera import AHEAD, LevelCamera
 from colony.vision.markers.finder import marker_finder
 from tests.paths import MAPS
 from tests.script_stage import FRAME_NS, ScriptStage
+from tests.sim.robots import FRONT_CAMERA
 
 NAME = "msu_engineering_3"
 MAP = load_map(MAPS / f"{NAME}.stickrep")
@@ -69,7 +70,7 @@ class Stand(ScriptStage):
         x = MARKERS[0].center.x + ahead_mm * math.sin(heading) - aside_mm * math.cos(heading)
         y = MARKERS[0].center.y - ahead_mm * math.cos(heading) - aside_mm * math.sin(heading)
         self.world = World(walls=scenery, poses=[(x, y, MARKERS[0].heading_deg + turned_deg)], seed=1)
-        eye = Camera(scene_of(MAP, scenery), CameraConfig(), robot_radius_mm=400.0, seed=1)
+        eye = Camera(scene_of(MAP, scenery), FRONT_CAMERA, robot_radius_mm=400.0, seed=1)
         self._plant = Plant(self.world, lambda: self.now_ns)
         base = LocalServer("RServer", Base(SimulatedBase(self._plant, 0)).methods)
         front = SimulatedCamera(self._plant, lambda now_ns: LevelShot(eye, self.world, 0, now_ns))
@@ -201,7 +202,7 @@ def test_while_dserver_is_away_it_goes_on_asking(call: str) -> None:
 
 
 def test_a_camera_of_another_size_is_told() -> None:
-    stand = Stand(RIDE, geometry=LevelCamera(columns=640, rows=480))
+    stand = Stand(RIDE, geometry=replace(AHEAD, columns=640, rows=480))
     with pytest.raises(ScriptError, match="CServerFront gives images of 240 x 120 pixels; expected 640"):
         stand.run(2.0)
 

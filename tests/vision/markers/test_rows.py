@@ -10,7 +10,7 @@ import pytest
 
 from colony.nav.maps.signs import MARKER_CODES, MARKER_WIDTH_MM, Sign, markers_of, plates_of
 from colony.nav.maps.stickrep.reader import load_map
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.cameras.snapshot import snapshot
 from colony.sim.hazards.hazards import Hazards, draw
@@ -19,6 +19,7 @@ from colony.vision.level_camera import AHEAD
 from colony.vision.markers.pose import edge_units
 from colony.vision.markers.rows import find_markers
 from tests.paths import MAPS
+from tests.sim.robots import FRONT_CAMERA
 from tests.vision.markers.views import View, picture
 
 MAP = MAPS / "msu_engineering_3.stickrep"
@@ -219,7 +220,7 @@ def test_the_simulators_markers_are_found() -> None:
             chance.uniform(-120.0, 120.0),
             chance.uniform(-5, 5),
         )
-        image = snapshot(floor, before(marker, ahead, aside, turned), CameraConfig(), seed=number)
+        image = snapshot(floor, before(marker, ahead, aside, turned), FRONT_CAMERA, seed=number)
         assert [box.code for box in find_markers(image)] == [marker.code], (number, ahead, aside, turned)
 
 
@@ -230,9 +231,7 @@ def test_there_is_no_marker_where_none_hangs() -> None:
     chance = random.Random(5)
     false: list[tuple[float, float, float]] = []
     for seed in range(10):
-        camera = Camera(
-            scene_of(floor, draw(Hazards(), floor, seed=seed)), CameraConfig(), robot_radius_mm=400
-        )
+        camera = Camera(scene_of(floor, draw(Hazards(), floor, seed=seed)), FRONT_CAMERA, robot_radius_mm=400)
         looked = 0
         while looked < 50:
             plate = chance.choice(plates)

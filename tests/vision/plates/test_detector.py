@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as arrays
 
 from colony.vision.detections import PlateBox
 from colony.vision.gray_images import Gray
-from colony.vision.level_camera import SIDE, LevelCamera
+from colony.vision.level_camera import AHEAD, SIDE, LevelCamera
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.geometry import WallView
 from tests.vision.plates.walls import Board, corners_of, plate, wall_image
@@ -58,7 +58,7 @@ def test_blur_of_lens_and_motion(smear: int) -> None:
 
 @pytest.mark.parametrize(("columns", "rows"), [(320, 240), (480, 240), (640, 480), (200, 100)])
 def test_other_sizes_of_images(columns: int, rows: int) -> None:
-    camera = LevelCamera(columns=columns, rows=rows)
+    camera = replace(AHEAD, columns=columns, rows=rows)
     view, board = WallView(1400.0, 4.0), plate("A391", -100.0)
     image = wall_image([board], view, camera, blur=0.7 * columns / 240)
     (found,) = find_plates(image)

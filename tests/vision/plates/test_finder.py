@@ -12,7 +12,7 @@ from colony.runtime.library import camera as cameras
 from colony.runtime.protocol.calls import CallId, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.servers.cserver import PERIOD_NS
-from colony.vision.level_camera import LevelCamera
+from colony.vision.level_camera import AHEAD
 from colony.vision.plates.finder import plate_finder
 from colony.vision.plates.observations import FoundPlate
 from tests.vision.plates.hall import Hall, Stage, known
@@ -138,7 +138,7 @@ def _away(*_: object) -> object:
 
 def test_a_camera_of_another_size_is_told() -> None:
     with pytest.raises(ScriptError, match="CServerSide gives images of 240 x 120 pixels; expected 640"):
-        run(HALL, geometry=LevelCamera(columns=640, rows=480, yaw_deg=90.0))
+        run(HALL, geometry=replace(AHEAD, columns=640, rows=480, yaw_deg=90.0))
 
 
 def test_the_thesis_looks_under_the_lock_and_gives_it_back() -> None:

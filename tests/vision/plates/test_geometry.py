@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.vision.level_camera import SIDE, LevelCamera
+from colony.vision.level_camera import AHEAD, SIDE
 from colony.vision.plates.geometry import WallView, is_too_steep, overlap_mm, starting_column
 
 distances = st.floats(300.0, 4000.0)
@@ -88,7 +89,7 @@ def test_who_stands_starts_beyond_the_image_and_who_is_far_on_at_its_first_colum
 
 
 def test_other_cameras() -> None:
-    wide = LevelCamera(columns=640, rows=480, view_deg=80.0)
+    wide = replace(AHEAD, columns=640, rows=480, view_deg=80.0)
     view = WallView(1000.0, 10.0)
     assert view.column_of(wide, view.left_mm(80.0)) == pytest.approx(-0.5)
     assert view.column_of(wide, -view.right_mm(80.0)) == pytest.approx(639.5)

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.echoes import SonarModel, SonarRing
 from colony.nav.pose.filter import JumpLimit, PoseFilter, Uncertainty
 from colony.vision.detections import PlateBox, Reading
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
 from colony.vision.plates.observations import PlateObservation, fix_of_plate, observe_plate
+from tests.nav.sonars import RING
 from tests.vision.plates.walls import corners_of, plate
 
 NOTHING = Reading("", 0.0)
@@ -107,9 +107,7 @@ def test_the_depth_moves_the_filter_to_the_wall_wherever_the_plate_is_in_the_ima
     """The robot drives along the wall, 150 mm nearer to it than it believes."""
     true_x, y, heading = PLATE.center.x + 1_000.0, PLATE.center.y - ahead_mm, 0.0
     believed = look_from(true_x, y, heading)._replace(robot=Pose(true_x + 150.0, y, heading))
-    pose_filter = PoseFilter(
-        SonarRing(SonarModel()), (true_x + 150.0, y, heading), Uncertainty(start_mm=200.0)
-    )
+    pose_filter = PoseFilter(RING, (true_x + 150.0, y, heading), Uncertainty(start_mm=200.0))
     for row in fix_of_plate(believed, PLATE).rows:
         assert pose_filter.observe(row, limit=JumpLimit(400.0, math.radians(10.0)))
     assert pose_filter.state[0] - true_x < 60.0

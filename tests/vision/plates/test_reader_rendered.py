@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM, plates_of
-from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
 from colony.vision.detections import Corner, PlateBox
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.reader import read_plate
 from tests.buildings import MSU
+from tests.sim.robots import FRONT_CAMERA
 
 FLOOR = MSU
 PLATES = plates_of(FLOOR)
@@ -22,7 +24,7 @@ NOBODY = np.zeros((0, 2))
 
 @pytest.fixture(scope="module")
 def camera() -> Camera:
-    return Camera(scene_of(FLOOR), CameraConfig(yaw_deg=SIDE.yaw_deg), robot_radius_mm=400.0, seed=1)
+    return Camera(scene_of(FLOOR), replace(FRONT_CAMERA, yaw_deg=SIDE.yaw_deg), robot_radius_mm=400.0, seed=1)
 
 
 def _box(distance_mm: float, tilt_deg: float) -> PlateBox:

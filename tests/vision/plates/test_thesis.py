@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.vision.level_camera import SIDE, LevelCamera
+from colony.vision.level_camera import AHEAD, SIDE
 from colony.vision.plates.geometry import WallView
 from colony.vision.plates.thesis import MIDDLE_LEVEL, scan_band, stretch, thesis_plates
 from tests.vision.plates.walls import Board, corners_of, plate, wall_image
@@ -80,4 +80,4 @@ def test_what_is_no_image_of_the_camera_is_refused() -> None:
     with pytest.raises(ValueError, match="40 rows from row 90 on, 240 columns; expected rows of a camera's"):
         thesis_plates(np.zeros((40, 240), dtype=np.uint8), SIDE, first_row=90)
     with pytest.raises(ValueError, match="120 rows from row 0 on, 240 columns; expected"):
-        thesis_plates(np.zeros((120, 240), dtype=np.uint8), LevelCamera(columns=320))
+        thesis_plates(np.zeros((120, 240), dtype=np.uint8), replace(AHEAD, columns=320))

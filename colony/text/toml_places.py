@@ -35,6 +35,7 @@ class Place(NamedTuple):
 
     key: Extent
     value: Extent
+    is_table: bool = False
 
 
 Entries = Generator[tuple[Path, Place], None, int]
@@ -50,6 +51,11 @@ def places(text: str) -> dict[Path, Place]:
 
     An array of tables is one value, whose place is its first header.
     """
+    return {path: place for path, place in all_places(text).items() if not place.is_table}
+
+
+def all_places(text: str) -> dict[Path, Place]:
+    """Return the places as `places` does, and also that of each table with a header or in braces."""
     found: dict[Path, Place] = {}
     try:
         for path, place in _statements(text):
@@ -67,8 +73,7 @@ def _statements(text: str) -> Iterator[tuple[Path, Place]]:
             is_array = text.startswith("[[", at)
             path, key = _key(text, at + 1 + is_array)
             table = path
-            if is_array:
-                yield path, Place(key, key)
+            yield path, Place(key, key, is_table=not is_array)
             at = _expect(text, "]]" if is_array else "]", _after(_SPACE, text, key.end))
         else:
             at = yield from _pair(text, at, table)
@@ -81,6 +86,7 @@ def _pair(text: str, at: int, table: Path) -> Entries:
     at = _after(_SPACE, text, _expect(text, "=", _after(_SPACE, text, key.end)))
     path = (*table, *path)
     if text.startswith("{", at):
+        yield path, Place(key, key, is_table=True)
         return (yield from _inline_table(text, at, path))
     end = _value(text, at)
     yield path, Place(key, Extent(at, end))

@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from colony.dsl.toml_places import places
+from colony.text.toml_places import all_places, places
 
 TEXT = '''# first
 a = "x"  # with a comment
@@ -34,6 +34,17 @@ def shown(text: str) -> dict[str, tuple[str, str]]:
     return {
         "/".join(path): (text[slice(*place.key)], text[slice(*place.value)])
         for path, place in places(text).items()
+    }
+
+
+def test_tables_have_places_too() -> None:
+    tables = {path: place for path, place in all_places(TEXT).items() if place.is_table}
+    assert {"/".join(path): TEXT[slice(*place.key)] for path, place in tables.items()} == {
+        "table": "table",
+        "table/h": "h",
+        "table/h/l": "l",
+        "odd.table/sub": '"odd.table" . sub',
+        "last": "last",
     }
 
 

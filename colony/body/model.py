@@ -1,0 +1,251 @@
+"""The body of a robot: what its interface, in the language, has no word for.
+
+Values are in base units (mm, s, deg and Hz), whatever unit the text has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from colony.body.devices import DEVICES, Camera, CeilingCamera, Device, Proximity
+from colony.body.kinds import (
+    NAME,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bounds,
+    Interval,
+    Many,
+    Measure,
+    Named,
+    OneOf,
+    Options,
+    Row,
+    Table,
+    Text,
+    Word,
+    entry,
+)
+from colony.text.units import ANGLE, LENGTH, NUMBER, TIME
+
+_LENGTH = Measure(LENGTH, "400 mm", POSITIVE)
+_PLACE = Measure(LENGTH, "-250 mm")
+_SPEED = LENGTH.over(TIME)
+_TURN = ANGLE.over(TIME)
+_RATE = Measure(TIME.power(-1), "10 Hz", Bounds(low=0.0, high=10_000.0, is_open=True))
+_DURATION = Measure(TIME, "50 ms", NOT_NEGATIVE)
+_SPREAD = Measure(LENGTH, "3 mm", NOT_NEGATIVE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identity:
+    """The table `[robot]`."""
+
+    name: str = entry("name", Text(NAME, "a name"), "the name of the robot, as in its interface")
+    frame_s: float | None = entry(
+        "frame",
+        Measure(TIME, "50 ms", POSITIVE),
+        "the frame period, which the interface has as well [default: that one]",
+        default=None,
+    )
+
+
+class Corner(NamedTuple):
+    """A corner of a footprint: x ahead of the robot's center, y to the left of it, in mm."""
+
+    x_mm: float
+    y_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circle:
+    """A round footprint around the robot's center."""
+
+    radius_mm: float = entry("radius", _LENGTH, "the radius")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Polygon:
+    """A footprint with straight sides."""
+
+    corners: tuple[Corner, ...] = entry(
+        "corners",
+        Many(Row((_PLACE, _PLACE), Corner), 3, 100),
+        "the corners, counterclockwise: x ahead of the center, y to the left of it",
+    )
+
+
+Footprint = Circle | Polygon
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Differential:
+    """Two driven wheels on one axis through the robot's center."""
+
+    wheel_base_mm: float = entry("wheel_base", _LENGTH, "distance between the wheels")
+    scale_error: float = entry(
+        "scale_error",
+        Measure(NUMBER, "0.3 percent", Bounds(low=0.0, high=1.0)),
+        "standard deviation of each wheel's scale, which is constant",
+        default=0.0,
+    )
+    slip_mm: float = entry(
+        "slip",
+        _SPREAD,
+        "standard deviation of a wheel's error over the first meter; it grows with the root of the distance",
+        default=0.0,
+    )
+
+
+Drive = Differential
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What the base can do at most, in either direction."""
+
+    velocity_mm_s: float = entry("velocity", Measure(_SPEED, "600 mm/s", POSITIVE), "the highest speed")
+    turn_deg_s: float = entry("turn", Measure(_TURN, "90 deg/s", POSITIVE), "the highest turn rate")
+    acceleration_mm_s2: float = entry(
+        "acceleration", Measure(_SPEED.over(TIME), "800 mm/s^2", POSITIVE), "toward a commanded speed"
+    )
+    turn_acceleration_deg_s2: float = entry(
+        "turn_acceleration",
+        Measure(_TURN.over(TIME), "240 deg/s^2", POSITIVE),
+        "toward a commanded turn rate",
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delays:
+    """How late the base is."""
+
+    command_s: float = entry("command", _DURATION, "from a command to the motion", default=0.0)
+    reading_s: float = entry("reading", _DURATION, "from a measurement to its arrival", default=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chassis:
+    """The table `[body]`."""
+
+    footprint: Footprint = entry(
+        "footprint", OneOf("shape", (("circle", Circle), ("polygon", Polygon))), "the outline on the floor"
+    )
+    height_mm: float = entry(
+        "height", Measure(LENGTH, "1.2 m", POSITIVE), "the height of the hull", default=1000.0
+    )
+    drive: Drive = entry("drive", OneOf("kind", (("differential", Differential),)), "how it moves")
+    limits: Limits = entry("limits", Table(Limits), "what it can do at most, in either direction")
+    delays: Delays = entry("delays", Table(Delays), "how late it is", default=Delays())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """What the interface does not say of a field of a server."""
+
+    rate_hz: float | None = entry(
+        "rate", _RATE, "how often it is measured [default: the server's]", default=None
+    )
+    no_echo_mm: float | None = entry(
+        "no_echo",
+        Measure(LENGTH, "12 m", POSITIVE),
+        "the reading of an element without an echo",
+        default=None,
+    )
+    invalid: Literal["hold", "missing"] = entry(
+        "invalid",
+        Word(("hold", "missing")),
+        "an element that is invalid keeps its last value and time, or makes the array missing",
+        default="missing",
+    )
+    blocked: tuple[tuple[float, float], ...] = entry(
+        "blocked",
+        Many(Interval(ANGLE, "150 deg .. 165 deg"), 0, 100),
+        "bearings that the robot's own body blocks; their elements read `no_echo`",
+        default=(),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hardware:
+    """The driver of the real device."""
+
+    driver: str = entry(
+        "driver", Text(rf"{NAME}(\.{NAME})*:{NAME}", "`module:Class`"), "the driver's class: `module:Class`"
+    )
+    options: Mapping[str, str | float | bool] = entry(
+        "", Options(), "what the driver is given, such as `port`", default={}
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Server:
+    """A table `[server.NAME]`."""
+
+    rate_hz: float | None = entry(
+        "rate", _RATE, "how often its fields are measured [default: each frame]", default=None
+    )
+    fields: Mapping[str, Field] = entry("fields", Named(Table(Field)), "its fields by name", default={})
+    simulated: Device | None = entry(
+        "simulated", OneOf("device", DEVICES), "the device in the simulator", default=None
+    )
+    hardware: Hardware | None = entry(
+        "hardware", Table(Hardware), "the driver of the real device", default=None
+    )
+
+    def field_names(self) -> tuple[str, ...]:
+        """Return the names of the fields: those of the table, and those that the device measures."""
+        device = () if self.simulated is None else self.simulated.fields
+        return tuple(dict.fromkeys((*self.fields, *device)))
+
+    def rate_of(self, field: str) -> float | None:
+        """Return how often a field is measured, in Hz; None for each frame."""
+        own = self.fields.get(field)
+        return self.rate_hz if own is None or own.rate_hz is None else own.rate_hz
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """The body of a robot; the keys of `servers` are the names of its servers."""
+
+    robot: Identity = entry("robot", Table(Identity), "whose body it is")
+    chassis: Chassis = entry("body", Table(Chassis), "its shape and its drive")
+    servers: Mapping[str, Server] = entry("server", Named(Table(Server)), "its servers by name", default={})
+
+    def camera(self, server: str) -> Camera:
+        """Return the level camera of a server.
+
+        Raises:
+            ValueError: the robot has none of this name.
+        """
+        found = self.servers.get(server)
+        if found is None or not isinstance(found.simulated, Camera):
+            raise ValueError(f"`{self.robot.name}` has no level camera `{server}`")
+        return found.simulated
+
+    def ceiling_camera(self) -> CeilingCamera:
+        """Return the camera that looks up.
+
+        Raises:
+            ValueError: the robot has none, or several.
+        """
+        found = [s.simulated for s in self.servers.values() if isinstance(s.simulated, CeilingCamera)]
+        if len(found) != 1:
+            raise ValueError(f"`{self.robot.name}` has {len(found)} cameras that look up; expected one")
+        return found[0]
+
+    def ring(self) -> Proximity:
+        """Return the robot's ring of sonars.
+
+        Raises:
+            ValueError: it has none, or several.
+        """
+        rings = [s.simulated for s in self.servers.values() if isinstance(s.simulated, Proximity)]
+        if len(rings) != 1:
+            raise ValueError(f"`{self.robot.name}` has {len(rings)} rings of sonars; expected one")
+        return rings[0]
+
+
+ROOT = Table(Body)
+"""The kind of a whole body."""

@@ -1,0 +1,23 @@
+"""The bodies of the robots that come with colony."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from colony.body.model import Body
+from colony.body.reader import read_body
+from colony.shipped import Shipped
+from colony.text.diagnostics import DiagnosticError
+
+
+@cache
+def shipped_body(name: str) -> Body:
+    """Return the body of a robot that comes with colony; it is read once a process.
+
+    Raises:
+        DiagnosticError: the file has errors, or there is none.
+    """
+    found = read_body(Shipped.ROBOT.path(name).with_suffix(".toml"))
+    if found.body is None:
+        raise DiagnosticError(found.diagnostics)
+    return found.body

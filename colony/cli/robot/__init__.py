@@ -1,0 +1,5 @@
+"""The command `colony robot`."""
+
+from colony.cli.robot.main import command
+
+__all__ = ["command"]

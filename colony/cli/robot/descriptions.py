@@ -1,0 +1,68 @@
+"""Robots on the command line: their interfaces and bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.reporting import say
+
+if TYPE_CHECKING:
+    from colony.body.reader import BodyFile
+    from colony.dsl.load import Checked
+    from colony.text.diagnostics import Diagnostic
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Described:
+    """A robot whose interface and body were read.
+
+    Attributes:
+        text: the name or the path, as given.
+        checked: the interface.
+        body: the body.
+        diagnostics: all findings: of the interface, of the body, and between both.
+    """
+
+    text: str
+    checked: Checked
+    body: BodyFile
+    diagnostics: tuple[Diagnostic, ...]
+
+    @property
+    def is_unreadable(self) -> bool:
+        """True if one of the two files cannot be read at all."""
+        return any(d.code in ("E001", "E003", "B001") for d in self.diagnostics)
+
+
+def describe(text: str) -> Described:
+    """Return the robot with this name, or in the file of this path; exit with 2 if there is none."""
+    from colony.body.interface import disagreements
+    from colony.body.reader import read_body
+    from colony.dsl.load import check_file
+    from colony.text.diagnostics import in_order
+
+    path = _found(text)
+    checked = check_file(path)
+    body = read_body(path.with_suffix(".toml"))
+    found = [*checked.diagnostics, *body.diagnostics]
+    if checked.program is not None and body.body is not None:
+        found += disagreements(checked.program.robot, body.body, body)
+    return Described(text=text, checked=checked, body=body, diagnostics=in_order(found))
+
+
+def _found(text: str) -> Path:
+    """Return the path of an interface as messages show it."""
+    from colony.dsl.descriptions import find_description, find_project, shown, suggestion
+
+    project = find_project(Path())
+    folder = None if project is None else project.folder
+    path = find_description(text, Path(), folder)
+    if path is None:
+        say(f"error: there is no description `{text}` ({suggestion(text, folder or Path())})")
+        raise click.exceptions.Exit(EXIT_MISUSE)
+    return Path(shown(path))

@@ -1,0 +1,26 @@
+"""`colony robot`: descriptions of robots, with their bodies."""
+
+from __future__ import annotations
+
+import click
+
+from colony.cli.robot.check import check_command
+from colony.cli.robot.new import new_command
+from colony.cli.robot.show import show_command
+
+
+@click.group("robot", no_args_is_help=False, short_help="check, draw and begin descriptions of robots")
+def command() -> None:
+    """Check, draw and begin descriptions of robots: an interface, NAME.colony, and a body, NAME.toml.
+
+    \b
+    Example:
+      colony robot check rome
+      colony robot show rome --picture rome.svg
+      colony robot new scout
+    """
+
+
+command.add_command(check_command)
+command.add_command(show_command)
+command.add_command(new_command)

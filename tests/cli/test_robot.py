@@ -1,0 +1,177 @@
+"""`colony robot`: descriptions of robots, with their bodies."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.body.test_interface import BODY, INTERFACE
+from tests.cli.conftest import Colony
+from tests.cli.conftest import colony as colony
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """A robot of a project, in a folder of its own."""
+    folder = tmp_path / "robots" / "small"
+    folder.mkdir(parents=True)
+    (folder / "small.colony").write_text(INTERFACE)
+    (folder / "small.toml").write_text(BODY)
+    return folder
+
+
+# --- check
+
+
+def test_robots_that_agree(colony: Colony, small: Path) -> None:
+    assert colony("robot", "check", "rome", "small") == (0, "rome: ok\nsmall: ok\n", "")
+    for path in ("robots/small", "robots/small/small.colony", small / "small.colony"):
+        assert colony("robot", "check", path).code == 0
+
+
+def test_a_robot_of_a_project_is_found_from_a_folder_below(
+    colony: Colony, small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (small.parents[1] / "colony.toml").write_text("")
+    (small.parents[1] / "deep").mkdir()
+    monkeypatch.chdir(small.parents[1] / "deep")
+    assert colony("robot", "check", "small").code == 0
+
+
+def test_what_is_wrong_in_both_files_is_reported(colony: Colony, small: Path) -> None:
+    (small / "small.colony").write_text(INTERFACE.replace("Lidar.scan", "Lidar.scn"))
+    (small / "small.toml").write_text(BODY.replace('name = "small"', 'name = "tiny"'))
+    code, out, err = colony("robot", "check", "rome", "small")
+    assert (code, out) == (1, "rome: ok\n")
+    assert "robots/small/small.colony:4:12: error[B012]" in err
+    assert "robots/small/small.toml:2:8: error[B010]" in err
+    assert "hint: did you mean `scan`?" in err
+    (small / "small.colony").write_text("language 2\nrobot small { sensor }\n")
+    (small / "small.toml").write_text(BODY.replace("wheel_base", "wheelbase"))
+    code, _, err = colony("robot", "check", "small")
+    assert code == 1
+    assert "error[E005]" in err
+    assert "error[B003]" in err
+
+
+def test_a_warning_is_no_error(colony: Colony, small: Path) -> None:
+    (small / "small.toml").write_text(BODY + '[server.Arm]\nhardware = { driver = "arm:Arm" }\n')
+    code, out, err = colony("robot", "check", "small")
+    assert (code, out) == (0, "small: ok\n")
+    assert "warning[B018]" in err
+
+
+def test_formats_for_programs(colony: Colony, small: Path) -> None:
+    (small / "small.toml").write_text(BODY.replace('name = "small"', 'name = "tiny"'))
+    code, out, err = colony("robot", "check", "rome", "small", "--format", "json")
+    assert (code, err) == (1, "")
+    [found] = json.loads(out)
+    assert (found["code"], found["file"], found["line"]) == ("B010", "robots/small/small.toml", 2)
+    code, out, _ = colony("robot", "check", "small", "--format", "sarif")
+    assert code == 1
+    assert json.loads(out)["runs"][0]["results"][0]["ruleId"] == "B010"
+    assert json.loads(colony("robot", "check", "rome", "--format", "json").out) == []
+
+
+def test_what_cannot_be_read(colony: Colony, small: Path) -> None:
+    code, _, err = colony("robot", "check", "smal")
+    assert (code, err) == (2, "error: there is no description `smal` (did you mean `small`?)\n")
+    (small / "small.toml").unlink()
+    code, _, err = colony("robot", "check", "small")
+    assert code == 2
+    assert "error[B001]: cannot read `robots/small/small.toml`: No such file or directory" in err
+    assert colony("robot", "check").code == 2
+    assert colony("robot").code == 2
+    assert colony("robot", "chek", "small").code == 2
+
+
+# --- show
+
+
+def test_a_robot_is_listed_and_drawn(colony: Colony, small: Path) -> None:
+    code, out, err = colony("robot", "show", "small", "--picture", "small.svg")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines.pop(4).split() == ["name", "type", "server", "device", "within", "rate"]
+    driver = "lidar, colony.drivers.ldlidar:LD06"
+    assert lines == [
+        "small: round, 400 mm across, 1000 mm high",
+        "  differential drive, wheels 300 mm apart; frames of 50 ms",
+        "  at most 500 mm/s and 57.29577951 deg/s, 1000 mm/s^2 and 180 deg/s^2",
+        "",
+        f"  scan       m[360] 0 .. -1 deg  Lidar.scan         {driver}  200 ms  10 Hz",
+        f"  celsius    degC                Lidar.temperature  {driver}  2 s     1 Hz",
+        "  bumper     bool                RServer.bumper     base",
+        "  docked_at  number              DServer.DockedAt",
+        "  random     number              Runtime.random",
+        "  drive      { velocity, turn }  RServer.drive      base",
+        "  report     { goal }            DServer.Goal",
+        "drawn in small.svg",
+    ]
+    assert Path("small.svg").read_text().startswith("<?xml")
+
+
+def test_rome_is_listed_with_its_cameras(colony: Colony) -> None:
+    code, out, _ = colony("robot", "show", "rome")
+    assert code == 0
+    assert "  CServerSide      images                    CServerSide             camera\n" in out
+
+
+def test_a_polygon_is_listed(colony: Colony, small: Path) -> None:
+    corners = '[["-200 mm", "-150 mm"], ["250 mm", "-150 mm"], ["0 mm", "150 mm"]]'
+    round_ = 'shape = "circle", radius = "0.2 m"'
+    (small / "small.toml").write_text(BODY.replace(round_, f'shape = "polygon", corners = {corners}'))
+    out = colony("robot", "show", "small").out
+    assert out.startswith("small: 3 corners, 450 mm long, 300 mm wide, 1000 mm high\n")
+
+
+def test_what_has_errors_is_not_shown(colony: Colony, small: Path) -> None:
+    (small / "small.toml").write_text(BODY.replace('name = "small"', 'name = "tiny"'))
+    code, out, err = colony("robot", "show", "small", "--picture", "small.png")
+    assert (code, out) == (1, "")
+    assert "error[B010]" in err
+    assert not Path("small.png").exists()
+    (small / "small.toml").unlink()
+    assert colony("robot", "show", "small").code == 2
+    assert colony("robot", "show", "rome", "--picture", "rome.gif").code == 2
+    assert colony("robot", "show", "rome", "--picture", "none/rome.png").code == 2
+
+
+# --- new
+
+
+def test_a_new_robot_checks_and_runs_wander(colony: Colony) -> None:
+    code, out, _ = colony("robot", "new", "scout")
+    assert code == 0
+    assert out == (
+        "wrote robots/scout/scout.colony and robots/scout/scout.toml; try: colony robot check scout\n"
+    )
+    assert colony("robot", "check", "scout") == (0, "scout: ok\n", "")
+    assert colony("robot", "show", "scout").code == 0
+    code, out, err = colony("test", "wander", "--robot", "scout")
+    assert (code, err) == (0, "")
+    assert out.endswith("5 passed, 0 failed\n")
+    assert colony("verify", "robots/scout/scout.colony").code == 0
+
+
+def test_nothing_is_overwritten(colony: Colony, small: Path) -> None:
+    before = {path: path.read_text() for path in small.iterdir()}
+    code, _, err = colony("robot", "new", "small")
+    assert (code, err) == (2, "robots/small/small.colony: error: cannot write: it exists already\n")
+    assert {path: path.read_text() for path in small.iterdir()} == before
+    (small / "small.colony").unlink()
+    assert colony("robot", "new", "small").code == 2
+    Path("robots/flat.colony").write_text("")
+    assert colony("robot", "new", "flat").code == 2
+    Path("robots/file").write_text("")
+    assert colony("robot", "new", "file").code == 2
+
+
+@pytest.mark.parametrize("name", ["", "a b", "a/b", "..", "1a", "a" * 65, "true", "and", "naïve"])
+def test_what_is_no_name(colony: Colony, name: str) -> None:
+    code, _, err = colony("robot", "new", name)
+    assert code == 2
+    assert "expected a name" in err
+    assert not Path("robots").exists()
