@@ -77,7 +77,7 @@ def parameter(
         members: the members of an enum with their numbers; the enum of a behavior must have the same.
         low: the least number, in the unit.
         high: the greatest number, in the unit.
-        meaning: what users are told of it.
+        meaning: a description for users.
 
     Raises:
         ValueError: the name cannot be passed by keyword, the unit is not a base unit, or the bounds or

@@ -62,7 +62,7 @@ def field(
         unit: the unit of the numbers, which are plain if it is "".
         size: the number of elements of an array; None for a single value.
         boolean: True for bools.
-        meaning: what users are told of it.
+        meaning: a description for users.
         has_age: True if its readings say how old they are. Only such a field can be read `within` a time.
 
     Raises:
