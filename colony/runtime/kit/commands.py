@@ -12,6 +12,7 @@ none: its device is put into a safe state by the function `safe` of its command.
 
 from __future__ import annotations
 
+import inspect
 import math
 import reprlib
 import traceback
@@ -50,11 +51,12 @@ def command(
             arrive and when the server ends, unless an idle command is performed then.
 
     Raises:
-        ValueError: two parameters have one name.
+        ValueError: two parameters have one name, or `perform` does not take them.
     """
     names = [parameter.name for parameter in parameters]
     if len(set(names)) < len(names):
         raise ValueError(f"{name}: found the parameters {', '.join(names)}; expected each once")
+    _check_takes(name, perform, names)
     return Command(CommandDescription(name=name, parameters=parameters), perform, safe)
 
 
@@ -107,15 +109,32 @@ def parameter(
     return description
 
 
+def _check_takes(name: str, perform: Callable[..., object], parameters: list[str]) -> None:
+    try:
+        signature = inspect.signature(perform)
+    except (TypeError, ValueError):
+        return  # a function of another language, which does not say what it takes
+    try:
+        signature.bind(**dict.fromkeys(parameters))
+    except TypeError as problem:
+        raise ValueError(f"{name}: `perform` cannot be called with its parameters: {problem}") from None
+
+
 class CommandPerformer:
     """Carries out the commands of a server. Mutable: knows the actuators, and the problems it has reported.
 
     No exception of a command ends the server. Each kind of problem of a command is reported once.
+
+    Raises:
+        ValueError: two commands have one name.
     """
 
     def __init__(self, server: str, commands: Iterable[Command], report: Report) -> None:
         self._server = server
-        self._commands = {command.description.name: command for command in commands}
+        self._commands: dict[str, Command] = {}
+        for command in commands:
+            if self._commands.setdefault(command.description.name, command) is not command:
+                raise ValueError(f"{server}: found two commands `{command.description.name}`")
         self._report = report
         self._reported: set[tuple[str, str]] = set()
         self._actuators: dict[str, ActuatorSpec] = {}

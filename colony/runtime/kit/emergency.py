@@ -38,8 +38,13 @@ ACKNOWLEDGE_TIMEOUT_S = 2.0
 SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
 """The servers of every robot that accept an emergency stop."""
 
-WITHOUT_ACTUATORS = frozenset({PSERVER.name, RUNTIME.name, LEADER, OBSERVER, GATEWAY})
-"""Nodes without actuators. Any other node that is up gets the stop, and may answer that it has none, too."""
+WITHOUT_ACTUATORS = frozenset(
+    {PSERVER.name, RUNTIME.name, LEADER, OBSERVER, GATEWAY, "Simulator", "Supervisor"}
+)
+"""Servers and processes without actuators.
+
+Any other server that is up gets the stop, and may answer that it has none, too.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +100,7 @@ class StopButton:
         try:
             for server in self._channels:
                 send(server)
-            for server in self._session.servers():
+            for server in sorted({*self._session.servers(), *self._running_servers()}):
                 if server not in self._channels and server not in WITHOUT_ACTUATORS and "/" not in server:
                     self._open(server)
                     send(server)

@@ -69,6 +69,7 @@ class CommandedActuators:
         self._in_run = False
         self._halt_due = False
         self._watchdog_due_ns: int | None = None
+        self._watchdog_wake_ns: int | None = None
         self._outbox: list[Effect] = []
         self.listens = (topics.requests(server),)
 
@@ -92,8 +93,7 @@ class CommandedActuators:
                 self._commands.note_malformed(message)
             case Wake():
                 yield from self._commands.wake(now_ns)
-                if self._watchdog_due_ns is not None and now_ns >= self._watchdog_due_ns:
-                    self._watchdog_due_ns, self._halt_due = None, True
+                yield from self._check_watchdog(now_ns)
 
     def tick(self, tick: Tick, now_ns: int, publish: Callable[[Tick], Iterable[Effect]]) -> Iterator[Effect]:
         """End the frame before, publish the server's frame, and begin to decide the frame of a tick."""
@@ -116,7 +116,7 @@ class CommandedActuators:
                 yield from self._commands.halt(now_ns)
         if self._halt is not None or self._commands.can_halt:
             self._watchdog_due_ns = now_ns + WATCHDOG_DEADLINES * self._timing.deadline_ns
-            yield WakeAt(self._watchdog_due_ns)
+            yield from self._wake_for_watchdog(self._watchdog_due_ns)
 
     def carry_out_halt(self, now_ns: int) -> Iterator[Effect]:
         """Halt if it is due, and yield what else is left to send; called after every message."""
@@ -171,6 +171,24 @@ class CommandedActuators:
         self._stale_ns = None if deployed.lockstep else STALE_FRAMES * deployed.frame_ns
         actuators = actuators_of(deployed, self._server)
         self._commands = CommandDispatcher(actuators, self._timing, self._perform, given=given)
+
+    def _wake_for_watchdog(self, due_ns: int) -> Iterator[Effect]:
+        """Schedule a wake, unless an earlier one is scheduled; that one schedules the next."""
+        if self._watchdog_wake_ns is None or due_ns < self._watchdog_wake_ns:
+            self._watchdog_wake_ns = due_ns
+            yield WakeAt(due_ns)
+
+    def _check_watchdog(self, now_ns: int) -> Iterator[Effect]:
+        """Halt if no tick has come for too long."""
+        if self._watchdog_wake_ns is not None and now_ns >= self._watchdog_wake_ns:
+            self._watchdog_wake_ns = None
+        due_ns = self._watchdog_due_ns
+        if due_ns is None:
+            return
+        if now_ns >= due_ns:
+            self._watchdog_due_ns, self._halt_due = None, True
+        else:
+            yield from self._wake_for_watchdog(due_ns)
 
     def _halt_all(self, now_ns: int) -> Iterator[Effect]:
         yield from self._commands.halt(now_ns)

@@ -9,21 +9,15 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from colony.compile.pipeline import compile_program
-from colony.dsl.load import check_text
-from colony.runtime.assembly.virtual import Builders, VirtualRobot
 from colony.runtime.kit.commands import Command, command, parameter
-from colony.runtime.kit.description import Description, server_spec
-from colony.runtime.kit.fields import Reading, field
+from colony.runtime.kit.fields import field
 from colony.runtime.kit.service import Service
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
-from colony.runtime.protocol.fields import SERVERS
 from colony.runtime.protocol.messages import (
     Bounds,
     Effect,
@@ -39,13 +33,8 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.servers.dserver import DServer
-from colony.runtime.transport.virtual import VirtualClock
 from tests.runtime.calling import CLOSE, call_of, opening
-from tests.runtime.scripted import Log
-
-MS = 1_000_000
-FRAME_NS = 50 * MS
+from tests.runtime.kit.lift_stage import DOWN, FRAME_NS, IDLE, MS, UP, Robot
 
 
 class Lift:
@@ -488,88 +477,23 @@ def test_mistakes_in_parameters(declared: dict[str, Any], reason: str) -> None:
         parameter(**{"name": "x", **declared})
 
 
-def test_parameters_have_different_names() -> None:
+def test_parameters_and_commands_have_different_names() -> None:
     with pytest.raises(ValueError, match="expected each once"):
         command("move", print, parameter("x"), parameter("x"))
+    with pytest.raises(ValueError, match="Lift: found two commands `move`"):
+        Service("Lift", (), (), print, commands=[Lift().command(), Lift().command()])
+
+
+def test_what_performs_a_command_must_take_its_parameters() -> None:
+    with pytest.raises(ValueError, match=r"move: `perform` cannot be called .* unexpected .* 'speed'"):
+        command("move", Lift().move, parameter("height"), parameter("fast"), parameter("speed"))
+    with pytest.raises(ValueError, match="missing a required argument: 'fast'"):
+        command("move", Lift().move, parameter("height"))
+    assert command("any", lambda **given: None, parameter("x")).description.name == "any"
+    assert command("min", min, parameter("key")).description.name == "min"
 
 
 # --- a whole robot in virtual time -----------------------------------------------------------------------
-
-PROGRAM = """
-language 2
-robot amr {
-  sensor   height : mm  from Lift.height  within 300 ms
-  actuator lift { height : mm range 0 .. 400, fast : bool }
-           to Lift.move  idle lift(height = 0 mm, fast = false)
-}
-module up { when height < 300 mm  do lift(height = 400 mm, fast = true) }
-module down { when last.lift.height > 0 mm and height >= 300 mm  do lift(height = 100 mm, fast = false) }
-network { lift = up suppresses down }
-"""
-
-
-class Robot:
-    """A robot with a lift that moves 10 mm a frame where it is told to. Mutable."""
-
-    def __init__(self) -> None:
-        checked = check_text(PROGRAM)
-        assert checked.program is not None, checked.diagnostics
-        self.clock, self.log, self.reports = VirtualClock(), Log(), list[str]()
-        self.told: dict[int, Any] = {}
-        self.height, self._heights = 250.0, dict[int, float]()
-        parts = self.lift()
-        description = Description(
-            server="Lift", fields=(parts[0].description,), commands=(parts[1].description,)
-        )
-        self.compiled = compile_program(checked.program).compiled
-        self.bindings: Bindings = bind(self.compiled.robot, (*SERVERS, server_spec(description)))
-        self.robot = VirtualRobot(
-            self.compiled, self.bindings, self._servers, clock=self.clock, seed=0, sinks=(self.log,)
-        )
-        self.robot.start()
-        self.deployments = 0
-        self.deploy()
-
-    def lift(self) -> tuple[Any, Command]:
-        height = field("height", lambda: Reading(self.height, age_ns=0), unit="mm", has_age=True)
-        return height, command(
-            "move",
-            self._move,
-            parameter("height", unit="mm", low=0.0, high=400.0),
-            parameter("fast", boolean=True),
-        )
-
-    def _move(self, height: float, fast: bool) -> None:
-        self.told[self.clock() // FRAME_NS] = (height, fast)
-        self.height += max(-10.0, min(10.0, height - self.height))
-
-    def _servers(self, deployed: Deployment, frames_kept: int) -> Builders:
-        height, move = self.lift()
-        return {
-            "DServer": lambda: DServer(deployment=deployed, frames_kept=frames_kept),
-            "Lift": lambda: Service("Lift", (), [height], self.reports.append, commands=[move]),
-        }
-
-    def deploy(self) -> None:
-        """As the leader does, again after each restart of the server."""
-        self.deployments += 1
-        leader = f"ada/{self.deployments}"
-        self.call("Lift", opening("leader"), leader)
-        deployed = deploy(self.robot.deployed)
-        self.robot.transport.at(self.clock() + 1, lambda: self.call("Lift", deployed, leader, 2))
-
-    def call(self, server: str, ask: Ask[Any], connection: str = "eve/1", number: int = 1) -> None:
-        self.robot.transport.inject(topics.calls(server), call_of(ask, connection, number))
-
-    def at(self, k: int, action: Callable[[], object]) -> None:
-        self.robot.transport.at(k * FRAME_NS + 10 * MS, lambda: action() and None)
-
-    def run(self, frames: int) -> None:
-        self.robot.transport.run_until(frames * FRAME_NS)
-        self.robot.observer.close()
-
-
-UP, DOWN, IDLE = (400.0, True), (100.0, False), (0.0, False)
 
 
 def test_a_program_drives_a_lift() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import sys
@@ -100,6 +101,17 @@ def test_a_lift_of_our_own(rome: Machine) -> None:
     says_next(lift, UP)
     shown = rome.run("colony ps --robot rome").printed()
     assert re.search(r"^  Lift +up, process \d+$", shown, re.MULTILINE), shown
+    os.kill(lift.pid, signal.SIGSTOP)
+    try:
+        stop = rome.run("colony stop --robot rome")
+        before = lift.printed()
+    finally:
+        os.kill(lift.pid, signal.SIGCONT)
+    assert (stop.result(), "Lift did not acknowledge the stop" in stop.printed()) == (1, True), stop.printed()
+    says_next(lift, IDLE)
+    assert UP not in lift.printed()[len(before) :], "though it had not heard of the stop before it went on"
+    assert rome.run("colony stop --robot rome --release").result() == 0
+    says_next(lift, UP)
     lift.kill()
     lift = lift_on(rome)
     says_next(lift, UP, "shine 9")

@@ -16,6 +16,9 @@ from typing import Any, get_args
 import msgspec
 
 from colony.runtime.frames.clock import Clock
+from colony.runtime.kit.commands import command, parameter
+from colony.runtime.kit.fields import field
+from colony.runtime.kit.service import Service
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import CallDispatcher, Method, Open
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
@@ -83,6 +86,19 @@ def _clock() -> Node:
     return Clock(servers=("RServer", "PServer", "DServer", "Runtime"), frames_kept=KEEP)
 
 
+def lift(done: list[tuple[float, bool]] | None = None) -> Node:
+    """A server of a user, with a command; what it is made to do goes to `done`."""
+    told = [] if done is None else done
+    move = command(
+        "move",
+        lambda height, fast: told.append((height, fast)),
+        parameter("height", unit="mm", low=0.0, high=400.0),
+        parameter("fast", boolean=True),
+    )
+    fields = [field("height", lambda: 1.0, unit="mm")]
+    return Service("Lift", [], fields, lambda problem: None, commands=[move])
+
+
 BUILD: dict[str, Callable[[], Node]] = {
     "Clock": _clock,
     "DServer": lambda: DServer(frames_kept=KEEP),
@@ -92,6 +108,9 @@ BUILD: dict[str, Callable[[], Node]] = {
     "Runtime": lambda: RuntimeServer(frames_kept=KEEP),
 }
 """A robot's servers, each as it is without a program."""
+
+WITH_USERS = {**BUILD, "Lift": lift}
+"""The same, and a server of a user."""
 
 
 def methods_of(node: Node) -> dict[str, Method]:

@@ -28,7 +28,7 @@ from colony.runtime.servers import checkpoints
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.rserver import RServer
 from tests.runtime.servers.base_stage import CLIENTS, FRAME, RollingBase, deployed
-from tests.runtime.servers.fuzz_stage import BUILD, KEEP, USERS, Stage, methods_of
+from tests.runtime.servers.fuzz_stage import BUILD, KEEP, USERS, WITH_USERS, Stage, lift, methods_of
 from tests.runtime.servers.nonsense import FLOATS, INTEGERS, Grammar, tree_bytes
 from tests.sampling import sampled
 
@@ -43,12 +43,12 @@ WATCHED = 17_000
 """What a server gets whose memory is watched: 100,000 for all of them."""
 
 
-@pytest.mark.parametrize("name", BUILD)
+@pytest.mark.parametrize("name", WITH_USERS)
 def test_whatever_comes_no_server_fails_and_every_caller_is_answered(name: str) -> None:
     print(f"seed {SEED}")
     refused = answered = malformed = 0
     for round_ in range(ROUNDS):
-        stage = Stage(BUILD[name](), Random(f"{SEED}/{name}/{round_}"))
+        stage = Stage(WITH_USERS[name](), Random(f"{SEED}/{name}/{round_}"))
         for _ in range(EACH):
             stage.anything()
         status = stage.do("status", NoArguments())
@@ -60,10 +60,10 @@ def test_whatever_comes_no_server_fails_and_every_caller_is_answered(name: str) 
     assert malformed > ROUNDS * EACH // 50
 
 
-@pytest.mark.parametrize("name", sampled(tuple(BUILD), every=len(BUILD)))
+@pytest.mark.parametrize("name", sampled(tuple(WITH_USERS), every=len(WITH_USERS)))
 def test_a_servers_memory_does_not_grow(name: str) -> None:
     print(f"seed {SEED}")
-    stage = Stage(BUILD[name](), Random(f"{SEED}/{name}"), tame=True)
+    stage = Stage(WITH_USERS[name](), Random(f"{SEED}/{name}"), tame=True)
     measured = []
     for _ in range(3):  # the first third warms up
         enough = stage.given + WATCHED // 3 + 1
@@ -102,6 +102,16 @@ def test_nothing_from_who_may_not_command_moves_the_base() -> None:
         assert {(velocity, turn) for _, velocity, turn in base.told} <= {(0.0, 0.0)}
         assert (base.x, base.y, base.heading) == (0.0, 0.0, 0.0)
         assert base.stops
+
+
+def test_nothing_moves_a_lift_for_which_no_program_was_deployed() -> None:
+    print(f"seed {SEED}")
+    for round_ in range(ROUNDS):
+        done: list[tuple[float, bool]] = []
+        stage = Stage(lift(done), Random(f"{SEED}/{round_}"), rights=("read", "stop"), tame=round_ % 2 == 0)
+        for _ in range(EACH):
+            stage.anything()
+        assert done == []
 
 
 def test_what_is_malformed_does_not_move_a_base_whose_program_is_silent() -> None:
