@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -224,6 +225,9 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "latin.toml").write_bytes(b'a = "\xe4"')
     assert [d.code for d in read_body(tmp_path / "none.toml").diagnostics] == ["B001"]
     assert [d.code for d in read_body(tmp_path).diagnostics] == ["B001"]
+    os.mkfifo(tmp_path / "pipe.toml")
+    assert [d.code for d in read_body(tmp_path / "pipe.toml").diagnostics] == ["B001"]
+    assert [d.code for d in read_body("a\0b.toml").diagnostics] == ["B001"]
     assert [d.code for d in read_body(tmp_path / "large.toml").diagnostics] == ["B001"]
     assert [d.code for d in read_body(tmp_path / "latin.toml").diagnostics] == ["B002"]
 
