@@ -185,6 +185,7 @@ def test_an_error_has_its_place(old: str, new: str, code: str, place: str, messa
         ('["5 cm", "0 mm", "90 deg"]', '["5 cm", "0 mm"]', "B006", '["5 cm", "0 mm"]'),
         ('"colony.drivers.ldlidar:LD06"', '"ldlidar"', "B006", '"ldlidar"'),
         ("inverted = true", "inverted = []", "B006", "[]"),
+        ("{ driver =", "{ drver =", "B004", "hardware"),
         ("[server.Lidar]", "[server.DServer]", "B009", "server.DServer"),
         ("[server.Lidar]", '[server."a b"]', "B006", 'server."a b"'),
         ("fields.temperature =", "fields.temperature.x =", "B003", "fields.temperature.x"),
