@@ -10,7 +10,7 @@ from colony.body.model import Body, Limits, Server
 from colony.body.reader import BodyFile
 from colony.ir.bearings import TURN, between
 from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
-from colony.ir.types import Array, bearings_of
+from colony.ir.types import DISTANCE, Array, bearings_of, element_type
 from colony.text.diagnostics import Diagnostic, Label, error, warning
 from colony.text.suggestions import did_you_mean
 from colony.text.wording import counted, degrees_text, duration_text, quoted
@@ -135,8 +135,9 @@ def _highest(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnos
             found[("simulated", "range")] = lidar.range_mm
         case _:
             pass
+    is_length = element_type(sensor.type) == DISTANCE
     for path, value in found.items():
-        if sensor.high is not None and value > sensor.high:
+        if is_length and sensor.high is not None and value > sensor.high:
             message = (
                 f"`{sensor.name}` has a range up to {sensor.high:g} mm, and its device reads {value:g} mm"
             )

@@ -284,6 +284,7 @@ class _Reader:
         found: dict[str, Any] = {}
         known = {e.key: e for e in entries(type_)}
         options = next((e for e in known.values() if isinstance(e.kind, Options)), None)
+        unknown = [] if options is not None else [key for key in value if key not in known and key != tag]
         for e in known.values():
             if e is options:
                 rest = {k: v for k, v in value.items() if k not in known}
@@ -291,15 +292,12 @@ class _Reader:
             elif e.key in value:
                 found[e.attribute] = self.read(e.kind, value[e.key], (*keys, e.key))
             elif e.is_required:
-                if not any(did_you_mean(key, [e.key]) for key in value if key not in known):
+                if not any(did_you_mean(key, [e.key]) for key in unknown):
                     self._missing(e, keys)  # otherwise it is misspelled, which is reported
                 found[e.attribute] = _INVALID
-        if options is None:
-            names = [*([tag] if tag else []), *known]
-            for key in value:
-                if key not in names:
-                    self._unknown(key, names, keys)
-                    found[key] = _INVALID
+        for key in unknown:
+            self._unknown(key, [*([tag] if tag else []), *known], keys)
+            found[key] = _INVALID
         return _INVALID if any(v is _INVALID for v in found.values()) else type_(**found)
 
     def _missing(self, missing: Entry, keys: Keys) -> None:

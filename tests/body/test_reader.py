@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -184,6 +185,7 @@ def test_an_error_has_its_place(old: str, new: str, code: str, place: str, messa
         ('["5 cm", "0 mm", "90 deg"]', '["5 cm", "0 mm"]', "B006", '["5 cm", "0 mm"]'),
         ('"colony.drivers.ldlidar:LD06"', '"ldlidar"', "B006", '"ldlidar"'),
         ("inverted = true", "inverted = []", "B006", "[]"),
+        ("{ driver =", "{ drver =", "B004", "hardware"),
         ("[server.Lidar]", "[server.DServer]", "B009", "server.DServer"),
         ("[server.Lidar]", '[server."a b"]', "B006", 'server."a b"'),
         ("fields.temperature =", "fields.temperature.x =", "B003", "fields.temperature.x"),
@@ -224,6 +226,9 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "latin.toml").write_bytes(b'a = "\xe4"')
     assert [d.code for d in read_body(tmp_path / "none.toml").diagnostics] == ["B001"]
     assert [d.code for d in read_body(tmp_path).diagnostics] == ["B001"]
+    os.mkfifo(tmp_path / "pipe.toml")
+    assert [d.code for d in read_body(tmp_path / "pipe.toml").diagnostics] == ["B001"]
+    assert [d.code for d in read_body("a\0b.toml").diagnostics] == ["B001"]
     assert [d.code for d in read_body(tmp_path / "large.toml").diagnostics] == ["B001"]
     assert [d.code for d in read_body(tmp_path / "latin.toml").diagnostics] == ["B002"]
 

@@ -67,6 +67,8 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "plan": ("plan", "FILE.stickrep", "101", "102"),
     "sim snapshot": ("sim", "snapshot", "FILE.stickrep", "--at", "101"),
     "vision": ("vision", "FILE.png"),
+    "robot check": ("robot", "check", "FILE.colony"),
+    "robot show": ("robot", "show", "FILE.colony"),
     "experiment": ("experiment", "FILE.csv", "--map", MAP),
     "experiment --map": ("experiment", "random", "--map", "FILE.stickrep"),
     "experiment -o": ("experiment", "thesis", "--runs", "1", "--seeds", "1", "-o", "FILE.sqlite"),

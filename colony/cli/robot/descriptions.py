@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from colony.cli.exit_codes import EXIT_MISUSE
-from colony.cli.reporting import say
+from colony.cli.reporting import is_unreadable, say
 
 if TYPE_CHECKING:
     from colony.body.reader import BodyFile
@@ -24,7 +24,7 @@ class Described:
     Attributes:
         text: the name or the path, as given.
         checked: the interface.
-        body: the body.
+        body: the body; without content if the interface cannot be read.
         diagnostics: all findings: of the interface, of the body, and between both.
     """
 
@@ -42,13 +42,19 @@ class Described:
 def describe(text: str) -> Described:
     """Return the robot with this name, or in the file of this path; exit with 2 if there is none."""
     from colony.body.interface import disagreements
-    from colony.body.reader import read_body
+    from colony.body.reader import BodyFile, read_body
     from colony.dsl.load import check_file
     from colony.text.diagnostics import in_order
+    from colony.text.source import NOWHERE
 
     path = _found(text)
     checked = check_file(path)
-    body = read_body(path.with_suffix(".toml"))
+    if is_unreadable(checked.diagnostics):
+        body = BodyFile(
+            source=NOWHERE.source, body=None, diagnostics=()
+        )  # there is nothing to compare it with
+    else:
+        body = read_body(path.with_suffix(".toml"))
     found = [*checked.diagnostics, *body.diagnostics]
     if checked.program is not None and body.body is not None:
         found += disagreements(checked.program.robot, body.body, body)

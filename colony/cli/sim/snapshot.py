@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from colony.nav.maps.stickrep.model import Map
     from colony.vision.signs_in_view import SignInView
 
-_YAWS = {"side": 90.0, "front": 0.0}
 _MAX_SPEED_MM_S = 5000.0
 _MIN_SIGN_WIDTH_PX = 8.0  # narrower signs are not listed
 _Pose = tuple[float, float, float]
@@ -136,7 +135,7 @@ def snapshot_command(
     except NoViewpointError as problem:
         say(f"{path}: error: {problem}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-    names = (*_YAWS, "up")
+    names = (*_yaws(), "up")
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
@@ -148,7 +147,7 @@ def snapshot_command(
     with announcing_compilation(say):
         from colony.sim.cameras.snapshot import png_of, snapshots
 
-    images = snapshots(floor, pose, _YAWS, size, hazards=hazards, speed_mm_s=speed)
+    images = snapshots(floor, pose, _yaws(), size, hazards=hazards, speed_mm_s=speed)
     for name in names:
         write_whole(output / f"{name}.png", png_of(images[name]))
     click.echo(f"at ({pose[0]:.0f} mm, {pose[1]:.0f} mm), heading {pose[2]:.0f} degrees")
@@ -172,14 +171,22 @@ def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
     return x, y, heading if facing is None else facing % 360.0
 
 
+def _yaws() -> dict[str, float]:
+    """Return the direction of each level camera, counterclockwise from ahead."""
+    from colony.vision.level_camera import AHEAD, SIDE
+
+    return {"side": SIDE.yaw_deg, "front": AHEAD.yaw_deg}
+
+
 def _view_text(floor: Map, pose: _Pose, name: str, size: tuple[int, int]) -> str:
     """Return a description of the signs in a camera's view, nearest first."""
     from colony.vision.level_camera import AHEAD
     from colony.vision.signs_in_view import signs_in_view
 
-    if name not in _YAWS:
+    yaws = _yaws()
+    if name not in yaws:
         return "the ceiling"
-    camera = replace(AHEAD, columns=size[0], rows=size[1], yaw_deg=_YAWS[name])
+    camera = replace(AHEAD, columns=size[0], rows=size[1], yaw_deg=yaws[name])
     signs = [sign for sign in signs_in_view(floor, pose, camera) if _width(sign) >= _MIN_SIGN_WIDTH_PX]
     return "; ".join(map(_sign, signs)) or "neither plate nor marker"
 
