@@ -60,10 +60,10 @@ def test_whatever_comes_no_server_fails_and_every_caller_is_answered(name: str) 
     assert malformed > ROUNDS * EACH // 50
 
 
-@pytest.mark.parametrize("name", sampled(tuple(WITH_USERS), every=len(WITH_USERS)))
+@pytest.mark.parametrize("name", sampled(tuple(BUILD), every=len(BUILD)))
 def test_a_servers_memory_does_not_grow(name: str) -> None:
     print(f"seed {SEED}")
-    stage = Stage(WITH_USERS[name](), Random(f"{SEED}/{name}"), tame=True)
+    stage = Stage(BUILD[name](), Random(f"{SEED}/{name}"), tame=True)
     measured = []
     for _ in range(3):  # the first third warms up
         enough = stage.given + WATCHED // 3 + 1
