@@ -70,6 +70,24 @@ def _footprint(body: Body, places: Located) -> Iterator[Diagnostic]:
         yield error("B009", where, "the corners do not go around the footprint counterclockwise", hint)
     elif min(turns) < 0.0:
         yield error("B009", where, "the footprint is not convex", "leave out the corners that are inside")
+    elif _turned_deg(footprint) > 540.0:
+        hint = "list each of them once"
+        yield error("B009", where, "the corners go around the footprint more than once", hint)
+
+
+def _turned_deg(polygon: Polygon) -> float:
+    """Return by how much the sides of a convex polygon turn in all: 360 deg for each time around."""
+    sides = _sides(polygon)
+    directions = [math.atan2(y, x) for x, y in sides if x or y]
+    pairs = zip(directions, (*directions[1:], directions[0]), strict=True)
+    return math.degrees(sum((after - before) % math.tau for before, after in pairs))
+
+
+def _sides(polygon: Polygon) -> list[tuple[float, float]]:
+    """Return the sides of a polygon, from each corner to the next, in mm."""
+    corners = polygon.corners
+    pairs = zip(corners, (*corners[1:], corners[0]), strict=True)
+    return [(b.x_mm - a.x_mm, b.y_mm - a.y_mm) for a, b in pairs]
 
 
 def area_mm2(polygon: Polygon) -> float:

@@ -13,6 +13,9 @@ from colony.text.wording import listed
 MAX_LENGTH = 100
 """Maximum number of characters of a quantity."""
 
+SMALLEST, LARGEST = 1e-9, 1e9
+"""Limits of the magnitude of a quantity other than 0, in base units."""
+
 NUMBER_PATTERN = r"[+-]?[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]{1,3})?"
 _QUANTITY = re.compile(rf"\s*({NUMBER_PATTERN})\s*(\S*)\s*")
 
@@ -82,6 +85,7 @@ def _in_base_units(number: str, unit_text: str, dimension: Dimension, example: s
         value = float(Fraction(number) * unit.factor)
     except OverflowError:
         value = math.inf
-    if not math.isfinite(value):
-        return Problem("B008", f"found `{number}`, which is too large", None)
+    if value and not SMALLEST <= abs(value) <= LARGEST:
+        found = "too large" if abs(value) > LARGEST else "too small"
+        return Problem("B008", f"found `{number}`, which is {found}", None)
     return value

@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, assert_never
 
@@ -27,12 +28,12 @@ from colony.body.kinds import (
     entries,
 )
 from colony.body.model import ROOT, Body
-from colony.body.quantities import Problem, parse_interval, parse_quantity, unit_hint
+from colony.body.quantities import LARGEST, Problem, parse_interval, parse_quantity, unit_hint
 from colony.files import read_file, reason
 from colony.text.diagnostics import Diagnostic, error, in_order
 from colony.text.source import Source, Span
 from colony.text.suggestions import did_you_mean
-from colony.text.toml_places import Extent, all_places
+from colony.text.toml_places import Extent, Place, all_places
 from colony.text.toml_places import Path as Keys
 from colony.text.units import NUMBER
 from colony.text.wording import counted, quoted
@@ -127,12 +128,18 @@ def _not_toml(source: Source, message: str) -> BodyFile:
     return _unreadable(source, "B002", text, place)
 
 
+@lru_cache(maxsize=4)
+def _places_in(text: str) -> Mapping[Keys, Place]:
+    """Return all places of a text; many findings ask for those of one."""
+    return all_places(text)
+
+
 class _Places:
     """The spans of keys and values of a text."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
-        self._found = all_places(source.text)
+        self._found = _places_in(source.text)
 
     def key(self, keys: Keys) -> Span:
         return self._span(keys, lambda place: place.key)
@@ -221,9 +228,9 @@ class _Reader:
             hint = unit_hint(kind.dimension, kind.example)
             return self._report("B007", self._places.value(keys), message, hint)
         else:
-            found = float(value) if abs(value) < 1e300 else _INVALID
-            if found is _INVALID:
+            if not abs(value) <= LARGEST:  # or NaN
                 return self._out_of_bounds(kind, value, keys)
+            found = float(value)
         if found is _INVALID or kind.bounds.contain(found):
             return found
         return self._out_of_bounds(kind, value, keys)

@@ -86,6 +86,10 @@ def test_a_footprint_may_be_a_polygon() -> None:
     assert [message for _, _, message in problems(bent)] == ["the footprint is not convex"]
     turned = text.replace('["200 mm", "-150 mm"]', '["-200 mm", "160 mm"]')
     assert problems(turned)[0][0] == "B009"
+    twice = text.replace(corners, f"{corners[:-1]}, {corners[1:]}")
+    assert [message for _, _, message in problems(twice)] == [
+        "the corners go around the footprint more than once"
+    ]
 
 
 @pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
@@ -149,6 +153,20 @@ def test_all_errors_are_found_at_once() -> None:
             '"0.2"',
             "`body.footprint.radius`: found `0.2` without a unit; expected one in mm",
         ),
+        (
+            '"0.2 m"',
+            '"1e300 m"',
+            "B008",
+            '"1e300 m"',
+            "`body.footprint.radius`: found `1e300`, which is too large",
+        ),
+        (
+            '"0.2 m"',
+            '"1e-300 m"',
+            "B008",
+            '"1e-300 m"',
+            "`body.footprint.radius`: found `1e-300`, which is too small",
+        ),
         ('"0.2 m"', '"-1 m"', "B008", '"-1 m"', '`body.footprint.radius` is "-1 m"; expected above 0 mm'),
         (
             '"0.2 m"',
@@ -175,6 +193,7 @@ def test_an_error_has_its_place(old: str, new: str, code: str, place: str, messa
     ("old", "new", "code", "place"),
     [
         ('rate = "10 Hz"', 'rate = "0 Hz"', "B008", '"0 Hz"'),
+        ('rate = "10 Hz"', 'rate = "1e-300 Hz"', "B008", '"1e-300 Hz"'),
         ('"hold"', '"holt"', "B006", '"holt"'),
         ('"150 deg .. 165 deg"', '"150 deg"', "B006", '["150 deg", "0.5 .. 1 rad"]'),
         ('"150 deg .. 165 deg"', "3", "B006", '[3, "0.5 .. 1 rad"]'),

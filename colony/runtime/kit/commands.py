@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from colony.ir.types import ScalarValue
 from colony.runtime.kit.description import CommandDescription, ParameterDescription, parameter_type
-from colony.runtime.kit.fields import Report
+from colony.runtime.kit.fields import Report, exception_text
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of
 from colony.runtime.servers.commanding import NotSentError
 
@@ -51,11 +51,14 @@ def command(
             arrive and when the server ends, unless an idle command is performed then.
 
     Raises:
-        ValueError: two parameters have one name, or `perform` does not take them.
+        ValueError: two parameters have one name, `perform` does not take them, or a function would do nothing
+            when it is called: a coroutine or generator function.
     """
     names = [parameter.name for parameter in parameters]
     if len(set(names)) < len(names):
         raise ValueError(f"{name}: found the parameters {', '.join(names)}; expected each once")
+    _check_runs(name, "perform", perform)
+    _check_runs(name, "safe", safe)
     _check_takes(name, perform, names)
     return Command(CommandDescription(name=name, parameters=parameters), perform, safe)
 
@@ -107,6 +110,12 @@ def parameter(
     )
     parameter_type(description)
     return description
+
+
+def _check_runs(name: str, what: str, function: Callable[..., object] | None) -> None:
+    kinds = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
+    if any(is_kind(function) for is_kind in kinds):
+        raise ValueError(f"{name}: `{what}` does nothing when it is called; expected a plain function")
 
 
 def _check_takes(name: str, perform: Callable[..., object], parameters: list[str]) -> None:
@@ -198,7 +207,7 @@ class CommandPerformer:
             command.perform(**arguments)
         except Exception as failure:
             self._report_failure(actuator.command, "", failure)
-            return f"{where} failed: {type(failure).__name__}: {reprlib.repr(str(failure))}"
+            return f"{where} failed: {type(failure).__name__}: {reprlib.repr(exception_text(failure))}"
         return None
 
     def _make_safe(self, name: str) -> None:

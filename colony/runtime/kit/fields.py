@@ -80,6 +80,14 @@ def field(
     return Field(description, read)
 
 
+def exception_text(problem: BaseException) -> str:
+    """Return the text of an exception that a user's function raised, also where that text fails itself."""
+    try:
+        return str(problem)
+    except Exception:
+        return "(an exception without a text)"
+
+
 class InvalidReadingError(Exception):
     """A reading that a field cannot have. Errors of one `kind` are reported once for each field."""
 

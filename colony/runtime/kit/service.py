@@ -15,7 +15,7 @@ from colony.ir.types import ScalarValue
 from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.kit.commands import Command, CommandPerformer
 from colony.runtime.kit.description import Description, MethodDescription
-from colony.runtime.kit.fields import Field, FieldReader, Report
+from colony.runtime.kit.fields import Field, FieldReader, Report, exception_text
 from colony.runtime.protocol import calls, topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
@@ -166,7 +166,9 @@ class Service:
             except Exception as problem:
                 where = f"{self.address}.{method.name}"
                 self._report(f"{where} failed:\n{traceback.format_exc()}")
-                raise RefusedError("failed", f"{where} failed: {type(problem).__name__}: {problem}") from None
+                raise RefusedError(
+                    "failed", f"{where} failed: {type(problem).__name__}: {exception_text(problem)}"
+                ) from None
 
         return handle
 

@@ -493,6 +493,15 @@ def test_what_performs_a_command_must_take_its_parameters() -> None:
     assert command("min", min, parameter("key")).description.name == "min"
 
 
+def test_what_performs_a_command_is_a_plain_function() -> None:
+    async def later() -> None: ...
+
+    with pytest.raises(ValueError, match="move: `perform` does nothing when it is called"):
+        command("move", later)
+    with pytest.raises(ValueError, match="move: `safe` does nothing when it is called"):
+        command("move", print, safe=later)
+
+
 # --- a whole robot in virtual time -----------------------------------------------------------------------
 
 

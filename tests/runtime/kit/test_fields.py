@@ -13,7 +13,7 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_text
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
 from colony.runtime.kit.description import Description, server_spec
-from colony.runtime.kit.fields import MAX_AGE_NS, FieldReader, Reading, field
+from colony.runtime.kit.fields import MAX_AGE_NS, FieldReader, Reading, exception_text, field
 from colony.runtime.kit.service import Service
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import Deployment
@@ -240,3 +240,12 @@ def test_a_robot_stands_when_the_scan_that_it_drives_by_is_old(
                            "expected 0 or more"]  # fmt: skip
     else:
         assert reports == []
+
+
+def test_an_exception_may_have_no_text() -> None:
+    class Unprintable(Exception):
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    assert exception_text(ValueError("full")) == "full"
+    assert exception_text(Unprintable()) == "(an exception without a text)"
