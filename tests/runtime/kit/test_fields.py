@@ -243,9 +243,9 @@ def test_a_robot_stands_when_the_scan_that_it_drives_by_is_old(
 
 
 def test_an_exception_may_have_no_text() -> None:
-    class Unprintable(Exception):
+    class UnprintableError(Exception):
         def __str__(self) -> str:
             raise RuntimeError
 
     assert exception_text(ValueError("full")) == "full"
-    assert exception_text(Unprintable()) == "(an exception without a text)"
+    assert exception_text(UnprintableError()) == "(an exception without a text)"
