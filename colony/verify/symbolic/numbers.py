@@ -76,13 +76,20 @@ def hull_of(x: Number, y: Number) -> Bounds:
 
 def changed_bounds(x: Number, old: Number) -> Bounds | None:
     """Return the bounds of `x` where it differs from `old`; None if it never does."""
-    if same(x.value, old.value):
-        return None
-    branch_bounds = [changed_bounds(branch, old) for branch in x.branches]
-    if all(bounds is not None for bounds in branch_bounds):
-        return x.bounds
-    changed = [bounds for bounds in branch_bounds if bounds is not None]
-    return reduce(hull, changed) if changed else None
+    return _changed_bounds(x, old, {})
+
+
+def _changed_bounds(x: Number, old: Number, known: dict[int, Bounds | None]) -> Bounds | None:
+    """Return `changed_bounds`; `known` has those of branches, which many choices may share."""
+    if id(x) in known:
+        return known[id(x)]
+    found: Bounds | None = None
+    if not same(x.value, old.value):
+        branch_bounds = [_changed_bounds(branch, old, known) for branch in x.branches]
+        changed = [bounds for bounds in branch_bounds if bounds is not None]
+        found = x.bounds if len(changed) == len(branch_bounds) else reduce(hull, changed) if changed else None
+    known[id(x)] = found
+    return found
 
 
 def is_exact_whole(bounds: Bounds) -> bool:
