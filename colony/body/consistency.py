@@ -60,24 +60,21 @@ def _footprint(body: Body, places: Located) -> Iterator[Diagnostic]:
     if isinstance(footprint, Circle):
         return
     where = places.value("body", "footprint", "corners")
-    corners = [*footprint.corners, *footprint.corners[:2]]
-    turns = [
-        (b.x_mm - a.x_mm) * (c.y_mm - b.y_mm) - (b.y_mm - a.y_mm) * (c.x_mm - b.x_mm)
-        for a, b, c in zip(corners, corners[1:], corners[2:], strict=False)
-    ]
+    sides = _sides(footprint)
+    pairs = zip(sides, (*sides[1:], sides[0]), strict=True)
+    turns = [x * next_y - y * next_x for (x, y), (next_x, next_y) in pairs]
     if area_mm2(footprint) <= 0.0:
         hint = "list them in the order in which one passes them to the left"
         yield error("B009", where, "the corners do not go around the footprint counterclockwise", hint)
     elif min(turns) < 0.0:
         yield error("B009", where, "the footprint is not convex", "leave out the corners that are inside")
-    elif _turned_deg(footprint) > 540.0:
+    elif _turned_deg(sides) > 540.0:
         hint = "list each of them once"
         yield error("B009", where, "the corners go around the footprint more than once", hint)
 
 
-def _turned_deg(polygon: Polygon) -> float:
+def _turned_deg(sides: list[tuple[float, float]]) -> float:
     """Return by how much the sides of a convex polygon turn in all: 360 deg for each time around."""
-    sides = _sides(polygon)
     directions = [math.atan2(y, x) for x, y in sides if x or y]
     pairs = zip(directions, (*directions[1:], directions[0]), strict=True)
     return math.degrees(sum((after - before) % math.tau for before, after in pairs))
