@@ -45,6 +45,7 @@ stops: $(DEV)
 loss: $(DEV)
 	$(BIN)/python -m tests.runtime.assembly.loss_policy --seeds $(SEEDS)
 	$(BIN)/python -m tests.runtime.assembly.loss_outside --seeds $(SEEDS)
+	$(BIN)/python -m tests.runtime.assembly.loss_actuators --seeds $(SEEDS)
 	$(BIN)/python -m tests.runtime.assembly.proved_in_runs --seeds $(SEEDS)
 
 agreement: $(DEV)

@@ -17,6 +17,7 @@ MODULES = (
     "front_end",
     "functions",
     "simulation",
+    "physics",
     "vision",
     "transport",
     "data_server",

@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 import msgspec
 
+from colony.ir.servers import DSERVER
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.calls import NoArguments, Open
 from colony.runtime.protocol.deployment import Deployment
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Alive, Call, Effect, Fetch, Reply, Send, Tick, Wake
 from colony.runtime.servers.data_methods import MAX_NAMES_PER_CALL, MAX_NAMES_PER_REPLY, MAX_VALUES_PER_REPLY
 from colony.runtime.servers.dserver import DServer

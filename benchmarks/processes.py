@@ -24,14 +24,23 @@ from threading import Thread
 from types import MappingProxyType
 from typing import NamedTuple
 
+from benchmarks.scripted_servers import ScriptedDevices
+from colony.body.shipped import shipped_servers
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_file
 from colony.execute.compiled import Compiled
 from colony.ir.program import Program
+from colony.ir.servers import DSERVER, RSERVER
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.jobs import CLIENTS as CLIENTS_WAVE
-from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_jobs, server_parts
+from colony.runtime.assembly.processes.jobs import (
+    RobotDevices,
+    client_jobs,
+    fresh_folder,
+    server_jobs,
+    server_parts,
+)
 from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.spec import Device
@@ -40,7 +49,6 @@ from colony.runtime.observe.observer import FrameLog, Sink
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.deployment import Deployment, deployment
-from colony.runtime.protocol.fields import DSERVER, RSERVER
 from colony.runtime.protocol.messages import Effect, Message, Verdict
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.host import Host
@@ -119,7 +127,7 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
     with scratch() as folder:
         program = program_of(clients, folder)
         compiled = compile_program(program).compiled
-        bindings = bind(compiled.robot)
+        bindings = bind(compiled.robot, shipped_servers("rome"))
         robot_address = Local(RunDirectory(folder / "r").robot("bench"))
         deployed = deployment(compiled, bindings, run="bench", seed=1, lockstep=lockstep)
         status_tracker = RunStatusTracker(deployed, file="bench.colony")
@@ -136,8 +144,9 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
             report=lambda text: None,
         ) as led:
             run = fresh_folder(robot_address.directory.path / "run")
-            parts = server_parts(run, Device(plant=""))
-            led.start(server_jobs(robot_address, parts, run, hardware="benchmarks.scripted_servers"))
+            devices = RobotDevices(base=ScriptedDevices.limits, sonars=ScriptedDevices.count)
+            parts = server_parts(run, Device(plant=""), devices)
+            led.start(server_jobs(robot_address, parts, run, simulator="benchmarks.scripted_servers"))
             yield Bench(led, robot_address, deployed, compiled, bindings, run)
 
 

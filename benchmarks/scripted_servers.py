@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from colony.runtime.assembly.processes.child import main
 from colony.runtime.assembly.processes.spec import Device
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.drivers import BaseLimits, BaseState, CameraDriver
+from colony.runtime.servers.drivers import BaseLimits, BaseState, CameraDriver, DeviceDriver
 
 RANGES = tuple(500.0 + 50.0 * i for i in range(24))
 
@@ -22,14 +22,20 @@ class ScriptedDevices:
     register_bits: int | None = None
     limits = BaseLimits(velocity=600.0, turn=90.0, acceleration=800.0, turn_acceleration=240.0)
 
+    count = 24
+
     def __init__(self) -> None:
         self._origin_ns = 0
 
-    def base(self, device: Device, robot: str, origin_ns: int, holds: ExitStack) -> ScriptedDevices:
+    def base(
+        self, device: Device, robot: str, limits: BaseLimits, origin_ns: int, holds: ExitStack
+    ) -> ScriptedDevices:
         self._origin_ns = origin_ns
         return self
 
-    def proximity(self, device: Device, robot: str, origin_ns: int, holds: ExitStack) -> ScriptedDevices:
+    def proximity(
+        self, device: Device, robot: str, count: int, origin_ns: int, holds: ExitStack
+    ) -> ScriptedDevices:
         self._origin_ns = origin_ns
         return self
 
@@ -37,6 +43,9 @@ class ScriptedDevices:
         self, device: Device, robot: str, camera: str, origin_ns: int, holds: ExitStack
     ) -> CameraDriver:
         raise NotImplementedError("it has no camera")
+
+    def device(self, device: Device, robot: str, server: str, holds: ExitStack) -> DeviceDriver:
+        raise NotImplementedError("it has no other device")
 
     def drive(self, velocity: float, turn: float) -> None:
         pass

@@ -28,6 +28,7 @@ from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.world.world import Speed
 from colony.vision.lights.along_track import Scale
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.scan_lines import Lines, ceiling_lights
@@ -79,7 +80,7 @@ class Views:
         x = sign.center.x - distance_mm * ahead[0] + aside_mm * right[0]
         y = sign.center.y - distance_mm * ahead[1] + aside_mm * right[1]
         pose = np.array([[x, y, sign.heading_deg + 4.0]])
-        return self._camera.image(pose, 0, look, people=np.zeros((0, 2)), speed=(500.0, 0.0))
+        return self._camera.image(pose, 0, look, people=np.zeros((0, 2)), speed=Speed(500.0, 0.0))
 
     def passage(self, sign: Sign) -> list[Image]:
         """A plate while the robot passes it in the middle of a corridor."""

@@ -14,17 +14,17 @@ import argparse
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks.arguments import whole_number
-from colony.experiment.behavior import behavior_of
 from colony.experiment.lists import PUBLISHED_MAP, published_list
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
+from colony.robots.behavior import behavior_of
 from colony.robots.variants import CEILING_CAMERA, OURS, PLANNER
 from colony.runtime.assembly.loop import Loop
 from colony.runtime.transport.virtual import VirtualClock
@@ -35,16 +35,23 @@ from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.shots import CeilingShot
 from colony.sim.world.world import World
 
+
+def _with_ring(**changes: Any) -> RobotConfig:
+    """RoME with changes to its ring."""
+    rome = rome_config()
+    assert rome.ring is not None
+    return replace(rome, ring=replace(rome.ring, **changes))
+
+
 ROBOTS: Mapping[str, RobotConfig] = {
     "as believed": rome_config(),
-    "cone of 9 degrees": replace(rome_config(), sonar_half_beam_deg=9.0),
-    "cone of 15 degrees": replace(rome_config(), sonar_half_beam_deg=15.0),
-    "critical angle 20": replace(rome_config(), sonar_critical_deg=20.0),
-    "critical angle 45": replace(rome_config(), sonar_critical_deg=45.0),
-    "five times the noise": replace(rome_config(), sonar_noise_mm=15.0, sonar_noise=0.015),
-    "ring 30 mm smaller": replace(rome_config(), sonar_ring_mm=330.0),
-    "15, 45 and the noise": replace(
-        rome_config(),
+    "cone of 9 degrees": _with_ring(sonar_half_beam_deg=9.0),
+    "cone of 15 degrees": _with_ring(sonar_half_beam_deg=15.0),
+    "critical angle 20": _with_ring(sonar_critical_deg=20.0),
+    "critical angle 45": _with_ring(sonar_critical_deg=45.0),
+    "five times the noise": _with_ring(sonar_noise_mm=15.0, sonar_noise=0.015),
+    "ring 30 mm smaller": _with_ring(ring_mm=330.0),
+    "15, 45 and the noise": _with_ring(
         sonar_half_beam_deg=15.0,
         sonar_critical_deg=45.0,
         sonar_noise_mm=15.0,

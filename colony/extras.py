@@ -10,8 +10,9 @@ from colony.text.wording import listed
 
 EXTRAS = {
     "verify": ("hypothesis", "z3"),
-    "sim": ("matplotlib", "networkx", "numba", "numpy"),
+    "sim": ("matplotlib", "networkx", "numba", "numpy", "PIL", "yaml"),
     "vision": ("cv2", "PIL", "numpy"),
+    "mujoco": ("mujoco", "numpy"),
     "drivers": ("serial",),
     "dask": ("distributed",),
 }

@@ -1,6 +1,6 @@
 """A server of your own: a battery, which clients may charge and behaviors may read.
 
-python examples/battery_server.py --robot rome
+python examples/battery_server.py --robot ada
 """
 
 from __future__ import annotations

@@ -12,14 +12,17 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from colony.body.shipped import shipped_servers
+from colony.ir.servers import OMNIDIRECTIONAL_RSERVER, RSERVER
 from colony.runtime.assembly.processes.run_status import LeaderServer
 from colony.runtime.frames.clock import Clock
 from colony.runtime.kit import description
+from colony.runtime.kit.commands import command
+from colony.runtime.kit.fields import FieldReader
 from colony.runtime.kit.service import Service
-from colony.runtime.library import camera, clock, data, leader, proximity, robot
+from colony.runtime.library import actuator, camera, clock, data, leader, proximity, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import CallDispatcher, Method
-from colony.runtime.protocol.fields import RSERVER, SERVERS
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.pserver import PServer
@@ -39,6 +42,7 @@ SAMPLES: Mapping[Any, Any] = {
     "Sequence[float]": [1.0],
     "Iterable[str]": ("a",),
     "Mapping[str, object]": {"a": 1},
+    "Mapping[str, bool | float]": {"a": 1.0},
     "Deployment": None,
 }
 """An argument of each type that functions of the library have."""
@@ -55,8 +59,8 @@ class Server(NamedTuple):
     node: Callable[[], object]
     library: types.ModuleType
     remark: str = ""
-    borrows: str = ""
-    """A method for which its library has no function, but that of the Clock."""
+    borrows: Mapping[str, types.ModuleType] = {}
+    """Methods for which its library has no function, but another one."""
 
 
 class _Camera:
@@ -68,15 +72,27 @@ class _Security(NamedTuple):
     users: dict[str, tuple[str, ...]] = {}  # noqa: RUF012
 
 
+COMMANDED = {
+    **dict.fromkeys(("command", "ignore_limits", "lock", "unlock", "arbitration"), actuator),
+    "deploy": clock,
+}
+"""Methods of every server that takes commands, but for RServer."""
+
+
+def own_server() -> Service:
+    """Return a server made with the kit that takes a command."""
+    return Service("Own", (), FieldReader("Own", (), print), print, commands=[command("move", lambda: None)])
+
+
 LISTED = (
     Server("RServer", lambda: RServer(Script()), robot),
     Server("PServer", lambda: PServer(Script(), frames_kept=2), proximity),
-    Server("DServer", lambda: DServer({}, frames_kept=2), data, borrows="deploy"),
+    Server("DServer", lambda: DServer({}, frames_kept=2), data, borrows=COMMANDED),
     Server("CServer", lambda: CServer(_Camera(), frames_kept=2), camera),
     Server("Clock", lambda: Clock(servers=(), frames_kept=2), clock),
     Server("Leader", lambda: LeaderServer(None), leader, "the process of `colony run`"),  # type: ignore[arg-type]
     Server("Gateway", lambda: GatewayNode(_Security()), gateway, "the way in from other machines"),  # type: ignore[arg-type]
-    Server("A server of your own", lambda: Service("Own", (), (), print), description, "besides its methods"),
+    Server("A server of your own", own_server, description, "besides its methods", borrows=COMMANDED),
 )
 
 
@@ -91,14 +107,15 @@ def calls_text() -> str:
 def fields_text() -> str:
     """The table of fields."""
     rows = [("field", "type", "")]
-    for server in SERVERS:
-        rows += [(f"`{server.name}.{f.name}`", str(f.type), f.meaning) for f in server.fields]
+    for server in shipped_servers("rome"):
+        fields = OMNIDIRECTIONAL_RSERVER.fields if server.name == RSERVER.name else server.fields
+        rows += [(f"`{server.name}.{f.name}`", str(f.type), f.meaning) for f in fields]
     return _table(rows)
 
 
 def commands() -> dict[str, str]:
     """The fields of the one command that servers of hardware have, with their units."""
-    [command] = RSERVER.commands
+    [command] = OMNIDIRECTIONAL_RSERVER.commands
     return {p.name: str(p.type) for p in command.parameters}
 
 
@@ -116,9 +133,9 @@ def page() -> str:
 
 def _calls_of(server: Server) -> str:
     functions = _functions(server.library)
-    if server.borrows:
-        borrowed = _functions(clock)[server.borrows]
-        functions[server.borrows] = borrowed._replace(name=f"clock.{borrowed.name}")
+    for method, library in server.borrows.items():
+        borrowed = _functions(library)[method]
+        functions[method] = borrowed._replace(name=f"{library.__name__.rpartition('.')[2]}.{borrowed.name}")
     rows = [("call", "arguments", "result", "needs", "")]
     for found in _methods(server.node()):
         function = functions.pop(found.name, None)
@@ -179,8 +196,7 @@ def _functions(module: types.ModuleType) -> dict[str, _Function]:
     """By the method that each asks for."""
     found = {}
     for name, function in vars(module).items():
-        own = inspect.isfunction(function) and function.__module__ == module.__name__
-        if not own or name.startswith("_"):
+        if not inspect.isfunction(function) or name.startswith("_"):
             continue
         if not str(inspect.signature(function).return_annotation).startswith("Ask"):
             continue

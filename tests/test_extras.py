@@ -78,6 +78,8 @@ def test_what_z3_would_prove_is_said(tmp_path: Path) -> None:
         ("diff wander teleop", EVERYTHING, "verify"),
         ("run wander --map loop", EVERYTHING, "sim"),
         ("run wander --map loop --processes", EVERYTHING, "sim"),
+        ("run wander --robot amr --map loop --physics mujoco", ("mujoco",), "mujoco"),
+        ("run wander --robot amr --map loop --physics mujoco", EVERYTHING, "sim,mujoco"),
         ("run navigator --map loop --from 201 --to 216", ("cv2",), "vision"),
         ("run navigator --map loop --from 201 --to 216", EVERYTHING, "sim,vision"),
         ("serve all --robot rome --map loop", ("numba",), "sim"),

@@ -26,10 +26,22 @@ ALLOWED: dict[str, set[str]] = {
     "runtime": {"ir", "execute"},
     "nav": {"body", "runtime", "shipped"},
     "vision": {"body", "runtime", "nav"},
-    "sim": {"body", "runtime", "nav"},
+    "sim": {"ir", "body", "runtime", "nav"},
     "view": {"ir", "body", "compile", "nav"},
-    "robots": {"shipped", "ir", "dsl", "execute", "compile", "verify", "runtime", "nav", "vision", "sim"},
-    "experiment": {"shipped", "ir", "dsl", "compile", "verify", "runtime", "nav", "vision", "sim", "robots"},
+    "robots": {
+        "shipped",
+        "ir",
+        "body",
+        "dsl",
+        "execute",
+        "compile",
+        "verify",
+        "runtime",
+        "nav",
+        "vision",
+        "sim",
+    },
+    "experiment": {"shipped", "ir", "verify", "runtime", "nav", "vision", "sim", "robots"},
 }
 ALLOWED["cli"] = set(ALLOWED)
 """The packages that a package may import, besides itself, `text` and the base."""
@@ -39,8 +51,10 @@ THIRD_PARTY: dict[str, set[str]] = {
     "hypothesis": {"verify"},
     "z3": {"verify"},
     "numba": {"sim"},
+    "mujoco": {"sim"},
     "cv2": {"vision"},
-    "PIL": {"vision", "sim"},
+    "PIL": {"vision", "sim", "nav"},
+    "yaml": {"nav"},
     "dask": set(),
     "distributed": set(),
     "matplotlib": {"view"},
@@ -155,6 +169,7 @@ FRONT_END = {"colony.compile", "colony.dsl", "colony.verify", "lark", "z3"}
 CLIENT = """
 import json, runpy, sys
 from pathlib import Path
+from tests.robot_servers import ROME_SERVERS
 from colony.runtime.assembly.processes import child
 sys.argv = ["child", sys.argv[1]]
 from contextlib import ExitStack
@@ -175,10 +190,11 @@ def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path:
     from colony.runtime.protocol.deployment import deployment
     from colony.runtime.transport.live.robot_address import Local
     from colony.runtime.transport.live.run_directory import RobotDirectory
+    from tests.robot_servers import ROME_SERVERS
     from tests.runtime.programs import roam
 
     compiled = compile_program(roam()).compiled
-    bindings = bind(compiled.robot)
+    bindings = bind(compiled.robot, ROME_SERVERS)
     robot_address = Local(RobotDirectory(tmp_path, "rome"))
     job = client_jobs(
         robot_address, deployment(compiled, bindings, run="r", seed=1), compiled, bindings, tmp_path

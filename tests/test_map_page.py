@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from colony.nav.maps.building import MAX_MAPS, load_building
+from colony.nav.maps.source import MAX_BYTES
 from colony.nav.maps.stickrep import fields
 from colony.nav.maps.stickrep.connections import MAX_ACROSS_MM, MAX_DISPLACEMENT_MM, linked_rings
 from colony.nav.maps.stickrep.fields import Problems
-from colony.nav.maps.stickrep.file import MAX_BYTES
 from colony.nav.maps.stickrep.header import Header
 from colony.nav.maps.stickrep.model import DEFAULT_TOLERANCE_MM, EdgeKind
 from colony.nav.maps.stickrep.reader import MAX_LINES, load_map, read_map
@@ -138,4 +138,5 @@ def test_bounds_and_defaults_are_the_readers() -> None:
 
 
 def test_every_check_of_maps_is_told() -> None:
-    assert set(re.findall(r"\((M\d{3})\)", PAGE)) == {code for code in CODES if code.startswith("M")}
+    pages = PAGE + (DOCS / "grids.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"\((M\d{3})\)", pages)) == {code for code in CODES if code.startswith("M")}

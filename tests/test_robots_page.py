@@ -32,7 +32,7 @@ let right = ranges[-90 deg]
 """What the page lists of the behaviors that come with colony, and `scout` has not."""
 
 
-@pytest.mark.parametrize("behavior", ["wander", "teleop", "herbert"])
+@pytest.mark.parametrize("behavior", ["wander", "follow_wall", "teleop", "herbert"])
 def test_a_behavior_checks_on_a_robot_that_has_what_is_listed(behavior: str, tmp_path: Path) -> None:
     scout = FILES["robots/scout/scout.colony"].replace("\n  actuator drive", LISTED) + NEAREST
     (tmp_path / "scout.colony").write_text(scout, encoding="utf-8")

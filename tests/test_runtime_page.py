@@ -59,11 +59,12 @@ def test_there_is_no_block_that_is_not_run() -> None:
     assert {info.split()[0] for info, _ in FENCES} == {"sh", "python", "colony"}
     assert set(SHELL) == {
         "processes", "servers", "programs", "gateway", "remote", "own", "lift", "turtle", "faults",
-        "fleet", "data",
+        "fleet", "data", "limits",
     }  # fmt: skip
     assert set(FILES) == {
         "client.py", "halves.py", "awaited.py", "shared.py", "drive.py",
-        "battery.py", "charge.py", "tired.colony", "lift.py", "raise.colony", "turtle.py", "ride.py",
+        "battery.py", "charge.py", "tired.colony", "lift.py", "raise.colony", "by_hand.py",
+        "turtle.py", "ride.py",
     }  # fmt: skip
 
 
@@ -205,9 +206,17 @@ def rome(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
         yield on
 
 
-def session(on: Machine) -> Session:
+def session(on: Machine, robot: str = "rome") -> Session:
     """What this process has with the robot."""
-    return Session.open("rome", environment=on.environment)
+    return Session.open(robot, environment=on.environment)
+
+
+@pytest.fixture(scope="module")
+def ada(rome: Machine) -> Machine:
+    """The same machine, with a robot besides that has no description."""
+    rome.start(SHELL["own"][0])
+    rome.there("ada", "Clock", "RServer", "PServer", "DServer")
+    return rome
 
 
 def test_programs_come_and_go(rome: Machine) -> None:
@@ -249,38 +258,41 @@ def test_a_client_prints(rome: Machine, program: str, printed: str) -> None:
 
 
 @pytest.mark.long
-def test_a_server_of_our_own(rome: Machine) -> None:
-    serve, charge, run = SHELL["own"]
-    battery = rome.start(serve)
-    rome.there("rome", "Battery")
-    with session(rome) as there:
-        assert rome.run(charge).printed() == "95.0\n"
-        running = rome.start(run)
+def test_a_server_of_our_own(ada: Machine) -> None:
+    _, serve, charge, run = SHELL["own"]
+    battery = ada.start(serve)
+    ada.there("ada", "Battery")
+    with session(ada, "ada") as there:
+        assert ada.run(charge).printed() == "95.0\n"
+        running = ada.start(run)
         base = there.connect("RServer")
         until(lambda: base.do(robot.speed_setting()) == 150.0, "the robot drives")
         battery.kill()
         until(lambda: base.do(robot.speed_setting()) == 0.0, "it stands without the battery")
-        battery = rome.start(serve)
+        battery = ada.start(serve)
         until(lambda: base.do(robot.speed_setting()) == 150.0, "it drives again")
     running.finish()
     assert battery.finish() == 0
 
 
 @pytest.mark.long
-def test_an_actuator_of_our_own(rome: Machine) -> None:
-    serve, run, audit = SHELL["lift"]
-    lift = rome.start(serve)
-    rome.there("rome", "Lift")
-    ran = rome.run(run)
+def test_an_actuator_of_our_own(ada: Machine) -> None:
+    serve, run, audit, by_hand = SHELL["lift"]
+    lift = ada.start(serve)
+    ada.there("ada", "Lift")
+    ran = ada.run(run)
     assert ran.result() == 0, ran.printed()
-    audited = rome.run(audit)
+    audited = ada.run(audit)
     assert audited.result() == 0, audited.printed()
     assert re.search(r"reach +1\.\d+ s", ran.printed()), ran.printed()
+    commanded = ada.run(by_hand)
+    assert re.fullmatch(r"move \S+/\S+\n", commanded.printed()), commanded.printed()
+    assert commanded.result() == 0
     assert lift.finish() == 0
 
 
 @pytest.mark.long
-def test_the_example_with_more_around_it(rome: Machine) -> None:
+def test_the_example_with_more_around_it(ada: Machine) -> None:
     shown = (ROOT / "examples" / "battery.colony").read_text(encoding="utf-8")
     serve, run = re.findall(r"^#   (.*)$", shown, re.MULTILINE)
 
@@ -290,10 +302,10 @@ def test_the_example_with_more_around_it(rome: Machine) -> None:
     def charge(rate: float) -> Ask[float]:
         return Ask("charge", Charge(rate), float, "command")
 
-    server = rome.start(serve)
-    rome.there("rome", "Battery")
-    running = rome.start(run)
-    with session(rome) as there:
+    server = ada.start(serve)
+    ada.there("ada", "Battery")
+    running = ada.start(run)
+    with session(ada, "ada") as there:
         base, battery = there.connect("RServer"), there.connect("Battery")
         until(lambda: base.do(robot.speed_setting()) == 150.0, "the robot drives")
         with pytest.raises(CallRefusedError, match="would harm the battery"):
@@ -377,6 +389,14 @@ def _process(on: Machine, server: str) -> int | None:
 def test_a_data_server_of_a_fleet(rome: Machine) -> None:
     [command] = SHELL["fleet"]
     rome.start(command).says("listens")
+
+
+@pytest.mark.long
+def test_a_robot_that_is_served_with_its_description(rome: Machine) -> None:
+    [command] = SHELL["limits"]
+    rome.start(command)
+    rome.there("lab", "Clock", "RServer")
+    until(lambda: "the limits of rome hold" in rome.run("colony ps --robot lab").printed(), "the limits hold")
 
 
 @pytest.mark.long

@@ -29,8 +29,13 @@ def test_all_that_is_shipped_has_a_name() -> None:
         path.stem for path in [*(b for b in BEHAVIORS if b not in ROBOTS), *ROBOTS]
     ]
     assert Shipped.BEHAVIOR.find("rome") == str(ROOT / "robots" / "rome" / "rome.colony")
-    assert Shipped.MAP.names() == sorted(path.stem for path in MAPS.glob("*.stickrep"))
+    maps = [path for path in MAPS.iterdir() if path.suffix in (".stickrep", ".yaml")]
+    assert Shipped.MAP.names() == sorted(path.stem for path in maps)
+    assert Shipped.MAP.names(".yaml") == ["office"]
     assert Shipped.MAP.path("loop") == MAPS / "loop.stickrep"
+    assert Shipped.MAP.path("office") == MAPS / "office.yaml"
+    assert Shipped.MAP.find("office") == Shipped.MAP.find("office.yaml") == str(MAPS / "office.yaml")
+    assert Shipped.MAP.find("office.stickrep") == "office.stickrep"
 
 
 def test_a_file_comes_before_a_name_and_a_folder_does_not(

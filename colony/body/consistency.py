@@ -4,36 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Protocol
 
-from colony.body.devices import Base, Camera, CeilingCamera, Lidar, Proximity
-from colony.body.model import Body, Circle, Polygon
-from colony.ir.bearings import Bearings
-from colony.text.diagnostics import Diagnostic, error
-from colony.text.source import Span
+from colony.body.device_consistency import Located, device_contradictions
+from colony.body.devices import Base, Camera, CeilingCamera, Proximity
+from colony.body.model import Body, Circle, Omnidirectional, Polygon, Server
+from colony.ir.servers import COMMON_SERVERS, PROXIMITY, RSERVER
+from colony.ir.types import DISTANCE, Array, type_text
+from colony.text.diagnostics import Diagnostic, Label, error
+from colony.text.suggestions import did_you_mean
+from colony.text.wording import quoted
 
-COMMON_SERVERS = ("DServer", "Runtime")
-"""The servers that every robot has; they are no part of a body."""
+_COMMON_NAMES = frozenset(server.name for server in COMMON_SERVERS)
 
-
-class Located(Protocol):
-    """The places of a body's keys and values."""
-
-    def key(self, *keys: str) -> Span:
-        """Return the span of a key."""
-        ...
-
-    def value(self, *keys: str) -> Span:
-        """Return the span of a value."""
-        ...
+_FIXED_NAMES: tuple[tuple[type, str, str], ...] = (
+    (Base, RSERVER.name, "base"),
+    (Proximity, PROXIMITY, "proximity"),
+)
+"""The devices that one server alone serves, with its name."""
 
 
 def contradictions(body: Body, places: Located) -> Iterator[Diagnostic]:
     """Yield an error for each part of a body that contradicts another."""
     yield from _footprint(body, places)
+    yield from _sideways(body, places)
     for name, server in body.servers.items():
         keys = ("server", name)
-        if name in COMMON_SERVERS:
+        if name in _COMMON_NAMES:
             hint = "its variables need no table"
             yield error("B009", places.key(*keys), f"every robot has `{name}`; a body does not say so", hint)
         elif server.simulated is None and server.hardware is None:
@@ -41,18 +37,82 @@ def contradictions(body: Body, places: Located) -> Iterator[Diagnostic]:
             yield error(
                 "B009", places.key(*keys), f"`{name}` has no device: neither simulated nor real", hint
             )
-        match server.simulated:
-            case Proximity() as ring:
-                yield from _proximity(ring, body, places, (*keys, "simulated"))
-            case Lidar() as lidar:
-                yield from _turn(lidar.bearings(), lidar.count, places, (*keys, "simulated"))
-            case Base() | Camera() | CeilingCamera() | None:
-                pass
-        for field, of_field in server.fields.items():
-            if of_field.blocked and of_field.no_echo_mm is None:
-                where = (*keys, "fields", field, "blocked")
-                message = f"`{name}.{field}` has blocked bearings and no `no_echo`, which their elements read"
-                yield error("B009", places.key(*where), message, 'give `no_echo`, such as `no_echo = "12 m"`')
+        yield from _fixed_name(name, server, places)
+        yield from _faults(server, places, keys)
+        yield from device_contradictions(server.simulated, body, places, (*keys, "simulated"))
+        yield from _fields(name, body, places)
+
+
+def _fixed_name(name: str, server: Server, places: Located) -> Iterator[Diagnostic]:
+    """Yield an error for a device that the server of this name does not serve."""
+    for type_, fixed, word in _FIXED_NAMES:
+        if isinstance(server.simulated, type_) and name != fixed:
+            message = f'the device "{word}" is served by `{fixed}` alone, and a robot has one'
+            hint = f"write it in `[server.{fixed}]`"
+        elif server.simulated is not None and not isinstance(server.simulated, type_) and name == fixed:
+            message, hint = f'`{fixed}` serves the device "{word}" alone', "give the server another name"
+        else:
+            continue
+        yield error("B009", places.value("server", name, "simulated", "device"), message, hint)
+    if isinstance(server.simulated, Camera | CeilingCamera) and server.hardware is not None:
+        message = f"`{name}` is a camera: cameras have no drivers of their own yet"
+        yield error("B009", places.key("server", name, "hardware"), message, "leave out `hardware`")
+
+
+def _faults(server: Server, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+    """Yield an error for faults that the device cannot have."""
+    if server.faults is None:
+        return
+    if server.simulated is None:
+        message = f"`{keys[-1]}` has faults, but no simulated device"
+        hint = "only simulated devices have faults: leave out `faults`"
+        yield error("B009", places.key(*keys, "faults"), message, hint)
+    elif isinstance(server.simulated, Camera | CeilingCamera):
+        message = f"`{keys[-1]}` is a camera: its images are asked for, and have no faults"
+        yield error("B009", places.key(*keys, "faults"), message, "leave out `faults`")
+    elif server.faults.missing + server.faults.frozen >= 1.0:
+        message = "its readings are missing or frozen all the time"
+        hint = "`missing` and `frozen` together are below 100 percent"
+        yield error("B009", places.key(*keys, "faults"), message, hint)
+
+
+def _fields(name: str, body: Body, places: Located) -> Iterator[Diagnostic]:
+    """Yield an error for each part of a field's table that its device contradicts.
+
+    The driver of a base measures what the base does; that of another device may have fields of its own.
+    """
+    keys = ("server", name, "fields")
+    server, device = body.servers[name], body.device(name)
+    specs = {} if device is None else {spec.name: spec for spec in device.fields}
+    is_closed = isinstance(device, Base) or (device is not None and server.hardware is None)
+    for field, own in server.fields.items():
+        spec = specs.get(field)
+        if own.blocked and own.no_echo_mm is None:
+            message = f"`{name}.{field}` has blocked bearings and no `no_echo`, which their elements read"
+            hint = 'give `no_echo`, such as `no_echo = "12 m"`'
+            yield error("B009", places.key(*keys, field, "blocked"), message, hint)
+        if spec is None:
+            if is_closed:
+                known = f"it has {quoted(list(specs))}" if specs else "it has none"
+                message = f"the device of `{name}` has no field `{field}`"
+                yield error("B009", places.key(*keys, field), message, did_you_mean(field, specs) or known)
+        elif own.no_echo_mm is not None:
+            where = places.value(*keys, field, "no_echo")
+            if not isinstance(spec.type, Array) or spec.type.element != DISTANCE:
+                own_type = type_text(spec.type)
+                message = f"`{name}.{field}` is {own_type}; only ranges have a reading without an echo"
+                yield error("B009", where, message)
+            elif spec.no_echo is not None and own.no_echo_mm < spec.no_echo:
+                message = (
+                    f"an element without an echo reads {own.no_echo_mm:g} mm, and the device measures "
+                    f"up to {spec.no_echo:g} mm"
+                )
+                yield error(
+                    "B009",
+                    where,
+                    message,
+                    "it would pass for an echo: write at least the range of the device",
+                )
 
 
 def _footprint(body: Body, places: Located) -> Iterator[Diagnostic]:
@@ -71,6 +131,23 @@ def _footprint(body: Body, places: Located) -> Iterator[Diagnostic]:
     elif _turned_deg(sides) > 540.0:
         hint = "list each of them once"
         yield error("B009", where, "the corners go around the footprint more than once", hint)
+
+
+def _sideways(body: Body, places: Located) -> Iterator[Diagnostic]:
+    """Yield an error for each limit of sideways motion of a base that cannot move sideways."""
+    if isinstance(body.chassis.drive, Omnidirectional):
+        return
+    limits = body.chassis.limits
+    given = (
+        ("sideways", limits.sideways_mm_s),
+        ("sideways_acceleration", limits.sideways_acceleration_mm_s2),
+    )
+    for key, value in given:
+        if value is not None:
+            message = f"`{key}` is a limit of a base that drives sideways, and this one has two driven wheels"
+            hint = 'leave it out, or write `kind = "omnidirectional"` in `[body.drive]`'
+            label = Label(places.value("body", "drive", "kind"), "the drive")
+            yield error("B009", places.key("body", "limits", key), message, hint, label)
 
 
 def _turned_deg(sides: list[tuple[float, float]]) -> float:
@@ -92,38 +169,3 @@ def area_mm2(polygon: Polygon) -> float:
     corners = polygon.corners
     pairs = zip(corners, (*corners[1:], corners[0]), strict=True)
     return sum(a.x_mm * b.y_mm - b.x_mm * a.y_mm for a, b in pairs) / 2.0
-
-
-def _proximity(ring: Proximity, body: Body, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
-    yield from _turn(ring.bearings(), ring.count, places, keys)
-    footprint = body.chassis.footprint
-    if isinstance(footprint, Circle) and ring.ring_mm > footprint.radius_mm:
-        message = (
-            f"the ring of {ring.ring_mm:g} mm is outside the footprint, whose radius is "
-            f"{footprint.radius_mm:g} mm"
-        )
-        yield error("B009", places.value(*keys, "ring"), message)
-    if ring.sonar.nearest_mm >= ring.sonar.range_mm:
-        message = f"the smallest reading, {ring.sonar.nearest_mm:g} mm, is not below the one without an echo"
-        yield error("B009", places.value(*keys, "sonar", "nearest"), message)
-    beyond = [k for k in ring.infrared.wired or () if k >= ring.count]
-    if beyond:
-        message = f"`wired` has element {beyond[0]}; the ring has elements 0 to {ring.count - 1}"
-        yield error("B009", places.value(*keys, "infrared", "wired"), message)
-
-
-def _turn(
-    bearings: Bearings | None, count: int, places: Located, keys: tuple[str, ...]
-) -> Iterator[Diagnostic]:
-    if bearings is None:
-        message = f"{count} elements take more than a turn"
-        yield error("B009", places.value(*keys, "step"), message, f"the step is at most {360 / count:g} deg")
-
-
-def radius_mm(body: Body) -> float:
-    """Return the radius of the circle around the robot's center that contains its footprint."""
-    match body.chassis.footprint:
-        case Circle(radius_mm=radius):
-            return radius
-        case Polygon(corners=corners):
-            return max(math.hypot(*corner) for corner in corners)

@@ -1,6 +1,6 @@
 """The kinds of values in a body, from which its reader and its JSON schema are made.
 
-A field of a data class of `model.py` or `devices.py` is declared with `entry`: its key in the TOML text, the
+A field of a data class of `model.py` or `devices/` is declared with `entry`: its key in the TOML text, the
 kind of its value, and its meaning. Lengths and the like are texts with a unit, as in the language:
 `"360 mm"`.
 """

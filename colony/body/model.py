@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.body.devices import DEVICES, Camera, CeilingCamera, Device, Proximity
+from colony.body.devices import DEVICES, Base, Camera, CeilingCamera, Device, OmnidirectionalBase, Proximity
 from colony.body.kinds import (
     NAME,
     NOT_NEGATIVE,
@@ -27,6 +27,7 @@ from colony.body.kinds import (
     Word,
     entry,
 )
+from colony.ir.servers import RSERVER
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME
 
 _LENGTH = Measure(LENGTH, "400 mm", POSITIVE)
@@ -35,6 +36,7 @@ _SPEED = LENGTH.over(TIME)
 _TURN = ANGLE.over(TIME)
 _RATE = Measure(TIME.power(-1), "10 Hz", Bounds(low=0.0, high=10_000.0, is_open=True))
 _DURATION = Measure(TIME, "50 ms", NOT_NEGATIVE)
+_SHARE = Measure(NUMBER, "1 percent", Bounds(low=0.0, high=1.0))
 _SPREAD = Measure(LENGTH, "3 mm", NOT_NEGATIVE)
 
 
@@ -80,10 +82,10 @@ Footprint = Circle | Polygon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Differential:
-    """Two driven wheels on one axis through the robot's center."""
+class Wheels:
+    """What the wheels of every drive have."""
 
-    wheel_base_mm: float = entry("wheel_base", _LENGTH, "distance between the wheels")
+    wheel_base_mm: float = entry("wheel_base", _LENGTH, "distance between left and right wheels")
     scale_error: float = entry(
         "scale_error",
         Measure(NUMBER, "0.3 percent", Bounds(low=0.0, high=1.0)),
@@ -98,7 +100,21 @@ class Differential:
     )
 
 
-Drive = Differential
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Differential(Wheels):
+    """Two driven wheels on one axis through the robot's center."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Omnidirectional(Wheels):
+    """Four mecanum wheels around the robot's center, two on each side: it drives sideways, too."""
+
+    wheel_distance_mm: float = entry(
+        "wheel_distance", _LENGTH, "distance between the front and the rear wheels"
+    )
+
+
+Drive = Differential | Omnidirectional
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,13 +131,25 @@ class Limits:
         Measure(_TURN.over(TIME), "240 deg/s^2", POSITIVE),
         "toward a commanded turn rate",
     )
+    sideways_mm_s: float | None = entry(
+        "sideways",
+        Measure(_SPEED, "400 mm/s", POSITIVE),
+        "the highest sideways speed, of a base that drives sideways [default: `velocity`]",
+        default=None,
+    )
+    sideways_acceleration_mm_s2: float | None = entry(
+        "sideways_acceleration",
+        Measure(_SPEED.over(TIME), "800 mm/s^2", POSITIVE),
+        "toward a commanded sideways speed [default: `acceleration`]",
+        default=None,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delays:
-    """How late the base is."""
+    """How late commands take effect, and readings arrive."""
 
-    command_s: float = entry("command", _DURATION, "from a command to the motion", default=0.0)
+    command_s: float = entry("command", _DURATION, "from a command to its effect", default=0.0)
     reading_s: float = entry("reading", _DURATION, "from a measurement to its arrival", default=0.0)
 
 
@@ -135,9 +163,29 @@ class Chassis:
     height_mm: float = entry(
         "height", Measure(LENGTH, "1.2 m", POSITIVE), "the height of the hull", default=1000.0
     )
-    drive: Drive = entry("drive", OneOf("kind", (("differential", Differential),)), "how it moves")
+    drive: Drive = entry(
+        "drive",
+        OneOf("kind", (("differential", Differential), ("omnidirectional", Omnidirectional))),
+        "how it moves",
+    )
     limits: Limits = entry("limits", Table(Limits), "what it can do at most, in either direction")
     delays: Delays = entry("delays", Table(Delays), "how late it is", default=Delays())
+
+    @property
+    def sideways_mm_s(self) -> float:
+        """The highest sideways speed; 0 if the drive cannot move sideways."""
+        if not isinstance(self.drive, Omnidirectional):
+            return 0.0
+        own = self.limits.sideways_mm_s
+        return self.limits.velocity_mm_s if own is None else own
+
+    @property
+    def sideways_acceleration_mm_s2(self) -> float:
+        """The acceleration toward a sideways speed; 0 if the drive cannot move sideways."""
+        if not isinstance(self.drive, Omnidirectional):
+            return 0.0
+        own = self.limits.sideways_acceleration_mm_s2
+        return self.limits.acceleration_mm_s2 if own is None else own
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,6 +228,24 @@ class Hardware:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Faults:
+    """The faults of a simulated device, which begin at random times and last for a while."""
+
+    missing: float = entry(
+        "missing", _SHARE, "the part of the time in which its fields have no value", default=0.0
+    )
+    frozen: float = entry(
+        "frozen", _SHARE, "the part of the time in which its fields stay as they were, and age", default=0.0
+    )
+    lasting_s: float = entry(
+        "lasting",
+        Measure(TIME, "2 s", Bounds(low=0.001)),
+        "how long a fault lasts on average; it is between half and one and a half of it [default: 1 s]",
+        default=1.0,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Server:
     """A table `[server.NAME]`."""
 
@@ -190,19 +256,20 @@ class Server:
     simulated: Device | None = entry(
         "simulated", OneOf("device", DEVICES), "the device in the simulator", default=None
     )
+    faults: Faults | None = entry("faults", Table(Faults), "the faults of that device", default=None)
     hardware: Hardware | None = entry(
         "hardware", Table(Hardware), "the driver of the real device", default=None
     )
-
-    def field_names(self) -> tuple[str, ...]:
-        """Return the names of the fields: those of the table, and those that the device measures."""
-        device = () if self.simulated is None else self.simulated.fields
-        return tuple(dict.fromkeys((*self.fields, *device)))
 
     def rate_of(self, field: str) -> float | None:
         """Return how often a field is measured, in Hz; None for each frame."""
         own = self.fields.get(field)
         return self.rate_hz if own is None or own.rate_hz is None else own.rate_hz
+
+    def period_ns(self, field: str) -> int | None:
+        """Return the time between two measurements of a field; None for each frame."""
+        rate_hz = self.rate_of(field)
+        return None if rate_hz is None else max(round(1e9 / rate_hz), 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,6 +279,17 @@ class Body:
     robot: Identity = entry("robot", Table(Identity), "whose body it is")
     chassis: Chassis = entry("body", Table(Chassis), "its shape and its drive")
     servers: Mapping[str, Server] = entry("server", Named(Table(Server)), "its servers by name", default={})
+
+    def device(self, server: str) -> Device | None:
+        """Return the device of one of the servers; None if its driver and the interface alone describe it.
+
+        The device is the one in the simulator. `RServer` has the base, also where it has a driver alone; what
+        it measures and takes follows from the drive.
+        """
+        found = self.servers[server].simulated
+        if isinstance(found, Base) or (found is None and server == RSERVER.name):
+            return OmnidirectionalBase() if isinstance(self.chassis.drive, Omnidirectional) else Base()
+        return found
 
     def camera(self, server: str) -> Camera:
         """Return the level camera of a server.
@@ -234,6 +312,10 @@ class Body:
         if len(found) != 1:
             raise ValueError(f"`{self.robot.name}` has {len(found)} cameras that look up; expected one")
         return found[0]
+
+    def has_ring(self) -> bool:
+        """Return True if the robot has a ring of sonars."""
+        return any(isinstance(server.simulated, Proximity) for server in self.servers.values())
 
     def ring(self) -> Proximity:
         """Return the robot's ring of sonars.

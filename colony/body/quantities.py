@@ -7,7 +7,7 @@ import re
 from fractions import Fraction
 from typing import NamedTuple
 
-from colony.text.units import NUMBER, Dimension, Unit, UnitError, common_units, parse_unit
+from colony.text.units import NUMBER, Dimension, Unit, UnitError, common_units, parse_unit, readable_unit
 from colony.text.wording import listed
 
 MAX_LENGTH = 100
@@ -80,7 +80,8 @@ def _in_base_units(number: str, unit_text: str, dimension: Dimension, example: s
             return Problem("B007", str(problem), unit_hint(dimension, example))
     if unit.dimension != dimension:
         found = f"found a value in `{unit_text}`" if unit_text else f"found `{number}` without a unit"
-        return Problem("B007", f"{found}; expected one in {dimension}", unit_hint(dimension, example))
+        message = f"{found}; expected one in {readable_unit(dimension).text}"
+        return Problem("B007", message, unit_hint(dimension, example))
     try:
         value = float(Fraction(number) * unit.factor)
     except OverflowError:

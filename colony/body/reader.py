@@ -35,8 +35,8 @@ from colony.text.source import Source, Span
 from colony.text.suggestions import did_you_mean
 from colony.text.toml_places import Extent, Place, all_places
 from colony.text.toml_places import Path as Keys
-from colony.text.units import NUMBER
-from colony.text.wording import counted, quoted
+from colony.text.units import NUMBER, readable_unit
+from colony.text.wording import counted, printable, quoted, shortened
 
 MAX_BYTES = 256 * 1024
 """Byte limit of a body."""
@@ -44,12 +44,12 @@ MAX_BYTES = 256 * 1024
 MAX_DOTS = 100
 """Maximum number of dots in a line: `tomllib` takes minutes for a key of many thousand parts."""
 
+LARGEST_OPTION = 1e18
+"""Greatest magnitude of a number for a driver, which fits 64 bits."""
+
 _TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 _BESIDE = "the body of a robot is a file beside its interface; `colony robot new NAME` writes both"
-
-_SHOWN = 60
-"""Maximum number of characters of a value in a message."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +112,8 @@ def body_of_text(text: str, name: str) -> BodyFile:
 
 def _unreadable(source: Source, code: str, message: str, place: int = 0) -> BodyFile:
     hint = _BESIDE if code == "B001" else 'write tables such as `[body]`, and `name = "360 mm"`'
-    problem = error(code, Span(source, place, min(place + 1, len(source.text))), message, hint)
+    span = Span(source, place, min(place + 1, len(source.text)))
+    problem = error(code, span, printable(message), hint)
     return BodyFile(source=source, body=None, diagnostics=(problem,))
 
 
@@ -201,7 +202,8 @@ class _Reader:
                 assert_never(kind)
 
     def _report(self, code: str, span: Span, message: str, hint: str | None = None) -> Any:
-        self.diagnostics.append(error(code, span, message, hint))
+        hint = None if hint is None else printable(hint)
+        self.diagnostics.append(error(code, span, printable(message), hint))
         return _INVALID
 
     def _wrong(self, keys: Keys, value: object, expected: str, hint: str | None = None) -> Any:
@@ -236,8 +238,9 @@ class _Reader:
         return self._out_of_bounds(kind, value, keys)
 
     def _out_of_bounds(self, kind: Measure, value: object, keys: Keys) -> Any:
-        low, high, unit = kind.bounds.low, kind.bounds.high, str(kind.dimension)
-        unit = "" if kind.dimension == NUMBER else f" {unit}"
+        shown = readable_unit(kind.dimension)
+        low, high = (end / float(shown.factor) for end in (kind.bounds.low, kind.bounds.high))
+        unit = "" if kind.dimension == NUMBER else f" {shown.text}"
         expected = f"above {low:g}{unit}" if kind.bounds.is_open else f"at least {low:g}{unit}"
         expected += f" and at most {high:g}{unit}" if high < 1e300 else ""
         message = f"`{'.'.join(keys)}` is {_shown(value)}; expected {expected}"
@@ -321,15 +324,18 @@ class _Reader:
         where = f"`{'.'.join(keys)}`" if keys else "a body"
         hint = did_you_mean(key, known) or (f"expected {quoted(known, 'or')}" if known else "it has no keys")
         path = (*keys, key)
-        self._report("B003", self._places.key(path), f"{where} has no key `{key[:_SHOWN]}`", hint)
+        self._report("B003", self._places.key(path), f"{where} has no key `{shortened(key)}`", hint)
 
     def _options(self, value: Mapping[str, object], keys: Keys) -> Any:
         found: dict[str, Any] = {}
         for key, option in value.items():
-            if isinstance(option, str | int | float):
+            if isinstance(option, str) or (isinstance(option, int | float) and abs(option) <= LARGEST_OPTION):
                 found[key] = option
             else:
-                found[key] = self._wrong((*keys, key), option, "a text, a number or a bool")
+                expected = "a text, a number or a bool"
+                if isinstance(option, int | float):
+                    expected = f"a number up to {LARGEST_OPTION:g}"
+                found[key] = self._wrong((*keys, key), option, expected)
         return _INVALID if any(v is _INVALID for v in found.values()) else found
 
     def _one_of(self, kind: OneOf, value: object, keys: Keys) -> Any:
@@ -356,7 +362,7 @@ class _Reader:
         for name, item in value.items():
             path = (*keys, name)
             if not re.fullmatch(NAME, name):
-                message = f"`{name[:_SHOWN]}` is no name"
+                message = f"`{shortened(name)}` is no name"
                 found[name] = self._report("B006", self._places.key(path), message)
             else:
                 found[name] = self.read(kind.item, item, path)
@@ -369,10 +375,13 @@ def _shown(value: object) -> str:
         case bool():
             return "true" if value else "false"
         case str():
-            text = value if len(value) <= _SHOWN else f"{value[:_SHOWN]}..."
+            text = shortened(value)
             return f'"{text}"'
         case int() | float():
-            return f"{value}"[:_SHOWN] if abs(value) < 1e300 else "a number that is too large"
+            is_shown = abs(value) < 1e300 or isinstance(
+                value, float
+            )  # an integer may have thousands of digits
+            return shortened(f"{value}") if is_shown else "a number that is too large"
         case list():
             return f"an array of {counted(len(value), 'item')}"
         case Mapping():

@@ -81,8 +81,8 @@ def _counts(report: AuditReport) -> Iterator[str]:
             yield f"{counted(frames, 'frame')} with {what}"
     if report.idled:
         yield f"{counted(report.idled, 'decision')} idle for want of a client"
-    if report.unheard:
-        yield f"{counted(report.unheard, 'decision')} not recorded"
+    for server, decisions in report.unheard_by_server.items():
+        yield f"{counted(decisions, 'decision')} of {server} not recorded"
     if report.unknown:
         yield f"{counted(report.unknown, 'frame')} not compared: a frame before them was not observed"
     if report.restarts:

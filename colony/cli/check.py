@@ -33,9 +33,12 @@ _ANY: dict[str, RobotChoice | None] = {"": None}
 def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str) -> None:
     """Check behavior files and everything that they import: syntax, names, types, units, wiring.
 
+    The sensors and actuators of the program's robot are held to its body, if the robot has one: servers,
+    fields, commands, types, sizes, ranges, and rates slower than `within` (docs/robots.md).
+
     All errors and warnings are reported, each with its location and a hint. A note reports each file that
-    does not name its version with `language 2`. With several --robot each file is checked against each of
-    these descriptions; a finding that is not about all of them names its robot.
+    does not name its version with `language 2`, and each robot without a body. With several --robot each file
+    is checked against each of these descriptions; a finding that is not about all of them names its robot.
 
     Exit code: 0 without errors (warnings and notes are allowed), 1 with errors, 2 if a file cannot be read.
 
@@ -48,9 +51,11 @@ def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str
     """
     with gc_paused():
         from colony.dsl.load import check_file
+        from colony.robots.body_check import BodyCheck
         from colony.text.diagnostics import has_errors, in_order
 
         diagnostics: list[Diagnostic] = []
+        bodies = BodyCheck()
         noted: set[str] = set()
         unreadable = False
         for file in files:
@@ -59,8 +64,12 @@ def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str
                 for name, robot in (robots or _ANY).items()
             }
             checked = next(iter(by_robot.values()))
+            findings = {
+                name: (*one.diagnostics, *(() if one.program is None else bodies.findings(one.program)))
+                for name, one in by_robot.items()
+            }
             notes = [note for one in by_robot.values() for note in _notes(one, noted)]
-            found = in_order((*_of_all({name: one.diagnostics for name, one in by_robot.items()}), *notes))
+            found = in_order((*_of_all(findings), *notes))
             diagnostics += found
             is_missing = is_unreadable(checked.diagnostics)
             unreadable = unreadable or is_missing
@@ -69,7 +78,7 @@ def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str
                     say(one_line(checked.diagnostics[0]))
                 else:
                     report(found)
-                if all(one.program is not None for one in by_robot.values()):
+                if not has_errors(found):
                     click.echo(f"{file}: ok")
     if format_ != "text":
         click.echo(formatted(diagnostics, cast(Format, format_)))

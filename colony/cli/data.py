@@ -11,7 +11,7 @@ import click
 import msgspec
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.reporting import printable, say
+from colony.cli.reporting import say
 from colony.cli.robot_options import (
     connect_option,
     expect_robot_with_endpoint,
@@ -21,6 +21,7 @@ from colony.cli.robot_options import (
     security_option,
 )
 from colony.robots.discovery import running_robots, session_with
+from colony.text.wording import printable
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Connection

@@ -38,7 +38,7 @@ COMMANDS = {
     "stop": "stop robots immediately, in an emergency",
     "data": "list, read, set and delete shared variables",
     "audit": "compare a recorded run with the reference interpreter",
-    "map": "draw a building",
+    "map": "draw a map",
     "experiment": "simulate many runs, and report statistics",
     "plan": "plan a path from room to room",
     "sim": "inspect the simulated building",

@@ -17,7 +17,7 @@ from colony.files import reason
 DESCRIPTORS = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 """Folders of devices and of this process's open files. Pipes elsewhere may never get a reader."""
 
-SOURCES = (".colony", ".stickrep")
+SOURCES = (".colony", ".stickrep", ".yaml")
 """Suffixes of source files, which no command overwrites."""
 
 output_option = click.option(

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.reporting import printable
 from colony.cli.robot_options import (
     HERE,
     connect_option,
@@ -20,9 +19,12 @@ from colony.cli.robot_options import (
     security_option,
 )
 from colony.robots.discovery import running_robots, session_with
+from colony.text.wording import printable
 
 if TYPE_CHECKING:
     from colony.runtime.kit.robot_state import RobotState, ServerState
+    from colony.runtime.library.actuator import Arbitration
+    from colony.runtime.library.clock import Participants
     from colony.runtime.library.leader import RunStatus
 
 
@@ -33,7 +35,8 @@ if TYPE_CHECKING:
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(robot: str | None, connect: str | None, security: Path | None, format_: str) -> None:
     """Show the robots that run on this machine: the state of their servers, the limits that the servers
-    have reached, connections and their priorities, an emergency stop, and the clients of the run.
+    have reached, drivers that fail, connections and their priorities, an emergency stop, and the clients of
+    the run.
 
     A client is alive, late (its request for the newest frame missed the deadline) or lost (it sent nothing
     for the length of its lease). The table counts the frames in which a client was on time, late or lost, and
@@ -88,11 +91,13 @@ def _lines(state: RobotState) -> Iterator[str]:
     yield from (f"  {line}" for line in _emergency(state))
     if state.arbitration is not None:
         yield from (f"  {line}" for line in _arbitration(state))
+    for name, arbitration in state.actuators.items():
+        yield from (f"  {line}" for line in _actuators(name, arbitration))
     if state.run is not None:
         yield from (f"  {line}" for line in _run(state.run, _priorities(state)))
         yield from (f"  {line}" for line in _processes(state.run, {s.server for s in state.servers}))
     elif state.participants is not None:
-        yield f"  no program runs; frame {state.participants.k}"
+        yield f"  no program runs{_resident(state.participants)}; frame {state.participants.k}"
     connections = [(s.server, c) for s in state.servers for c in s.connections]
     if connections:
         yield "  connections"
@@ -111,6 +116,7 @@ def _server(server: ServerState) -> str:
     if server.malformed:
         parts.append(f"{server.malformed} malformed messages")
     parts += server.full
+    parts += (f"FAILS: {problem}" for problem in server.failing)
     if server.problem is not None:
         parts.append(server.problem)
     return ", ".join(parts)
@@ -135,11 +141,25 @@ def _arbitration(state: RobotState) -> Iterator[str]:
             yield f"{outside.name} ({outside.connection}) ignores the limits of the program"
 
 
+def _actuators(server: str, arbitration: Arbitration) -> Iterator[str]:
+    """Yield who commands the actuators of a server of users."""
+    if arbitration.lock_holder is not None:
+        yield f"{server} is locked by {arbitration.lock_holder}"
+    for actuator in arbitration.actuators:
+        yield f"{server}.{actuator.command} is commanded by {actuator.acting or 'no client'}"
+    for outside in dict.fromkeys((o.name, o.connection) for o in arbitration.outside if o.unlimited):
+        yield f"{outside[0]} ({outside[1]}) ignores the limits of the program at {server}"
+
+
 def _priorities(state: RobotState) -> dict[str, int]:
-    arbitration = state.arbitration
-    if arbitration is None:
-        return {}
-    return {f"{a.name}/{c.name}": c.priority for a in arbitration.actuators for c in a.clients}
+    found = {
+        f"{actuator.name}/{client.name}": client.priority
+        for arbitration in state.actuators.values()
+        for actuator in arbitration.actuators
+        for client in actuator.clients
+    }
+    base = () if state.arbitration is None else state.arbitration.actuators
+    return found | {f"{a.name}/{c.name}": c.priority for a in base for c in a.clients}
 
 
 def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
@@ -166,6 +186,17 @@ def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
         for c in run.clients
     ]
     yield from _table(rows)
+
+
+def _resident(participants: Participants) -> str:
+    """Return what is to say about the limits that hold without a program."""
+    from colony.runtime.protocol.deployment import LIMITS_RUN
+
+    if participants.run != LIMITS_RUN:
+        return ""
+    lost = [client.client for client in participants.clients if not client.lives]
+    missing = f"; LOST: {', '.join(lost)}, so nobody drives" if lost else ""
+    return f", but the limits of {participants.program} hold{missing}"
 
 
 def _processes(run: RunStatus, servers: set[str]) -> Iterator[str]:

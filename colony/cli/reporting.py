@@ -16,6 +16,7 @@ from colony.cli.params_choice import chosen_params
 from colony.cli.robot_choice import chosen_robot
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, headline, render
+from colony.text.wording import printable
 
 if TYPE_CHECKING:
     from colony.dsl.load import Checked
@@ -46,7 +47,11 @@ def say(text: str) -> None:
 
     If standard error cannot be written, the command continues.
     """
-    _echo(_CONTROL.sub(lambda match: printable(match[0]), text))
+    _echo(_escaped(text))
+
+
+def _escaped(text: str) -> str:
+    return _CONTROL.sub(lambda match: printable(match[0]), text)
 
 
 def _echo(text: str) -> None:
@@ -56,18 +61,11 @@ def _echo(text: str) -> None:
         return
 
 
-def printable(text: str) -> str:
-    """Return an untrusted text with its unprintable characters escaped."""
-    return "".join(
-        c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text
-    )
-
-
 def report(diagnostics: Iterable[Diagnostic]) -> None:
-    """Print each diagnostic with its source line, caret and hint."""
+    """Print each diagnostic with its source line, caret and hint, with control characters escaped."""
     colored = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
     for diagnostic in diagnostics:
-        text = render(diagnostic)
+        text = _escaped(render(diagnostic))
         if colored:
             kind = f"{diagnostic.severity}[{diagnostic.code}]"
             text = text.replace(kind, click.style(kind, fg=_COLORS[diagnostic.severity], bold=True), 1)

@@ -1,8 +1,9 @@
-"""`colony serve`: one server of a robot in the foreground, or all of them with simulated hardware."""
+"""`colony serve`: one server of a robot in the foreground, or all of them, with simulated or real devices."""
 
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,16 +13,20 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import refuse, report, say
 from colony.cli.robot_choice import chosen_robot, robot_and_description_option
 from colony.cli.robot_options import reporting_connection_errors
-from colony.cli.shipped_files import map_option
+from colony.cli.shipped_files import map_option, movers_option, start_option
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
+    from colony.dsl.descriptions import RobotChoice
+    from colony.execute.compiled import Compiled
+    from colony.robots.described import DescribedRobot
     from colony.robots.serving import Settings
     from colony.runtime.protocol.interface import Interface
 
 ALL = "all"
 
-NAMES = ("Clock", "RServer", "PServer", "DServer", "CServer", "Simulator", "Gateway", ALL)
+COMMON = ("Clock", "DServer", "CServer", "Simulator", "Limits", "Gateway", ALL)
+"""The names that every robot has."""
 
 
 class Folder(click.Path):
@@ -35,13 +40,22 @@ class Folder(click.Path):
 
 
 @click.command(name="serve", short_help="run the servers of a robot")
-@click.argument("server", metavar="SERVER", type=click.Choice(NAMES, case_sensitive=False))
+@click.argument("server", metavar="SERVER")
 @robot_and_description_option(
-    "The name by which programs find the robot. With a description (one that comes with colony, one in the "
-    "folder robots, or a path), programs that were checked against another interface are refused.",
+    "The name by which programs find the robot, and its description (one that comes with colony, one in the "
+    "folder robots, or a path), by default the one called NAME. Its limits hold whether or not a program "
+    "runs, and programs that were checked against another interface are refused. A robot whose name is that "
+    "of no description has the devices of RoME, and takes any program.",
     required=True,
 )
 @map_option
+@start_option
+@movers_option
+@click.option(
+    "--hardware",
+    is_flag=True,
+    help="Serve real devices, by the drivers that the robot's body names; with --map simulate all others.",
+)
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="The seed of the sensors' noise."
 )
@@ -81,10 +95,15 @@ def command(server: str, **arguments: Any) -> None:
     """Run the servers of a robot until Ctrl-C. Programs connect with `colony run FILE --connect --robot
     NAME`.
 
-    SERVER is Clock (the frames), RServer (the base), PServer (sonars and infrared detectors), DServer
-    (variables and semaphores), CServer (a camera), Simulator (in place of the hardware), Gateway (connections
+    SERVER is Clock (the frames), DServer (variables and semaphores), a server of the robot's description,
+    such as RServer (the base) or PServer (sonars and infrared detectors), CServer (a camera), Limits (those
+    of the description, while no program runs), Simulator (in place of the hardware), Gateway (connections
     from other machines), or `all`. With `all` each server is a process of its own, and a process that dies is
     restarted.
+
+    With --hardware each server has the driver of its real device, as the body of the robot says
+    (docs/robots.md); with --map besides, devices without a driver are simulated. A driver that cannot be
+    made, because its device is not connected, is tried again.
 
     A server stops its hardware when it ends. A server that already runs under the same name is not started.
 
@@ -95,25 +114,32 @@ def command(server: str, **arguments: Any) -> None:
       colony serve all --robot lab=rome --map loop
       colony serve Simulator --robot rome --map loop
       colony serve RServer --robot rome
+      colony serve all --robot s1=scout --hardware
+      colony serve all --robot s1=scout --hardware --map loop
     """
     from colony.cli.interruption import interruptible
-    from colony.cli.run.options import OptionError, cameras
+    from colony.cli.run.options import OptionError, cameras, start_pose
     from colony.robots.request import MisuseError, RunAbortedError
     from colony.robots.serving import Settings, serve_all, serve_one
     from colony.runtime.transport.live.robot_address import local
     from colony.text.diagnostics import DiagnosticError
 
-    robot, texts = arguments.pop("robot"), arguments.pop("camera_texts")
+    robot, texts, start = (arguments.pop(name) for name in ("robot", "camera_texts", "start"))
+    described, interface, limits = _description()
     try:
         directions = cameras(texts)
         settings = Settings(
             **arguments
             | {
+                "described": described,
                 "cameras": directions,
+                "start": None if start is None else start_pose(start),
                 "state": arguments["state"] or _state_folder(robot),
-                "interface": _interface(),
+                "interface": interface,
+                "limits": limits,
             }
         )
+        server = server_named(server, settings)
         objection_text = objection(server, settings)
     except OptionError as bad:
         objection_text = str(bad)
@@ -141,12 +167,33 @@ def command(server: str, **arguments: Any) -> None:
 
 def objection(server: str, settings: Settings) -> str | None:
     """Return the reason why the settings do not fit this server; None if they do."""
-    if server in ("Simulator", ALL) and settings.map_path is None:
+    if settings.hardware:
+        if server == "Simulator" or (server != ALL and settings.map_path is not None):
+            return "--hardware is for real devices: with a map it requires `all`, which simulates the others"
+        if settings.map_path is None and settings.simulates:
+            options = "--camera, --hazards, --movers, --start"
+            return f"--hardware without --map is for real devices alone: leave out {options}"
+        if not settings.devices.hardware:
+            name = settings.described.body.robot.name
+            return f"--hardware: the body of `{name}` names no driver: `hardware = {{ driver = ... }}`"
+        if server in settings.devices.absent:
+            return f"--hardware: the body names no driver for {server}: `hardware = {{ driver = ... }}`"
+    elif server == ALL and settings.map_path is None:
+        return "all requires --map MAP, the building of the robot, or --hardware, for its real devices"
+    if server == "Simulator" and settings.map_path is None:
         return f"{server} requires --map MAP, the building of the robot"
-    if server not in ("Simulator", ALL) and settings.hazards is not None:
-        return f"--hazards requires Simulator or all, which simulate the building; found {server}"
+    world_options = {
+        "--hazards": settings.hazards is not None,
+        "--movers": settings.movers > 0,
+        "--start": settings.start is not None,
+    }
+    option = next((name for name, is_given in world_options.items() if is_given), None)
+    if server not in ("Simulator", ALL) and option is not None:
+        return f"{option} requires Simulator or all, which simulate the building; found {server}"
     if server == "CServer" and len(settings.cameras) != 1:
         return "CServer requires one --camera [NAME=]DEGREES|up, the camera of the Simulator that it serves"
+    if server == "Limits" and settings.limits is None:
+        return "Limits requires a description with limits: --robot NAME=DESCRIPTION"
     if server == "Gateway" and settings.listen is None:
         return "Gateway requires --listen tls/HOST:PORT"
     if (settings.listen is None) != (settings.security is None):
@@ -156,23 +203,71 @@ def objection(server: str, settings: Settings) -> str | None:
     return None
 
 
-def _interface() -> Interface | None:
-    """Return the interface of the description that the options give; None if they give no more than a name.
+def server_named(text: str, settings: Settings) -> str:
+    """Return the server that a user named, in any case.
+
+    Raises:
+        OptionError: neither the robot's description nor `COMMON` has a server of this name.
+    """
+    from colony.cli.run.options import OptionError
+    from colony.robots.robot_devices import served_names
+    from colony.text.suggestions import did_you_mean
+
+    names = (*COMMON, *served_names(settings.described), *settings.cameras)
+    found = next((name for name in names if name.casefold() == text.casefold()), None)
+    if found is not None:
+        return found
+    hint = did_you_mean(text, names) or f"expected {', '.join(dict.fromkeys(names))}"
+    raise OptionError(f"`{settings.described.body.robot.name}` has no server `{text}`; {hint}")
+
+
+def _description() -> tuple[DescribedRobot, Interface | None, Compiled | None]:
+    """Return the robot that the options describe, RoME if they give no more than an unknown name.
+
+    The interface is what programs must have been checked against; None without a description. So are the
+    limits of the description, if it has any.
 
     Exits with 1 if the description has errors.
     """
-    choice = chosen_robot()
-    if choice is None or choice.is_name:
-        return None
+    from colony.compile.pipeline import compile_program
     from colony.dsl.language_version import VERSION_LINE
     from colony.dsl.load import check_text
+    from colony.robots.described import described_robot, rome
+    from colony.runtime.protocol.deployment import limited_actuators
     from colony.runtime.protocol.interface import interface_of
+    from colony.text.diagnostics import DiagnosticError
 
+    choice = _existing(chosen_robot())
+    if choice is None:
+        return rome(), None, None
     checked = check_text(f"{VERSION_LINE}\nimport robot\n", "--robot", robot=choice)
     if checked.program is None:
         report(checked.diagnostics)
         raise click.exceptions.Exit(EXIT_ERRORS)
-    return interface_of(checked.program.robot)
+    robot = checked.program.robot
+    try:
+        described = described_robot(robot)
+    except DiagnosticError as failure:
+        report(failure.diagnostics)
+        raise click.exceptions.Exit(EXIT_ERRORS) from None
+    compiled = compile_program(checked.program).compiled
+    return described, interface_of(robot), compiled if limited_actuators(compiled) else None
+
+
+def _existing(choice: RobotChoice | None) -> RobotChoice | None:
+    """Return the choice; for a robot's name that is no description that of the project, None without one."""
+    from colony.dsl.descriptions import find_description, find_project
+
+    if choice is None or not choice.is_name:
+        return choice
+    project = find_project(Path())
+    folder = None if project is None else project.folder
+    if find_description(choice.text, Path(), folder) is not None:
+        return choice
+    if project is None or project.robot is None:
+        return None
+    found = find_description(project.robot, project.folder, project.folder)
+    return None if found is None else replace(choice, text=os.fspath(found))
 
 
 def _state_folder(robot: str) -> Path:

@@ -130,6 +130,7 @@ def _circumstances(session: Session) -> tuple[str, str]:
     """Return phrases that name the user who stopped the robot first, and its run; empty if unknown."""
     from colony.runtime.kit.errors import RobotConnectionError
     from colony.runtime.library.clock import participants
+    from colony.runtime.protocol.deployment import LIMITS_RUN
     from colony.runtime.protocol.topics import CLOCK
 
     if CLOCK not in session.servers():
@@ -140,4 +141,5 @@ def _circumstances(session: Session) -> tuple[str, str]:
     except RobotConnectionError:
         return "", ""
     by = "" if status.stopped is None else f" by {status.stopped.by}"
-    return by, f"; the run {status.run} continues" if status.run else ""
+    has_program = status.run and status.run != LIMITS_RUN
+    return by, f"; the run {status.run} continues" if has_program else ""

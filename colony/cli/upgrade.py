@@ -13,10 +13,11 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import cannot_write, write_whole
-from colony.cli.reporting import is_unreadable, one_line, printable, report, say
+from colony.cli.reporting import is_unreadable, one_line, report, say
 from colony.cli.robot_choice import chosen_robot, description_option
 from colony.collector import gc_paused
 from colony.files import open_regular
+from colony.text.wording import printable
 
 if TYPE_CHECKING:
     from colony.dsl.upgrade_files import FileUpgrade

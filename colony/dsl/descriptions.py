@@ -12,11 +12,14 @@ which nothing else says so.
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 from colony.files import read_file, reason
+from colony.ir.program import Robot
 from colony.record import Record, record
 from colony.shipped import Shipped
+from colony.text.diagnostics import Diagnostic, note
 from colony.text.suggestions import did_you_mean
 
 ROBOTS = "robots"
@@ -130,6 +133,38 @@ def _file_at(path: Path) -> Path | None:
     """Return the description in the folder `path` of a robot, else the file `path`; None if none exists."""
     found = Shipped.ROBOT.user_file(path / path.name) or Shipped.ROBOT.user_file(path)
     return None if found is None else Path(found)
+
+
+def find_body(robot: Robot) -> Path | None:
+    """Return the file of a robot's body; None if it has none.
+
+    It stands beside the interface (`body_beside`). That of a compiled program, which knows the place of its
+    interface no more, is the one of the description that is called like the robot.
+    """
+    declared = [*(s for s in robot.sensors if s.sent is None), *robot.actuators]
+    place = Path(declared[0].span.source.name) if declared else None
+    if place is None or not place.is_file():
+        found = find_description(robot.name, Path(), None) if re.fullmatch(r"\w+", robot.name) else None
+        place = found
+    if place is None:
+        return None
+    body = body_beside(place, robot.name)
+    return body if body.is_file() else None
+
+
+def body_beside(interface: Path, robot: str) -> Path:
+    """Return the place of a robot's body: beside the file of its interface, called like the robot."""
+    return interface.with_name(f"{robot}.toml")
+
+
+def body_note(robot: Robot, when_run: str) -> Diagnostic:
+    """Return the note for a robot without a body; `when_run` says what a simulated run of it does."""
+    name, place = robot.name, os.path.basename(robot.span.source.name)
+    message = f"`{name}` has no body, so its sensors and actuators are not checked against servers"
+    hint = (
+        f"write `{name}.toml` beside `{place}`, or begin with `colony robot new` (docs/robots.md); {when_run}"
+    )
+    return note("N003", robot.span, message, hint)
 
 
 def is_path(text: str) -> bool:

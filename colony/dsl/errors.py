@@ -86,6 +86,7 @@ CODES: dict[str, str] = {
     "E704": "a value that a param cannot have",
     "N001": "a file does not name its version",
     "N002": "a plain index of an array with bearings",
+    "N003": "a robot without a body",
     "U001": "limits that can contradict each other",
     "U002": "a bound that can be missing, with an idle command other than 0",
     "U003": "a transition that can hold back those below it",

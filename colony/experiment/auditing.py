@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from colony.experiment.behavior import behavior_of
 from colony.experiment.record import RunKey
 from colony.experiment.runs import Run, RunSpec
 from colony.ir.frame import Frame, Outcome
+from colony.robots.behavior import behavior_of
 from colony.robots.variants import VARIANTS
 from colony.verify.reference.interpreter import Interpreter
 

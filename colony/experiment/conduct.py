@@ -8,13 +8,13 @@ from hashlib import sha256
 from pathlib import Path
 
 from colony.experiment.auditing import AuditedRun, audit, is_audited
-from colony.experiment.behavior import behavior_of
 from colony.experiment.lists import ListedRun
 from colony.experiment.parallel import Engine
 from colony.experiment.record import RunKey
 from colony.experiment.results import R, Results
 from colony.experiment.runs import RunSpec, building_at
 from colony.nav.pose.tracker import EVERY_SOURCE, Source
+from colony.robots.behavior import behavior_of
 from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA, VARIANTS, VariantName
 from colony.sim.hazards.hazards import Hazard, Hazards
 

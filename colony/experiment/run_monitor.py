@@ -72,7 +72,7 @@ class RunMonitor:
     def update(self) -> FailureReason:
         """Record the finished frame; return the reason if the run should be abandoned."""
         now_ns, world = self._loop.now_ns, self._world
-        self.top_mm_s = max(self.top_mm_s, abs(world.speed(0).velocity_mm_s))
+        self.top_mm_s = max(self.top_mm_s, world.speed(0).ground_mm_s)
         pose, odometry = world.true_pose(0), world.odometry(0)
         odometry_error_mm = abs(_distance_mm(pose, self._pose) - _distance_mm(odometry, self._odometry))
         self.slips += SLIP_MM < odometry_error_mm < RIDE_MM

@@ -14,7 +14,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol, TypeVar
 
-from colony.experiment.behavior import behavior_of
 from colony.experiment.hazards_on_route import hazards_on_route
 from colony.experiment.lists import PUBLISHED
 from colony.experiment.record import FailureReason, RunKey, RunResult
@@ -24,6 +23,7 @@ from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
 from colony.nav.pose.tracker import EVERY_SOURCE, Source
+from colony.robots.behavior import behavior_of
 from colony.robots.expected import GOAL_RADIUS_MM, expected_s
 from colony.robots.run_cameras import run_cameras
 from colony.robots.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant

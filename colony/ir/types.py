@@ -9,7 +9,10 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, assert_never
 
 from colony.ir.bearings import Bearings
-from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
+from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension, readable_unit
+
+MAX_ELEMENTS = 4096
+"""Maximum number of elements of an array."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +90,15 @@ Value = ScalarValue | tuple[ScalarValue, ...]
 def element_type(type_: Type) -> Scalar:
     """Return the type of one element of an array, or the scalar type itself."""
     return type_.element if isinstance(type_, Array) else type_
+
+
+def type_text(type_: Type) -> str:
+    """Return a type as messages show it: a quantity by its readable unit."""
+    element = element_type(type_)
+    if not isinstance(element, Quantity):
+        return str(type_)
+    unit = readable_unit(element.dimension).text
+    return f"{unit}[{type_.size}]" if isinstance(type_, Array) else unit
 
 
 def bearings_of(type_: Type) -> Bearings | None:

@@ -3,59 +3,79 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
+from colony.body.footprint import radius_mm
+from colony.body.model import Body
+from colony.body.shipped import ROME, shipped_body
 from colony.execute.compiled import Compiled
-from colony.nav.maps.stickrep.model import Map
-from colony.nav.maps.stickrep.reader import load_map
-from colony.nav.maps.walls import walls_of
+from colony.ir.servers import DSERVER
+from colony.nav.maps.world_map import WorldMap, load_world, world_of
+from colony.robots.company import join_others, populated_world
+from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath
 from colony.robots.expected import time_limit_ns
 from colony.robots.recording import RunRecording, is_mcap, recording_into
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
+from colony.robots.scenario import Scenario, player
 from colony.robots.variants import OURS
 from colony.runtime.assembly.virtual import VirtualSession
+from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import Tally, Travel
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
-from colony.sim.world.world import World
+from colony.sim.given import nothing_given
+from colony.sim.physics import Physics
 
 if TYPE_CHECKING:
     from colony.robots.mission import Mission
 
 
-def run_in_building(compiled: Compiled, request: RunRequest, ui: UserInterface) -> RunReport:
-    """Run a program to the end, or until it is interrupted; return the result of the run.
+def run_in_building(
+    compiled: Compiled, described: DescribedRobot, request: RunRequest, ui: UserInterface
+) -> RunReport:
+    """Run a program on its robot to the end, or until it is interrupted; return the result of the run.
 
     Raises:
-        MisuseError: the robot does not fit at its start, the route does not exist, or no recording can be
-            written.
+        MisuseError: the simulator cannot simulate the robot, it does not fit at its start, the route does not
+            exist or is not for this robot, or no recording can be written.
         DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
             robot lacks.
     """
-    bind(compiled.robot)  # what does not fit is reported before the simulator is compiled, which takes long
+    bind(compiled.robot, described.servers)  # before the simulator is compiled, which takes long
     mission = None
     if request.goal is not None:
+        _expect_rome(described.body)
         from colony.robots.mission import Mission
         from colony.robots.route import planned_route
 
         mission = Mission(planned_route(request), request)
     clock = VirtualClock()
-    floors, plant, path = _building(request, mission, clock)
+    floors, plant, path = _building(request, described.body, mission, clock)
+    others = join_others(plant, request, ui.report)
+    other_paths = {other.name: PathSink(plant.world, path.floor, other.number) for other in others}
     tally = Tally(compiled)
     session = VirtualSession(
         compiled,
-        simulated_drivers(plant, cameras=None if mission is None else mission.cameras(plant)),
+        simulated_drivers(
+            plant,
+            body=described.body,
+            servers=described.servers,
+            seed=request.seed,
+            given=nothing_given if request.scenario is None else request.scenario.value_at,
+            cameras=None if mission is None else mission.cameras(plant),
+        ),
         clock=clock,
         seed=request.seed,
         variables=request.pinned_variables,
-        sinks=(tally, path),
+        sinks=(tally, path, *other_paths.values()),
         requests=is_mcap(request.record),
-        nodes=() if mission is None else mission.nodes,
+        nodes=(*_players(request.scenario), *(() if mission is None else mission.nodes)),
+        report=ui.report,
     )
     recording = None
     if request.record is not None:
@@ -68,30 +88,81 @@ def run_in_building(compiled: Compiled, request: RunRequest, ui: UserInterface) 
         interrupted=interrupted,
         travel=Travel(bumps=plant.world.bumps(0), distance_mm=plant.world.distance(0)),
     )
+    summary = replace(summary, others=tuple(other.summary() for other in others))
     if recording is not None:
         summary = replace(summary, broke_off=recording.truncation)
     return RunReport(
-        summary, None if mission is None else mission.mission_result(clock()), floors, path.points
+        summary,
+        None if mission is None else mission.mission_result(clock()),
+        floors,
+        path.points,
+        {name: sink.points[path.floor()] for name, sink in other_paths.items()},
     )
 
 
+def _expect_rome(body: Body) -> None:
+    """Raise MisuseError unless a robot has the body of RoME, which missions are made for."""
+    rome = shipped_body(ROME)
+    if (body.chassis, body.servers) != (rome.chassis, rome.servers):
+        problem = f"`{body.robot.name}` has another body: missions are for the sensors and cameras of RoME"
+        raise MisuseError(f"--from and --to: error: {problem}")
+
+
 def _building(
-    request: RunRequest, mission: Mission | None, clock: VirtualClock
-) -> tuple[tuple[Map, ...], Plant, PathSink]:
+    request: RunRequest, body: Body, mission: Mission | None, clock: VirtualClock
+) -> tuple[tuple[WorldMap, ...], Plant, PathSink]:
     """Return the floors, the robot on one of them, and the sink of its true path."""
     if mission is not None:
         site = mission.site
         plant = Plant(site.world, clock, [site.elevators.advance])
-        return tuple(site.maps.values()), plant, PathSink(plant.world, lambda: site.elevators.floor)
+        return (
+            tuple(map(world_of, site.maps.values())),
+            plant,
+            PathSink(plant.world, lambda: site.elevators.floor),
+        )
     assert request.map_path is not None
-    floor = load_map(request.map_path)
-    start = floor.start
-    pose = (start.x_mm, start.y_mm, start.heading_deg)
+    floor = load_world(request.map_path)
+    world = _physics(request, body, floor)
+    return (floor,), Plant(world, clock), PathSink(world, lambda: floor.name)
+
+
+def _physics(request: RunRequest, body: Body, floor: WorldMap) -> Physics:
+    """Return the robot at its start on a floor, in the physics that moves it."""
+    match request.physics:
+        case "kinematic":
+            return populated_world(floor, body, request)
+        case "mujoco":
+            return _mujoco_world(request, body, floor)
+        case _:
+            assert_never(request.physics)
+
+
+def _mujoco_world(request: RunRequest, body: Body, floor: WorldMap) -> Physics:
+    from colony.sim.mujoco.model import build_of
+    from colony.sim.mujoco.world import MujocoWorld
+
     try:
-        world = World(walls=walls_of(floor).segments, poses=[pose], seed=request.seed)
+        build_of(body)
+    except ValueError as problem:
+        text = f"`{body.robot.name}` cannot be simulated: {problem}"
+        raise MisuseError(f"{request.file}: error: {text}") from None
+    try:
+        return MujocoWorld(
+            body=body,
+            walls=floor.walls,
+            pose=floor.start(radius_mm(body), request.start),
+            seed=request.seed,
+            holes=floor.holes,
+            docks=floor.docks,
+        )
     except ValueError as problem:
         raise MisuseError(f"{request.map_path}: error: the robot cannot start there: {problem}") from None
-    return (floor,), Plant(world, clock), PathSink(world, lambda: floor.name)
+
+
+def _players(scenario: Scenario | None) -> Iterator[ScriptNode]:
+    """Yield the script that sets DServer's variables as the scenario says, if it says anything of them."""
+    if scenario is not None and scenario.variables:
+        yield ScriptNode("scenario", player(scenario.variables), (DSERVER.name,))
 
 
 def _run(
@@ -145,10 +216,16 @@ def wall_clock() -> Callable[[int], None]:
 
 
 class PathSink:
-    """A sink that collects the robot's true path, by floor. Mutable."""
+    """A sink that collects a robot's true path, by floor. Mutable.
 
-    def __init__(self, world: World, floor: Callable[[], str]) -> None:
-        self._world, self._floor = world, floor
+    Args:
+        world: the world.
+        floor: function that returns the name of the current floor.
+        robot: the number of the robot.
+    """
+
+    def __init__(self, world: Physics, floor: Callable[[], str], robot: int = 0) -> None:
+        self._world, self.floor, self._robot = world, floor, robot
         self._paths: dict[str, DrivenPath] = {}
 
     def take(self, log: FrameLog) -> None:
@@ -165,5 +242,5 @@ class PathSink:
         return {floor: path.points for floor, path in self._paths.items()}
 
     def _add_pose(self) -> None:
-        pose = self._world.true_pose(0)
-        self._paths.setdefault(self._floor(), DrivenPath()).add(pose.x_mm, pose.y_mm)
+        pose = self._world.true_pose(self._robot)
+        self._paths.setdefault(self.floor(), DrivenPath()).add(pose.x_mm, pose.y_mm)

@@ -20,8 +20,8 @@ from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, Program, in_declared_units
+from colony.ir.servers import DSERVER
 from colony.robots.scripted import SCRIPTED_SERVERS, ScriptedRobot, SentCommand
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Message, ServerFrame, Tick
 from colony.runtime.protocol.topics import activity, module_of
 from colony.runtime.transport.faults import FaultRates, Faults

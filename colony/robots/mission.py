@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from colony.ir.servers import DSERVER, PROXIMITY, RSERVER
 from colony.nav.missions.goal_verification import Verdict
 from colony.robots.expected import GOAL_RADIUS_MM
 from colony.robots.request import MissionResult, RunRequest
@@ -12,7 +13,6 @@ from colony.robots.route import PLATE_TEXTS, Route
 from colony.robots.run_cameras import run_cameras
 from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.runtime.kit.script_node import ScriptNode
-from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER
 from colony.runtime.protocol.messages import Node
 from colony.runtime.servers.drivers import CameraDriver
 from colony.sim.drivers import Plant
@@ -21,7 +21,7 @@ from colony.sim.world.operator import operator
 from colony.sim.world.site import Site
 
 _CAMERAS = (CEILING_CAMERA, SIDE_CAMERA, FRONT_CAMERA)
-_SERVERS = (DSERVER.name, RSERVER.name, PSERVER.name, *_CAMERAS)
+_SERVERS = (DSERVER.name, RSERVER.name, PROXIMITY, *_CAMERAS)
 _DELAY_NS = 1_000_000
 """Delay of the scripts after each frame in nanoseconds, so that they know the frame's readings."""
 

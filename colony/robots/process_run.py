@@ -6,8 +6,8 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
@@ -15,8 +15,12 @@ from typing import TYPE_CHECKING
 
 from colony.execute.compiled import Compiled
 from colony.ir.program import Robot
+from colony.ir.servers import COMMON_SERVERS, DSERVER, ServerSpec
+from colony.ir.types import Value
 from colony.os_errors import naming
+from colony.robots.described import DescribedRobot
 from colony.robots.discovery import running_robots, session_with
+from colony.robots.field_giver import FieldGiver
 from colony.robots.recording import RunRecording, recording_into
 from colony.robots.request import (
     MissionResult,
@@ -26,6 +30,7 @@ from colony.robots.request import (
     RunRequest,
     UserInterface,
 )
+from colony.robots.scenario import Scenario, player
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.jobs import (
@@ -40,10 +45,10 @@ from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
-from colony.runtime.protocol.fields import DSERVER, SERVERS, ServerSpec
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 from colony.runtime.transport.live.run_directory import in_run_directory
+from colony.sim.plant.child import SIMULATOR
 
 if TYPE_CHECKING:  # imported only for a run with a mission
     from colony.robots.live_mission import LiveMission
@@ -52,9 +57,16 @@ if TYPE_CHECKING:  # imported only for a run with a mission
 PLANT_START_TIMEOUT_S = 120.0
 """Timeout in seconds for the simulator to start; without a cache it is compiled first."""
 
+PLANT_ANSWER_TIMEOUT_S = 10.0
+"""Timeout in seconds for a simulator that already runs to answer."""
+
 
 def run_simulated(
-    compiled: Compiled, robot_address: Local, request: RunRequest, ui: UserInterface
+    compiled: Compiled,
+    described: DescribedRobot,
+    robot_address: Local,
+    request: RunRequest,
+    ui: UserInterface,
 ) -> RunReport:
     """Run a program on a simulated robot: start servers, clients and the plant, and end them with the run.
 
@@ -65,28 +77,32 @@ def run_simulated(
         LiveError: the robot cannot be used; for example, another run of it is in progress.
         RunAbortedError: the run could not begin, or broke off.
     """
-    from colony.nav.maps.stickrep.reader import load_map
+    from colony.nav.maps.world_map import load_world
     from colony.robots.simulated import CompilationNotice, SimulatedRobot, TruthLog, jobs_of
 
     assert request.map_path is not None
     route = _single_floor_route(request) if request.goal is not None else None
-    run = _Run(compiled, robot_address, request, ui, route)
+    run = _Run(compiled, described, robot_address, request, ui, route)
     cameras = dict(request.cameras)
     if route is not None:
         from colony.robots.variants import CEILING_CAMERA
 
         cameras = {CEILING_CAMERA: "up", **cameras}
-    building = load_map(request.map_path)
+    world = load_world(request.map_path)
+    if cameras:
+        world.building("a camera")
     truth = TruthLog(robot_address)
-    with run.supervised() as supervised_run:
+    with run.supervised() as supervised_run, run.giving() as give:
         robot = SimulatedRobot(
+            described=described,
             map_path=request.map_path,
             seed=request.seed,
             state=run.folder,
             cameras=cameras,
             fsync=request.fsync,
-            start=None if route is None else route.start,
+            start=request.start if route is None else route.start,
             hazards=request.hazards,
+            movers=request.movers,
             pinned_variables=request.pinned_variables,
         )
         with in_run_directory(run.folder):
@@ -95,29 +111,37 @@ def run_simulated(
         supervised_run.start(jobs)
         notice = CompilationNotice(robot_address, jobs[0].log, ui.report)
 
+        def follow_plant() -> bool:
+            given = give()
+            return truth.poll() and given
+
         def simulated() -> bool:
             notice.poll()
-            return truth.poll()
+            return follow_plant()
 
         has_begun = supervised_run.wait_for(
             simulated, run.stop, what="the start of the simulator", timeout_s=PLANT_START_TIMEOUT_S
         )
-        interrupted = not has_begun or run.follow(supervised_run, meanwhile=truth.poll)
+        run.set_variables(supervised_run, {})
+        interrupted = not has_begun or run.follow(supervised_run, meanwhile=follow_plant)
         travel = truth.travel
         truth.close()
     mission_result = run.mission_result(truth.points[-1] if truth.points else None)
-    return RunReport(
-        run.summary(interrupted, travel), mission_result, (building,), {building.name: truth.points}
-    )
+    return RunReport(run.summary(interrupted, travel), mission_result, (world,), {world.name: truth.points})
 
 
 def run_served(
-    compiled: Compiled, robot_address: RobotAddress, request: RunRequest, ui: UserInterface
+    compiled: Compiled,
+    described: DescribedRobot,
+    robot_address: RobotAddress,
+    request: RunRequest,
+    ui: UserInterface,
 ) -> RunReport:
     """Run a program on a robot that is already running, on this machine or behind a gateway.
 
     Raises:
-        MisuseError: the robot does not run on this machine, or the route does not exist.
+        MisuseError: the robot does not run on this machine, the route does not exist, or the scenario gives
+            what only a simulator on this machine can give.
         DiagnosticError, LiveError, RunAbortedError: see `run_simulated`.
     """
     if isinstance(robot_address, Local) and not robot_address.directory.running():
@@ -127,20 +151,38 @@ def run_served(
             f"(running robots: {robots}); "
             f"start it with `colony serve all --robot {robot_address.robot} --map MAP`"
         )
+    _expect_givable(robot_address, request)
     route = None
     if request.goal is not None:
         from colony.robots.route import planned_route
 
         route = planned_route(request)
-    run = _Run(compiled, robot_address, request, ui, route)
-    with run.supervised() as supervised_run:
+    run = _Run(compiled, described, robot_address, request, ui, route)
+    with run.supervised() as supervised_run, run.giving() as give:
+        supervised_run.wait_for(
+            give, run.stop, what="an answer of the simulator", timeout_s=PLANT_ANSWER_TIMEOUT_S
+        )
         with _in_folder(robot_address, run.folder):
             jobs = run.client_jobs()
             check_disk_space(run.folder, len(jobs))
         supervised_run.start(jobs)
-        supervised_run.pin_variables(request.pinned_variables)
-        interrupted = run.follow(supervised_run)
+        run.set_variables(supervised_run, request.pinned_variables)
+        interrupted = run.follow(supervised_run, meanwhile=give)
     return RunReport(run.summary(interrupted, None), run.mission_result(None))
+
+
+def _expect_givable(robot_address: RobotAddress, request: RunRequest) -> None:
+    """Check that what the scenario gives to devices can be given: their simulator runs on this machine.
+
+    Raises:
+        MisuseError: it does not.
+    """
+    fields = () if request.scenario is None else request.scenario.fields
+    if fields and not (isinstance(robot_address, Local) and SIMULATOR in robot_address.directory.running()):
+        raise MisuseError(
+            f"colony: error: `{fields[0].sensor.name}` cannot be given: no {SIMULATOR} of "
+            f"`{robot_address.robot}` runs on this machine"
+        )
 
 
 def _single_floor_route(request: RunRequest) -> Route:
@@ -163,6 +205,7 @@ class _Run:
     def __init__(
         self,
         compiled: Compiled,
+        described: DescribedRobot,
         robot_address: RobotAddress,
         request: RunRequest,
         ui: UserInterface,
@@ -172,15 +215,17 @@ class _Run:
         self._request = request
         self._ui = ui
         self._route = route
+        self._scenario = request.scenario or Scenario()
         self._mission: LiveMission | None = None
-        self._compiled, additional_servers = compiled, _additional_servers(compiled.robot, robot_address)
-        self._bindings = bind(compiled.robot, (*SERVERS, *additional_servers))
+        self._compiled = compiled
+        additional_servers = _additional_servers(compiled.robot, described, robot_address)
+        self._bindings = bind(compiled.robot, (*described.servers, *additional_servers))
         self._deployed = deployment(
             compiled,
             self._bindings,
             run=f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
             seed=request.seed,
-            servers=tuple(server.name for server in additional_servers),
+            servers=_bound_servers(compiled.robot),
         )
         self._tally = Tally(compiled)
         self._status_tracker = RunStatusTracker(
@@ -240,6 +285,26 @@ class _Run:
             search_path,
             isolate=self._request.isolate,
         )
+
+    @contextmanager
+    def giving(self) -> Iterator[Callable[[], bool]]:
+        """Let the devices of a simulated robot read what the scenario gives, inside the `with`.
+
+        The context's value is to be called repeatedly; see `FieldGiver.poll`.
+        """
+        changes, robot_address = self._scenario.fields, self._robot_address
+        if not changes:
+            yield lambda: True
+            return
+        assert isinstance(robot_address, Local)
+        with closing(FieldGiver(robot_address, changes, lambda: self._window.begin_ns)) as giver:
+            yield giver.poll
+
+    def set_variables(self, supervised_run: SupervisedRun, held: Mapping[str, Value]) -> None:
+        """Let the run set variables of DServer: `held` to their values, others as the scenario says."""
+        changes = self._scenario.variables
+        if held or changes:
+            supervised_run.play("scenario", lambda: player(changes, lambda: self._window.begin_ns, held))
 
     def follow(
         self, supervised_run: SupervisedRun, *, meanwhile: Callable[[], object] = lambda: None
@@ -336,14 +401,22 @@ def _in_folder(robot_address: RobotAddress, folder: Path) -> AbstractContextMana
     return in_run_directory(folder) if isinstance(robot_address, Local) else naming(folder)
 
 
-def _additional_servers(robot: Robot, robot_address: RobotAddress) -> tuple[ServerSpec, ...]:
-    """Return the additional servers of the program's sensors and actuators, as they describe themselves.
+def _bound_servers(robot: Robot) -> tuple[str, ...]:
+    """Return the servers of sensors and actuators that not every robot has."""
+    common = {server.name for server in COMMON_SERVERS}
+    bound = (*(s.server for s in robot.sensors), *(a.server for a in robot.actuators))
+    return tuple(dict.fromkeys(server for server in bound if server not in common))
+
+
+def _additional_servers(
+    robot: Robot, described: DescribedRobot, robot_address: RobotAddress
+) -> tuple[ServerSpec, ...]:
+    """Return the servers of sensors and actuators that the description lacks, as they describe themselves.
 
     Servers that do not run, or have no valid description, are left out.
     """
-    builtin_servers = {server.name for server in SERVERS}
-    bound_servers = (*(s.server for s in robot.sensors), *(a.server for a in robot.actuators))
-    additional_names = dict.fromkeys(name for name in bound_servers if name not in builtin_servers)
+    known_servers = {server.name for server in described.servers}
+    additional_names = [name for name in _bound_servers(robot) if name not in known_servers]
     if not additional_names:
         return ()
     from colony.runtime.kit.description import describe, server_spec

@@ -5,17 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from colony.ir.types import Value
 from colony.runtime.observe.observer import Sink
 from colony.runtime.observe.summary import RunSummary
 
 if TYPE_CHECKING:
+    from colony.ir.program import Program
     from colony.nav.maps.building import Building
-    from colony.nav.maps.stickrep.model import Map
+    from colony.nav.maps.world_map import WorldMap
+    from colony.robots.described import DescribedRobot
+    from colony.robots.scenario import Scenario
     from colony.runtime.kit.script import Script
     from colony.sim.plant.child import ViewDirection
+
+
+PhysicsName = Literal["kinematic", "mujoco"]
+"""What may move a simulated robot (docs/physics.md)."""
 
 
 class MisuseError(Exception):
@@ -24,6 +31,25 @@ class MisuseError(Exception):
 
 class RunAbortedError(Exception):
     """A run could not begin, or broke off; the message, of one line or several, has the reason."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherRobot:
+    """Another robot of a simulated world.
+
+    Attributes:
+        name: its name, different from those of the others.
+        file: the file of its behavior.
+        described: the robot, as its description has it.
+        program: its behavior, checked against this description.
+        start: its initial pose, x and y in mm and the heading in degrees; None for a free one.
+    """
+
+    name: str
+    file: str
+    described: DescribedRobot
+    program: Program
+    start: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +63,8 @@ class RunRequest:
         length_ns: the length of the run; None to run until it is interrupted, or its route is done.
         pinned_variables: variables of DServer, with the values at which they are kept; they are fresh in
             every frame.
+        scenario: what else the program reads that nobody simulates.
+        physics: what moves the robot: our simulator, or MuJoCo.
         realtime: True to run in virtual time no faster than the wall clock.
         record: the file of the recording; None for no recording.
         cameras: viewing directions of cameras by server name; for runs in several processes.
@@ -45,6 +73,9 @@ class RunRequest:
         origin: the room where the route begins; None for no route.
         goal: the room where the route ends; None for no route.
         hazards: the seed of the building's hazards; None for no hazards.
+        start: x and y in mm and the heading in degrees where a simulated robot starts; None for the map's.
+        movers: the number of people who walk around in a simulated world, besides those of hazards.
+        others: the other robots of a simulated world; for runs in one process.
     """
 
     file: str
@@ -52,6 +83,8 @@ class RunRequest:
     seed: int
     length_ns: int | None
     pinned_variables: Mapping[str, Value]
+    scenario: Scenario | None = None
+    physics: PhysicsName = "kinematic"
     realtime: bool = False
     record: str | None = None
     cameras: Mapping[str, ViewDirection]
@@ -60,6 +93,9 @@ class RunRequest:
     origin: str | None = None
     goal: str | None = None
     hazards: int | None = None
+    start: tuple[float, float, float] | None = None
+    movers: int = 0
+    others: tuple[OtherRobot, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,10 +128,12 @@ class MissionResult(NamedTuple):
 class RunReport(NamedTuple):
     """The result of a run, and of its mission if there was one.
 
-    For a simulated robot it also has the floors, and the robot's true path on each floor, in mm.
+    For a simulated robot it also has the floors, and the robot's true path on each floor, in mm, and the true
+    paths of other robots by name, on the only floor.
     """
 
     summary: RunSummary
     mission_result: MissionResult | None
-    floors: tuple[Map, ...] = ()
+    floors: tuple[WorldMap, ...] = ()
     paths: Mapping[str, Sequence[tuple[float, float]]] = {}
+    other_paths: Mapping[str, Sequence[tuple[float, float]]] = {}

@@ -53,7 +53,7 @@ def _level_camera(site: Site, name: str, seed: int) -> Callable[[], Camera]:
         yaw_deg=geometry.yaw_deg,
         above_floor_mm=geometry.height_mm,
     )
-    radius_mm = site.world.config.radius_mm
+    radius_mm = site.world.configs[0].radius_mm
     return site.camera_per_floor(
         lambda floor, scenery: Camera(scene_of(floor, scenery), config, robot_radius_mm=radius_mm, seed=seed)
     )

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from colony.execute.compiled import Compiled
 from colony.ir.frame import Reading
 from colony.ir.program import Robot, in_declared_units, sent_name
+from colony.ir.servers import DSERVER
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
@@ -22,7 +23,6 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of, reported_fields
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Effect,
     Fetch,

@@ -4,24 +4,47 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from colony.execute.compiled import Compiled
+from colony.robots.described import DescribedRobot
+from colony.robots.driver_watch import DriverWatch
 from colony.robots.request import MisuseError, RunAbortedError
-from colony.robots.simulated import CompilationNotice, SimulatedRobot, device_of, jobs_of, plant_spec
+from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices
+from colony.robots.simulated import (
+    PLANT_SERVERS,
+    CompilationNotice,
+    SimulatedRobot,
+    device_of,
+    jobs_of,
+    plant_spec,
+)
+from colony.runtime.assembly.limits import LIMITS, limit_deployment
 from colony.runtime.assembly.processes import child
-from colony.runtime.assembly.processes.children import Children, describe
+from colony.runtime.assembly.processes.children import Children, Death, Job, describe
+from colony.runtime.assembly.processes.driver_factory import DriverError
 from colony.runtime.assembly.processes.jobs import (
     SERVERS,
+    RobotDevices,
     check_disk_space,
     fresh_folder,
     job_of,
+    limits_part,
+    server_jobs,
     server_parts,
 )
 from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, SHUTDOWN_GRACE_S
 from colony.runtime.assembly.processes.shutdown import Shutdown, on_signals
-from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, address_spec, name_of
+from colony.runtime.assembly.processes.spec import (
+    GatewayPart,
+    LimitsPart,
+    Part,
+    Spec,
+    address_spec,
+    name_of,
+)
 from colony.runtime.protocol.interface import Interface
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.robot_address import Local
@@ -40,10 +63,15 @@ SUPERVISOR = "Supervisor"
 class Settings:
     """The settings of served processes.
 
-    `cameras` has the viewing directions of cameras by server name. `hazards` is the seed of the building's
-    hazards, or None for no hazards. `interface` is that of the robot's description, if it has one.
+    `described` is the robot. `cameras` has the viewing directions of cameras by server name. `hazards` is the
+    seed of the building's hazards, or None for no hazards, `movers` the number of other people. `start` is
+    the pose where a simulated robot starts, x and y in mm and the heading in degrees, or None for that of the
+    map. `interface` is that of the robot's description, if it has one, and `limits` are its limits, compiled,
+    if it has any. With `hardware`, real devices are served by their drivers; with a map besides, all others
+    are simulated.
     """
 
+    described: DescribedRobot
     map_path: str | None
     seed: int
     cameras: Mapping[str, ViewDirection]
@@ -52,7 +80,23 @@ class Settings:
     listen: str | None
     security: Path | None
     hazards: int | None = None
+    movers: int = 0
+    start: tuple[float, float, float] | None = None
     interface: Interface | None = None
+    limits: Compiled | None = None
+    hardware: bool = False
+
+    @property
+    def simulates(self) -> bool:
+        """True if something is set that a simulated world alone has."""
+        return bool(self.cameras or self.movers) or self.hazards is not None or self.start is not None
+
+    @property
+    def devices(self) -> RobotDevices:
+        """The devices of the robot."""
+        if not self.hardware:
+            return simulated_devices(self.described)
+        return real_devices(self.described) if self.map_path is None else mixed_devices(self.described)
 
 
 def serve_one(server: str, robot_address: Local, settings: Settings, report: Report) -> None:
@@ -87,12 +131,18 @@ def _simulate(robot_address: Local, settings: Settings, shutdown: Shutdown, repo
 
 def _serve(part: Part, robot_address: Local, settings: Settings, shutdown: Shutdown, report: Report) -> None:
     name = name_of(part)
-    where = settings.listen if isinstance(part, GatewayPart) else robot_address.directory.socket(name)
-    message = f"{name} of {robot_address.robot} listens at {where}; Ctrl-C ends it"
+    match part:
+        case GatewayPart(listen=endpoint):
+            does = f"listens at {endpoint}"
+        case LimitsPart():
+            does = "hold while no program runs"
+        case _:
+            does = f"listens at {robot_address.directory.socket(name)}"
+    message = f"{name} of {robot_address.robot} {does}; Ctrl-C ends it"
     spec = Spec(robot_address=address_spec(robot_address), part=part)
     try:
         child.run(spec, shutdown, devices=PlantDevices(), ready=lambda: report(message))
-    except (child.StartupError, StoreError) as problem:
+    except (child.StartupError, DriverError, StoreError) as problem:
         raise RunAbortedError(str(problem)) from None
 
 
@@ -104,56 +154,103 @@ def serve_all(
 ) -> None:
     """Start all servers and the plant, and restart those that die, until `interruptible` ends.
 
+    Real devices need no plant.
+
     Raises:
         LiveError: all of them are served already, or the gateway's endpoint or security is invalid.
         DiagnosticError: the map is invalid. The map and the gateway's settings are checked before anything is
             started.
-        RunAbortedError: a process died and will not be restarted.
+        RunAbortedError: a process died and will not be restarted, unless it has the driver of a real device.
     """
-    from colony.nav.maps.stickrep.reader import load_map
     from colony.runtime.transport.live.endpoint import parse_endpoint
     from colony.runtime.transport.live.security import read_security
 
-    assert settings.map_path is not None
-    load_map(settings.map_path)
+    if settings.map_path is not None:
+        from colony.nav.maps.world_map import load_world
+
+        world = load_world(settings.map_path)
+        if settings.cameras:
+            world.building("a camera")
+        if settings.hazards is not None:
+            world.building("--hazards")
     if settings.listen is not None and settings.security is not None:
         parse_endpoint(settings.listen)
         read_security(settings.security)
     with interruptible as stop, robot_address.directory.claim(SUPERVISOR):
-        robot, folder = _robot(settings), robot_address.directory.path / "served"
+        folder = robot_address.directory.path / "served"
         with in_run_directory(folder):
-            jobs = [*jobs_of(robot_address, robot, fresh_folder(folder))]
+            jobs = [*_jobs(robot_address, settings, fresh_folder(folder))]
             if settings.listen is not None:
                 jobs.append(job_of(robot_address, _part("Gateway", robot_address, settings), folder, SERVERS))
             check_disk_space(folder, len(jobs))
-        children = Children()
+        children, drivers = Children(), ExitStack()
         try:
             for job in jobs:
                 children.start(job)
             report(f"{robot_address.robot}: {', '.join(job.name for job in jobs)}; Ctrl-C ends them")
-            notice = CompilationNotice(robot_address, jobs[0].log, report)
+            for server in settings.devices.absent:
+                report(f"{server}: no driver: nothing serves it but a server of your own")
+            notice = (
+                None if settings.map_path is None else CompilationNotice(robot_address, jobs[0].log, report)
+            )
+            reported = DriverDeaths(report)
+            if settings.devices.hardware:
+                drivers.callback(DriverWatch(robot_address, settings.devices.hardware, report).close)
             while not stop():
-                notice.poll()
+                if notice is not None:
+                    notice.poll()
                 for death in children.poll():
-                    if death.pause_s is None:
+                    if death.pause_s is None and death.job.essential:
                         raise RunAbortedError(describe(death))
-                    report(describe(death))
+                    reported.add(death)
                 time.sleep(HEALTH_CHECK_INTERVAL_S)
         finally:
-            children.stop(SHUTDOWN_GRACE_S)
+            with drivers:
+                children.stop(SHUTDOWN_GRACE_S)
+
+
+class DriverDeaths:
+    """Reports deaths of processes; those that a driver repeats, which waits for its device, once. Mutable."""
+
+    def __init__(self, report: Report) -> None:
+        self._report = report
+        self._last: dict[str, str] = {}
+
+    def add(self, death: Death) -> None:
+        """Report a death, unless it is that of a driver which says the same as at its last one."""
+        job, reason = death.job, death.tail[-1] if death.tail else death.cause
+        if job.gives_up or self._last.get(job.name) != reason:
+            again = "" if death.pause_s is None else "; it is tried again until it works"
+            self._report(describe(death) if job.gives_up else f"{job.name}: {reason}{again}")
+        self._last[job.name] = reason
+
+
+def _jobs(robot_address: Local, settings: Settings, folder: Path) -> tuple[Job, ...]:
+    if settings.map_path is not None:
+        return jobs_of(robot_address, _robot(settings), folder)
+    settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+    parts = _parts(robot_address, settings)
+    if settings.limits is not None:
+        parts = (*parts, limits_part(settings.limits, folder))
+    return server_jobs(robot_address, parts, folder, simulator=PLANT_SERVERS)
 
 
 def _robot(settings: Settings) -> SimulatedRobot:
     assert settings.map_path is not None
     settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
     return SimulatedRobot(
+        described=settings.described,
+        hardware=settings.hardware,
         map_path=settings.map_path,
         seed=settings.seed,
         state=settings.state,
         cameras=settings.cameras,
         fsync=settings.fsync,
         hazards=settings.hazards,
+        movers=settings.movers,
+        start=settings.start,
         interface=settings.interface,
+        limits=settings.limits,
     )
 
 
@@ -163,13 +260,23 @@ def _part(server: str, robot_address: Local, settings: Settings) -> Part:
         assert settings.listen is not None
         assert settings.security is not None
         return GatewayPart(listen=settings.listen, security=str(settings.security.absolute()))
+    if server == LIMITS:
+        assert settings.limits is not None
+        folder = robot_address.directory.path / "limits"
+        with in_run_directory(folder):
+            return limits_part(settings.limits, fresh_folder(folder))
     settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
-    parts = server_parts(
+    wanted = next(iter(settings.cameras)) if server == "CServer" else server
+    return next(part for part in _parts(robot_address, settings) if name_of(part) == wanted)
+
+
+def _parts(robot_address: Local, settings: Settings) -> tuple[Part, ...]:
+    return server_parts(
         settings.state,
         device_of(robot_address),
+        settings.devices,
         cameras=[(name, name) for name in settings.cameras],
         fsync=settings.fsync,
         interface=settings.interface,
+        resident=None if settings.limits is None else limit_deployment(settings.limits),
     )
-    wanted = next(iter(settings.cameras)) if server == "CServer" else server
-    return next(part for part in parts if name_of(part) == wanted)

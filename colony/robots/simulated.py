@@ -8,15 +8,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from colony.execute.compiled import Compiled
 from colony.ir.types import Value
+from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath
+from colony.robots.request import MisuseError
+from colony.robots.robot_devices import mixed_devices, simulated_devices
+from colony.runtime.assembly.limits import limit_deployment
 from colony.runtime.assembly.processes.children import Job, last_lines
-from colony.runtime.assembly.processes.jobs import HARDWARE, server_jobs, server_parts
+from colony.runtime.assembly.processes.jobs import HARDWARE, limits_part, server_jobs, server_parts
 from colony.runtime.assembly.processes.spec import Device, write_spec
 from colony.runtime.observe.summary import Travel
 from colony.runtime.protocol.interface import Interface
 from colony.runtime.transport.live.robot_address import Local
 from colony.sim.compiling import COMPILING
+from colony.sim.config import config_of
 from colony.sim.plant.child import SIMULATOR, PlantSpec, ViewDirection, plant_socket
 from colony.sim.plant.control import PlantControl
 
@@ -55,10 +61,15 @@ class SimulatedRobot:
         fsync: True to make DServer's data survive a power failure.
         start: the initial pose, x and y in mm and the heading in degrees; None for that of the map.
         hazards: the seed of the building's hazards; None for none.
+        movers: the number of people who walk around, besides those of the hazards.
         pinned_variables: variables of DServer, with the values at which they are kept.
         interface: that of the robot's description, if it has one.
+        limits: the limits of that description, compiled, if it has any.
+        described: the robot.
+        hardware: True if devices of the robot that have drivers are real.
     """
 
+    described: DescribedRobot
     map_path: str
     seed: int
     state: Path
@@ -66,12 +77,24 @@ class SimulatedRobot:
     fsync: bool = False
     start: tuple[float, float, float] | None = None
     hazards: int | None = None
+    movers: int = 0
     pinned_variables: Mapping[str, Value] = field(default_factory=dict)
     interface: Interface | None = None
+    limits: Compiled | None = None
+    hardware: bool = False
 
 
 def plant_spec(robot_address: Local, robot: SimulatedRobot) -> PlantSpec:
-    """Return the spec of the plant."""
+    """Return the spec of the plant.
+
+    Raises:
+        MisuseError: the simulator cannot simulate the robot.
+    """
+    try:
+        config_of(robot.described.body)
+    except ValueError as problem:
+        name = robot.described.body.robot.name
+        raise MisuseError(f"colony: error: `{name}` cannot be simulated: {problem}") from None
     return PlantSpec(
         robot=robot_address.robot,
         folder=str(robot_address.directory.path),
@@ -80,6 +103,9 @@ def plant_spec(robot_address: Local, robot: SimulatedRobot) -> PlantSpec:
         cameras=dict(robot.cameras),
         start=robot.start,
         hazards=robot.hazards,
+        movers=robot.movers,
+        body=None if robot.described.path is None else os.path.abspath(robot.described.path),
+        real=tuple(mixed_devices(robot.described).hardware) if robot.hardware else (),
     )
 
 
@@ -103,12 +129,16 @@ def jobs_of(robot_address: Local, robot: SimulatedRobot, folder: Path) -> tuple[
     parts = server_parts(
         robot.state,
         device_of(robot_address),
+        mixed_devices(robot.described) if robot.hardware else simulated_devices(robot.described),
         cameras=[(server, server) for server in robot.cameras],
         fsync=robot.fsync,
         pinned_variables=dict(robot.pinned_variables),
         interface=robot.interface,
+        resident=None if robot.limits is None else limit_deployment(robot.limits),
     )
-    return (plant, *server_jobs(robot_address, parts, folder, hardware=PLANT_SERVERS))
+    if robot.limits is not None:
+        parts = (*parts, limits_part(robot.limits, folder))
+    return (plant, *server_jobs(robot_address, parts, folder, simulator=PLANT_SERVERS))
 
 
 POLL_INTERVAL_NS = 100_000_000

@@ -10,13 +10,14 @@ files change, but not when this one does.
 
 from __future__ import annotations
 
+import hashlib
 import math
 
 import numpy as np
 
-from colony.sim.compiled import inlined
+from colony.sim.compiled import Floats, compiled, inlined
 
-SLIPS, CROSS_TALK, PEOPLE, PIXELS = range(4)
+SLIPS, CROSS_TALK, PEOPLE, PIXELS, BEAMS, DEVICES, FAULTS = range(7)
 """The random streams: the first argument after the seed."""
 
 SEED_MODULUS = 2**62
@@ -47,3 +48,23 @@ def deviate(seed: int, stream: int, event: int, draw: int) -> float:
     """Return a standard normal number, from draws `draw` and `draw` + 1 (Box and Muller 1958)."""
     radius = math.sqrt(-2.0 * math.log(1.0 - uniform(seed, stream, event, draw)))
     return radius * math.cos(2.0 * math.pi * uniform(seed, stream, event, draw + 1))
+
+
+@compiled
+def draw_deviates(seed: int, stream: int, event: int, numbers: Floats) -> None:
+    """Set `numbers`, (n,), to independent standard normal numbers of an event."""
+    for i in range(numbers.shape[0]):
+        numbers[i] = deviate(seed, stream, event, 2 * i)
+
+
+@compiled
+def draw_uniforms(seed: int, stream: int, event: int, numbers: Floats) -> None:
+    """Set `numbers`, (n,), to independent uniform numbers in [0, 1) of an event."""
+    for i in range(numbers.shape[0]):
+        numbers[i] = uniform(seed, stream, event, i)
+
+
+def device_seed(seed: int, robot: int, server: str) -> int:
+    """Return the seed of a device: another one for each robot and server."""
+    digest = hashlib.blake2b(f"{seed} {robot} {server}".encode(), digest_size=8).digest()
+    return int.from_bytes(digest, "little") % SEED_MODULUS

@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache
 
-from colony.body.consistency import radius_mm
-from colony.body.model import Body
-from colony.body.shipped import shipped_body
+from colony.body.devices import Base
+from colony.body.footprint import radius_mm
+from colony.body.model import Body, Faults, Omnidirectional
+from colony.body.shipped import ROME, shipped_body
+from colony.ir.servers import RSERVER
 from colony.runtime.servers.drivers import BaseLimits
-
-ROME = "rome"
-"""The robot that is simulated where nothing else is said."""
+from colony.text.wording import listed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RobotConfig:
-    """A differential-drive robot with a round hull; lengths in mm, angles in degrees, times in seconds.
+class RingConfig:
+    """A ring of sonars and infrared detectors; lengths in mm, angles in degrees.
 
     Attributes:
         channels: number of sonars, and of infrared detectors: a ring that closes, counterclockwise.
         ahead: the channel that looks straight ahead.
-        radius_mm: radius of the hull, which is a bumper all around.
-        wheel_base_mm: distance between the wheels.
-        max_velocity_mm_s, max_turn_deg_s: limits of the commands, in either direction.
-        acceleration_mm_s2, turn_acceleration_deg_s2: accelerations toward the commanded speeds.
-        sonar_ring_mm: distance of the transducers from the robot's center; ranges are measured from
-            the transducer.
+        ring_mm: distance of the transducers from the robot's center; ranges are measured from the transducer.
         sonar_range_mm: the reading without an echo.
         sonar_min_mm: the smallest reading.
         sonar_half_beam_deg: half the beam width of a transducer, below 90.
@@ -35,9 +30,9 @@ class RobotConfig:
         sonar_noise_mm, sonar_noise: standard deviation of an echo: a constant, plus a multiple of the range.
         infrared_range_mm: range from the ring of transducers, without noise.
         infrared_wired: the channels that have a detector; the others never detect anything.
-        wheel_scale: standard deviation of each wheel's scale error, drawn once per robot (0.01 is 1 %).
-        wheel_slip_mm: standard deviation of a wheel's error over the first meter; over d meters it is sqrt(d)
-            times as much.
+        sonar_period_ns, infrared_period_ns: time between two measurements; None if they are measured when
+            they are read.
+        faults: the faults of what they measure.
 
     Raises:
         ValueError: a number is not finite, or out of range.
@@ -45,13 +40,7 @@ class RobotConfig:
 
     channels: int
     ahead: int
-    radius_mm: float
-    wheel_base_mm: float
-    max_velocity_mm_s: float
-    max_turn_deg_s: float
-    acceleration_mm_s2: float
-    turn_acceleration_deg_s2: float
-    sonar_ring_mm: float
+    ring_mm: float
     sonar_range_mm: float
     sonar_min_mm: float
     sonar_half_beam_deg: float
@@ -60,26 +49,18 @@ class RobotConfig:
     sonar_noise: float
     infrared_range_mm: float
     infrared_wired: tuple[int, ...]
-    wheel_scale: float
-    wheel_slip_mm: float
+    sonar_period_ns: int | None
+    infrared_period_ns: int | None
+    faults: Faults | None
 
     def __post_init__(self) -> None:
         """Check the ranges of the parameters."""
-        zero_allowed = {"sonar_min_mm", "sonar_noise_mm", "sonar_noise", "wheel_scale", "wheel_slip_mm"}
-        zero_allowed |= {"sonar_half_beam_deg", "sonar_critical_deg"}
-        for field in fields(self):
-            if field.name in ("infrared_wired", "channels", "ahead"):
-                continue
-            value = getattr(self, field.name)
-            expected = "at least 0" if field.name in zero_allowed else "above 0"
-            if not (math.isfinite(value) and (value > 0 or (value == 0 and field.name in zero_allowed))):
-                raise ValueError(f"{field.name} is {value!r}; expected a finite number {expected}")
+        _check_positive(self, "ring_mm", "sonar_range_mm", "infrared_range_mm")
+        _check_not_negative(
+            self, "sonar_min_mm", "sonar_half_beam_deg", "sonar_critical_deg", "sonar_noise_mm", "sonar_noise"
+        )
         if self.sonar_half_beam_deg >= 90.0 or self.sonar_critical_deg > 90.0:
             raise ValueError("the sonar's half beam and critical angle are below 90 degrees")
-        if self.sonar_ring_mm > self.radius_mm:
-            raise ValueError(
-                f"sonar_ring_mm is {self.sonar_ring_mm}; expected at most radius_mm, {self.radius_mm}"
-            )
         if not 0 <= self.ahead < self.channels:
             raise ValueError(f"ahead is {self.ahead}; expected a channel from 0 to {self.channels - 1}")
         if not all(0 <= channel < self.channels for channel in self.infrared_wired):
@@ -93,26 +74,156 @@ class RobotConfig:
         return 360.0 / self.channels
 
 
-def config_of(body: Body) -> RobotConfig:
-    """Return the parameters of a robot with this body.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotConfig:
+    """A robot with a round hull; lengths in mm, angles in degrees, times in nanoseconds.
+
+    Attributes:
+        radius_mm: radius of the hull, which is a bumper all around.
+        wheel_base_mm: distance between the left and the right wheels.
+        max_velocity_mm_s, max_turn_deg_s: limits of the commands, in either direction.
+        acceleration_mm_s2, turn_acceleration_deg_s2: accelerations toward the commanded speeds.
+        wheel_scale: standard deviation of each wheel's scale error, drawn once per robot (0.01 is 1 %).
+        wheel_slip_mm: standard deviation of a wheel's error over the first meter; over d meters it is sqrt(d)
+            times as much.
+        command_delay_ns: time from a command, to the base or another device, until it takes effect.
+        reading_delay_ns: time from a measurement until it arrives; images arrive at once.
+        base_period_ns: time between two measurements of the base; None if it is measured when it is read.
+        base_faults: the faults of what the base measures.
+        ring: its ring of sonars and infrared detectors, if it has one.
+        wheel_distance_mm: distance between the front and the rear wheels of a robot with four mecanum wheels,
+            which drives sideways; 0 for one with two wheels.
+        max_sideways_mm_s, sideways_acceleration_mm_s2: limit of the sideways command in either direction, and
+            the acceleration toward it; 0 for a robot with two wheels.
 
     Raises:
-        ValueError: the simulator cannot simulate it: it has no ring of sonars, more than one, or a ring that
-            does not close, or in which nothing looks straight ahead.
+        ValueError: a number is not finite, or out of range, or the ring is outside the hull.
     """
-    ring = body.ring()
-    drive, limits, sonar = body.chassis.drive, body.chassis.limits, ring.sonar
-    wired = ring.infrared.wired
+
+    radius_mm: float
+    wheel_base_mm: float
+    max_velocity_mm_s: float
+    max_turn_deg_s: float
+    acceleration_mm_s2: float
+    turn_acceleration_deg_s2: float
+    wheel_scale: float
+    wheel_slip_mm: float
+    command_delay_ns: int
+    reading_delay_ns: int
+    base_period_ns: int | None
+    base_faults: Faults | None
+    ring: RingConfig | None
+    wheel_distance_mm: float
+    max_sideways_mm_s: float
+    sideways_acceleration_mm_s2: float
+
+    def __post_init__(self) -> None:
+        """Check the ranges of the parameters."""
+        _check_positive(self, "radius_mm", "wheel_base_mm", "max_velocity_mm_s", "max_turn_deg_s")
+        _check_positive(self, "acceleration_mm_s2", "turn_acceleration_deg_s2")
+        _check_not_negative(self, "wheel_scale", "wheel_slip_mm", "command_delay_ns", "reading_delay_ns")
+        if self.is_omnidirectional:
+            _check_positive(self, *_OMNIDIRECTIONAL)
+        elif any(getattr(self, name) for name in _OMNIDIRECTIONAL):
+            raise ValueError(f"expected {', '.join(_OMNIDIRECTIONAL)} all above 0, or all 0")
+        if self.ring is not None and self.ring.ring_mm > self.radius_mm:
+            raise ValueError(f"ring_mm is {self.ring.ring_mm}; expected at most radius_mm, {self.radius_mm}")
+
+    def bounded(
+        self, velocity_mm_s: float, turn_deg_s: float, sideways_mm_s: float = 0.0
+    ) -> tuple[float, float, float]:
+        """Return commanded speeds within the limits.
+
+        Raises:
+            ValueError: a speed is not finite.
+        """
+        speeds = (velocity_mm_s, turn_deg_s, sideways_mm_s)
+        if not all(map(math.isfinite, speeds)):
+            raise ValueError(f"the speeds are {listed(list(map(str, speeds)), 'and')}; expected finite ones")
+        velocity, turn, sideways = self.max_velocity_mm_s, self.max_turn_deg_s, self.max_sideways_mm_s
+        return (
+            min(max(velocity_mm_s, -velocity), velocity),
+            min(max(turn_deg_s, -turn), turn),
+            min(max(sideways_mm_s, -sideways), sideways),
+        )
+
+    @property
+    def is_omnidirectional(self) -> bool:
+        """True for a robot with four mecanum wheels, False for one with two wheels."""
+        return self.wheel_distance_mm != 0.0
+
+    @property
+    def wheels(self) -> int:
+        """The number of wheels that measure its motion."""
+        return 4 if self.is_omnidirectional else 2
+
+    @property
+    def channels(self) -> int:
+        """The number of sonars, and of infrared detectors; 0 without a ring."""
+        return 0 if self.ring is None else self.ring.channels
+
+
+_OMNIDIRECTIONAL = ("wheel_distance_mm", "max_sideways_mm_s", "sideways_acceleration_mm_s2")
+
+
+def _check_positive(config: RingConfig | RobotConfig, *names: str) -> None:
+    for name in names:
+        value = getattr(config, name)
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} is {value!r}; expected a finite number above 0")
+
+
+def _check_not_negative(config: RingConfig | RobotConfig, *names: str) -> None:
+    for name in names:
+        value = getattr(config, name)
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{name} is {value!r}; expected a finite number at least 0")
+
+
+def config_of(body: Body) -> RobotConfig:
+    """Return the parameters of a robot with this body. A polygon counts as the circle around it.
+
+    Raises:
+        ValueError: the simulator cannot simulate it: it has more than one ring of sonars, or one that does
+            not close, or in which nothing looks straight ahead.
+    """
+    drive, limits, delays = body.chassis.drive, body.chassis.limits, body.chassis.delays
     return RobotConfig(
-        channels=ring.count,
-        ahead=ring.ahead,
         radius_mm=radius_mm(body),
         wheel_base_mm=drive.wheel_base_mm,
         max_velocity_mm_s=limits.velocity_mm_s,
         max_turn_deg_s=limits.turn_deg_s,
         acceleration_mm_s2=limits.acceleration_mm_s2,
         turn_acceleration_deg_s2=limits.turn_acceleration_deg_s2,
-        sonar_ring_mm=ring.ring_mm,
+        wheel_scale=drive.scale_error,
+        wheel_slip_mm=drive.slip_mm,
+        command_delay_ns=round(delays.command_s * 1e9),
+        reading_delay_ns=round(delays.reading_s * 1e9),
+        base_period_ns=_base_period_ns(body),
+        base_faults=next((s.faults for s in body.servers.values() if isinstance(s.simulated, Base)), None),
+        ring=_ring_of(body) if body.has_ring() else None,
+        wheel_distance_mm=drive.wheel_distance_mm if isinstance(drive, Omnidirectional) else 0.0,
+        max_sideways_mm_s=body.chassis.sideways_mm_s,
+        sideways_acceleration_mm_s2=body.chassis.sideways_acceleration_mm_s2,
+    )
+
+
+def _base_period_ns(body: Body) -> int | None:
+    """Return the period of the base, whose fields are measured together: the shortest of their periods."""
+    base = next((server for server in body.servers.values() if isinstance(server.simulated, Base)), None)
+    periods_ns = [] if base is None else [base.period_ns(field.name) for field in RSERVER.fields]
+    known_ns = [period_ns for period_ns in periods_ns if period_ns is not None]
+    return min(known_ns) if known_ns and len(known_ns) == len(periods_ns) else None
+
+
+def _ring_of(body: Body) -> RingConfig:
+    ring = body.ring()
+    server = next(server for server in body.servers.values() if server.simulated is ring)
+    sonar, wired = ring.sonar, ring.infrared.wired
+    return RingConfig(
+        channels=ring.count,
+        ahead=ring.ahead,
+        ring_mm=ring.ring_mm,
         sonar_range_mm=sonar.range_mm,
         sonar_min_mm=sonar.nearest_mm,
         sonar_half_beam_deg=sonar.half_beam_deg,
@@ -121,8 +232,9 @@ def config_of(body: Body) -> RobotConfig:
         sonar_noise=sonar.noise_fraction,
         infrared_range_mm=ring.infrared.range_mm,
         infrared_wired=tuple(range(ring.count)) if wired is None else wired,
-        wheel_scale=drive.scale_error,
-        wheel_slip_mm=drive.slip_mm,
+        sonar_period_ns=server.period_ns("sonar"),
+        infrared_period_ns=server.period_ns("infrared"),
+        faults=server.faults,
     )
 
 
@@ -134,7 +246,10 @@ def rome_config() -> RobotConfig:
 
 def without_errors(config: RobotConfig) -> RobotConfig:
     """Return a robot without errors: its sensors are exact, and its odometry is the true pose."""
-    return replace(config, sonar_noise_mm=0.0, sonar_noise=0.0, wheel_scale=0.0, wheel_slip_mm=0.0)
+    ring = config.ring
+    if ring is not None:
+        ring = replace(ring, sonar_noise_mm=0.0, sonar_noise=0.0, faults=None)
+    return replace(config, ring=ring, base_faults=None, wheel_scale=0.0, wheel_slip_mm=0.0)
 
 
 def limits_of(config: RobotConfig) -> BaseLimits:
@@ -144,4 +259,6 @@ def limits_of(config: RobotConfig) -> BaseLimits:
         turn=config.max_turn_deg_s,
         acceleration=config.acceleration_mm_s2,
         turn_acceleration=config.turn_acceleration_deg_s2,
+        sideways=config.max_sideways_mm_s,
+        sideways_acceleration=config.sideways_acceleration_mm_s2,
     )

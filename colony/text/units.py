@@ -157,6 +157,22 @@ def common_units(dimension: Dimension) -> tuple[str, ...]:
     return tuple(names[:3] or dict.fromkeys((base, metric)))
 
 
+def readable_unit(dimension: Dimension) -> Unit:
+    """Return the unit in which messages show values of a dimension.
+
+    It is the base unit, or one with a name, `kg`, where the base unit is a product of many. That of numbers
+    without a dimension is called `number`.
+
+    Example:
+        >>> readable_unit(MASS).text, readable_unit(LENGTH.over(TIME)).text, readable_unit(NUMBER).text
+        ('kg', 'mm/s', 'number')
+    """
+    base, known = str(dimension), common_units(dimension)
+    if dimension == NUMBER or base in known:
+        return Unit(base, dimension, Fraction(1))
+    return parse_unit(known[-1])
+
+
 def nanoseconds(seconds: float) -> int:
     """Return a finite time in seconds as whole nanoseconds, rounded once (half to even)."""
     return round(Fraction(seconds) * 1_000_000_000)

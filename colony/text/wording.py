@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+MAX_QUOTED = 60
+"""Maximum number of characters of a user's text in a message."""
+
 
 def counted(count: int, noun: str) -> str:
     """Return a number of things.
@@ -29,6 +32,30 @@ def listed(words: Sequence[str], conjunction: str = "and") -> str:
 def quoted(names: Sequence[str], conjunction: str = "and") -> str:
     """Return names as a sentence lists them, each in backticks."""
     return listed([f"`{name}`" for name in names], conjunction)
+
+
+def printable(text: str) -> str:
+    r"""Return an untrusted text with its unprintable characters escaped.
+
+    Example:
+        >>> printable("a\tb")
+        'a\\tb'
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text
+    )
+
+
+def shortened(text: str) -> str:
+    """Return a text of a user as a message quotes it: its beginning, if it is long.
+
+    Example:
+        >>> shortened("3 mm"), len(shortened("3" * 1000))
+        ('3 mm', 63)
+    """
+    return text if len(text) <= MAX_QUOTED else f"{text[:MAX_QUOTED]}..."
 
 
 def one_line(text: str) -> str:

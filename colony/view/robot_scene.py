@@ -4,18 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import assert_never
 
-from colony.body.consistency import radius_mm
-from colony.body.devices import Base, Camera, CeilingCamera, Device, Lidar, Pose, Proximity
+from colony.body.devices import (
+    Bumper,
+    Camera,
+    CeilingCamera,
+    Cliff,
+    Device,
+    Directed,
+    DockSensor,
+    Lidar,
+    Place,
+    Pose,
+    Proximity,
+    RangeFinder,
+)
+from colony.body.footprint import radius_mm
 from colony.body.model import Body, Circle, Field, Polygon
-from colony.ir.bearings import Bearings, between
+from colony.ir.bearings import Bearings, between, sweep
 from colony.ir.program import Robot, Sensor
 from colony.ir.types import Array, bearings_of
 from colony.view.polar import Point, Sector, outline, point, sectors
 
 WIDEST_BEAM_DEG = 15.0
 """The largest width of an element whose device does not say how wide it is."""
+
+BUMPER_REACH = 1.08
+"""Reach of the sectors of a bumper in a picture, in radii of the hull."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +40,7 @@ class Beam:
     Attributes:
         origin: where it begins, in mm.
         sector: the bearings, seen from there.
-        reach_mm: how far it reaches from there; None for as far as the picture.
+        reach_mm: how far it reaches from there; None for as far as the picture, 0 for one that looks down.
     """
 
     origin: Point
@@ -59,7 +74,7 @@ class RobotScene:
         footprint: the corners of the outline.
         radius_mm: the radius of the circle around it.
         wheels: the places of the driven wheels.
-        sensors: the arrays that look along bearings, then the cameras.
+        sensors: the arrays that look along bearings, then the sensors of docks and the cameras.
         lines: what is not drawn.
     """
 
@@ -85,7 +100,7 @@ def robot_scene(robot: Robot, body: Body) -> RobotScene:
         footprint=_footprint(body),
         radius_mm=radius_mm(body),
         wheels=(Point(-half_base, 0.0), Point(half_base, 0.0)),
-        sensors=(*_sensors(robot, body), *_cameras(body)),
+        sensors=(*_sensors(robot, body), *_dock_sensors(body), *_cameras(body)),
         lines=tuple(_lines(body)),
     )
 
@@ -99,14 +114,22 @@ def _footprint(body: Body) -> tuple[Point, ...]:
 
 
 def _sensors(robot: Robot, body: Body) -> Iterator[SensorView]:
-    """Yield the arrays with bearings, and those whose device has them."""
+    """Yield the arrays with bearings, and those whose device has bearings, places or sectors."""
     for sensor in robot.sensors:
         server = body.servers.get(sensor.server)
         if server is None or not isinstance(sensor.type, Array):
             continue
         device = server.simulated
-        if device is not None and sensor.field not in device.fields:
+        if device is not None and sensor.field not in {f.name for f in device.fields}:
             device = None
+        if isinstance(device, Cliff):
+            down = tuple(Beam(origin=_place(p), sector=Sector(0.0, 0.0), reach_mm=0.0) for p in device.places)
+            yield SensorView(name=sensor.name, note=f"{len(down)} elements, downward", beams=down)
+            continue
+        if isinstance(device, Bumper):
+            felt = tuple(_felt(device, radius_mm(body)))
+            yield SensorView(name=sensor.name, note=f"{len(felt)} sectors", beams=felt)
+            continue
         bearings = _bearings(device) or bearings_of(sensor.type)
         if bearings is None:
             continue
@@ -118,8 +141,15 @@ def _sensors(robot: Robot, body: Body) -> Iterator[SensorView]:
         yield SensorView(name=sensor.name, note=note, beams=beams)
 
 
+def _felt(bumper: Bumper, radius: float) -> Iterator[Beam]:
+    """Yield the sectors of a bumper, which stand out of the hull a little."""
+    for first, last in bumper.sectors:
+        sector = Sector(first, first + float(sweep(first, last)))
+        yield Beam(origin=Point(0.0, 0.0), sector=sector, reach_mm=BUMPER_REACH * radius)
+
+
 def _bearings(device: Device | None) -> Bearings | None:
-    return device.bearings() if isinstance(device, Proximity | Lidar) else None
+    return device.bearings() if isinstance(device, Directed) else None
 
 
 def _beams(sensor: Sensor, device: Device | None, bearings: Bearings, field: Field | None) -> Iterator[Beam]:
@@ -145,10 +175,11 @@ def _beams(sensor: Sensor, device: Device | None, bearings: Bearings, field: Fie
                     yield Beam(origin=where, sector=Sector(angle, angle), reach_mm=device.infrared.range_mm)
             case Lidar():
                 yield Beam(origin=_place(device.pose), sector=wedges[i], reach_mm=device.range_mm)
-            case Base() | Camera() | CeilingCamera() | None:
-                yield Beam(origin=Point(0.0, 0.0), sector=wedges[i], reach_mm=sensor.high)
+            case RangeFinder(poses=poses, half_beam_deg=half):
+                cone = Sector(angle - half, angle + half)
+                yield Beam(origin=_place(poses[i]), sector=cone, reach_mm=device.range_mm)
             case _:
-                assert_never(device)
+                yield Beam(origin=Point(0.0, 0.0), sector=wedges[i], reach_mm=sensor.high)
 
 
 def _cameras(body: Body) -> Iterator[SensorView]:
@@ -160,8 +191,18 @@ def _cameras(body: Body) -> Iterator[SensorView]:
             yield SensorView(name=name, note=f"camera, {camera.view_deg:g}°", beams=(beam,))
 
 
-def _place(pose: Pose) -> Point:
-    return Point(-pose.y_mm, pose.x_mm)
+def _dock_sensors(body: Body) -> Iterator[SensorView]:
+    for name, server in body.servers.items():
+        if isinstance(sensor := server.simulated, DockSensor):
+            bearing, half = sensor.pose.bearing_deg, sensor.view_deg / 2.0
+            sector = Sector(bearing - half, bearing + half)
+            beam = Beam(origin=_place(sensor.pose), sector=sector, reach_mm=sensor.range_mm)
+            note = f"docks, {sensor.view_deg:g}°, {sensor.range_mm / 1000.0:g} m"
+            yield SensorView(name=name, note=note, beams=(beam,))
+
+
+def _place(place: Pose | Place) -> Point:
+    return Point(-place.y_mm, place.x_mm)
 
 
 def _lines(body: Body) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """The mission layer: it goes through a list of places.
 
-    python examples/hierarchy/mission.py --robot rome --place 3500,1500 --place 4500,2200
+    python examples/hierarchy/mission.py --robot layered --place 3500,1500 --place 4500,2200
 
 It gives the task layer one goal after the other, and waits until that one says that it is reached. Then it
 ends.

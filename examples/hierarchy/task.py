@@ -1,6 +1,6 @@
 """The task layer: from a goal to a heading and a speed, by a state machine.
 
-    python examples/hierarchy/task.py --robot rome
+    python examples/hierarchy/task.py --robot layered
 
 It watches the goal, which the mission layer sets, and where the robot is, which the control layer tells in
 every frame. Each time one of them changes it says anew which way to go and how fast. It needs no clock of its

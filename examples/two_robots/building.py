@@ -15,7 +15,7 @@ import signal
 from contextlib import ExitStack
 from threading import Event
 
-from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.maps.world_map import load_world
 from colony.runtime.transport.live.robot_address import local
 from colony.sim.plant.child import SIMULATOR, plant_socket
 from colony.sim.plant.process import PlantOptions, serve_plant
@@ -53,11 +53,11 @@ def main() -> None:
             other.unlink(missing_ok=True)
             other.symlink_to(first)
             holds.callback(other.unlink, missing_ok=True)
-        building = load_map(given.map)
+        world = load_world(given.map)
         serve_plant(
-            PlantOptions(path=first, building=building, robots=robots),
+            PlantOptions(path=first, world=world, robots=robots),
             stop=ended.is_set,
-            ready=lambda: print(f"{building.name}: {', '.join(robots)}", flush=True),
+            ready=lambda: print(f"{world.name}: {', '.join(robots)}", flush=True),
         )
 
 

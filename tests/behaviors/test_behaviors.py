@@ -20,6 +20,7 @@ from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Array, Bool
+from colony.robots.described import described_robot
 from colony.runtime.protocol.bindings import bind
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.examples import failures_as_diagnostics, run_examples
@@ -41,6 +42,7 @@ every_map = pytest.mark.parametrize(
 def test_there_are_behaviors_and_maps() -> None:
     assert {f.stem for f in BEHAVIORS} >= {
         "rome",
+        "amr",
         "wander",
         "corridor",
         "goals",
@@ -51,6 +53,10 @@ def test_there_are_behaviors_and_maps() -> None:
         "herbert",
         "teleop",
         "figure_4_14",
+        "follow_wall",
+        "warehouse",
+        "omni",
+        "shelves",
     }
     assert {m.stem for m in MAPS} >= {"loop", "hallway"}
 
@@ -64,7 +70,8 @@ def test_checks_without_a_word(file: Path) -> None:
 
 @every_file
 def test_asks_for_nothing_that_no_server_has(file: Path) -> None:
-    bind(load_file(file).robot)
+    robot = load_file(file).robot
+    bind(robot, described_robot(robot).servers)
 
 
 @every_file
@@ -176,7 +183,7 @@ def seconds_by(report: dict[str, Any], module: str | None) -> float:
 @every_file
 def test_runs_in_every_building(file: Path, building: Path, run: Run) -> None:
     report = run(file, building, 6)
-    if file.stem in {"wander", "hallway", "allen", "herbert", "teleop"}:
+    if file.stem in {"wander", "hallway", "allen", "herbert", "teleop", "follow_wall", "warehouse"}:
         assert report["distance_mm"] > 500.0
 
 
@@ -188,11 +195,57 @@ def test_wander_goes_a_long_way(building: Path, run: Run) -> None:
 
 
 @a_small_map
+def test_shelves_goes_sideways_along_a_wall(building: Path, run: Run) -> None:
+    report = run(ROOT / "behaviors" / "shelves.colony", building, 60)
+    least_mm, least_s = (14_000.0, 50.0) if building.stem == "loop" else (11_000.0, 40.0)  # ends in a hallway
+    assert report["distance_mm"] > least_mm  # at 300 mm/s it would be 18 m without a turn
+    assert seconds_by(report, "survey") > least_s
+    assert report["bumps"] == 0
+
+
+@a_small_map
+def test_follow_wall_goes_along_the_wall_at_its_distance(building: Path, run: Run) -> None:
+    report = run(ROOT / "behaviors" / "follow_wall.colony", building, 60)
+    assert report["distance_mm"] > 20_000.0  # at 400 mm/s it would be 24 m without any corner
+    assert seconds_by(report, "follow") > 50.0
+
+
+@a_small_map
 def test_hallway_comes_to_the_end_and_waits_there(building: Path, run: Run) -> None:
     report = run(ROOT / "behaviors" / "hallway.colony", building, 60)
     assert 21_000.0 < report["distance_mm"] < 24_000.0
     assert seconds_by(report, None) < 20.0
     assert seconds_by(report, "check_goal") == 0.0  # it never lost its way
+
+
+def test_the_warehouse_robot_goes_to_its_goal_and_lifts_there(run: Run) -> None:
+    goal = ("GoalX=12000", "GoalY=1270", "GoalLift=2", "GoalNumber=1")
+    arguments = [argument for setting in goal for argument in ("--set", setting)]
+    behavior = ROOT / "behaviors" / "warehouse.colony"
+    report = run(behavior, ROOT / "maps" / "loop.stickrep", 20, *arguments)
+    assert 5_200.0 < report["distance_mm"] < 5_400.0  # the robot begins at 6604 mm
+    assert seconds_by(report, "to_goal") < 10.0
+    shares = {a["actuator"]: {s["module"]: s["seconds"] for s in a["shares"]} for a in report["actuators"]}
+    assert shares["lift"]["serve"] > 5.0
+    assert shares["report"]["tell"] > 1.0
+
+
+SHIFT = """
+at 5 s    cliff = [true, false, false, false]
+at 6 s    cliff = [false, false, false, false]
+at 10 s   battery = 15 percent
+at 25 s   estop = true
+at 27 s   estop = false
+"""
+
+
+def test_the_warehouse_robot_leaves_an_edge_and_goes_to_its_charger(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "shift.scenario").write_text(SHIFT)
+    behavior, building = ROOT / "behaviors" / "warehouse.colony", ROOT / "maps" / "loop.stickrep"
+    report = run(behavior, building, 40, "--scenario", str(tmp_path / "shift.scenario"))
+    assert seconds_by(report, "leave_edge") == pytest.approx(2.0, abs=0.1)
+    assert 4.0 < seconds_by(report, "to_charger") < 20.0
+    assert seconds_by(report, None) > 15.0  # at the charger
 
 
 def test_hallway_turns_to_the_goal_and_stops_at_its_distance(run: Run) -> None:

@@ -38,6 +38,9 @@ def _rows(type_: type, table: str) -> Iterator[tuple[str, str, str, str]]:
                 inner.append((below, path))
             case Named(item=Table(type=below)):
                 inner.append((below, f"{path}.NAME"))
+            case Named(item=item):
+                needed = "" if "[default" in e.meaning else " (optional)"
+                yield f"`{path}`", "any name", _value(item), e.meaning + needed
             case OneOf(types=types):
                 for name, below in types:
                     yield (

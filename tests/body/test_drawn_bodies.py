@@ -8,17 +8,21 @@ import tomllib
 import jsonschema
 import pytest
 
-from colony.body.interface import disagreements
+from colony.body.disagreements import disagreements
 from colony.body.reader import body_of_text
 from colony.body.schema import body_schema
 from colony.dsl.load import load_file, load_text
 from colony.text.diagnostics import render
 from colony.view.robot_scene import robot_scene
-from tests.body.test_interface import BODY, INTERFACE
+from tests.body.test_disagreements import BODY, INTERFACE
+from tests.body.test_sensors import BODY as SENSORS_BODY
+from tests.body.test_sensors import INTERFACE as SENSORS
 from tests.paths import ROBOTS
 
-TEXTS = [BODY, *(path.with_suffix(".toml").read_text(encoding="utf-8") for path in ROBOTS)]
-INTERFACES = [load_text(INTERFACE).robot, *(load_file(path).robot for path in ROBOTS)]
+SHIPPED = [path.with_suffix(".toml").read_text(encoding="utf-8") for path in ROBOTS]
+TEXTS = [BODY, SENSORS_BODY, *SHIPPED]
+DECLARED = [load_text(text).robot for text in (INTERFACE, SENSORS)]
+INTERFACES = [*DECLARED, *(load_file(path).robot for path in ROBOTS)]
 VALUES = """
 "1 mm" | 3 | [] | {} | true | "x" | nan | inf | -1 | 1e309 | "-5 deg" | [["1 mm", "2 mm"]] | "1 .. 2 deg"
 | 1979-05-27 | "0 mm" | { device = "lidar" } | "360 deg" | 99999999999999999999 | "1e5 m"

@@ -11,7 +11,7 @@ from colony.nav.mapping.himm import HimmParameters
 from colony.nav.pose.echoes import SonarModel
 from colony.sim.cameras.camera import CameraConfig
 from colony.sim.cameras.ceiling import CeilingCameraConfig
-from colony.sim.config import RobotConfig
+from colony.sim.config import RingConfig, RobotConfig
 from colony.vision.level_camera import LevelCamera
 from colony.vision.lights.ceiling_camera import CeilingCamera
 from tests.paths import ROOT
@@ -19,6 +19,15 @@ from tests.paths import ROOT
 FILES = (
     "colony/sim/config.py",
     "colony/sim/sensors/sonar.py",
+    "colony/sim/sensors/rings.py",
+    "colony/sim/devices/battery.py",
+    "colony/sim/devices/beams.py",
+    "colony/sim/devices/cliff.py",
+    "colony/sim/devices/device.py",
+    "colony/sim/devices/joint.py",
+    "colony/sim/devices/lidar.py",
+    "colony/sim/devices/robot.py",
+    "colony/sim/drivers.py",
     "colony/sim/world/world.py",
     "colony/nav/pose/echoes.py",
     "colony/nav/mapping/himm.py",
@@ -50,7 +59,7 @@ def test_what_is_of_the_robot_has_no_default() -> None:
     assert _defaults(CeilingCamera) == {"ahead_mm", "left_mm"}
     assert _defaults(CameraConfig) == {"optics"}
     assert _defaults(CeilingCameraConfig) == {"blur_mm", "vignetting", "noise"}
-    assert _defaults(RobotConfig) == set()
+    assert _defaults(RobotConfig) == _defaults(RingConfig) == set()
     assert _defaults(SonarModel) == {"reach_mm", "noise_mm", "noise_fraction", "oblique_mm"}
     assert _defaults(HimmParameters) == {"cell_mm", "half_side_mm", "reach_mm", "sonars"}
 

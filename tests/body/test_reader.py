@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from colony.body.devices import Base, Camera, CeilingCamera, Lidar, Pose, Proximity
+from colony.body.devices import Lidar, Pose
 from colony.body.model import Body, Circle, Corner, Polygon
 from colony.body.reader import MAX_BYTES, body_of_text, read_body
-from colony.runtime.protocol.fields import PSERVER, RSERVER
 from tests.paths import ROBOTS
 
 SMALL = """[robot]
@@ -65,7 +64,7 @@ def test_values_are_in_base_units() -> None:
     lidar = body.servers["Lidar"]
     assert lidar.rate_of("scan") == 10.0
     assert lidar.rate_of("temperature") == 1.0
-    assert lidar.field_names() == ("scan", "temperature")
+    assert tuple(lidar.fields) == ("scan", "temperature")
     assert lidar.fields["scan"].blocked[0] == (150.0, 165.0)
     assert lidar.fields["scan"].blocked[1][1] == pytest.approx(57.3, abs=0.01)
     assert (lidar.fields["scan"].no_echo_mm, lidar.fields["scan"].invalid) == (12_000.0, "hold")
@@ -98,13 +97,6 @@ def test_bodies_that_come_with_colony(path: Path) -> None:
     assert found.diagnostics == ()
     assert found.body is not None
     assert found.body.robot.name == path.stem
-
-
-def test_fields_of_devices_are_those_of_their_servers() -> None:
-    assert Base.fields == tuple(field.name for field in RSERVER.fields)
-    assert Base.commands == tuple(command.name for command in RSERVER.commands)
-    assert Proximity.fields == tuple(field.name for field in PSERVER.fields)
-    assert Camera.fields == CeilingCamera.fields == ()
 
 
 def test_all_errors_are_found_at_once() -> None:
@@ -215,6 +207,22 @@ def test_an_error_of_a_server_has_its_place(old: str, new: str, code: str, place
     assert next((c, p) for c, p, _ in problems(SMALL + LIDAR.replace(old, new))) == (code, place)
 
 
+@pytest.mark.parametrize("value", ["inf", "-inf", "nan", "1e300", "1" + "0" * 30])
+def test_a_number_for_a_driver_is_one_that_it_can_be_given(value: str) -> None:
+    [(code, place, message)] = problems(SMALL + LIDAR.replace("baud = 230400", f"baud = {value}"))
+    assert (code, place) == ("B006", value)
+    assert message.startswith("`server.Lidar.hardware.baud` is ")
+    assert message.endswith("; expected a number up to 1e+18")
+
+
+def test_bounds_are_in_units_that_people_write() -> None:
+    joint = 'device = "joint", range = "0 .. 1 m", speed = "1 m/s"'
+    text = f'{SMALL}[server.Lift]\nsimulated = {{ {joint}, load = "-1 kg" }}\n'
+    assert problems(text) == [
+        ("B008", '"-1 kg"', '`server.Lift.simulated.load` is "-1 kg"; expected at least 0 kg')
+    ]
+
+
 def test_a_server_has_a_device() -> None:
     assert problems(SMALL + '[server.Arm]\nrate = "1 Hz"\n')[0][2] == (
         "`Arm` has no device: neither simulated nor real"
@@ -260,3 +268,25 @@ def test_a_file_knows_the_places_of_its_keys() -> None:
     assert file.key("server", "Lidar", "fields").text == "fields.scan"
     assert file.key("server", "Other").text == "server.Lidar"
     assert file.key("nothing").start == 0
+
+
+@pytest.mark.parametrize(("number", "shown"), [("nan", "nan"), ("inf", "inf"), ("-inf", "-inf")])
+def test_numbers_that_are_none_are_called_by_their_names(number: str, shown: str) -> None:
+    text = SMALL.replace('"30 cm"', f'"30 cm", scale_error = {number}')
+    message = f"`body.drive.scale_error` is {shown}; expected at least 0 and at most 1"
+    assert problems(text) == [("B008", number, message)]
+
+
+def test_control_characters_are_escaped_in_messages() -> None:
+    escape = "\\u001b[31m"  # as TOML writes it
+    for old, new in (
+        ('"small"', f'"a{escape}\\n"'),
+        ('"0.2 m"', f'"1 {escape}"'),
+        ('"0.2 m"', f'"1 m {escape}"'),
+        ('name = "small"', f'name = "small"\n"{escape}" = 3'),
+        ("[body.limits]", f'[server."{escape}"]\n[body.limits]'),
+    ):
+        found = body_of_text(SMALL.replace(old, new), "small.toml").diagnostics
+        assert found
+        assert all(d.message.isprintable() and (d.hint or "").isprintable() for d in found)
+        assert "\\x1b[31m" in found[0].message

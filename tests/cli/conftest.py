@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -42,6 +43,14 @@ def colony(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
         return Ran(stopped.value.code, captured.out, captured.err)
 
     return run
+
+
+def server_states(colony: Colony) -> dict[str, str]:
+    """Return the states of the servers of the only robot, as `colony ps` shows them."""
+    result = colony("ps", "--format", "json")
+    assert result.code == 0
+    (found,) = json.loads(result.out)
+    return {server["server"]: server["state"] for server in found["servers"]}
 
 
 @pytest.fixture

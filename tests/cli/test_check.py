@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from colony.body.reader import read_body
+from tests.body.test_disagreements import BODY, INTERFACE
 from tests.cli.conftest import Colony
 from tests.paths import BEHAVIORS, ROOT
 
@@ -61,8 +63,8 @@ def test_a_file_that_names_no_version_gets_a_note(colony: Colony, tmp_path: Path
     assert (code, out) == (0, "a.colony: ok\n")
     assert err.startswith("a.colony:1:1: note[N001]: read as version 2 of the language\n")
     assert "hint: write `language 2` before the first declaration" in err
-    (row,) = json.loads(colony("check", "--format", "json", "a.colony").out)
-    assert (row["code"], row["severity"]) == ("N001", "note")
+    rows = json.loads(colony("check", "--format", "json", "a.colony").out)
+    assert [(row["code"], row["severity"]) for row in rows] == [("N001", "note"), ("N003", "note")]
 
 
 def test_each_file_is_noted_once_and_no_shipped_one(colony: Colony, tmp_path: Path) -> None:
@@ -108,3 +110,120 @@ def test_every_shipped_behavior_names_its_version(colony: Colony) -> None:
     code, _, err = colony("check", *files)
     assert code == 0
     assert "note[N001]" not in err
+
+
+# --- the body of the robot
+
+GO = """language 2
+import robot
+module go { when true do drive(velocity = 0, turn = 0) }
+network { drive = go }
+"""
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """A robot of a project, in a folder of its own, and a behavior for it."""
+    folder = tmp_path / "robots" / "small"
+    folder.mkdir(parents=True)
+    (folder / "small.colony").write_text(INTERFACE)
+    (folder / "small.toml").write_text(BODY)
+    (tmp_path / "go.colony").write_text(GO)
+    return folder
+
+
+def test_a_program_that_fits_the_body_of_its_robot(colony: Colony, small: Path) -> None:
+    assert colony("check", "go.colony", "--robot", "small") == (0, "go.colony: ok\n", "")
+    Path("own.colony").write_text(GO.replace("import robot", 'import "robots/small/small.colony"'))
+    assert colony("check", "own.colony") == (0, "own.colony: ok\n", "")
+
+
+def test_errors_in_either_file_of_a_robot(colony: Colony, small: Path) -> None:
+    (small / "small.colony").write_text(INTERFACE.replace("Lidar.scan", "Lidar.scn"))
+    (small / "small.toml").write_text(
+        BODY.replace('rate = "10 Hz"', 'rate = "4 Hz"').replace('"1 Hz"', '"0.1 Hz"')
+    )
+    code, out, err = colony("check", "go.colony", "--robot", "small")
+    assert (code, out) == (1, "")
+    assert "robots/small/small.colony:4:12: error[R002]: `scan`: Lidar has no field `scn`" in err
+    assert "hint: did you mean `scan`?" in err
+    assert "robots/small/small.toml:17:31: error[B017]: `celsius` is measured every 10 s" in err
+    code, out, _ = colony("check", "go.colony", "--robot", "small", "--format", "json")
+    assert code == 1
+    assert {(d["code"], d["file"]) for d in json.loads(out) if d["severity"] == "error"} == {
+        ("R002", "robots/small/small.colony"),
+        ("B017", "robots/small/small.toml"),
+    }
+    code, out, _ = colony("check", "go.colony", "--robot", "small", "--format", "sarif")
+    assert code == 1
+    assert {"R002", "B017"} <= {result["ruleId"] for result in json.loads(out)["runs"][0]["results"]}
+
+
+def test_a_body_that_cannot_be_used(colony: Colony, small: Path) -> None:
+    (small / "small.toml").write_text(BODY.replace("wheel_base", "wheelbase"))
+    code, _, err = colony("check", "go.colony", "--robot", "small")
+    assert code == 1
+    assert "robots/small/small.toml:6:34: error[B003]: `body.drive` has no key `wheelbase`" in err
+
+
+def test_findings_about_the_body_of_one_of_several_robots(colony: Colony, small: Path) -> None:
+    (small / "small.toml").write_text(BODY.replace('"0.5 m/s"', '"0.4 m/s"'))
+    code, out, err = colony("check", "go.colony", "--robot", "rome", "--robot", "small")
+    assert (code, out) == (1, "")
+    assert "error[B016]: `small`: `drive.velocity` reaches -0.5 m/s, and the base at most 0.4 m/s" in err
+
+
+def test_a_body_is_read_once_a_command(colony: Colony, small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[object] = []
+    monkeypatch.setattr("colony.body.reader.read_body", lambda path: read.append(path) or read_body(path))
+    Path("b.colony").write_text(GO)
+    assert colony("check", "go.colony", "b.colony", "--robot", "small", "--robot", "s=small").code == 0
+    assert len(read) == 1
+
+
+OWN = """language 2
+robot tug {
+  sensor   hit : bool  from RServer.bumper
+  actuator drive { velocity : mm/s range -300 .. 300 }  to RServer.drive  idle drive(velocity = 0)
+}
+module go { when hit do drive(velocity = 0) }
+network { drive = go }
+"""
+
+
+def test_a_robot_without_a_body_is_noted_once(colony: Colony, tmp_path: Path) -> None:
+    Path("own.colony").write_text(OWN)
+    Path("more.colony").write_text('language 2\nimport "own.colony"\n')
+    code, out, err = colony("check", "own.colony", "more.colony")
+    assert (code, out) == (0, "own.colony: ok\nmore.colony: ok\n")
+    assert err.startswith("own.colony:2:7: note[N003]: `tug` has no body")
+    assert "hint: write `tug.toml` beside `own.colony`, or begin with `colony robot new`" in err
+    assert err.endswith("`colony run --map` takes the body of `rome`, which fits\n")
+    assert err.count("note") == 1
+
+
+def test_the_note_says_whether_the_robot_fits_the_body_that_it_gets(colony: Colony, tmp_path: Path) -> None:
+    Path("own.colony").write_text(
+        OWN.replace("RServer.bumper", "Bumper.front").replace("RServer.drive", "A.b")
+    )
+    end = "which does not fit: `hit`: there is no server `Bumper`, and 1 more\n"
+    assert colony("check", "own.colony").err.endswith(end)
+    run = colony("run", "own.colony", "--map", ROOT / "maps" / "loop.stickrep", "--no-picture")
+    assert run.code == 1
+    assert "error[R001]: `hit`: there is no server `Bumper`" in run.err
+
+
+def test_a_robot_that_shares_variables_alone_needs_no_body(colony: Colony, tmp_path: Path) -> None:
+    Path("own.colony").write_text(
+        OWN.replace("RServer.bumper", "DServer.Hit").replace("RServer.drive", "DServer.V")
+    )
+    assert colony("check", "own.colony") == (0, "own.colony: ok\n", "")
+
+
+@pytest.mark.parametrize("how", [("--map", ROOT / "maps" / "loop.stickrep", "--no-picture"), ("--connect",)])
+def test_a_run_is_refused_as_the_check_says(colony: Colony, small: Path, how: tuple[object, ...]) -> None:
+    (small / "small.toml").write_text(BODY.replace('"0.5 m/s"', '"0.4 m/s"'))
+    code, out, err = colony("run", "go.colony", "--robot", "small", *how)
+    assert (code, out) == (1, "")
+    assert "error[B016]: `drive.velocity` reaches -0.5 m/s, and the base at most 0.4 m/s" in err
+    assert colony("test", "go.colony", "--robot", "small").code == 0  # which needs no body

@@ -98,3 +98,31 @@ def test_a_picture_that_cannot_be_written(colony: Colony) -> None:
     code, _, err = colony("map", MAPS / "loop.stickrep", "-o", "no/where.png")
     assert code == 2
     assert err == "no/where.png: error: cannot write: the folder does not exist\n"
+
+
+def test_a_grid_is_summarized_and_drawn_beside_its_image(colony: Colony, tmp_path: Path) -> None:
+    code, out, err = colony("map", "office")
+    assert (code, err) == (0, "")
+    first, areas, start, drawn = out.splitlines()
+    assert first == "office: 26.6 m by 21.5 m; 532 x 430 cells of 50 mm"
+    assert areas.startswith("  free: 456.4 m2, occupied: 33.9 m2, unknown: 81.6 m2; walls: ")
+    assert start == "  start of a robot with a radius of 400 mm at (0.00 m, 0.00 m), heading 270 degrees"
+    assert drawn == "  drawn in office_map.png"
+    assert (tmp_path / "office_map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_grid_for_programs(colony: Colony) -> None:
+    summary = json.loads(colony("map", MAPS / "office.yaml", "--no-picture", "--format", "json").out)
+    assert (summary["cells"], summary["cell_mm"]) == ([532, 430], 50.0)
+    assert summary["image"] == str(MAPS / "office.png")
+    assert summary["start"] == {"x_mm": 0.0, "y_mm": 0.0, "heading_deg": 270.0}
+    assert round(sum(summary["area_m2"].values()), 1) == 571.9
+
+
+def test_the_image_of_a_grid_is_not_overwritten(colony: Colony, tmp_path: Path) -> None:
+    for name in ("office.yaml", "office.png"):
+        (tmp_path / name).write_bytes((MAPS / name).read_bytes())
+    before = (tmp_path / "office.png").read_bytes()
+    code, _, err = colony("map", "office.yaml", "-o", "office.png")
+    assert (code, err) == (2, "office.png: error: cannot write: it is an input of this command\n")
+    assert (tmp_path / "office.png").read_bytes() == before

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.body.test_interface import BODY, INTERFACE
+from colony.shipped import Shipped
+from tests.body.test_disagreements import BODY, INTERFACE
 from tests.cli.conftest import Colony
 from tests.cli.conftest import colony as colony
 
@@ -23,6 +24,11 @@ def small(tmp_path: Path) -> Path:
 
 
 # --- check
+
+
+@pytest.mark.parametrize("name", Shipped.ROBOT.names())
+def test_robots_that_come_with_colony_agree(colony: Colony, name: str) -> None:
+    assert colony("robot", "check", name) == (0, f"{name}: ok\n", "")
 
 
 def test_robots_that_agree(colony: Colony, small: Path) -> None:
@@ -45,7 +51,7 @@ def test_what_is_wrong_in_both_files_is_reported(colony: Colony, small: Path) ->
     (small / "small.toml").write_text(BODY.replace('name = "small"', 'name = "tiny"'))
     code, out, err = colony("robot", "check", "rome", "small")
     assert (code, out) == (1, "rome: ok\n")
-    assert "robots/small/small.colony:4:12: error[B012]" in err
+    assert "robots/small/small.colony:4:12: error[R002]" in err
     assert "robots/small/small.toml:2:8: error[B010]" in err
     assert "hint: did you mean `scan`?" in err
     (small / "small.colony").write_text("language 2\nrobot small { sensor }\n")
@@ -54,6 +60,15 @@ def test_what_is_wrong_in_both_files_is_reported(colony: Colony, small: Path) ->
     assert code == 1
     assert "error[E005]" in err
     assert "error[B003]" in err
+
+
+def test_the_body_is_called_like_the_robot_and_not_like_the_file(colony: Colony, small: Path) -> None:
+    (small / "small.colony").rename(small / "other.colony")
+    assert colony("robot", "check", small / "other.colony").code == 0
+    (small / "small.toml").rename(small / "other.toml")
+    code, _, err = colony("robot", "check", small / "other.colony")
+    assert code == 2
+    assert f"error[B001]: cannot read `{Path('robots/small/small.toml')}`" in err
 
 
 def test_a_warning_is_no_error(colony: Colony, small: Path) -> None:
@@ -87,7 +102,37 @@ def test_what_cannot_be_read(colony: Colony, small: Path) -> None:
     assert colony("robot", "chek", "small").code == 2
 
 
+@pytest.mark.parametrize("command", ["check", "show"])
+def test_a_body_is_no_interface(colony: Colony, small: Path, command: str) -> None:
+    for body in ("robots/small/small.toml", "none.toml"):
+        code, out, err = colony("robot", command, body)
+        advice = (
+            f"give the interface beside it, {body[:-5]}.colony, or the name of the robot, {Path(body).stem}"
+        )
+        assert (code, out, err) == (2, "", f"error: `{body}` is no interface of a robot ({advice})\n")
+
+
+def test_control_characters_of_a_file_do_not_reach_the_terminal(colony: Colony, small: Path) -> None:
+    (small / "small.toml").write_text(
+        BODY.replace('"small"', '"\\u001b[2J"').replace("[robot]", "[robot]\n#\r\n")
+    )
+    code, _, err = colony("robot", "check", "small")
+    assert code == 1
+    assert "\x1b" not in err
+    assert "\\x1b[2J" in err
+
+
 # --- show
+
+
+def test_a_base_that_drives_sideways_is_listed_with_its_limits(colony: Colony) -> None:
+    code, out, err = colony("robot", "show", "omni")
+    assert (code, err) == (0, "")
+    assert out.splitlines()[1:4] == [
+        "  omnidirectional drive, wheels 180 mm apart, axles 160 mm; frames of 50 ms",
+        "  at most 600 mm/s and 120 deg/s, 1000 mm/s^2 and 360 deg/s^2",
+        "  sideways at most 400 mm/s, 800 mm/s^2",
+    ]
 
 
 def test_a_robot_is_listed_and_drawn(colony: Colony, small: Path) -> None:
@@ -154,6 +199,14 @@ def test_a_new_robot_checks_and_runs_wander(colony: Colony) -> None:
     assert (code, err) == (0, "")
     assert out.endswith("5 passed, 0 failed\n")
     assert colony("verify", "robots/scout/scout.colony").code == 0
+
+
+@pytest.mark.parametrize("name", Shipped.ROBOT.names())
+def test_a_new_robot_does_not_hide_one_that_comes_with_colony(colony: Colony, name: str) -> None:
+    code, out, err = colony("robot", "new", name)
+    assert (code, out) == (2, "")
+    assert f"`{name}` comes with colony, and would no longer be found; choose another name" in err
+    assert not Path("robots").exists()
 
 
 def test_nothing_is_overwritten(colony: Colony, small: Path) -> None:

@@ -97,7 +97,8 @@ def test_check_tells_of_which_robot_a_finding_is(colony: Colony, go: str) -> Non
     code, out, err = colony("check", go, *both)
     assert (code, out) == (1, "")
     assert "error[E101]: `bare`: unknown name `bumper`" in err
-    assert "small" not in err
+    assert "note[N003]: `small`: `small` has no body" in err
+    assert err.count("small.colony:") == 1  # and nothing else is about it
     assert colony("check", go, "--robot", "small", "--robot", "rome").out == f"{go}: ok\n"
     Path(go).write_text(GO + "let a = nobody\n")
     _, out, _ = colony("check", go, *both, "--format", "json")
@@ -107,7 +108,10 @@ def test_check_tells_of_which_robot_a_finding_is(colony: Colony, go: str) -> Non
 
 def test_a_program_with_its_own_robot_is_checked_as_ever(colony: Colony, go: str) -> None:
     Path("own.colony").write_text(SMALL)
-    assert colony("check", "own.colony") == (0, "own.colony: ok\n", "")
+    code, out, err = colony("check", "own.colony")
+    assert (code, out) == (0, "own.colony: ok\n")
+    assert [line for line in err.splitlines() if "[" in line] == [err.splitlines()[0]]
+    assert "note[N003]: `small` has no body" in err
     err = colony("check", "own.colony", "--robot", "rome").err
     assert "error[E322]: the program has its own robot, `small`: --robot rome cannot give it another" in err
     assert colony("check", "robots/small.colony", "--robot", "small").code == 0

@@ -68,10 +68,13 @@ def test_check_gives_places_rules_and_hints(colony: Colony, tmp_path: Path) -> N
     assert run["invocations"][0]["executionSuccessful"] is True
 
 
-def test_files_without_findings_give_an_empty_run(colony: Colony, behavior: Path) -> None:
+def test_files_without_errors(colony: Colony, behavior: Path) -> None:
     code, out, _ = colony("check", "--format", "sarif", behavior)
     assert code == 0
-    assert run_of(out)["results"] == []
+    [note] = run_of(out)["results"]  # its robot has no body
+    assert (note["ruleId"], note["level"]) == ("N003", "note")
+    code, out, _ = colony("check", "--format", "sarif", "wander")
+    assert (code, run_of(out)["results"]) == (0, [])
 
 
 def test_a_note_has_its_level(colony: Colony, tmp_path: Path) -> None:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import signal
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -28,8 +32,9 @@ def served(machine: Machine) -> Started:
 def test_programs_come_and_go_and_anyone_can_stop_the_robot(
     machine: Machine, served: Started, colony: Colony
 ) -> None:
-    nothing = {s["server"]: s["state"] for s in _ps(colony)["servers"]}
-    assert nothing == dict.fromkeys([*SERVERS, "Simulator", "Supervisor"], "up")
+    expected = dict.fromkeys([*SERVERS, "Simulator", "Supervisor"], "up")
+    until(lambda: {s["server"]: s["state"] for s in _ps(colony)["servers"]} == expected, "all answer")
+    until(lambda: "no program runs, but the limits of rome hold" in colony("ps").out, "its limits hold")
     run = machine.start("run", WANDER, "--connect", "--set", "DockedAt=0")
     until(machine.moves, "the robot drives")
     with machine.session() as session:
@@ -92,11 +97,66 @@ def test_a_leader_that_is_killed_leaves_the_robot_standing(machine: Machine, ser
     until(lambda: not any(map(lives, servers)), "the servers end")
 
 
+def _has_begun(machine: Machine, run: Started) -> None:
+    """Wait until the leader of the run has seen frames."""
+    with machine.session() as session:
+        until(lambda: run.ended() or ((s := status(session)) and s.frames > 0), "frames are decided")
+    assert not run.ended(), run.err
+
+
+def test_a_run_ends_at_its_duration_when_the_whole_robot_is_killed(machine: Machine, served: Started) -> None:
+    run = machine.start("run", WANDER, "--connect", "--duration", "8")
+    _has_begun(machine, run)
+    servers = children_of(served.pid)
+    served.tell(signal.SIGKILL)  # its servers end with it
+    served.process.wait()
+    until(lambda: not any(map(lives, servers)), "the servers end")
+    assert run.wait() == 0, run.err
+    assert f"{ROBOT} does not answer: its Clock does not run; waiting up to 30 s for it" in run.err
+    assert re.search(rf"{ROBOT} did not answer in the last \d+\.\d s of the run", run.err), run.err
+
+
+def test_a_run_ends_when_the_whole_robot_stays_away(
+    machine: Machine, served: Started, tmp_path: Path
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        "from colony.runtime.assembly.processes import clock_watch\nclock_watch.GIVE_UP_AFTER_S = 4.0\n"
+    )
+    machine.environment["PYTHONPATH"] += f":{tmp_path}"
+    run = machine.start("run", WANDER, "--connect")
+    _has_begun(machine, run)
+    for pid in (served.pid, *children_of(served.pid)):
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    served.process.wait()
+    assert run.wait() == 1
+    assert f"colony: error: {ROBOT} has not answered for 4 s: its Clock does not run" in run.err
+
+
+@pytest.mark.long
+def test_a_run_goes_on_when_the_robot_comes_back(machine: Machine, served: Started) -> None:
+    run = machine.start("run", WANDER, "--connect")
+    _has_begun(machine, run)
+    servers = children_of(served.pid)
+    served.tell(signal.SIGKILL)
+    served.process.wait()
+    until(lambda: not any(map(lives, servers)), "the servers end")
+    until(lambda: "does not answer" in run.err, "the run reports it")
+    again = machine.start("serve", "all", "--robot", ROBOT, "--map", MAP, "--seed", "1")
+    until(lambda: "answers again, after" in run.err or run.ended(), "the run notices that it is back")
+    until(lambda: machine.moves() or run.ended(), "the robot drives again")
+    assert not run.ended(), run.err
+    for one, code in ((run, 130), (again, 0)):
+        one.tell(signal.SIGINT)
+        assert one.wait() == code
+
+
 @pytest.mark.long
 def test_one_server_at_a_time(machine: Machine, colony: Colony) -> None:
     simulator = machine.start("serve", "Simulator", "--robot", ROBOT, "--map", MAP, "--camera", "left=90")
     until(lambda: machine.pid("Simulator"), "the simulator runs")
     servers = ["Clock", "RServer", "PServer", "DServer"]
+    limits = machine.start("serve", "Limits", "--robot", ROBOT)
     started = {name: machine.start("serve", name, "--robot", ROBOT) for name in servers}
     started["CServer_left"] = machine.start("serve", "CServer", "--robot", ROBOT, "--camera", "left=90")
     for name, one in started.items():
@@ -112,7 +172,7 @@ def test_one_server_at_a_time(machine: Machine, colony: Colony) -> None:
         started["RServer"].tell(signal.SIGTERM)
         assert started["RServer"].wait() == 0
         until(machine.stands, "the base was stopped")
-    for one in (*started.values(), simulator):
+    for one in (*started.values(), limits, simulator):
         if not one.ended():
             one.tell(signal.SIGINT)
             assert one.wait() == 0
@@ -168,13 +228,26 @@ USERS = ("--connect", "tls/x:1", "--security", "f")
 
 BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("serve", "all", "--robot", "r"), "all requires --map MAP"),
+    (("serve", "Limits", "--robot", "r"), "Limits requires a description with limits"),
     (("serve", "Gateway", "--robot", "r"), "Gateway requires --listen"),
     (("serve", "CServer", "--robot", "r"), "CServer requires one --camera"),
     (
         ("serve", "RServer", "--robot", "r", "--listen", "tls/x:1"),
         "--listen and --security require each other",
     ),
-    (("serve", "XServer", "--robot", "r"), "'XServer' is not one of"),
+    (("serve", "XServer", "--robot", "r"), "`rome` has no server `XServer`; did you mean `RServer`?"),
+    (("serve", "PServer", "--robot", "amr"), "`amr` has no server `PServer`; did you mean `RServer`?"),
+    (
+        ("serve", "Sonar", "--robot", "amr"),
+        "expected Clock, DServer, CServer, Simulator, Limits, Gateway, all, RServer",
+    ),
+    (("serve", "all", "--robot", "r", "--hardware"), "the body of `rome` names no driver"),
+    ((*SERVE_ALL, "--hardware"), "the body of `rome` names no driver"),
+    (
+        ("serve", "Simulator", "--robot", "r", "--map", MAP, "--hardware"),
+        "--hardware is for real devices: with a map it requires `all`",
+    ),
+    (("serve", "Clock", "--robot", "r", "--hardware", "--camera", "up"), "leave out --camera, --hazards,"),
     (("serve", "RServer", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
     (("serve", "all", "--robot", "r", "--map", "nowhere"), "nowhere:1:1: error[M001]: cannot read the map"),
     (("ps", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),

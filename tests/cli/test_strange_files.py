@@ -19,7 +19,7 @@ from colony.dsl import files as dsl_files
 from colony.execute import colonyc
 from colony.experiment import lists
 from colony.files import size_text
-from colony.nav.maps.stickrep import file as stickrep_file
+from colony.nav.maps import source as map_source
 from colony.robots import python_sources
 from colony.runtime.recordings import mcap_reader, replay
 from colony.runtime.transport.live import security
@@ -214,7 +214,7 @@ def test_a_module_that_is_too_large_is_left_out_of_recordings(tmp_path: Path, co
 
 LIMITS = {
     "program, and each file that it imports": dsl_files.MAX_BYTES,
-    "map": stickrep_file.MAX_BYTES,
+    "map": map_source.MAX_BYTES,
     "table of users, login, certificate, key": security.FILE_BYTES,
     "list of an experiment": lists.LIST_BYTES,
     "page that `colony experiment --write` changes": experiment_outputs.PAGE_BYTES,

@@ -131,6 +131,7 @@ SLIPS = [
     ("let a = sonar < 3", "`<` needs two numbers of one dimension", "unit: `3 mm`, `3 cm` or `3 m`"),
     ("let a = sonar[0] + docked_at", "a value in mm and a plain number", "`x / 1 mm` is a plain number"),
     ("let a = sonar[0] + heading", "found a value in mm and a value in deg", ""),
+    ("let a = 3 kg + 3 N", "found a value in kg and a value in N", ""),
     ("let a = bumper + bumper", "found a bool and a bool", "`if b then 1 else 0`"),
     ("let a = recently(bumper, 2)", "must be a value in s, found a plain number", "`2 ms`, `2 s` or"),
     ("module m { when sonar < 1 m }", "found an array of 24 bools", "`any(...)` or `all(...)`"),

@@ -19,6 +19,9 @@ README = (HERE / "README.md").read_text(encoding="utf-8")
 SERVE, CONTROL, TASK, MISSION = SHELL.splitlines()
 PLACES = [tuple(map(float, place.split(","))) for place in re.findall(r"--place (\S+)", MISSION)]
 
+ROBOT = "layered"
+"""No description has its name, so it has no interface and no limits but those of the program."""
+
 FASTEST_MM_S = 400.0
 WITHIN_S = 0.3
 BRAKING_MM = FASTEST_MM_S**2 / (2 * 800.0)
@@ -27,24 +30,24 @@ BRAKING_MM = FASTEST_MM_S**2 / (2 * 800.0)
 def test_the_mission_completes_and_a_dead_task_layer_is_a_robot_that_stands() -> None:
     with machine() as on:
         on.start(SERVE)
-        on.there("rome", "Clock", "RServer", "PServer", "DServer")
+        on.there(ROBOT, "Clock", "RServer", "PServer", "DServer")
         control, task = on.start(CONTROL), on.start(TASK)
         mission = on.start(MISSION)
         mission.says("mission complete")
         assert mission.result() == 0
-        with Session.open("rome", environment=on.environment) as rome, on.plant("rome") as plant:
+        with Session.open(ROBOT, environment=on.environment) as rome, on.plant(ROBOT) as plant:
             layers = rome.connect("DServer")
             assert layers.do(data.get("Mission", type=str)) == "complete"
             assert layers.do(data.get("TaskState", type=str)) == "arrived"
-            here = plant.truth("rome")
+            here = plant.truth(ROBOT)
             assert math.dist((here.x, here.y), PLACES[-1]) < 400.0
 
             layers.do(data.set("Goal", {"number": 3, "x": here.x + 15_000.0, "y": 1500.0}))
-            until(lambda: plant.truth("rome").velocity > 0.9 * FASTEST_MM_S, "the robot drives")
-            before = plant.truth("rome")
+            until(lambda: plant.truth(ROBOT).velocity > 0.9 * FASTEST_MM_S, "the robot drives")
+            before = plant.truth(ROBOT)
             task.kill()
-            until(lambda: plant.truth("rome").velocity == 0.0, "the robot stands")
-            after = plant.truth("rome")
+            until(lambda: plant.truth(ROBOT).velocity == 0.0, "the robot stands")
+            after = plant.truth(ROBOT)
             late_s = 3 * 0.05  # what was said as it died, a frame for it, and one until it is commanded
             most = FASTEST_MM_S * (WITHIN_S + late_s) + BRAKING_MM
             assert math.dist((before.x, before.y), (after.x, after.y)) < most + 100.0

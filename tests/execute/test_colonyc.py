@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from colony.cli.programs import compile_file
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_file
 from colony.execute.code import Apply, Cell, Code, Kind, Literal, OldCell, PythonActive, SensorElement, Table
 from colony.execute.colonyc import MAX_BYTES, VERSION, decode, encode, is_compiled, read
 from colony.execute.compiled import Compiled
@@ -52,7 +53,7 @@ def signed(body: bytes) -> bytes:
 
 @pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
 def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
-    compiled = compile_file(str(path)).compiled
+    compiled = compile_program(load_file(path)).compiled
     back = decode(encode(compiled), "p.colonyc")
     assert repr(replace(back, code=None)) == repr(replace(compiled, code=None))
     for name in ("ops", "kinds", "decided", "cells", "names", "memory_cells", "contracts", "sensors"):

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 
 from colony.dsl.load import load_text
 from colony.execute.intake import converted
-from colony.experiment.behavior import behavior_from
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import in_declared_units
+from colony.robots.behavior import behavior_from
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.images import Image

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from colony.dsl.load import load_text
-from colony.experiment.behavior import behavior_from
 from colony.experiment.record import Contacts, LightCount
 from colony.experiment.run_monitor import RunMonitor, mode_of
 from colony.nav.plan.plan import FloorPoint, Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
+from colony.robots.behavior import behavior_from
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
 from colony.sim.hazards.scenery import Joint, Scenery, Slip, bare_scenery

@@ -11,7 +11,6 @@ import pytest
 
 from colony.experiment import auditing
 from colony.experiment.auditing import audit, is_audited
-from colony.experiment.behavior import behavior_of
 from colony.experiment.conduct import Experiment, conduct, conduct_audit, results_of
 from colony.experiment.lists import PUBLISHED_MAP, ListedRun, published_list
 from colony.experiment.parallel import PoolEngine, SerialEngine
@@ -20,6 +19,7 @@ from colony.experiment.results import RUN_TABLE, Results
 from colony.experiment.runs import Run, RunSpec, run, seed_of
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.nav.pose.tracker import EVERY_SOURCE, Source
+from colony.robots.behavior import behavior_of
 from colony.robots.variants import OURS, SIDE_CAMERA, Variant
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import robot

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from colony.execute.compiled import Compiled
 from colony.nav.maps.building import Building
 from colony.robots import building_run
 from colony.robots.building_run import run_in_building
-from colony.robots.request import MisuseError, RunRequest, UserInterface
+from colony.robots.described import described_robot
+from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.observer import FrameLog
 from colony.text.diagnostics import DiagnosticError
@@ -74,41 +76,53 @@ def request(record: Path | None = None) -> RunRequest:
     )
 
 
+def driven_by(compiled: Compiled, request: RunRequest, watcher: Watcher) -> RunReport:
+    return run_in_building(compiled, described_robot(compiled.robot), request, watcher.ui)
+
+
 def test_a_run_tells_what_came_of_it() -> None:
     watcher = Watcher(10_000)
-    driven = run_in_building(wander(), request(), watcher.ui)
+    driven = driven_by(wander(), request(), watcher)
     assert watcher.length_ns == 2_000_000_000
     assert driven.summary.frames == watcher.frames > 10
     assert not driven.summary.interrupted
     assert driven.mission_result is None
     (floor,) = driven.floors
     places = driven.paths[floor.name]
-    assert places[0] == (floor.start.x_mm, floor.start.y_mm)
+    assert places[0] == floor.start(400.0)[:2]
     length_mm = sum(map(math.dist, places, places[1:]))
     assert length_mm == pytest.approx(driven.summary.distance_mm, rel=0.02)
     assert length_mm > 100.0
 
 
+def test_a_run_begins_where_it_is_told_to() -> None:
+    for map_name, start in (("loop.stickrep", (1000.0, 3000.0, 90.0)), ("office.yaml", (5000.0, 0.0, 270.0))):
+        asked = replace(request(), map_path=str(MAPS / map_name), start=start, length_ns=100_000_000)
+        driven = driven_by(wander(), asked, Watcher(10_000))
+        [path] = driven.paths.values()
+        assert path[0] == start[:2]
+
+
 def test_whoever_attends_a_run_may_end_it() -> None:
     watcher = Watcher(5)
-    driven = run_in_building(wander(), request(), watcher.ui)
+    driven = driven_by(wander(), request(), watcher)
     assert driven.summary.interrupted
     assert driven.summary.frames == watcher.frames == 5
 
 
 def test_a_recording_that_cannot_be_written_is_misuse(tmp_path: Path) -> None:
     with pytest.raises(MisuseError, match=r"gone/run\.jsonl: error: cannot write: No such file or directory"):
-        run_in_building(wander(), request(tmp_path / "gone" / "run.jsonl"), Watcher(5).ui)
+        driven_by(wander(), request(tmp_path / "gone" / "run.jsonl"), Watcher(5))
 
 
 def test_what_the_robot_lacks_is_reported_before_the_simulator_is_compiled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(building_run, "World", lambda **_: pytest.fail("the simulator was compiled"))
+    monkeypatch.setattr(building_run, "populated_world", lambda *_: pytest.fail("the simulator was compiled"))
     drive = "actuator drive { velocity : mm/s } to RServer.drive idle drive(velocity = 0)"
     text = f"robot r {{ sensor scan : m from Lidar.scan {drive} }}\n"
     program = load_text(
         f"{text}module m {{ when scan > 1 m do drive(velocity = 0) }} network {{ drive = m }}"
     )
     with pytest.raises(DiagnosticError, match="there is no server `Lidar`"):
-        run_in_building(compile_program(program).compiled, request(), Watcher(1).ui)
+        driven_by(compile_program(program).compiled, request(), Watcher(1))

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from colony.robots.simulated import TruthLog
+from colony.body.model import Hardware
+from colony.body.servers import servers_of
+from colony.body.shipped import shipped_body
+from colony.robots.described import DescribedRobot
+from colony.robots.simulated import SimulatedRobot, TruthLog, plant_spec
 from colony.runtime.observe.summary import Travel
 from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory
@@ -101,3 +106,21 @@ def test_a_plant_that_is_asked_by_another_connection_is_the_same(
     seen(log, whole)
     log.close()
     assert log.travel == whole
+
+
+@pytest.mark.parametrize(("hardware", "real"), [(True, ("Panel",)), (False, ())])
+def test_devices_that_are_real_are_none_of_the_plants(
+    robot_address: Local, hardware: bool, real: tuple[str, ...]
+) -> None:
+    body = shipped_body("amr")
+    panel = replace(body.servers["Panel"], hardware=Hardware(driver="lab:Panel"))
+    body = replace(body, servers={**body.servers, "Panel": panel})
+    robot = SimulatedRobot(
+        described=DescribedRobot(body, servers_of(body)),
+        map_path="loop.stickrep",
+        seed=1,
+        state=robot_address.directory.path,
+        hardware=hardware,
+    )
+    assert plant_spec(robot_address, robot).real == real
+    assert plant_spec(robot_address, replace(robot, movers=3)).movers == 3

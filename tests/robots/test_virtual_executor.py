@@ -20,18 +20,20 @@ from colony.runtime.arbitration.arbiter import Arbiter
 from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler
 from colony.verify.testing.agreement import disagreement, reference
 from colony.verify.testing.drawing import Choices
+from colony.verify.testing.example_frames import frames_of
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
 from tests.paths import ROOT
 from tests.programs import program
 from tests.runtime.assembly.test_loss_policy import frames_invented
+from tests.sampling import long
 
 RUNTIME = {"runtime": VirtualExecutor}
 
 
 @cache
-def compilation(name: str) -> Compilation:
-    return compile_program(load_file(ROOT / "behaviors" / f"{name}.colony"))
+def compilation(name: str, robot: str | None = None) -> Compilation:
+    return compile_program(load_file(ROOT / "behaviors" / f"{name}.colony", robot=robot))
 
 
 def trace_of(name: str, seed: int, frames: int = 8) -> tuple[Frame, ...]:
@@ -129,6 +131,43 @@ def test_neither_in_behaviors(name: str) -> None:
     for seed in range(8):
         found = with_faults(compilation(name), trace_of(name, seed), seed)
         assert found is None, f"seed {seed}: {found}"
+
+
+def fault_in_examples(name: str, robot: str, seed: int) -> str | None:
+    """What is said of a run with faults over the readings of an example of a behavior, bound to a robot.
+
+    In drawn readings of a robot of many sensors some are nearly always missing, and it stands.
+    """
+    of = compilation(name, robot)
+    assert of.program.robot.name == robot
+    examples = of.program.tests
+    trace = frames_of(of.program, examples[seed % len(examples)])
+    found = with_faults(of, trace, seed)
+    return None if found is None else f"{name} on {robot}, seed {seed}: {found}"
+
+
+@pytest.mark.parametrize(
+    ("name", "robot"),
+    [
+        ("warehouse", "amr"),
+        ("shelves", "omni"),
+        ("wander", "amr"),
+        ("follow_wall", "amr"),
+        ("wander", "rome"),
+        ("follow_wall", "rome"),
+    ],
+)
+@pytest.mark.parametrize("seeds", [range(3), long(range(3, 60))], ids=["few", "many"])
+def test_neither_in_behaviors_bound_to_each_robot(name: str, robot: str, seeds: range) -> None:
+    for seed in seeds:
+        assert fault_in_examples(name, robot, seed) is None
+
+
+def test_a_known_bug_is_found_in_a_behavior_on_amr(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames_skipped(monkeypatch)
+    said = next(filter(None, (fault_in_examples("warehouse", "amr", seed) for seed in range(60))), None)
+    assert said is not None
+    assert "with faults: drive: " in said
 
 
 @pytest.mark.parametrize("number", [3, 223])

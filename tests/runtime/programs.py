@@ -29,8 +29,8 @@ from colony.ir.program import (
     Use,
     Wire,
 )
+from colony.ir.servers import SPEED, TURN_RATE
 from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Value
-from colony.runtime.protocol.fields import SPEED, TURN_RATE
 
 SONAR = Array(DISTANCE, 24)
 

@@ -12,6 +12,7 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseLimits, BaseState, Drivers
 from colony.runtime.transport.virtual import VirtualClock
+from tests.robot_servers import ROME_SERVERS
 
 FAR = (5000.0,) * 24
 LIMITS = BaseLimits(velocity=600.0, turn=90.0, acceleration=800.0, turn_acceleration=240.0)
@@ -28,6 +29,8 @@ class Script:
     stopped: list[int] = field(default_factory=list)
     limits: BaseLimits = LIMITS
     register_bits: int | None = None
+
+    count = 24
 
     def drive(self, velocity: float, turn: float) -> None:
         self.told.append((self.clock(), velocity, turn))
@@ -56,7 +59,7 @@ class Script:
 
     @property
     def drivers(self) -> Drivers:
-        return Drivers(base=self, proximity=self)
+        return Drivers(servers=ROME_SERVERS, base=self, proximity=self)
 
 
 class Log:

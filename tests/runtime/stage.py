@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Decision, Frame, Reading
 from colony.ir.program import Program, in_declared_units
+from colony.ir.servers import DSERVER
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Timing
 from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
@@ -15,7 +16,6 @@ from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
 from colony.runtime.protocol.deployment import ActuatorSpec, actuators_of, deployment, reported_fields
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Announcement,
     Effect,

@@ -2,13 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 from colony.sim.cameras.camera import rome_camera
 from colony.sim.cameras.ceiling import rome_ceiling_camera
-from colony.sim.config import rome_config, without_errors
+from colony.sim.config import RingConfig, RobotConfig, rome_config, without_errors
 
 ROME = rome_config()
 
 IDEAL = without_errors(ROME)
 """RoME without errors: sensors are exact, and the odometry is the true pose."""
+
+
+SIDEWAYS = {"wheel_distance_mm": 300.0, "max_sideways_mm_s": 500.0, "sideways_acceleration_mm_s2": 400.0}
+"""The changes that give a robot four mecanum wheels."""
+
+
+def ring_of(config: RobotConfig) -> RingConfig:
+    """The ring of a robot that has one."""
+    assert config.ring is not None
+    return config.ring
+
+
+def with_ring(config: RobotConfig, **changes: Any) -> RobotConfig:
+    """A robot with changes to its ring."""
+    return replace(config, ring=replace(ring_of(config), **changes))
+
+
+RING = ring_of(IDEAL)
+"""The ring of RoME, without noise."""
 
 FRONT_CAMERA, UP_CAMERA = rome_camera(), rome_ceiling_camera()

@@ -23,6 +23,7 @@ from colony.text.units import (
     UnitError,
     nanoseconds,
     parse_unit,
+    readable_unit,
 )
 
 
@@ -180,6 +181,17 @@ def test_powers(name: str, exponent: int) -> None:
 )
 def test_nanoseconds(seconds: float, ns: int) -> None:
     assert nanoseconds(seconds) == ns
+
+
+@pytest.mark.parametrize(
+    "unit", ["kg", "N", "W", "Wh", "Ah", "Hz", "mm", "mm/s", "deg/s^2", "A*V/mm^2", "degC"]
+)
+def test_a_unit_is_shown_as_people_write_it(unit: str) -> None:
+    assert readable_unit(parse_unit(unit).dimension) == parse_unit(unit)
+
+
+def test_what_has_no_unit_is_shown_as_a_number() -> None:
+    assert readable_unit(NUMBER) == ("number", NUMBER, 1)
 
 
 @given(st.integers(0, 10**15))

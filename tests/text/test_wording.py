@@ -13,7 +13,7 @@ MS = 1_000_000
 
 
 def test_the_examples_of_the_docstrings() -> None:
-    assert doctest.testmod(wording) == (0, 5)
+    assert doctest.testmod(wording) == (0, 7)
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 
 from colony.nav.maps.stickrep.geometry import link_endpoints
+from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.stickrep.reader import load_map
 from colony.view.map_picture import draw_map, encode_picture, picture_format
 from tests.paths import MAPS
@@ -97,3 +100,14 @@ def test_paths_of_a_wrong_shape_and_empty_ones() -> None:
     with pytest.raises(ValueError, match="shape"):
         draw_map(LOOP, [np.zeros(3)])
     draw_map(LOOP, [np.full((2, 2), np.nan)])
+
+
+def test_docks_are_drawn_and_explained_once() -> None:
+    docks = (Pose(1000.0, 2000.0, 90.0), Pose(3000.0, 1000.0, 0.0))
+    figure = draw_map(replace(LOOP, docks=docks))
+    lines = [line for line in figure.axes[0].lines if line.get_color() == "#3f8f3a"]
+    drawn = [np.array(line.get_xydata()).tolist() for line in lines]
+    assert drawn == [[[1000.0, 2000.0]], [[3000.0, 1000.0]]]
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()].count("dock") == 1

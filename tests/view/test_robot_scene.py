@@ -10,8 +10,10 @@ from colony.body.model import Body
 from colony.body.reader import body_of_text, read_body
 from colony.dsl.load import load_file, load_text
 from colony.view.polar import Point, Sector
-from colony.view.robot_scene import RobotScene, SensorView, robot_scene
-from tests.body.test_interface import BODY, INTERFACE
+from colony.view.robot_scene import Beam, RobotScene, SensorView, robot_scene
+from tests.body.test_disagreements import BODY, INTERFACE
+from tests.body.test_sensors import BODY as SENSORS_BODY
+from tests.body.test_sensors import INTERFACE as SENSORS_INTERFACE
 from tests.paths import ROOT
 
 
@@ -94,3 +96,29 @@ def test_a_robot_without_sensors_has_a_picture() -> None:
     bare = scene("robot small { sensor bumper : bool from RServer.bumper }")
     assert bare.sensors == ()
     assert bare.farthest_mm == 400.0
+
+
+def test_sensors_that_look_down_are_marks_at_their_places() -> None:
+    folder = ROOT / "robots" / "amr"
+    body = read_body(folder / "amr.toml").body
+    assert body is not None
+    amr = robot_scene(load_file(folder / "amr.colony").robot, body)
+    cliff = sensor(amr, "cliff")
+    assert cliff.note == "4 elements, downward"
+    assert [beam.origin for beam in cliff.beams[:2]] == [Point(-190.0, 330.0), Point(190.0, 330.0)]
+    assert {corner for beam in cliff.beams for corner in beam.outline(9e9)} == {
+        beam.origin for beam in cliff.beams
+    }
+    assert amr.farthest_mm == 12_000.0
+
+
+def test_range_finders_are_drawn_as_cones_at_their_poses() -> None:
+    near = sensor(scene(SENSORS_INTERFACE, SENSORS_BODY), "near")
+    assert near.note == "3 elements, 1.5 m"
+    assert near.beams[1] == Beam(origin=Point(-90.0, 50.0), sector=Sector(55.0, 65.0), reach_mm=1500.0)
+
+
+def test_the_sectors_of_a_bumper_are_drawn_around_the_hull() -> None:
+    felt = sensor(scene(SENSORS_INTERFACE, SENSORS_BODY), "felt")
+    assert felt.note == "2 sectors"
+    assert felt.beams[1] == Beam(origin=Point(0.0, 0.0), sector=Sector(150.0, 210.0), reach_mm=216.0)

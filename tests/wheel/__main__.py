@@ -1,7 +1,8 @@
 """The wheel, installed where nothing of the checkout is, and used as the README says: `make wheel`.
 
 Builds the distribution, installs it with all extras into an environment of its own, and types every command
-and example of the README in an empty folder. Installs it without extras into another one, and weighs that.
+and example of the README in an empty folder. Installs it without extras into another one, and weighs that. A
+robot drives in a third, which has MuJoCo.
 `--python` names another interpreter to do so with. With `--platforms` it also asks the package index for
 wheels of everything for other versions of Python and other machines.
 """
@@ -13,7 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.wheel.core import check_core
+from tests.wheel.core import check_core, check_mujoco
 from tests.wheel.environments import Environment, build
 from tests.wheel.platforms import check_platforms
 from tests.wheel.readme import check_readme
@@ -29,6 +30,7 @@ def main() -> None:
         wheel = build(place, asked.python)
         check_core(Environment.made(place / "core", asked.python, wheel), place)
         check_readme(Environment.made(place / "all", asked.python, wheel, "all"), place)
+        check_mujoco(Environment.made(place / "mujoco", asked.python, wheel, "sim", "mujoco"), place)
         if asked.platforms:
             check_platforms(wheel, place)
     sys.stderr.flush()

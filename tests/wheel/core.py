@@ -1,4 +1,4 @@
-"""What the core does without any extra, and how large it is."""
+"""What the core does without any extra, and how large it is; what it does with MuJoCo."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ WORKS = ("check wander", "test wander", "compile navigator", "graph wander", "ne
 LACKS = {
     "verify wander": "verify",
     "run wander --map loop": "sim",
+    "run wander --robot amr --map loop --physics mujoco": "sim,mujoco",
     "vision x.png": "vision",
     "map loop": "sim",
 }
@@ -31,3 +32,12 @@ def check_core(core: Environment, place: Path) -> None:
         said = core.run("colony", *line.split(), folder=folder, codes=[2]).stderr
         assert said.endswith(f"pip install 'colony-robotics[{extra}]'\n"), said
         assert said.count("\n") == 1, said
+
+
+def check_mujoco(environment: Environment, place: Path) -> None:
+    """Drive a robot in MuJoCo, which comes without a display."""
+    folder = place / "with mujoco"
+    folder.mkdir()
+    line = "run wander --robot amr --map loop --physics mujoco --duration 2 --no-picture"
+    said = environment.run("colony", *line.split(), folder=folder).stdout
+    assert said.startswith("amr: 2.0 s, 40 frames"), said

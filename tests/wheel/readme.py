@@ -22,6 +22,9 @@ SERVE = "colony serve all"
 OF_SERVERS = ("colony ps", "colony stop", "colony data")
 """The commands that ask a robot which is served."""
 
+HOLD, WITH_BUTTON = "colony sim hold", "colony serve all --robot amr --map loop"
+"""The command that presses a button, and what serves a robot that has one."""
+
 PATIENCE_S = 120.0
 """How long servers may take to start: the simulator may have to be compiled."""
 
@@ -53,13 +56,17 @@ def check_readme(everything: Environment, place: Path) -> None:
     for line in lines[:at]:
         everything.run(*_within_a_minute(line), folder=folder, codes=_codes(line))
     asked = [line for line in lines[at + 1 :] if line.startswith(OF_SERVERS)]
-    with _served(everything, lines[at], folder):
+    with _served(everything, lines[at], folder, "RServer"):
         everything.run("colony", "run", "wander", "--connect", "--duration", "5", folder=folder)
         everything.run("python", "-c", script, folder=folder)
         for line in (*asked, "colony stop --release"):
             everything.run(*shlex.split(line), folder=folder)
+    [hold] = (line for line in lines if line.startswith(HOLD))
+    with _served(everything, WITH_BUTTON, folder, "Panel"):
+        everything.run(*shlex.split(hold), folder=folder)
     for line in lines[at + 1 + len(asked) :]:
-        everything.run(*shlex.split(line), folder=folder)
+        if line != hold:
+            everything.run(*shlex.split(line), folder=folder)
     for name in ("run.mcap", "wander.svg", "run.png", "patrol/test_patrol.py", "side.seen.png"):
         assert (folder / name).exists(), name
     everything.run("pip", "install", "--quiet", "pytest", folder=folder)
@@ -80,15 +87,15 @@ def _codes(line: str) -> list[int]:
 
 
 @contextmanager
-def _served(environment: Environment, line: str, folder: Path) -> Iterator[None]:
-    """The servers of a robot, from when they answer until the end of the block."""
+def _served(environment: Environment, line: str, folder: Path, server: str) -> Iterator[None]:
+    """The servers of a robot, from when one of them answers until the end of the block."""
     words = shlex.split(line)
     servers = subprocess.Popen(
         [str(environment.folder / "bin" / words[0]), *words[1:]], cwd=folder, env=environment.variables()
     )
     try:
         until = time.monotonic() + PATIENCE_S
-        while "RServer" not in environment.run("colony", "ps", folder=folder, codes=[0, 1]).stdout:
+        while server not in environment.run("colony", "ps", folder=folder, codes=[0, 1]).stdout:
             assert time.monotonic() < until, "the servers do not start"
             time.sleep(0.5)
         yield

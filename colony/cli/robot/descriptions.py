@@ -41,30 +41,36 @@ class Described:
 
 def describe(text: str) -> Described:
     """Return the robot with this name, or in the file of this path; exit with 2 if there is none."""
-    from colony.body.interface import disagreements
+    from colony.body.disagreements import findings
     from colony.body.reader import BodyFile, read_body
+    from colony.dsl.descriptions import body_beside
     from colony.dsl.load import check_file
     from colony.text.diagnostics import in_order
     from colony.text.source import NOWHERE
 
     path = _found(text)
     checked = check_file(path)
+    program = checked.program
     if is_unreadable(checked.diagnostics):
         body = BodyFile(
             source=NOWHERE.source, body=None, diagnostics=()
         )  # there is nothing to compare it with
     else:
-        body = read_body(path.with_suffix(".toml"))
-    found = [*checked.diagnostics, *body.diagnostics]
-    if checked.program is not None and body.body is not None:
-        found += disagreements(checked.program.robot, body.body, body)
-    return Described(text=text, checked=checked, body=body, diagnostics=in_order(found))
+        body = read_body(body_beside(path, path.stem if program is None else program.robot.name))
+    of_body = body.diagnostics if program is None else findings(program.robot, body)
+    found = in_order((*checked.diagnostics, *of_body))
+    return Described(text=text, checked=checked, body=body, diagnostics=found)
 
 
 def _found(text: str) -> Path:
     """Return the path of an interface as messages show it."""
     from colony.dsl.descriptions import find_description, find_project, shown, suggestion
 
+    if Path(text).suffix == ".toml":
+        interface = Path(text).with_suffix(".colony")
+        advice = f"give the interface beside it, {interface}, or the name of the robot, {interface.stem}"
+        say(f"error: `{text}` is no interface of a robot ({advice})")
+        raise click.exceptions.Exit(EXIT_MISUSE)
     project = find_project(Path())
     folder = None if project is None else project.folder
     path = find_description(text, Path(), folder)

@@ -10,6 +10,7 @@ import click
 
 from colony.cli.outputs import cannot_write, write_whole
 from colony.files import reason
+from colony.shipped import Shipped
 
 TEMPLATES = files("colony.cli") / "templates" / "robot"
 FOLDER = Path("robots")
@@ -23,7 +24,8 @@ def new_command(name: str) -> None:
 
     Both files check, and say how to go on. Existing files are never overwritten.
 
-    Exit code: 0, or 2 if the name is none, or a file exists or cannot be written.
+    Exit code: 0, or 2 if the name is none or that of a robot that comes with colony, or a file exists or
+    cannot be written.
 
     \b
     Example:
@@ -34,6 +36,9 @@ def new_command(name: str) -> None:
 
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{,63}", name):
         message = f"expected a name of letters, digits and `_`, such as `scout`; found `{name[:100]}`"
+        raise click.UsageError(message, click.get_current_context())
+    if name in Shipped.ROBOT.names():
+        message = f"`{name}` comes with colony, and would no longer be found; choose another name"
         raise click.UsageError(message, click.get_current_context())
     texts = {suffix: _filled(suffix, name) for suffix in SUFFIXES}
     if check_text(texts[".colony"]).program is None:

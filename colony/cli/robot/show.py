@@ -15,7 +15,7 @@ from colony.cli.reporting import report
 from colony.cli.robot.descriptions import describe
 
 if TYPE_CHECKING:
-    from colony.body.model import Body
+    from colony.body.model import Body, Chassis
     from colony.ir.program import Actuator, Robot, Sensor
 
 _COLUMNS = ("name", "type", "server", "device", "within", "rate")
@@ -76,19 +76,30 @@ def _lines(robot: Robot, body: Body) -> Iterator[str]:
     chassis = body.chassis
     limits = chassis.limits
     yield f"{robot.name}: {_shape(body)}, {_number(chassis.height_mm)} mm high"
-    yield (
-        f"  differential drive, wheels {_number(chassis.drive.wheel_base_mm)} mm apart; "
-        f"frames of {duration_text(robot.frame_ns)}"
-    )
+    yield f"  {_drive(chassis)}; frames of {duration_text(robot.frame_ns)}"
     yield (
         f"  at most {_number(limits.velocity_mm_s)} mm/s and {_number(limits.turn_deg_s)} deg/s, "
         f"{_number(limits.acceleration_mm_s2)} mm/s^2 and {_number(limits.turn_acceleration_deg_s2)} deg/s^2"
     )
+    if chassis.sideways_mm_s:
+        acceleration = _number(chassis.sideways_acceleration_mm_s2)
+        yield f"  sideways at most {_number(chassis.sideways_mm_s)} mm/s, {acceleration} mm/s^2"
     yield ""
     rows = [_COLUMNS, *_rows(robot, body)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(_COLUMNS))]
     for row in rows:
         yield f"  {'  '.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))}".rstrip()
+
+
+def _drive(chassis: Chassis) -> str:
+    from colony.body.model import Differential, Omnidirectional
+
+    wheel_base = _number(chassis.drive.wheel_base_mm)
+    match chassis.drive:
+        case Differential():
+            return f"differential drive, wheels {wheel_base} mm apart"
+        case Omnidirectional(wheel_distance_mm=wheel_distance):
+            return f"omnidirectional drive, wheels {wheel_base} mm apart, axles {_number(wheel_distance)} mm"
 
 
 def _shape(body: Body) -> str:
@@ -134,9 +145,9 @@ def _row(declared: Sensor | Actuator, body: Body) -> tuple[str, ...]:
 
 def _type(sensor: Sensor) -> str:
     """Return a sensor's type in its declared unit, with the bearings of its first and last element."""
-    from colony.ir.types import Array, bearings_of, element_type
+    from colony.ir.types import Array, bearings_of, element_type, type_text
 
-    text = sensor.unit or str(element_type(sensor.type))
+    text = sensor.unit or type_text(element_type(sensor.type))
     if not isinstance(sensor.type, Array):
         return text
     bearings = bearings_of(sensor.type)

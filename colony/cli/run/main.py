@@ -24,13 +24,15 @@ from colony.cli.robot_options import (
     robot_address_of,
     security_option,
 )
+from colony.cli.run.also import also_option, other_robots
 from colony.cli.run.options import DURATION, OptionError, Options, objection, request_of
-from colony.cli.shipped_files import BEHAVIOR, map_option
+from colony.cli.shipped_files import BEHAVIOR, map_option, movers_option, start_option
 from colony.extras import expect_extras
 from colony.robots.request import MisuseError, RunAbortedError
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
+    from colony.robots.described import DescribedRobot
     from colony.robots.request import RunReport, RunRequest
 
 PICTURE = "run.png"
@@ -47,6 +49,12 @@ PICTURE = "run.png"
 @robot_and_description_option(
     "The name of the robot, if it differs from that in the program, and the description that `import robot` "
     "brings in: by default the one called NAME, else that of the project's colony.toml."
+)
+@click.option(
+    "--physics",
+    type=click.Choice(["kinematic", "mujoco"]),
+    help="What moves the robot: our simulator, in the plane, or MuJoCo, where wheels drive by friction, for "
+    "robots without sonars and cameras. [default: kinematic]",
 )
 @click.option(
     "--seed",
@@ -75,7 +83,15 @@ PICTURE = "run.png"
     "settings",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Hold a variable of DServer at this value, as if an operator kept setting it. May be repeated.",
+    help="Hold what the program reads at this value: a variable of DServer, as if an operator kept setting "
+    "it, or a sensor that nobody simulates, such as a button. May be repeated.",
+)
+@click.option(
+    "--scenario",
+    metavar="FILE",
+    type=click.Path(dir_okay=False),
+    help="Change such values over time, from the beginning of the run: a file with lines such as `at 12 s "
+    "estop = true`.",
 )
 @click.option(
     "--camera",
@@ -100,6 +116,9 @@ PICTURE = "run.png"
     metavar="SEED",
     help="With --to: simulate hazards drawn from this seed: people, open doors, broken lights and more.",
 )
+@start_option
+@movers_option
+@also_option
 @params_option("A contract that is proved without them must be proved with them, too.")
 @click.option(
     "--unproved",
@@ -112,7 +131,7 @@ PICTURE = "run.png"
 )
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(**arguments: Any) -> None:
-    """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
+    """Run a behavior on a robot that is simulated in the world of a map, or on a real one.
 
     FILE is a behavior, the name of one that comes with colony, or a compiled program (`colony compile -o
     NAME.colonyc`).
@@ -123,12 +142,18 @@ def command(**arguments: Any) -> None:
     `colony stop`). With --connect only the clients are started, for a robot that `colony serve` serves;
     without --duration they run until Ctrl-C.
 
+    With --physics mujoco, MuJoCo moves a robot without sonars and cameras, such as amr: how closely it agrees
+    with our simulator is in docs/physics.md.
+
     With --from and --to a planner and its helpers lead the robot from room to room, for a behavior that takes
     goals, such as navigator.colony. The run ends when the robot has arrived; the exit code is 1 if it has
     not. A room on another floor that elevators lead to is written `2:250R` or `msu_engineering_2:250R`. In
     one process an operator who presses the elevator buttons is simulated; with --connect you are asked at the
     terminal to press them. With --connect the robot must stand before the room --from, on the map --map
     (docs/missions.md).
+
+    With --movers people walk around in the world, and with --also there are other robots in it, each with a
+    behavior of its own. The picture has the paths of all robots (docs/simulation.md).
 
     With --params each contract that is proved of the program must be proved with these values, too, or the
     run is refused. The proof is made before the first frame, unless it is in the cache (~/.cache/colony) or
@@ -146,11 +171,15 @@ def command(**arguments: Any) -> None:
     Example:
       colony run wander --map loop --duration 2min --seed 1
       colony run wander --map loop --record run.mcap
+      colony run wander --map office --robot amr --start 3m,2m,90
+      colony run wander --map loop --robot amr --movers 5 --also rome:wander --also rome:wander
       colony run navigator --map msu_engineering_3 --from 350R --to 376L
       colony run navigator --map msu_engineering_3 --from 350R --to 2:250R
       colony run navigator --connect --map loop --from 201 --to 216
       colony run teleop --map loop --realtime --set TeleopVelocity=200
+      colony run warehouse --map loop --scenario stops.scenario
       colony run wander --map loop --processes --duration 30
+      colony run wander --robot amr --map loop --physics mujoco
       colony run wander --map loop --params site.toml
       colony run wander --connect --robot rome
       colony run wander --connect tls/rome.lab:7447 --security ada.toml
@@ -162,18 +191,21 @@ def command(**arguments: Any) -> None:
     from colony.cli.run.site import load_for_run
 
     if options.map_path is not None:
-        expect_extras("sim", *(["vision"] if options.goal is not None else []))
-    compiled = load_for_run(options.file, unproved=options.unproved)
+        vision = ["vision"] if options.goal is not None else []
+        expect_extras("sim", *(["mujoco"] if options.physics == "mujoco" else []), *vision)
+    compiled, described = load_for_run(options.file, unproved=options.unproved)
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
     with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, draw
-        from colony.nav.maps.stickrep.reader import load_map
+        from colony.nav.maps.world_map import load_world
 
         request = request_of(compiled.robot, options)
-        check_outputs(options.record, picture, [p for p in (options.file, options.map_path) if p is not None])
+        request = replace(request, others=other_robots(options.also, options.robot or compiled.name))
+        inputs = [options.file]
         if options.map_path is not None:
-            load_map(options.map_path)  # before the simulator is imported, which takes long
-        result = _drive(compiled, request, options)
+            inputs += load_world(options.map_path).files  # before the simulator is imported, which takes long
+        check_outputs(options.record, picture, inputs)
+        result = _drive(compiled, described, request, options)
         if options.robot is not None:
             result = result._replace(summary=replace(result.summary, robot=options.robot))
         if picture is not None:
@@ -181,7 +213,7 @@ def command(**arguments: Any) -> None:
     _print_summary(result, options.record, picture, options.format_)
 
 
-def _drive(compiled: Compiled, request: RunRequest, options: Options) -> RunReport:
+def _drive(compiled: Compiled, described: DescribedRobot, request: RunRequest, options: Options) -> RunReport:
     from colony.cli.run.user_interface import TERMINAL_INTERFACE
 
     if not options.processes and options.connect is None:
@@ -189,7 +221,7 @@ def _drive(compiled: Compiled, request: RunRequest, options: Options) -> RunRepo
 
         with announcing_compilation(say):
             from colony.robots.building_run import run_in_building
-        return run_in_building(compiled, request, TERMINAL_INTERFACE)
+        return run_in_building(compiled, described, request, TERMINAL_INTERFACE)
     with reporting_connection_errors():
         from colony.robots.process_run import run_served, run_simulated
         from colony.runtime.transport.live.robot_address import Local
@@ -197,8 +229,8 @@ def _drive(compiled: Compiled, request: RunRequest, options: Options) -> RunRepo
         name = compiled.name if options.robot is None else options.robot
         robot_address = robot_address_of(name, options.connect, options.security)
         if options.connect is None and isinstance(robot_address, Local):
-            return run_simulated(compiled, robot_address, request, TERMINAL_INTERFACE)
-        return run_served(compiled, robot_address, request, TERMINAL_INTERFACE)
+            return run_simulated(compiled, described, robot_address, request, TERMINAL_INTERFACE)
+        return run_served(compiled, described, robot_address, request, TERMINAL_INTERFACE)
 
 
 @contextmanager

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import math
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from colony.ir.program import Robot, Sensor
-from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
-from colony.robots.request import RunRequest
-from colony.runtime.protocol.bindings import name_hint
-from colony.text.units import ANGLE, TIME, Dimension, UnitError, nanoseconds, parse_unit
+from colony.ir.program import Robot
+from colony.ir.servers import DSERVER
+from colony.ir.types import Value
+from colony.robots.given_values import GivenValueError, parse_number
+from colony.robots.request import MisuseError, PhysicsName, RunRequest
+from colony.robots.scenario import Change, Scenario, ScenarioError, read_scenario, setting
+from colony.text.units import ANGLE, LENGTH, TIME, nanoseconds
 
 if TYPE_CHECKING:
     from colony.sim.plant.child import ViewDirection
-
-_QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
-
 
 DURATION = "60"
 """Default length in seconds of a run in a building."""
@@ -38,6 +35,7 @@ class Options:
     connect: str | None
     security: Path | None
     robot: str | None
+    physics: PhysicsName | None
     seed: int
     duration: str | None
     realtime: bool
@@ -45,10 +43,14 @@ class Options:
     picture: str | None
     no_picture: bool
     settings: tuple[str, ...]
+    scenario: str | None
     cameras: tuple[str, ...]
     origin: str | None
     goal: str | None
     hazards: int | None
+    start: str | None
+    movers: int
+    also: tuple[str, ...]
     fsync: bool
     isolate: bool
     unproved: bool
@@ -60,7 +62,13 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
 
     Raises:
         OptionError: an option's value is invalid.
+        MisuseError: the scenario cannot be read.
     """
+    pinned, given = held(robot, options.settings)
+    try:
+        scenario = () if options.scenario is None else read_scenario(options.scenario, robot).changes
+    except ScenarioError as problem:
+        raise MisuseError(str(problem)) from None
     is_open_ended = options.connect is not None or options.goal is not None
     duration = options.duration or (None if is_open_ended else DURATION)
     return RunRequest(
@@ -68,7 +76,9 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
         map_path=options.map_path,
         seed=options.seed,
         length_ns=None if duration is None else duration_ns(duration),
-        pinned_variables=variables(robot, options.settings),
+        pinned_variables=pinned,
+        scenario=Scenario((*given, *scenario)),
+        physics=options.physics or "kinematic",
         realtime=options.realtime,
         record=options.record,
         cameras=cameras(options.cameras),
@@ -77,7 +87,29 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
         origin=options.origin,
         goal=options.goal,
         hazards=options.hazards,
+        start=None if options.start is None else start_pose(options.start),
+        movers=options.movers,
     )
+
+
+def held(robot: Robot, settings: tuple[str, ...]) -> tuple[dict[str, Value], list[Change]]:
+    """Return what the texts of `--set` hold: DServer's variables, in declared units, and other fields.
+
+    Raises:
+        OptionError: a text is not of the form `NAME=VALUE`, or the program reads no such value.
+    """
+    variables: dict[str, Value] = {}
+    others: list[Change] = []
+    for text in settings:
+        try:
+            change = setting(robot, text)
+        except GivenValueError as problem:
+            raise OptionError(f"--set: {problem}") from None
+        if change.value is not None and change.sensor.server == DSERVER.name:
+            variables[change.sensor.field] = change.value
+        else:
+            others.append(change)
+    return variables, others
 
 
 def objection(options: Options) -> str | None:
@@ -102,25 +134,65 @@ def objection(options: Options) -> str | None:
         return f"{'--camera' if options.cameras else '--fsync'} requires --processes"
     if (options.origin is None) != (options.goal is None):
         return f"found {'--to' if options.origin is None else '--from'} alone; expected --from ROOM --to ROOM"
+    if options.start is not None and (connected or has_goal):
+        return "--start is for a simulated robot without --from and --to, which begins a route elsewhere"
     if not has_goal and options.hazards is not None:
         return "--hazards requires --from and --to"
     if connected and options.hazards is not None:
         return "--hazards cannot be combined with --connect: give it to `colony serve`"
+    return _objection_to_physics(options) or _objection_to_company(options)
+
+
+def _objection_to_physics(options: Options) -> str | None:
+    if options.physics is not None and (options.connect is not None or options.processes):
+        return "--physics requires --map without --processes or --connect: it is for runs in virtual time"
+    if options.physics == "mujoco" and options.goal is not None:
+        return "--physics mujoco excludes --to: MuJoCo simulates no sonars, cameras and elevators"
+    if options.physics == "mujoco" and (options.movers or options.also):
+        return "--physics mujoco excludes --movers and --also: MuJoCo simulates one robot"
     return None
 
 
-def duration_ns(text: str) -> int:
+def _objection_to_company(options: Options) -> str | None:
+    """Return the reason why people and other robots cannot be in the run; None if they can."""
+    for option, is_given in (("--movers", options.movers > 0), ("--also", bool(options.also))):
+        if is_given and options.connect is not None:
+            return f"{option} cannot be combined with --connect: the robot is already running"
+        if is_given and options.goal is not None:
+            return f"{option} cannot be combined with --from and --to; --hazards has people in the corridors"
+    if options.also and options.processes:
+        return "--also cannot be combined with --processes: other robots run in virtual time"
+    return None
+
+
+def duration_ns(text: str, *, option: str = "--duration") -> int:
     """Parse a duration such as `60`, in seconds, or with a unit, `2 min`; return it in nanoseconds.
 
     Raises:
         OptionError: the text is not a duration above 0.
     """
-    seconds = _quantity(text, TIME, 1.0)
+    seconds = parse_number(text, TIME, 1.0)
     if seconds is None or not 0.0 < seconds <= 1e9 or not nanoseconds(seconds):
         raise OptionError(
-            f"--duration: found `{text}`; expected a time above 0 and at most 1e9 s, such as 60 or 2min"
+            f"{option}: found `{text}`; expected a time above 0 and at most 1e9 s, such as 60 or 2min"
         )
     return nanoseconds(seconds)
+
+
+def start_pose(text: str, *, option: str = "--start") -> tuple[float, float, float]:
+    """Parse a pose `X,Y,HEADING`, in mm and degrees or with units: `1.5m, 2m, 90`.
+
+    Raises:
+        OptionError: the text is not such a pose.
+    """
+    parts = text.split(",")
+    if len(parts) == 3:
+        x, y = (parse_number(part, LENGTH, 1.0) for part in parts[:2])
+        heading = parse_number(parts[2], ANGLE, 1.0)
+        if x is not None and y is not None and heading is not None:
+            return x, y, heading % 360.0
+    expected = "X,Y,HEADING, in mm and degrees counterclockwise from north: 1500,2000,90 or 1.5m,2m,90"
+    raise OptionError(f"{option}: found `{text}`; expected {expected}")
 
 
 MAX_CAMERAS = 8
@@ -157,84 +229,5 @@ def cameras(texts: tuple[str, ...]) -> dict[str, ViewDirection]:
 def _view_direction(text: str) -> ViewDirection | None:
     if text.strip() == "up":
         return "up"
-    yaw = _quantity(text, ANGLE, 1.0)
+    yaw = parse_number(text, ANGLE, 1.0)
     return yaw if yaw is not None and abs(yaw) <= 360.0 else None
-
-
-def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
-    """Parse DServer's variables from texts `NAME=VALUE`, in the units of the sensors that read them.
-
-    A value is a number, with or without a unit; true or false; an enumerator; or a list of such values: `[1,
-    2]`.
-
-    Raises:
-        OptionError: a text is not of this form, no sensor reads the variable, or the value has another type.
-    """
-    readers = {s.field: s for s in robot.sensors if s.server == "DServer"}
-    values: dict[str, Value] = {}
-    for setting in settings:
-        name, equals, text = setting.partition("=")
-        name = name.strip().removeprefix("DServer.")
-        if not (name and equals):
-            raise OptionError(f"--set: found `{setting}`; expected NAME=VALUE")
-        sensor = readers.get(name)
-        if sensor is None:
-            hint = name_hint(name, readers)
-            raise OptionError(f"--set: no sensor reads DServer.{name}; {hint}")
-        values[name] = _value(sensor, text.strip())
-    return values
-
-
-def _value(sensor: Sensor, text: str) -> Value:
-    if isinstance(sensor.type, Array):
-        if not (text.startswith("[") and text.endswith("]")):
-            raise OptionError(f"--set {sensor.field}: found `{text}`; expected a list of {sensor.type.size}")
-        parts = [p.strip() for p in text[1:-1].split(",")]
-        if len(parts) != sensor.type.size:
-            what = f"{len(parts)} values; expected {sensor.type.size}"
-            raise OptionError(f"--set {sensor.field}: found {what}")
-        element = sensor.type.element
-        return tuple(_scalar(sensor, element, part) for part in parts)
-    return _scalar(sensor, sensor.type, text)
-
-
-def _scalar(sensor: Sensor, type_: Scalar, text: str) -> ScalarValue:
-    match type_:
-        case Bool():
-            if text in ("true", "false"):
-                return text == "true"
-            expected = "true or false"
-        case Enum(name=name, members=members):
-            numbers = dict(members)
-            number = _quantity(text, Dimension(), 1.0)
-            if text.removeprefix(f"{name}.") in numbers:
-                return numbers[text.removeprefix(f"{name}.")]
-            if number is not None and number in numbers.values():
-                return number
-            expected = "one of " + ", ".join(f"{name}.{member}" for member in numbers)
-        case Quantity(dimension=dimension):
-            value = _quantity(text, dimension, sensor.factor)
-            if value is not None:
-                return value
-            expected = f"a number in {dimension}" if dimension != Dimension() else "a number"
-    raise OptionError(f"--set {sensor.field}: found `{text}`; expected {expected}")
-
-
-def _quantity(text: str, dimension: Dimension, factor: float) -> float | None:
-    """Parse a number, with or without a unit of this dimension; return it in units of `factor` base units.
-
-    Returns None for any other text.
-    """
-    parts = _QUANTITY.fullmatch(text.strip())
-    if parts is None:
-        return None
-    number = float(parts[1])
-    if not math.isfinite(number):
-        return None
-    if not parts[2]:
-        return number
-    try:
-        unit = parse_unit(parts[2])
-    except UnitError:
-        return None
-    return number * float(unit.factor) / factor if unit.dimension == dimension else None

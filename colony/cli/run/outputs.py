@@ -39,7 +39,7 @@ def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]
 
 
 def draw(result: RunReport, robot: str, path: str) -> RunReport:
-    """Draw each floor with the robot's path: the first floor into `path`, each other one into a file beside
+    """Draw each floor with the robots' paths: the first floor into `path`, each other one into a file beside
     it.
 
     The other files are named after their floors: run.png and run.msu_engineering_2.png. The returned result
@@ -47,13 +47,15 @@ def draw(result: RunReport, robot: str, path: str) -> RunReport:
     """
     import numpy as np
 
-    from colony.view.map_picture import draw_map, encode_picture, picture_format
+    from colony.view.map_picture import encode_picture, picture_format
+    from colony.view.world_picture import draw_world
 
     target = Path(path)
     others: list[str] = []
     for number, floor in enumerate(result.floors):
         path_xy = np.array(result.paths.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
-        picture = draw_map(floor, [path_xy], names=[robot])
+        paths = [path_xy, *(np.array(path, dtype=np.float64) for path in result.other_paths.values())]
+        picture = draw_world(floor, paths, names=[robot, *result.other_paths])
         file = target if number == 0 else target.with_suffix(f".{floor.name}{target.suffix}")
         try:
             write_whole(file, encode_picture(picture, picture_format(path)))

@@ -1,4 +1,4 @@
-"""The program of `colony run`, with the params of a site if it may run with them."""
+"""The program of `colony run` and its robot, with the params of a site if it may run with them."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from colony.execute.colonyc import is_compiled
 if TYPE_CHECKING:
     from colony.dsl.site import SiteParams
     from colony.execute.compiled import Compiled
+    from colony.robots.described import DescribedRobot
 
 
-def load_for_run(file: str, *, unproved: bool) -> Compiled:
-    """Return the compiled program of a file, for a run; with params of a site, one with which it may run.
+def load_for_run(file: str, *, unproved: bool) -> tuple[Compiled, DescribedRobot]:
+    """Return the compiled program of a file and its robot, for a run; params of a site are those it may have.
 
-    Exits like `load_compiled`; with 1 if a contract is not proved any more with the params; with 2 if that
-    cannot be proved here, or if the file was compiled, with other params or for a robot chosen before.
+    Exits with 1 if the program has errors, does not fit its body, or if a contract is not proved any more
+    with the params; with 2 if the file cannot be read or is damaged, if that cannot be proved here, or if the
+    file was compiled, with other params or for a robot chosen before.
     """
-    from colony.cli.programs import compile_file, load_compiled
+    from colony.cli.programs import compile_for_run, described_for_run, load_compiled
 
     params = chosen_params()
     if is_compiled(file):
@@ -32,18 +34,17 @@ def load_for_run(file: str, *, unproved: bool) -> Compiled:
         if robot is not None and not robot.is_name:
             say(f"{file}: error: it was compiled with the description of its robot; give --robot NAME alone")
             raise click.exceptions.Exit(EXIT_MISUSE)
-        return _of_compiled(file, load_compiled(file), params, unproved=unproved)
-    if params is None:
-        if unproved:
-            message = "--unproved requires --params, or a compiled program with params"
-            raise click.UsageError(message, click.get_current_context())
-        return load_compiled(file)
-    compilation = compile_file(file)
-    if unproved:
-        return compilation.compiled
+        compiled = _of_compiled(file, load_compiled(file), params, unproved=unproved)
+        return compiled, described_for_run(compiled.robot)
+    if params is None and unproved:
+        message = "--unproved requires --params, or a compiled program with params"
+        raise click.UsageError(message, click.get_current_context())
+    compilation, described = compile_for_run(file)
+    if params is None or unproved:
+        return compilation.compiled, described
     from colony.cli.site_proof import with_proof
 
-    return with_proof(compilation, file, params, instead="--unproved")
+    return with_proof(compilation, file, params, instead="--unproved"), described
 
 
 def _of_compiled(file: str, compiled: Compiled, params: SiteParams | None, *, unproved: bool) -> Compiled:

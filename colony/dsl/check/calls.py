@@ -28,6 +28,7 @@ from colony.ir.types import (
     Quantity,
     Scalar,
     element_type,
+    type_text,
 )
 from colony.text.units import ANGLE, NUMBER, Dimension
 from colony.text.wording import one_line
@@ -222,7 +223,7 @@ def _common(
 
 def _square_root(checker: Checker, node: ast.Call, element: Quantity) -> Quantity | None:
     if any(exponent % 2 for exponent in element.dimension):
-        message = f"the square root of a value in {element.dimension} has no unit"
+        message = f"the square root of a value in {type_text(element)} has no unit"
         checker.error("E201", node, message, "take the root of a product such as `a * a`")
         return None
     return Quantity(Dimension(*(exponent // 2 for exponent in element.dimension)), wildcard=element.wildcard)

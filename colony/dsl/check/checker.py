@@ -18,7 +18,7 @@ from colony.dsl.check.constants import constant_value, literal, unit_of
 from colony.dsl.check.percent import note_unit
 from colony.dsl.check.scope import Report, Scope, ValueSymbol, label, span_of
 from colony.ir import expression as ir
-from colony.ir.types import DIMENSIONLESS, Array, Bool, Quantity, Scalar, ScalarValue, Type
+from colony.ir.types import DIMENSIONLESS, Array, Bool, Quantity, Scalar, ScalarValue, Type, type_text
 from colony.text.diagnostics import Label
 from colony.text.source import Span
 from colony.text.units import TIME, UnitError, common_units, nanoseconds
@@ -239,7 +239,9 @@ def type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
     if found == DIMENSIONLESS:
         units = [f"`1 {unit}`" for unit in common_units(expected.dimension)]
         return f"give it a unit: times {listed(units, 'or')}"
-    return f"divide by a unit for a plain number: `x / 1 {found}`" if expected == DIMENSIONLESS else None
+    if expected == DIMENSIONLESS:
+        return f"divide by a unit for a plain number: `x / 1 {type_text(found)}`"
+    return None
 
 
 def unit_hint(number: str, expected: Quantity) -> str:

@@ -14,6 +14,7 @@ from colony.ir.types import (
     Type,
     element_type,
     in_shape_of,
+    type_text,
 )
 from colony.text.wording import listed
 
@@ -52,7 +53,9 @@ def with_article(type_: Type) -> str:
         return "a bool"
     if isinstance(type_, Enum):
         return f"a phase of `{type_.name}`" if type_.kind == "machine" else f"a `{type_.name}`"
-    return "a plain number" if type_.dimension == DIMENSIONLESS.dimension else f"a value in {type_}"
+    if type_.dimension == DIMENSIONLESS.dimension:
+        return "a plain number"
+    return f"a value in {type_text(type_)}"
 
 
 def plural(type_: Scalar) -> str:
@@ -61,7 +64,9 @@ def plural(type_: Scalar) -> str:
         return "bools"
     if isinstance(type_, Enum):
         return f"phases of `{type_.name}`" if type_.kind == "machine" else f"`{type_.name}` values"
-    return "plain numbers" if type_.dimension == DIMENSIONLESS.dimension else f"values in {type_}"
+    if type_.dimension == DIMENSIONLESS.dimension:
+        return "plain numbers"
+    return f"values in {type_text(type_)}"
 
 
 def with_articles(types: Iterable[Type]) -> str:

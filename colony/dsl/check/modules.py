@@ -31,7 +31,7 @@ from colony.dsl.check.scope import (
 from colony.dsl.check.site_values import site_param
 from colony.ir import program as ir
 from colony.ir.expression import Constant, Expression
-from colony.ir.types import BOOL, DIMENSIONLESS, Enum, ScalarValue
+from colony.ir.types import BOOL, DIMENSIONLESS, Enum, ScalarValue, type_text
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, has_errors
 
@@ -256,7 +256,7 @@ def _computed_param(name: str, param: ValueSymbol | None) -> str | None:
     """Return a hint for a param that is given a value that is no constant."""
     if not isinstance(param, ParamSymbol) or isinstance(param.type, Enum):
         return None
-    type_ = {BOOL: "bool", DIMENSIONLESS: "number"}.get(param.type, str(param.type))
+    type_ = {BOOL: "bool", DIMENSIONLESS: "number"}.get(param.type, type_text(param.type))
     return f"a param is constant; for a value that is computed, declare it as `input {name} : {type_}`"
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker, type_hint
 from colony.dsl.check.compatibility import fits, plural, with_article
-from colony.dsl.check.robot import MAX_ELEMENTS, check_type
+from colony.dsl.check.robot import check_type
 from colony.dsl.check.scope import TypedParameter
-from colony.ir.types import Array, Type
+from colony.ir.types import MAX_ELEMENTS, Array, Type
 
 
 def check_parameter(checker: Checker, node: ast.Parameter) -> TypedParameter | None:

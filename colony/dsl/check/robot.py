@@ -21,10 +21,19 @@ from colony.dsl.check.scope import (
     SensorSymbol,
 )
 from colony.ir import program as ir
-from colony.ir.types import BOOL, DIMENSIONLESS, Array, Enum, Quantity, Scalar, ScalarValue, is_rate
+from colony.ir.types import (
+    BOOL,
+    DIMENSIONLESS,
+    MAX_ELEMENTS,
+    Array,
+    Enum,
+    Quantity,
+    Scalar,
+    ScalarValue,
+    is_rate,
+)
 from colony.text.units import UnitError
 
-MAX_ELEMENTS = 4096
 # Keys that recordings and traces use besides the names of sensors, actuators and fields:
 RESERVED_SENSORS = {"t": "the frame's time"}
 RESERVED_ACTUATORS = {**RESERVED_SENSORS, "breaches": "the broken contracts"}

@@ -15,7 +15,7 @@ from colony.dsl.check.percent import PERCENT
 from colony.dsl.check.scope import BrokenSymbol, ParamSymbol, Report
 from colony.dsl.parse import parse
 from colony.dsl.site import SiteValue
-from colony.ir.types import DIMENSIONLESS, Enum, Quantity
+from colony.ir.types import DIMENSIONLESS, Enum, Quantity, type_text
 from colony.text.diagnostics import Diagnostic, Label, error, has_errors
 from colony.text.source import Source
 
@@ -103,13 +103,13 @@ def _unit_hint(value: ast.Expression, own: ParamSymbol, node: ast.SyntaxNode) ->
     if unit is None and own.type.dimension == DIMENSIONLESS.dimension:
         return "give it without a unit"
     if number.unit is not None:
-        return f"give it in {unit or own.type}"
+        return f"give it in {unit or type_text(own.type)}"
     sign = "-" if isinstance(value, ast.Prefix) else ""
     if unit == PERCENT and float(number.digits) <= 1:
         return (
             f'write its unit: {sign}{number.digits[:20]} is "{sign}{float(number.digits) * 100:.15g} percent"'
         )
-    return f'write its unit, for example "{sign}{number.digits[:20]} {unit or own.type}"'
+    return f'write its unit, for example "{sign}{number.digits[:20]} {unit or type_text(own.type)}"'
 
 
 def site_numbers(site: Mapping[str, SiteValue]) -> frozenset[tuple[str, float]]:

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from colony.nav.maps.source import load_building_source
 from colony.nav.maps.stickrep.fields import lines_of_words
-from colony.nav.maps.stickrep.file import load_source
 from colony.nav.maps.stickrep.model import EdgeKind, ElevatorLink, Map
 from colony.nav.maps.stickrep.reader import read_map
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error, in_order
@@ -90,7 +90,7 @@ class _LoadedMap:
 
 def _load_all(path: str) -> list[_LoadedMap]:
     """Load the maps breadth first, and each file only once, even under several paths."""
-    first = _LoadedMap(source=(source := load_source(path)), map=read_map(source))
+    first = _LoadedMap(source=(source := load_building_source(path)), map=read_map(source))
     by_path = {os.path.realpath(path): first}
     queue = deque([first])
     while queue:
@@ -107,7 +107,7 @@ def _load_all(path: str) -> list[_LoadedMap]:
                     problems.append(error("M023", _elevator_span(current, elevator, 2), message))
                     break
                 try:
-                    source = load_source(target)
+                    source = load_building_source(target)
                 except DiagnosticError as failure:
                     problems.append(_unreadable(current, elevator, failure))
                     continue

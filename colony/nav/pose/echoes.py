@@ -18,15 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.body.model import Body
-from colony.body.shipped import shipped_body
+from colony.body.shipped import ROME, shipped_body
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-ROME = "rome"
-"""The robot whose sonars are modeled where nothing else is said."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

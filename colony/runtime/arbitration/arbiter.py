@@ -22,8 +22,11 @@ one. So exactly one of the commands requested in a frame is dispatched, once:
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
+
+import msgspec
 
 from colony.execute.needs import BOUNDS
 from colony.ir.program import in_declared_units
@@ -86,6 +89,16 @@ MAX_NOTE_LENGTH = 200
 """Maximum number of notes in a verdict, and of characters in each, whatever clients send."""
 
 Phase = Literal["open", "dispatched", "closed"]
+
+
+def with_notes(verdict: Verdict, notes: Iterable[str]) -> Verdict:
+    """Return a verdict with more notes, as many as it may have."""
+    more = tuple(map(_shortened, notes))
+    return msgspec.structs.replace(verdict, notes=(*verdict.notes, *more)[:MAX_NOTES]) if more else verdict
+
+
+def _shortened(note: str) -> str:
+    return note if len(note) <= MAX_NOTE_LENGTH else f"{note[: MAX_NOTE_LENGTH - 3]}..."
 
 
 class Arbiter:
@@ -190,7 +203,7 @@ class Arbiter:
         """Add a note for users to the verdict of this frame or, if it is over, of the next."""
         notes = self._notes if self._phase in ("open", "dispatched") else self._next_notes
         if len(notes) < MAX_NOTES:
-            notes.append(note if len(note) <= MAX_NOTE_LENGTH else f"{note[: MAX_NOTE_LENGTH - 3]}...")
+            notes.append(_shortened(note))
 
     def _keep_for_later(self, request: Request) -> None:
         if request.client not in self._ranking.rank:

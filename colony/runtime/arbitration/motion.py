@@ -11,7 +11,8 @@
 Commands in degrees are positive clockwise, as in the thesis, and so decrease the heading, which
 is counterclockwise; the resulting speeds are positive counterclockwise, as drivers of bases expect. The
 trapezoid brakes early by the distance that is driven until the next frame, so that a base that brakes as
-commanded does not overshoot. Every finite motion ends at standstill.
+commanded does not overshoot. Every finite motion ends at standstill. Only constant speeds move a base
+sideways, if it can; a gradual halt brakes such motion, and all others command sideways speed 0.
 
 A law is a value: `step` returns the speeds of a frame and the law's next value, which replaces the law only
 if the speeds are used. Pure.
@@ -54,10 +55,11 @@ STALL_TIMEOUT_S = 2.0
 
 
 class Speeds(NamedTuple):
-    """Forward speed in mm/s, turning rate in deg/s counterclockwise."""
+    """Forward speed in mm/s, turning rate in deg/s counterclockwise, sideways speed in mm/s to the left."""
 
     velocity: float
     turn: float
+    sideways: float = 0.0
 
 
 STILL = Speeds(0.0, 0.0)
@@ -282,6 +284,7 @@ def _halt(motion: Halt, observation: BaseObservation) -> Speeds:
     return Speeds(
         approach(observation.sent.velocity, 0.0, motion.acceleration * observation.dt_s),
         approach(observation.sent.turn, 0.0, motion.turn_acceleration * observation.dt_s),
+        approach(observation.sent.sideways, 0.0, motion.acceleration * observation.dt_s),
     )
 
 

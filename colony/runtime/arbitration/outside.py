@@ -3,6 +3,9 @@
 A connection takes part in arbitration from its first command until it ends. For that time its priority is
 reserved: no other connection, and no client of the network, may command with it. Its command holds until the
 command's lease expires, or until the motion is done.
+
+What is commanded is the server's: RServer's connections command motions (`motion.py`), those of other servers
+values of a command.
 """
 
 from __future__ import annotations
@@ -10,8 +13,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
-from colony.runtime.arbitration.motion import Motion
 from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.connections import Caller
 
@@ -19,9 +22,12 @@ MAX_LEASE_S = 60.0
 """Longest lease of a command, in seconds."""
 
 
+C = TypeVar("C")
+
+
 @dataclass(frozen=False, slots=True, kw_only=True)
-class Commander:
-    """A connection and its command.
+class Commander(Generic[C]):
+    """A connection and its command, None if it commands nothing now.
 
     `lease_end_ns` is the end of the command's lease (None: no lease; it holds until the motion is done).
     `call_id` is the call that is answered when the command ends. `unlimited` is True if the program's limits
@@ -32,7 +38,7 @@ class Commander:
     """
 
     caller: Caller
-    motion: Motion | None = None
+    command: C | None = None
     lease_end_ns: int | None = None
     call_id: CallId | None = None
     unlimited: bool = False
@@ -40,24 +46,28 @@ class Commander:
     held_since_ns: int | None = None
     fault: str | None = None
 
+    def end(self) -> None:
+        """End the command."""
+        self.command = self.call_id = self.lease_end_ns = self.held_since_ns = None
 
-class OutsideCommanders:
+
+class OutsideCommanders(Generic[C]):
     """The connections that command from outside, by priority. Mutable."""
 
     def __init__(self) -> None:
-        self._by_priority: dict[int, Commander] = {}
+        self._by_priority: dict[int, Commander[C]] = {}
 
     @property
-    def all(self) -> tuple[Commander, ...]:
+    def all(self) -> tuple[Commander[C], ...]:
         """All connections that take part, highest priority first."""
         return tuple(self._by_priority[p] for p in sorted(self._by_priority, reverse=True))
 
     @property
-    def commanding(self) -> tuple[Commander, ...]:
+    def commanding(self) -> tuple[Commander[C], ...]:
         """The connections that command now, highest priority first."""
-        return tuple(c for c in self.all if c.motion is not None) if self._by_priority else ()
+        return tuple(c for c in self.all if c.command is not None) if self._by_priority else ()
 
-    def enter(self, caller: Caller, clients_by_priority: Mapping[int, str]) -> Commander:
+    def enter(self, caller: Caller, clients_by_priority: Mapping[int, str]) -> Commander[C]:
         """Return the commander of a connection, after adding it if it is new.
 
         Args:
@@ -83,7 +93,7 @@ class OutsideCommanders:
         entered = self._by_priority[caller.priority] = Commander(caller=caller)
         return entered
 
-    def find(self, caller: Caller) -> Commander | None:
+    def find(self, caller: Caller) -> Commander[C] | None:
         """Return the commander of a connection, or None."""
         occupant = self._by_priority.get(caller.priority)
         if occupant is None or occupant.caller.connection != caller.connection:
@@ -99,7 +109,7 @@ class OutsideCommanders:
         """End the commands whose lease has expired."""
         for commander in self._by_priority.values():
             if commander.lease_end_ns is not None and now_ns >= commander.lease_end_ns:
-                commander.motion = commander.lease_end_ns = None
+                commander.command = commander.lease_end_ns = None
 
     def find_tie(self, clients_by_priority: Mapping[int, str]) -> str | None:
         """Return the conflict between the priorities of a network and those of connections, or None."""

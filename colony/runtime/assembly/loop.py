@@ -11,24 +11,29 @@ does, within its limits.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from typing import Any
 
 import msgspec
 
 from colony.ir.frame import Executor, Frame, Outcome, Reading
 from colony.ir.program import Robot
+from colony.ir.servers import DSERVER, PROXIMITY, RSERVER, RUNTIME
 from colony.ir.types import Value
 from colony.runtime.frames.publishing import Fields
+from colony.runtime.kit.commands import CommandPerformer
+from colony.runtime.kit.devices import DeviceReader, device_commands
+from colony.runtime.kit.once import Report
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.calls import CallId
 from colony.runtime.protocol.deployment import actuator_spec, variables_read
-from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.base_actuator import speeds_of
+from colony.runtime.servers.commanding import NotSentError
 from colony.runtime.servers.cserver import Camera
 from colony.runtime.servers.data_methods import DataMethods, set_commanded_variable
 from colony.runtime.servers.drivers import CameraDriver, Drivers
@@ -107,9 +112,11 @@ class Loop:
         seed: seed of `Runtime.random`.
         variables: DServer's variables that stay fresh in every frame, in declared units.
         watch: callback for every frame and its outcome.
+        report: takes each problem of a device, the first time that it occurs.
 
     Raises:
         DiagnosticError: a sensor or actuator is bound to something that no server offers.
+        ValueError: the robot has no base.
     """
 
     def __init__(
@@ -124,17 +131,20 @@ class Loop:
         seed: int = 0,
         variables: Mapping[str, Value] | None = None,
         watch: Watch | None = None,
+        report: Report = lambda problem: None,
     ) -> None:
         self._clock, self._advance = clock, advance
-        bindings = bind(robot)
-        self.base, proximity = Base(drivers.base), PServer(drivers.proximity, frames_kept=1)
+        bindings = bind(robot, drivers.servers)
+        if drivers.base is None:
+            raise ValueError("the loop is for robots with a base")
+        self.base = Base(drivers.base)
+        proximity = None if drivers.proximity is None else PServer(drivers.proximity, frames_kept=1)
         self.data = LocalData(variables_read(bindings))
         self.data.variables.pin(variables or {})
         self._cameras = tuple(LocalCamera(name, driver) for name, driver in drivers.cameras.items())
-        sensor_servers = (
-            LocalServer(RSERVER.name, self.base.methods),
-            LocalServer(PSERVER.name, proximity.methods),
-        )
+        sensor_servers = [LocalServer(RSERVER.name, self.base.methods)]
+        if proximity is not None:
+            sensor_servers.append(LocalServer(PROXIMITY, proximity.methods))
         self.scripts = LocalScripts(scripts, (self.data, *sensor_servers, *self._cameras))
         self._watch = watch
         self._executor = executor
@@ -146,15 +156,17 @@ class Loop:
             (b, places[sent[b.sensor][0]], sent[b.sensor][1]) for b in bindings.sensors if b.sent
         )
         self._given: dict[str, Reading] = {}
-        self._rings = {
-            b.field: {"sonar": proximity.sonar, "infrared": proximity.infrared}[b.field]
-            for b in sensors
-            if b.server == PSERVER.name
+        rings = {} if proximity is None else {"sonar": proximity.sonar, "infrared": proximity.infrared}
+        self._rings = {b.field: rings[b.field] for b in sensors if b.server == PROXIMITY}
+        specs = {spec.name: spec for spec in drivers.servers}
+        readers = {
+            name: DeviceReader(specs[name], driver, report) for name, driver in drivers.devices.items()
         }
         servers: dict[str, Callable[[int], Fields]] = {
             RSERVER.name: self.base.fields,
-            PSERVER.name: lambda now_ns: {field: ring() for field, ring in self._rings.items()},
+            PROXIMITY: lambda now_ns: {field: ring() for field, ring in self._rings.items()},
             DSERVER.name: self.data.variables.fields,
+            **{name: reader.read for name, reader in readers.items()},
             RUNTIME.name: lambda now_ns: {"random": Sample(random_of_frame(seed, self.k), now_ns)},
         }
         self._publish = {b.server: servers[b.server] for b in sensors}
@@ -164,6 +176,13 @@ class Loop:
         )
         self._base_actuators = tuple((i, a) for i, a in enumerate(actuators) if a.server == RSERVER.name)
         self._variable_actuators = tuple((i, a) for i, a in enumerate(actuators) if a.server == DSERVER.name)
+        performers = {
+            name: CommandPerformer(name, device_commands(specs[name], driver), report)
+            for name, driver in drivers.devices.items()
+        }
+        self._device_actuators = tuple(
+            (i, a, performers[a.server]) for i, a in enumerate(actuators) if a.server in performers
+        )
         self.k = 0
 
     @property
@@ -195,6 +214,11 @@ class Loop:
             values = decisions[i].values
             if values is not None:
                 self.base.drive(speeds_of(actuator, values))
+        for i, actuator, performer in self._device_actuators:
+            values = decisions[i].values
+            if values is not None:
+                with suppress(NotSentError):  # it has been reported, and the idle command was performed
+                    performer.perform(actuator, values, stale=False)
         self.data.expire(now_ns)
         for camera in self._cameras:
             camera.poll(now_ns)

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
 from colony.execute.needs import BOUNDS, ClientKey
+from colony.ir.servers import DSERVER
 from colony.runtime.protocol.deployment import limited_actuators
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.topics import activity, client_address
 
 SHARED = "clients"

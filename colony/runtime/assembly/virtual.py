@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from colony.execute.compiled import Compiled
+from colony.ir.servers import DSERVER, PROXIMITY, RSERVER, RUNTIME
 from colony.ir.types import Value
 from colony.runtime.assembly.nodes import (
     build_announcer,
@@ -22,11 +23,12 @@ from colony.runtime.assembly.nodes import (
 from colony.runtime.assembly.sharing import announcer_process_name, client_processes
 from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.frames.clock import Clock
+from colony.runtime.kit.devices import device_server
+from colony.runtime.kit.once import Report
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.observer import Sink
 from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.deployment import Deployment, deployment
-from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.messages import Node
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.servers.cserver import CServer
@@ -177,6 +179,7 @@ class VirtualSession(VirtualRobot):
         requests: as in `VirtualRobot`.
         nodes: as in `VirtualRobot`.
         isolate: as in `VirtualRobot`.
+        report: takes each problem of a device's driver.
 
     Raises:
         DiagnosticError: a sensor or actuator is bound to something that no server offers, or a Python module
@@ -197,18 +200,32 @@ class VirtualSession(VirtualRobot):
         requests: bool = False,
         nodes: tuple[Node, ...] = (),
         isolate: bool = False,
+        report: Report = lambda problem: None,
     ) -> None:
         store = MemoryStore()
 
         def servers(deployed: Deployment, frames_kept: int) -> Builders:
-            return {
-                RSERVER.name: lambda: RServer(drivers.base, deployment=deployed, frames_kept=frames_kept),
-                PSERVER.name: lambda: PServer(drivers.proximity, frames_kept=frames_kept),
-                DSERVER.name: lambda: DServer(
-                    variables, deployment=deployed, frames_kept=frames_kept, store=store
-                ),
-                RUNTIME.name: lambda: RuntimeServer(seed, frames_kept=frames_kept),
-            }
+            built: dict[str, Callable[[], Node]] = {}
+            base, proximity = drivers.base, drivers.proximity
+            if base is not None:
+                built[RSERVER.name] = lambda: RServer(base, deployment=deployed, frames_kept=frames_kept)
+            if proximity is not None:
+                built[PROXIMITY] = lambda: PServer(proximity, frames_kept=frames_kept)
+            specs = {spec.name: spec for spec in drivers.servers}
+            for name, driver in drivers.devices.items():
+                built[name] = partial(
+                    device_server,
+                    specs[name],
+                    driver,
+                    report,
+                    deployment=deployed,
+                    frames_kept=frames_kept,
+                )
+            built[DSERVER.name] = lambda: DServer(
+                variables, deployment=deployed, frames_kept=frames_kept, store=store
+            )
+            built[RUNTIME.name] = lambda: RuntimeServer(seed, frames_kept=frames_kept)
+            return built
 
         frames_kept = frames_to_keep(compiled.frame_ns)
         cameras = (
@@ -216,7 +233,7 @@ class VirtualSession(VirtualRobot):
         )
         super().__init__(
             compiled,
-            bind(compiled.robot),
+            bind(compiled.robot, drivers.servers),
             servers,
             clock=clock,
             seed=seed,

@@ -10,10 +10,10 @@ from collections.abc import Iterable, Iterator
 from typing import Protocol
 
 from colony.ir.frame import Answer, Frame
+from colony.ir.servers import DSERVER
 from colony.runtime.frames.assembler import FrameAssembler
 from colony.runtime.frames.membership import Membership
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Announcement,
     Effect,

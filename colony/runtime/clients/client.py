@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from colony.ir.servers import DSERVER
 from colony.runtime.clients.client_program import ClientProgram
 from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler
 from colony.runtime.frames.membership import Membership
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Checkpoint,
     Effect,

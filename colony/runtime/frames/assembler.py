@@ -26,9 +26,9 @@ from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple, TypeVar
 
 from colony.ir.frame import Answer, Frame, Reading
+from colony.ir.servers import DSERVER
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import SensorBinding
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Fetch, Progress, Send, ServerFrame, Tick
 
 FRAME_RETENTION_NS = 2_000_000_000

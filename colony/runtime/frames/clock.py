@@ -27,6 +27,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+from colony.ir.servers import DSERVER
 from colony.runtime.arbitration.stop_latch import StopLatch
 from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
 from colony.runtime.frames.publishing import FRAME_BYTES, FRAMES_KEPT, FetchBudget
@@ -37,7 +38,6 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment, client_addresses
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.interface import Interface, interface_problem
 from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
@@ -78,6 +78,8 @@ class Clock:
         stop_path: file that keeps the emergency stop; without it, a restart forgets the stop.
         report: callback for a line to users when that file cannot be read or written.
         interface: that of the robot's description; programs that were checked against another are refused.
+        resident: the limits of the robot's description as a program without modules. Its run goes on while
+            no other program does, so that the robot's servers never take a frame for one without limits.
     """
 
     address = topics.CLOCK
@@ -92,21 +94,26 @@ class Clock:
         stop_path: Path | None = None,
         report: Callable[[str], None] = lambda line: None,
         interface: Interface | None = None,
+        resident: Deployment | None = None,
     ) -> None:
         self._interface = interface or Interface()
+        self._resident = resident
+        self._resident_run = "" if resident is None else resident.run
         self._latch = StopLatch(stop_path, report=report)
         self._servers = servers
         self._frames_kept = frames_kept
         self._deployment = deployment
         self._on_deploy = on_deploy
+        if resident is not None and deployment is None:
+            on_deploy(resident)
         self._leadership = Leadership(self.address)
         self._leader: Caller | None = None
         self._tick = Tick(k=-1, t_ns=0)
         self._kept: dict[int, Tick] = {}
         self._fetch_budget = FetchBudget()
         self._restart = False
-        self._begun_run = self._newest_run = ""
-        self._resumption = Resumption("")
+        self._begun_run = self._newest_run = self._resident_run
+        self._resumption = Resumption(self._resident_run)
         self._gaps: tuple[tuple[int, int], ...] = ()
         self._decided: set[str] = set()
         self._wake_ns: int | None = None
@@ -193,7 +200,7 @@ class Clock:
             self._resumption = Resumption(ready.run)  # its leader has yet to deploy the program again
         if ready.run == self._resumption.run and (by_observer or ready.client in self._registry):
             self._resumption.take(ready.client, ready.progress)
-        if self._deployment is None or ready.run != self._deployment.run:
+        if ready.run != self._run:
             return
         self._registry.mark_ready(ready.client)
         if ready.k >= 0:
@@ -224,21 +231,25 @@ class Clock:
     # --- runs ------------------------------------------------------------------------------------------
 
     @property
+    def _active(self) -> Deployment | None:
+        """The program that is deployed, or the resident one."""
+        return self._resident if self._deployment is None else self._deployment
+
+    @property
     def _run(self) -> str:
-        return "" if self._deployment is None else self._deployment.run
+        return "" if self._active is None else self._active.run
 
     @property
     def _frame_ns(self) -> int:
         """The current frame period."""
-        if self._deployment is None or self._ready_by_ns is not None:
-            return IDLE_FRAME_NS
-        return self._deployment.frame_ns
+        begun = self._active if self._ready_by_ns is None else self._resident
+        return IDLE_FRAME_NS if begun is None else begun.frame_ns
 
     def _enroll(self, now_ns: int) -> None:
-        """Start monitoring the participants of the current deployment, and wait for its clients."""
-        deployment, announcers = self._deployment, self._announcers()
-        clients = () if deployment is None else tuple(address for address, _ in client_addresses(deployment))
-        lease_ns = lease(IDLE_FRAME_NS if deployment is None else deployment.frame_ns)
+        """Start monitoring the participants of the current deployment, and wait for a program's clients."""
+        deployment, active, announcers = self._deployment, self._active, self._announcers()
+        clients = () if active is None else tuple(address for address, _ in client_addresses(active))
+        lease_ns = lease(IDLE_FRAME_NS if active is None else active.frame_ns)
         self._ready_by_ns = None if deployment is None else now_ns + READY_TIMEOUT_NS
         self._registry = ClientRegistry(clients, announcers, lease_ns=lease_ns, now_ns=now_ns)
         watched = (*self._watched_servers(), *announcers)
@@ -266,8 +277,10 @@ class Clock:
         self._leadership.on_lost(caller)
         if self._leader is not None and self._leader.connection == caller.connection:
             self._leader, self._deployment = None, None
+            if self._resident is not None:
+                self._on_deploy(self._resident)
             self._enroll(now_ns)
-            self._due_ns = min(self._due_ns, now_ns + IDLE_FRAME_NS)  # its frame period may have been long
+            self._due_ns = min(self._due_ns, now_ns + self._frame_ns)  # its frame period may have been long
         return ()
 
     # --- ticks -----------------------------------------------------------------------------------------
@@ -300,8 +313,9 @@ class Clock:
         )
 
     def _begin_frame(self, now_ns: int) -> Iterator[Effect]:
-        run = "" if self._ready_by_ns is not None else self._run
-        lockstep = self._deployment is not None and self._deployment.lockstep and run != ""
+        run = self._resident_run if self._ready_by_ns is not None else self._run
+        is_program = run != self._resident_run
+        lockstep = self._deployment is not None and self._deployment.lockstep and is_program
         frame_ns = self._frame_ns
         missed_ns = max(0, (now_ns - self._due_ns) // frame_ns * frame_ns)
         if missed_ns:  # this process was suspended, which must not count toward leases
@@ -310,19 +324,20 @@ class Clock:
         is_new_run = self._tick.k < 0 or run != self._begun_run
         t_ns = self._tick.t_ns + frame_ns if lockstep and not is_new_run else self._due_ns + missed_ns
         restarted = False
-        resumed = self._resumption.epoch() if is_new_run and run else None
+        resumed = self._resumption.epoch() if is_new_run and is_program else None
         if resumed is not None and not lockstep and resumed.last.t_ns > now_ns + MAX_CLOCK_LEAD_NS:
             resumed = None  # times of another origin, as after a reboot: frames cannot go on from there
         if resumed is not None:
             t_ns = max(resumed.last.t_ns + frame_ns, 0 if lockstep else t_ns)
             self._resume(resumed)
         elif is_new_run or self._restart:
-            restarted = run != "" and self._has_begun(run)
+            restarted = is_program and self._has_begun(run)
             self._restarts += restarted
             self._epoch_k, self._gaps = self._next_k, ()
             self._answers.clear()
         if is_new_run or self._restart:
-            self._restart, self._begun_run, self._newest_run = False, run, run or self._newest_run
+            self._restart, self._begun_run = False, run
+            self._newest_run = run if is_program else self._newest_run
         self._due_ns = (now_ns if lockstep else t_ns) + frame_ns
         yield from self._publish(t_ns, run, now_ns, restarted=restarted)
 
@@ -349,7 +364,7 @@ class Clock:
             start=self._epoch_k,
             run=run,
             down=down,
-            lost=self._registry.lost(now_ns) if run else (),
+            lost=self._registry.lost(now_ns) if run and run == self._run else (),
             void=self._answers.take_void(down),
             stopped=self._latch.stopped,
             released_ns=self._latch.released_ns,
@@ -375,7 +390,7 @@ class Clock:
     def _participants(self, call_id: CallId, arguments: object, now_ns: int) -> Participants:
         down = self._liveness.missing(now_ns)
         watched = (*self._watched_servers(), *self._announcers())
-        deployment = self._deployment
+        deployment = self._active
         return Participants(
             k=self._tick.k,
             t_ns=self._tick.t_ns,
@@ -394,7 +409,7 @@ class Clock:
 
     def _watched_servers(self) -> tuple[str, ...]:
         """Return the robot's servers, and any other servers that the program reads."""
-        additional = () if self._deployment is None else self._deployment.servers
+        additional = () if self._active is None else self._active.servers
         return tuple(dict.fromkeys((*self._servers, *additional)))
 
     def _announcers(self) -> tuple[str, ...]:

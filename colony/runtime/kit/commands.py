@@ -7,7 +7,8 @@ A behavior binds an actuator to it, `actuator lift { height : mm range 0 .. 400 
 modules are arbitrated as those of any other actuator. `lift.move(height=...)` is called once in each frame.
 
 The safe state of an actuator is its idle command, which the behavior declares. An actuator on `idle hold` has
-none: its device is put into a safe state by the function `safe` of its command.
+none: its device is put into a safe state by the function `safe` of its command. Connections may command, too,
+`connection.do(actuator.command("move", {"height": 200.0}))`: also without a program.
 """
 
 from __future__ import annotations
@@ -15,15 +16,28 @@ from __future__ import annotations
 import inspect
 import math
 import reprlib
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
+from colony.execute.intake import as_float
 from colony.ir.types import ScalarValue
-from colony.runtime.kit.description import CommandDescription, ParameterDescription, parameter_type
-from colony.runtime.kit.fields import Report, exception_text
+from colony.runtime.kit.description import (
+    CommandDescription,
+    ParameterDescription,
+    in_base_units,
+    parameter_type,
+)
+from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of
+from colony.runtime.servers.command_values import expected_instead
 from colony.runtime.servers.commanding import NotSentError
+
+
+class Parameter(NamedTuple):
+    """A parameter: its description, in a base unit, and the factor to it from the unit of `perform`."""
+
+    description: ParameterDescription
+    factor: float = 1.0
 
 
 class Command(NamedTuple):
@@ -37,30 +51,48 @@ class Command(NamedTuple):
 def command(
     name: str,
     perform: Callable[..., object],
-    *parameters: ParameterDescription,
+    *parameters: Parameter,
     safe: Callable[[], object] | None = None,
 ) -> Command:
     """Return a command for a server.
 
     Args:
         name: the name of the command.
-        perform: called with the parameters by keyword, once in each frame that decides for a command; it must
-            not block. An exception is reported, and the actuator becomes idle for that frame.
+        perform: called with the parameters by keyword, in their units, once in each frame that decides for a
+            command; it must not block. An exception is reported, and the actuator becomes idle for that
+            frame.
         parameters: the parameters.
         safe: called without arguments when the server starts; and at an emergency stop, when no more ticks
-            arrive and when the server ends, unless an idle command is performed then.
+            arrive, when the command of a connection has ended, and when the server ends, unless an idle
+            command is performed then.
 
     Raises:
         ValueError: two parameters have one name, `perform` does not take them, or a function would do nothing
             when it is called: a coroutine or generator function.
     """
-    names = [parameter.name for parameter in parameters]
+    names = [parameter.description.name for parameter in parameters]
     if len(set(names)) < len(names):
         raise ValueError(f"{name}: found the parameters {', '.join(names)}; expected each once")
     _check_runs(name, "perform", perform)
     _check_runs(name, "safe", safe)
     _check_takes(name, perform, names)
-    return Command(CommandDescription(name=name, parameters=parameters), perform, safe)
+    description = CommandDescription(name=name, parameters=tuple(p.description for p in parameters))
+    factors = {parameter.description.name: parameter.factor for parameter in parameters}
+    return Command(description, in_units(perform, factors), safe)
+
+
+def in_units(perform: Callable[..., object], factors: Mapping[str, float]) -> Callable[..., object]:
+    """Return a function that takes parameters in base units, and calls `perform` with them in its units.
+
+    Args:
+        perform: takes the parameters by keyword.
+        factors: the units of `perform`, in base units, for each parameter.
+    """
+
+    def convert(**values: ScalarValue) -> object:
+        return perform(**{n: x if isinstance(x, bool) else x / factors[n] for n, x in values.items()})
+
+    return convert
 
 
 def parameter(
@@ -72,12 +104,12 @@ def parameter(
     low: float | None = None,
     high: float | None = None,
     meaning: str = "",
-) -> ParameterDescription:
+) -> Parameter:
     """Return a parameter of a command: a number, a bool, or a member of an enum, by its number.
 
     Args:
         name: the name of the parameter, by which it is passed.
-        unit: the base unit of the number (mm, s, deg, A, V, degC); "" for a plain number.
+        unit: the unit in which `perform` takes the number, such as "kg" or "percent"; "" for a plain number.
         boolean: True for a bool.
         members: the members of an enum with their numbers; the enum of a behavior must have the same.
         low: the least number, in the unit.
@@ -85,31 +117,39 @@ def parameter(
         meaning: a description for users.
 
     Raises:
-        ValueError: the name cannot be passed by keyword, the unit is not a base unit, or the bounds or
+        ValueError: the name cannot be passed by keyword, the unit is invalid, or the bounds or
             members are invalid.
     """
-    if not name.isidentifier():
+    if not isinstance(name, str) or not name.isidentifier():
         raise ValueError(f"found the parameter {name!r}; expected a name of letters, digits and `_`")
     bounds = [bound for bound in (low, high) if bound is not None]
     if (boolean or members is not None) and (unit or bounds or (boolean and members is not None)):
         raise ValueError(f"{name}: found several kinds; expected a number, a bool or members")
-    if not all(map(math.isfinite, bounds)) or (len(bounds) == 2 and bounds[0] > bounds[1]):
-        raise ValueError(f"{name}: found the bounds {low} and {high}; expected finite ones in order")
-    if members is not None and not (members and all(map(math.isfinite, members.values()))):
+    base_unit, factor = in_base_units(unit)
+    if not all(_is_finite(bound, factor) for bound in bounds) or (len(bounds) == 2 and bounds[0] > bounds[1]):
+        raise ValueError(
+            f"{name}: found the bounds {low!r} and {high!r}; expected finite numbers, the lower one first"
+        )
+    if members is not None and not (members and all(map(_is_finite, members.values()))):
         raise ValueError(
             f"{name}: found the members {dict(members)}; expected one or more, with finite numbers"
         )
     description = ParameterDescription(
         name=name,
         kind="bool" if boolean else "number" if members is None else "enum",
-        unit=unit,
-        low=low,
-        high=high,
+        unit=base_unit,
+        low=None if low is None else low * factor,
+        high=None if high is None else high * factor,
         members={} if members is None else {member: float(number) for member, number in members.items()},
         meaning=meaning,
     )
     parameter_type(description)
-    return description
+    return Parameter(description, factor)
+
+
+def _is_finite(number: object, factor: float = 1.0) -> bool:
+    found = as_float(number)
+    return found is not None and math.isfinite(found * factor)
 
 
 def _check_runs(name: str, what: str, function: Callable[..., object] | None) -> None:
@@ -129,6 +169,10 @@ def _check_takes(name: str, perform: Callable[..., object], parameters: list[str
         raise ValueError(f"{name}: `perform` cannot be called with its parameters: {problem}") from None
 
 
+_SAFE_OF = "safe of "
+"""Begin of the name of a command's function `safe`, in reports."""
+
+
 class CommandPerformer:
     """Carries out the commands of a server. Mutable: knows the actuators, and the problems it has reported.
 
@@ -144,9 +188,18 @@ class CommandPerformer:
         for command in commands:
             if self._commands.setdefault(command.description.name, command) is not command:
                 raise ValueError(f"{server}: found two commands `{command.description.name}`")
-        self._report = report
-        self._reported: set[tuple[str, str]] = set()
+        self._problems = OnceReporter(report)
         self._actuators: dict[str, ActuatorSpec] = {}
+        self._unsafe: set[str] = set()
+
+    @property
+    def failing(self) -> tuple[str, ...]:
+        """One line for each command that fails."""
+        return self._problems.failing
+
+    def end_frame(self) -> None:
+        """End a frame, in which each actuator had a command."""
+        self._problems.end_frame()
 
     @property
     def descriptions(self) -> tuple[CommandDescription, ...]:
@@ -174,7 +227,7 @@ class CommandPerformer:
         if problem is None:
             return
         if is_idle:
-            self._make_safe(actuator.command)
+            self.make_safe(actuator.command)
             raise NotSentError(problem)
         raise NotSentError(problem, instead=self._idle(actuator))
 
@@ -182,13 +235,36 @@ class CommandPerformer:
         """Make the devices safe whose actuators have no idle command, or that no program commands."""
         for name in self._commands:
             if (actuator := self._actuators.get(name)) is None or actuator.idle is None:
-                self._make_safe(name)
+                self.make_safe(name)
+
+    def make_safe(self, name: str) -> None:
+        """Make the device of a command safe, if the command says how; if that fails, `retry` tries again."""
+        safe = self._commands[name].safe
+        if safe is None:
+            return
+        self._unsafe.add(name)
+        try:
+            safe()
+        except (Exception, SystemExit) as failure:
+            self._report_failure(name, _SAFE_OF, failure)
+        else:
+            self._note_safe(name)
+
+    @property
+    def is_safe(self) -> bool:
+        """True unless a device could not be made safe, and has performed no command since."""
+        return not self._unsafe
+
+    def retry(self) -> None:
+        """Try again to make the devices safe that could not be made safe."""
+        for name in tuple(self._unsafe):
+            self.make_safe(name)
 
     def _idle(self, actuator: ActuatorSpec) -> tuple[ScalarValue, ...] | None:
         """Perform the idle command and return it; where there is none or it fails, make the device safe."""
         if actuator.idle is not None and self._try(actuator, actuator.idle) is None:
             return actuator.idle
-        self._make_safe(actuator.command)
+        self.make_safe(actuator.command)
         return None
 
     def _try(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...]) -> str | None:
@@ -198,35 +274,26 @@ class CommandPerformer:
         parameters = command.description.parameters
         for parameter, index in zip(parameters, actuator.field_indices, strict=True):
             value = _absent(parameter) if index is None else values[index]
-            if (expected := _unacceptable(parameter, value)) is not None:
+            if (expected := _expected(parameter, value)) is not None:
                 problem = f"{where} was not sent {parameter.name} = {value:g}: expected {expected}"
-                self._report_once(actuator.command, parameter.name, problem)
+                self._problems.report(actuator.command, parameter.name, problem)
                 return problem
             arguments[parameter.name] = value
         try:
             command.perform(**arguments)
-        except Exception as failure:
+        except (Exception, SystemExit) as failure:
             self._report_failure(actuator.command, "", failure)
             return f"{where} failed: {type(failure).__name__}: {reprlib.repr(exception_text(failure))}"
+        self._note_safe(actuator.command)
         return None
 
-    def _make_safe(self, name: str) -> None:
-        safe = self._commands[name].safe
-        if safe is None:
-            return
-        try:
-            safe()
-        except Exception as failure:
-            self._report_failure(name, "safe of ", failure)
+    def _note_safe(self, name: str) -> None:
+        self._unsafe.discard(name)
+        self._problems.note_success(f"{_SAFE_OF}{name}")
 
-    def _report_failure(self, name: str, what: str, failure: Exception) -> None:
-        problem = f"{what}{self._server}.{name} failed:\n{traceback.format_exc()}"
-        self._report_once(name, f"{what}{type(failure).__name__}", problem)
-
-    def _report_once(self, name: str, kind: str, problem: str) -> None:
-        if (name, kind) not in self._reported:
-            self._reported.add((name, kind))
-            self._report(problem)
+    def _report_failure(self, name: str, what: str, failure: BaseException) -> None:
+        problem = failure_text(f"{what}{self._server}.{name}", failure)
+        self._problems.report(f"{what}{name}", type(failure).__name__, problem)
 
     # --- deployments ---------------------------------------------------------------------------------
 
@@ -262,7 +329,7 @@ def _mismatches(actuator: ActuatorSpec, command: CommandDescription) -> Iterator
         if actuator.idle is None and index is not None:
             continue
         value = _absent(parameter) if index is None or actuator.idle is None else actuator.idle[index]
-        if (expected := _unacceptable(parameter, value)) is not None:
+        if (expected := _expected(parameter, value)) is not None:
             yield f"`{actuator.name}`: {parameter.name} = {value!r} when idle; expected {expected}"
     priorities = [priority for _, priority in actuator.clients]
     if priorities != sorted(priorities, reverse=True):
@@ -274,15 +341,12 @@ def _absent(parameter: ParameterDescription) -> ScalarValue:
     return False if parameter.kind == "bool" else 0.0
 
 
-def _unacceptable(parameter: ParameterDescription, value: ScalarValue) -> str | None:
+def _expected(parameter: ParameterDescription, value: ScalarValue) -> str | None:
     """Return what was expected in place of a value, or None if a parameter may have it."""
-    if parameter.kind == "bool":
-        return None if isinstance(value, bool) else "a bool"
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        return "a finite number"
-    if parameter.kind == "enum":
-        return None if value in parameter.members.values() else "the number of a member"
-    low, high = parameter.low, parameter.high
-    if (low is not None and value < low) or (high is not None and value > high):
-        return f"{'any' if low is None else f'{low:g}'} to {'any' if high is None else f'{high:g}'}"
-    return None
+    return expected_instead(
+        value,
+        is_bool=parameter.kind == "bool",
+        members=parameter.members.values(),
+        low=parameter.low,
+        high=parameter.high,
+    )

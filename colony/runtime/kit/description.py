@@ -11,10 +11,10 @@ from typing import Literal
 
 import msgspec
 
+from colony.ir.servers import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import BOOL, Array, Enum, Quantity, Scalar, Type
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments
-from colony.runtime.protocol.fields import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.runtime.protocol.messages import Right
 from colony.text.units import NUMBER, parse_unit
 
@@ -112,6 +112,18 @@ def field_type(field: FieldDescription) -> Type:
     """
     element: Scalar = BOOL if field.kind == "bool" else _quantity(field.name, field.unit)
     return element if field.size is None else Array(element, field.size)
+
+
+def in_base_units(unit_text: str) -> tuple[str, float]:
+    """Return the base unit of the same dimension ("" for a plain number), and the factor to it.
+
+    Raises:
+        ValueError: the unit is invalid.
+    """
+    if not unit_text:
+        return "", 1.0
+    unit = parse_unit(unit_text)
+    return "" if unit.dimension == NUMBER else str(unit.dimension), float(unit.factor)
 
 
 def _quantity(name: str, unit_text: str) -> Quantity:

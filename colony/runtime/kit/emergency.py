@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 
+from colony.ir.servers import PROXIMITY, RUNTIME
 from colony.runtime.kit.answers import read_result
 from colony.runtime.kit.channel import Channel
 from colony.runtime.kit.connection import Session
@@ -21,7 +22,6 @@ from colony.runtime.kit.conversation import Outcome, Pending
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
 from colony.runtime.library import emergency
 from colony.runtime.library.leader import LEADER
-from colony.runtime.protocol.fields import PSERVER, RUNTIME
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
 from colony.runtime.transport.live.gateway import GATEWAY
 from colony.runtime.transport.live.robot_address import Local
@@ -38,9 +38,7 @@ ACKNOWLEDGE_TIMEOUT_S = 2.0
 SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
 """The servers of every robot that accept an emergency stop."""
 
-WITHOUT_ACTUATORS = frozenset(
-    {PSERVER.name, RUNTIME.name, LEADER, OBSERVER, GATEWAY, "Simulator", "Supervisor"}
-)
+WITHOUT_ACTUATORS = frozenset({PROXIMITY, RUNTIME.name, LEADER, OBSERVER, GATEWAY, "Simulator", "Supervisor"})
 """Servers and processes without actuators.
 
 Any other server that is up gets the stop, and may answer that it has none, too.

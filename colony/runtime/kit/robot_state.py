@@ -8,21 +8,28 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import RobotConnectionError
+from colony.ir.servers import DSERVER, PROXIMITY, RSERVER, RUNTIME
+from colony.runtime.kit.connection import Connection, Session
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
+from colony.runtime.library import actuator
 from colony.runtime.library.ask import STATUS, Ask
 from colony.runtime.library.clock import Participants, participants
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 from colony.runtime.library.robot import Arbitration, arbitration
 from colony.runtime.protocol.calls import ConnectionStatus
-from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
-CORE_SERVERS = (CLOCK, RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name)
-"""The servers that every robot has."""
+CORE_SERVERS = (CLOCK, DSERVER.name, RUNTIME.name)
+"""The servers that every robot has. The Clock knows which others it has."""
+
+_ORDER = (CLOCK, RSERVER.name, PROXIMITY, DSERVER.name, RUNTIME.name)
+"""The servers that come first, in order."""
 
 ANSWER_TIMEOUT_S = 1.0
+
+READER = "colony ps"
+"""Name of the connections that read the state of servers, which do not count among theirs."""
 
 T = TypeVar("T")
 
@@ -31,7 +38,8 @@ class ServerState(msgspec.Struct, frozen=True, kw_only=True):
     """The state of one server.
 
     `state` is "up", "down" (absent) or "silent" (present, but not answering). `process` is known only on the
-    robot's own machine. `connections` are those of its clients; `full` describes the limits that it reached.
+    robot's own machine. `connections` are those of its clients; `full` describes the limits that it reached,
+    `failing` the drivers, or functions of a user, that fail now.
     """
 
     server: str
@@ -40,17 +48,22 @@ class ServerState(msgspec.Struct, frozen=True, kw_only=True):
     connections: tuple[ConnectionStatus, ...] = ()
     malformed: int = 0
     full: tuple[str, ...] = ()
+    failing: tuple[str, ...] = ()
     problem: str | None = None
 
 
 class RobotState(msgspec.Struct, frozen=True, kw_only=True, rename={"participants": "who"}):
-    """The state of a robot; `run`, `arbitration`, `participants` are None if their server does not answer."""
+    """The state of a robot; `run`, `arbitration`, `participants` are None if their server does not answer.
+
+    `actuators` has the arbitration of servers of users that take commands.
+    """
 
     robot: str
     servers: tuple[ServerState, ...]
     run: RunStatus | None
     arbitration: Arbitration | None
     participants: Participants | None
+    actuators: dict[str, actuator.Arbitration] = {}
 
 
 def as_json(states: Sequence[RobotState]) -> str:
@@ -69,17 +82,27 @@ def state_of(session: Session, robot_address: RobotAddress) -> RobotState:
             for name in names
         }
         answers = {name: future.result() for name, future in futures.items()}
+    known = _details(answers.get(CLOCK), Participants)
+    states = {name: state for name, (state, _) in answers.items()}
+    for name in () if known is None else (s.server for s in known.servers if "/" not in s.server):
+        if name not in present_servers:
+            states[name] = ServerState(server=name, state="down", process=processes.get(name))
     return RobotState(
         robot=robot_address.robot,
-        servers=tuple(state for state, _ in answers.values()),
+        servers=tuple(states[name] for name in sorted(states, key=_order)),
         run=_details(answers.get(LEADER), RunStatus),
         arbitration=_details(answers.get(RSERVER.name), Arbitration),
-        participants=_details(answers.get(CLOCK), Participants),
+        participants=known,
+        actuators={
+            name: details
+            for name, (_, details) in answers.items()
+            if isinstance(details, actuator.Arbitration)
+        },
     )
 
 
 def _order(name: str) -> tuple[int, str]:
-    return (CORE_SERVERS.index(name) if name in CORE_SERVERS else len(CORE_SERVERS), name)
+    return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)
 
 
 _DETAIL_CALLS: dict[str, Callable[[], Ask[Any]]] = {
@@ -96,20 +119,44 @@ def _query(session: Session, name: str, is_present: bool, process: int | None) -
         state = "down" if process is None or name in CORE_SERVERS else "up"
         return ServerState(server=name, state=state, process=process), None
     try:
-        with session.connect(name, name="colony ps", timeout_s=ANSWER_TIMEOUT_S) as connection:
+        with session.connect(name, name=READER, timeout_s=ANSWER_TIMEOUT_S) as connection:
             status = connection.do(STATUS)
-            details = connection.do(_DETAIL_CALLS[name]()) if name in _DETAIL_CALLS else None
+            details = _ask_details(connection, name)
     except RobotConnectionError as problem:
         return ServerState(server=name, state="silent", process=process, problem=str(problem)), None
     server_state = ServerState(
         server=name,
         state="up",
         process=process,
-        connections=tuple(c for c in status.connections if c.name != "colony ps"),
+        connections=tuple(c for c in status.connections if c.name != READER),
         malformed=status.malformed,
         full=status.full,
+        failing=status.failing,
     )
     return server_state, details
+
+
+def failing_parts(session: Session, server: str) -> tuple[str, ...] | None:
+    """Return a line for each part of a server that fails now; None if the server does not answer."""
+    try:
+        with session.connect(server, name=READER, timeout_s=ANSWER_TIMEOUT_S) as connection:
+            return connection.do(STATUS).failing
+    except RobotConnectionError:
+        return None
+
+
+def _ask_details(connection: Connection, name: str) -> object:
+    """Return what a server reports besides its status; None for one that has no more to report.
+
+    Servers of devices and of users tell who commands their actuators, if they take commands.
+    """
+    if name in CORE_SERVERS and name not in _DETAIL_CALLS:
+        return None
+    details: Callable[[], Ask[Any]] = _DETAIL_CALLS.get(name, actuator.arbitration)
+    try:
+        return connection.do(details())
+    except CallRefusedError:  # a base over the driver of a user, for example, is a device like others
+        return None
 
 
 def _details(answer: tuple[ServerState, object] | None, type_: type[T]) -> T | None:

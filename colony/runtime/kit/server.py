@@ -31,9 +31,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from colony.runtime.kit.commands import Command, command, parameter
-from colony.runtime.kit.fields import Field, Reading, Report, field
+from colony.runtime.kit.fields import Field, FieldReader, field
+from colony.runtime.kit.once import Report
 from colony.runtime.kit.service import Service, method
 from colony.runtime.protocol.calls import Method, RefusedError
+from colony.runtime.servers.drivers import Reading
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.robot_address import Local, local
@@ -144,7 +146,8 @@ class Servers:
 
 
 def _service(name: str, offer: Offer, report: Report) -> Service:
-    return Service(name, offer.methods, offer.fields, report, commands=offer.commands)
+    fields = FieldReader(name, offer.fields, report)
+    return Service(name, offer.methods, fields, report, commands=offer.commands)
 
 
 class Server:

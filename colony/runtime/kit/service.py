@@ -5,17 +5,16 @@ It takes calls, publishes fields each frame, and carries out the commands that t
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 
 from colony.ir.types import ScalarValue
-from colony.runtime.frames.publishing import Fields, Publisher
+from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.kit.commands import Command, CommandPerformer
-from colony.runtime.kit.description import Description, MethodDescription
-from colony.runtime.kit.fields import Field, FieldReader, Report, exception_text
+from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, server_spec
+from colony.runtime.kit.once import Report, exception_text, failure_text
 from colony.runtime.protocol import calls, topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
@@ -33,6 +32,7 @@ from colony.runtime.protocol.messages import (
     Stopped,
     Tick,
     Wake,
+    WakeAt,
 )
 from colony.runtime.servers.actuating import CommandedActuators
 
@@ -58,63 +58,109 @@ def method(
     return calls.method(name, arguments, handle, right=right, max_bytes=max_bytes)
 
 
+RETRY_SAFE_NS = 50_000_000
+"""Nanoseconds after which a device that could not be made safe is tried again."""
+
+
+class Reads(Protocol):
+    """The fields of a server, read for its frames."""
+
+    @property
+    def descriptions(self) -> tuple[FieldDescription, ...]:
+        """The descriptions of the fields."""
+        ...
+
+    @property
+    def failing(self) -> tuple[str, ...]:
+        """One line for each problem that reading them has now."""
+        ...
+
+    def read(self, now_ns: int) -> Fields:
+        """Return the fields at `now_ns`; None for those without a value."""
+        ...
+
+
 class Service:
-    """A server of a user's methods, fields and commands. Mutable.
+    """A server of methods, fields and commands. Mutable.
 
     An exception in a handler, field or command is reported, and the server keeps running: the call is
     refused, the field has no value, or the actuator is idle.
+
+    Raises:
+        ValueError: two commands have one name, or a method has the name of one that all servers with commands
+            have.
     """
 
     def __init__(
         self,
         name: str,
         methods: Iterable[Method],
-        fields: Iterable[Field],
+        fields: Reads,
         report: Report,
         *,
         commands: Iterable[Command] = (),
+        deployment: Deployment | None = None,
+        frames_kept: int = FRAMES_KEPT,
     ) -> None:
         self.address = name
-        fields, commands = tuple(fields), tuple(commands)
-        self._reader = FieldReader(name, fields, report)
+        self._reader, commands = fields, tuple(commands)
         self._performer = CommandPerformer(name, commands, report)
-        self._actuators: CommandedActuators | None = None
-        if commands:
-            self._actuators = CommandedActuators(
-                name, self._perform, halt=lambda now_ns: self._performer.halt()
-            )
         self._report = report
         reporting_methods = tuple(m._replace(handler=self._report_errors(m)) for m in methods)
         description = Description(
             server=name,
-            fields=tuple(f.description for f in fields),
+            fields=fields.descriptions,
             commands=self._performer.descriptions,
             methods=tuple(MethodDescription(name=m.name, right=m.right) for m in reporting_methods),
         )
+        self._actuators: CommandedActuators | None = None
+        if commands:
+            self._actuators = CommandedActuators(
+                name,
+                self._perform,
+                commands=server_spec(description).commands,
+                halt=lambda now_ns: self._performer.halt(),
+                make_safe=self._performer.make_safe,
+            )
         describe = calls.method("describe", NoArguments, lambda *_: description, right="read")
-        self._publisher = Publisher(name, self._read, stopped=self._stopped)
+        self._publisher = Publisher(name, self._read, frames_kept=frames_kept, stopped=self._stopped)
         self._calls = self._dispatcher((*reporting_methods, describe))
         self._now_ns = 0
+        self._retry_due_ns: int | None = None
         listens = [*self._calls.listens]
-        if fields or commands:
+        if fields.descriptions or commands:
             listens += self._publisher.listens
         if self._actuators is not None:
             listens += self._actuators.listens
         self.listens = tuple(listens)
+        if deployment is not None and self._actuators is not None:
+            self._begin(deployment, 0)
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Make the devices of the commands safe until a program commands them."""
         self._now_ns = now_ns
         self._performer.halt()
+        if self._actuators is not None:
+            self._actuators.start(now_ns)
         return ()
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         """Publish the fields on a tick or a fetch, answer calls, and carry out commands."""
         self._now_ns = now_ns
+        yield from self._handle(message, now_ns)
+        if self._retry_due_ns is not None and now_ns >= self._retry_due_ns:
+            self._retry_due_ns = None
+            self._performer.retry()
+        if self._retry_due_ns is None and not self._performer.is_safe:
+            self._retry_due_ns = now_ns + RETRY_SAFE_NS
+            yield WakeAt(self._retry_due_ns)
+
+    def _handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         actuators = self._actuators
         match message:
             case Tick() if actuators is not None:
                 yield from actuators.tick(message, now_ns, self._publish)
+                self._performer.end_frame()
             case Tick() | Fetch():
                 yield from self._publish(message)
             case Request() | Bounds() if actuators is not None:
@@ -127,7 +173,7 @@ class Service:
             case _:
                 yield from self._calls.handle(message, now_ns)
         if actuators is not None:
-            yield from actuators.carry_out_halt(now_ns)
+            yield from actuators.carry_out(now_ns, self._calls.settle)
 
     def close(self) -> None:
         """Give the actuators their idle commands, and make the devices of the others safe."""
@@ -137,8 +183,15 @@ class Service:
     def _dispatcher(self, methods: tuple[Method, ...]) -> CallDispatcher:
         actuators = self._actuators
         if actuators is None:
-            return CallDispatcher(self.address, methods, other_limit_messages=self._limit_messages)
+            return CallDispatcher(
+                self.address, methods, other_limit_messages=self._limit_messages, failing=self._failing
+            )
         deploy = calls.method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES)
+        reserved = (deploy, *actuators.methods)
+        taken = {m.name for m in methods}.intersection(m.name for m in reserved)
+        if taken:
+            names = ", ".join(f"`{name}`" for name in sorted(taken))
+            raise ValueError(f"{self.address}: found the methods {names}, which servers with commands have")
 
         def on_lost(caller: Caller, now_ns: int) -> Iterable[Effect]:
             actuators.on_lost(caller)
@@ -146,11 +199,15 @@ class Service:
 
         return CallDispatcher(
             self.address,
-            (*methods, deploy),
+            (*methods, *reserved),
             on_lost=on_lost,
             stop=actuators.stop,
             other_limit_messages=self._limit_messages,
+            failing=self._failing,
         )
+
+    def _failing(self) -> tuple[str, ...]:
+        return (*self._reader.failing, *self._performer.failing)
 
     def _limit_messages(self) -> Iterable[str]:
         return self._publisher.limit_messages
@@ -165,7 +222,7 @@ class Service:
                 raise
             except Exception as problem:
                 where = f"{self.address}.{method.name}"
-                self._report(f"{where} failed:\n{traceback.format_exc()}")
+                self._report(failure_text(where, problem))
                 raise RefusedError(
                     "failed", f"{where} failed: {type(problem).__name__}: {exception_text(problem)}"
                 ) from None
@@ -197,8 +254,12 @@ class Service:
         if wrong is not None:
             raise RefusedError("deployment", f"{self.address}.deploy: {wrong}")
         if actuators.lead(call_id.caller, deployed):
-            actuators.activate(deployed, now_ns)
-            self._performer.begin(deployed)
+            self._begin(deployed, now_ns)
+
+    def _begin(self, deployed: Deployment, now_ns: int) -> None:
+        assert self._actuators is not None
+        self._actuators.activate(deployed, now_ns)
+        self._performer.begin(deployed)
 
     def _perform(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         assert self._actuators is not None

@@ -8,12 +8,12 @@ To stop a whole robot, and be sure that it has stopped, use `colony.runtime.kit.
 
 from __future__ import annotations
 
+from colony.ir.servers import DSERVER, RSERVER
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import EMERGENCY_STOP, NoArguments
-from colony.runtime.protocol.fields import SERVERS
 
-ACTUATOR_SERVERS = tuple(s.name for s in SERVERS if s.commands or s.accepts_any_name)
-"""Names of the servers that actuators can be bound to."""
+ACTUATOR_SERVERS = (RSERVER.name, DSERVER.name)
+"""Names of the servers with actuators that most robots have."""
 
 
 def stop() -> Ask[None]:

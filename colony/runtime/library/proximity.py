@@ -14,21 +14,21 @@ from colony.runtime.protocol.calls import NoArguments
 
 
 class SonarReading(msgspec.Struct, frozen=True, kw_only=True):
-    """24 ranges in mm, measured at `t_ns`."""
+    """The range of each sonar in mm, measured at `t_ns`."""
 
     t_ns: int
     ranges: tuple[float, ...]
 
 
 class InfraredReading(msgspec.Struct, frozen=True, kw_only=True):
-    """A flag for each of 24 detectors, True if it saw something at `t_ns`; False if it is not connected."""
+    """A flag for each detector, True if it saw something at `t_ns`; False if it is not connected."""
 
     t_ns: int
     seen: tuple[bool, ...]
 
 
 class SetTimeouts(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `set_timeouts`: the maximum range of each of the 24 sonars in mm."""
+    """Arguments of `set_timeouts`: the maximum range of each of the sonars in mm."""
 
     ranges: tuple[float, ...]
 
@@ -44,7 +44,7 @@ def infrared() -> Ask[InfraredReading | None]:
 
 
 def set_timeouts(ranges: Sequence[float]) -> Ask[None]:
-    """Set the maximum range of each of the 24 sonars in mm (`PROX_TIMEOUT`).
+    """Set the maximum range of each of the sonars in mm (`PROX_TIMEOUT`).
 
     A sonar reads its maximum range if nothing is nearer. The setting applies to all connections, until
     PServer ends.

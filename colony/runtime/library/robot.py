@@ -1,6 +1,7 @@
 """Calls of RServer: move the base, read its state, lock it (thesis section 4.6.3, Table 4.1).
 
-For the emergency stop see `library/emergency.py`.
+`lock`, `unlock` and `ignore_limits` are those of `library/actuator.py`. For the emergency stop see
+`library/emergency.py`.
 
     connection.do(robot.move(1500, velocity=250))
     where = connection.do(robot.position())
@@ -27,6 +28,10 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from colony.runtime.arbitration.motion import Mode
+from colony.runtime.library.actuator import LEASE_S, ClientReport
+from colony.runtime.library.actuator import ignore_limits as ignore_limits
+from colony.runtime.library.actuator import lock as lock
+from colony.runtime.library.actuator import unlock as unlock
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Stopped
@@ -34,28 +39,23 @@ from colony.runtime.protocol.messages import Stopped
 if TYPE_CHECKING:
     from colony.runtime.protocol.deployment import Deployment
 
-LEASE_S = 0.5
-"""Seconds for which a command stays in force if it is not repeated."""
-
 KEEP_SETTING = -1.0
 """Argument for a velocity or acceleration that keeps the value set last."""
 
 MOTION_WAIT_S = 3600.0
 """Timeout in seconds of a call that waits for the end of a motion."""
 
-_MARGIN_S = 1.0
-"""Seconds by which a caller's wait for a lock exceeds the server's."""
-
 
 # --- arguments -------------------------------------------------------------------------------------
 
 
 class Drive(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `drive`: forward mm/s and deg/s counterclockwise, for `lease_s`."""
+    """Arguments of `drive`: forward mm/s, deg/s counterclockwise and mm/s to the left, for `lease_s`."""
 
     velocity: float
     turn: float
     lease_s: float = LEASE_S
+    sideways: float = 0.0
 
 
 class Go(msgspec.Struct, frozen=True, kw_only=True):
@@ -125,18 +125,6 @@ class SetBumper(msgspec.Struct, frozen=True, kw_only=True):
     setting: int
 
 
-class IgnoreLimits(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `ignore_limits`: False to obey the program's limits again."""
-
-    ignoring: bool = True
-
-
-class LockBase(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `lock`: the maximum time to wait for the lock; 0 to not wait."""
-
-    wait_ns: int = 0
-
-
 # --- replies ---------------------------------------------------------------------------------------
 
 
@@ -159,17 +147,6 @@ class Position(msgspec.Struct, frozen=True, kw_only=True):
     y: float
     heading: float
     t_ns: int
-
-
-class ClientReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A client of the program, with its frames counted by the fate of its request."""
-
-    name: str
-    priority: int
-    on_time: int
-    late: int
-    lost: int
-    refused: int
 
 
 class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -218,9 +195,12 @@ class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
 # --- calls -----------------------------------------------------------------------------------------
 
 
-def drive(velocity: float, turn: float, lease: float = LEASE_S) -> Ask[None]:
-    """Drive at `velocity` mm/s, turning `turn` deg/s counterclockwise, for `lease` s or until replaced."""
-    return _command("drive", Drive(velocity=velocity, turn=turn, lease_s=lease))
+def drive(velocity: float, turn: float, lease: float = LEASE_S, *, sideways: float = 0.0) -> Ask[None]:
+    """Drive at `velocity` mm/s, turning `turn` deg/s counterclockwise, for `lease` s or until replaced.
+
+    A base that drives sideways also moves at `sideways` mm/s to the left; others refuse any but 0.
+    """
+    return _command("drive", Drive(velocity=velocity, turn=turn, lease_s=lease, sideways=sideways))
 
 
 def go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
@@ -325,33 +305,8 @@ def speed_setting() -> Ask[float]:
 
 
 def wheel_speed() -> Ask[float]:
-    """Read the mean of the magnitudes of both wheels' measured speeds, in mm/s (`ROBOT_GETWSPEED`)."""
+    """Read the mean of the magnitudes of the wheels' measured speeds, in mm/s (`ROBOT_GETWSPEED`)."""
     return Ask("wheel_speed", NoArguments(), float, "read", repeatable=True)
-
-
-def ignore_limits(ignoring: bool = True) -> Ask[None]:
-    """Drive beyond the limits of the program, or within them again; the ranges and the bumpers still hold.
-
-    This lasts until the end of this connection. Frames that it commands are recorded as unlimited. Users on
-    other machines need the right `unlimited`.
-    """
-    return Ask("ignore_limits", IgnoreLimits(ignoring=ignoring), type(None), "unlimited")
-
-
-def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
-    """Keep all other connections, and the program, from moving the base (`RobotLock`).
-
-    The lock lasts until `unlock` or the end of this connection. If another connection has it, the call waits
-    up to `wait_s`, behind connections of higher priority. Then, or immediately without `wait`, it is refused
-    with the code "locked".
-    """
-    arguments = LockBase(wait_ns=round(wait_s * 1e9) if wait else 0)
-    return Ask("lock", arguments, type(None), "command", wait_s=wait_s + _MARGIN_S if wait else None)
-
-
-def unlock() -> Ask[None]:
-    """Release the lock (`RobotUnlock`)."""
-    return Ask("unlock", NoArguments(), type(None), "command")
 
 
 def arbitration() -> Ask[Arbitration]:

@@ -27,11 +27,25 @@ class Share:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Unheard:
+    """The frames and seconds in which no verdict of `server` arrived: it was down, or was not heard."""
+
+    server: str
+    frames: int
+    seconds: float
+    percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorSummary:
-    """Shares of every client, in descending order of priority, and last the share of idle frames."""
+    """Shares of every client, in descending order of priority, and last the share of idle frames.
+
+    `unheard` are the frames without a verdict; None if there were none.
+    """
 
     actuator: str
     shares: tuple[Share, ...]
+    unheard: Unheard | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +103,17 @@ class Travel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OtherSummary:
+    """Travel of another robot of a simulated world: its name, the kind of `robot` it is, its behavior."""
+
+    name: str
+    robot: str
+    behavior: str
+    bumps: int
+    distance_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ParamsSummary:
     """The params that a site set in `file`, and their hash; `proved` is False for a run without a proof."""
 
@@ -107,6 +132,7 @@ class RunSummary:
     `restarts` counts the restarts of all memory, `skipped` the frames that could not be observed, and
     `unknown` the frames that could not be checked because memory was unknown. On a real robot the travel is
     unknown: `bumps`, `distance_mm` and `mean_speed_mm_s` are None. `params` is None if no site set any.
+    `others` are the other robots of a simulated world.
     """
 
     robot: str
@@ -130,6 +156,7 @@ class RunSummary:
     unwritten: tuple[str, ...] = ()
     unknown: int = 0
     params: ParamsSummary | None = None
+    others: tuple[OtherSummary, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """Return the summary as plain dicts and lists."""
@@ -239,6 +266,7 @@ class Tally:
         rows: list[str | None] = [*self._clients_by_actuator[name], None]
         return ActuatorSummary(
             actuator=name,
+            unheard=self._unheard(name, self.frames - counts.total()),
             shares=tuple(
                 Share(
                     module=module,
@@ -248,6 +276,16 @@ class Tally:
                 )
                 for module in rows
             ),
+        )
+
+    def _unheard(self, actuator: str, frames: int) -> Unheard | None:
+        if not frames:
+            return None
+        return Unheard(
+            server=next(a.server for a in self._compiled.robot.actuators if a.name == actuator),
+            frames=frames,
+            seconds=frames * self._compiled.frame_ns / 1e9,
+            percent=100.0 * frames / self.frames,
         )
 
 
@@ -271,17 +309,13 @@ def render(summary: RunSummary) -> str:
         proved = "" if summary.params.proved else ", UNPROVED"
         lines.append(f"  with the params of {summary.params.file} ({summary.params.hash[:12]}){proved}")
     for actuator in summary.actuators:
-        width = max(len(s.module or "(nobody)") for s in actuator.shares)
-        lines.append(f"  {actuator.actuator} was commanded by")
-        lines += [
-            f"    {share.module or '(nobody)':<{width}}  {share.seconds:7.2f} s  {share.percent:5.1f} %"
-            for share in actuator.shares
-        ]
+        lines += [f"  {actuator.actuator} was commanded by", *_shares(actuator)]
     if summary.distance_mm is not None and summary.mean_speed_mm_s is not None:
         lines.append(
             f"  traveled {summary.distance_mm / 1000:.2f} m "
             f"at {summary.mean_speed_mm_s:.0f} mm/s on average, {counted(summary.bumps or 0, 'bump')}"
         )
+    lines += map(_other_line, summary.others)
     lines += [f"  {r.subject}: {r.kind} in {counted(r.frames, 'frame')}" for r in summary.records]
     lines += [f"  client {t.client}: {t.fate} in {counted(t.frames, 'frame')}" for t in summary.troubles]
     lines += [
@@ -304,6 +338,20 @@ def render(summary: RunSummary) -> str:
     lines += [f"  INTERNAL: {text}" for text in summary.disagreements]
     lines += [] if summary.broke_off is None else [f"  {summary.broke_off}"]
     return "\n".join(lines)
+
+
+def _other_line(other: OtherSummary) -> str:
+    way = f"{other.distance_mm / 1000:.2f} m, {counted(other.bumps, 'bump')}"
+    return f"  {other.name} ({other.robot} with {other.behavior}) traveled {way}"
+
+
+def _shares(actuator: ActuatorSummary) -> list[str]:
+    rows = [(share.module or "(nobody)", share.seconds, share.percent) for share in actuator.shares]
+    if actuator.unheard is not None:
+        unheard = actuator.unheard
+        rows.append((f"(no verdict of {unheard.server})", unheard.seconds, unheard.percent))
+    width = max(len(name) for name, _, _ in rows)
+    return [f"    {name:<{width}}  {seconds:7.2f} s  {percent:5.1f} %" for name, seconds, percent in rows]
 
 
 def _ignored_limits(intervention: InterventionSummary) -> str:

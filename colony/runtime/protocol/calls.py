@@ -161,7 +161,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Result of `status`: the connections, and the number of messages that could not be decoded.
 
     `full` has a message for each limit that is reached, or has been since the server started, and for
-    anything else that needs attention.
+    anything else that needs attention. `failing` has a line for each part of a driver, or of a user's server,
+    that fails now.
     """
 
     server: str
@@ -169,6 +170,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     malformed: int
     last_malformed: str | None
     full: tuple[str, ...] = ()
+    failing: tuple[str, ...] = ()
 
 
 _RIGHTS: dict[Right, tuple[Right, ...]] = {
@@ -196,6 +198,7 @@ class CallDispatcher:
         stop: carries out an emergency stop, given the connection and the time; raises `RefusedError` if it
             could not do all of it. None if the server has nothing to stop.
         other_limit_messages: returns messages for `status` about limits reached in other parts of the server.
+        failing: returns a line for `status` for each driver, or function of a user, that fails now.
     """
 
     def __init__(
@@ -207,8 +210,10 @@ class CallDispatcher:
         on_lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
         stop: Callable[[str, int], None] | None = None,
         other_limit_messages: Callable[[], Iterable[str]] = lambda: (),
+        failing: Callable[[], tuple[str, ...]] = lambda: (),
     ) -> None:
         self._server = server
+        self._failing = failing
         self._stop = stop
         self._other_limit_messages = other_limit_messages
         built_in = (
@@ -446,6 +451,7 @@ class CallDispatcher:
             malformed=self._malformed,
             last_malformed=self._last_malformed,
             full=(*self._limit_messages, *self._other_limit_messages()),
+            failing=self._failing(),
         )
 
     # --- leases --------------------------------------------------------------------------------------

@@ -16,10 +16,10 @@ import msgspec
 from colony.execute.compiled import Compiled
 from colony.execute.needs import BOUNDS
 from colony.ir.program import Actuator, sent_name
-from colony.ir.types import Bool, ScalarValue
+from colony.ir.servers import DSERVER
+from colony.ir.types import Bool, Enum, ScalarValue
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.interface import MAX_DIGESTS, Interface, interface_of
 from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS
 
@@ -47,15 +47,19 @@ MAX_REPORTED = 5
 MAX_NAME_LENGTH = 255
 """Maximum number of characters of any name in a deployment."""
 
+LIMITS_RUN = "limits"
+"""Name of the run of a description's limits; the names of programs' runs begin with their dates."""
+
 
 class ActuatorFieldSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """A field of an actuator; `low` and `high` are in base units."""
+    """A field of an actuator; `low` and `high` are in base units, `members` are the numbers of an enum."""
 
     name: str
     kind: Literal["bool", "number"]
     factor: float
     low: float | None
     high: float | None
+    members: tuple[float, ...] = ()
 
 
 class ActuatorSpec(msgspec.Struct, frozen=True, kw_only=True, rename={"field_indices": "places"}):
@@ -87,7 +91,8 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modu
     relays. `servers` are read in addition to the servers that every robot has. With `lockstep`, each frame
     begins as soon as the previous one is decided, instead of after `frame_ns`. `reads` are the variables that
     the program's sensors are bound to: DServer's frames show them. `interface` is the one against which
-    the program was checked.
+    the program was checked. A `resident` deployment yields to every other one: it has the limits of the
+    robot, which hold while no program runs.
     """
 
     run: str
@@ -100,6 +105,7 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modu
     servers: tuple[str, ...] = ()
     reads: tuple[str, ...] = ()
     interface: Interface = Interface()
+    resident: bool = False
 
 
 def deployment(
@@ -110,6 +116,7 @@ def deployment(
     seed: int,
     lockstep: bool = False,
     servers: tuple[str, ...] = (),
+    resident: bool = False,
 ) -> Deployment:
     """Return the deployment of a compiled program."""
     limited = frozenset(limited_actuators(compiled))
@@ -133,13 +140,13 @@ def deployment(
         servers=servers,
         reads=variables_read(bindings),
         interface=interface_of(compiled.robot),
+        resident=resident,
     )
 
 
 def limited_actuators(compiled: Compiled) -> tuple[str, ...]:
-    """Return the actuators with limits that connections may command: those of DServer have no others."""
-    actuators = compiled.code.actuators
-    return tuple(a.actuator.name for a in actuators if a.limits and a.actuator.server != DSERVER.name)
+    """Return the actuators with limits, to which the commands of connections are held."""
+    return tuple(a.actuator.name for a in compiled.code.actuators if a.limits)
 
 
 def variables_read(bindings: Bindings) -> tuple[str, ...]:
@@ -242,6 +249,7 @@ def actuator_spec(
                 factor=f.factor,
                 low=f.low,
                 high=f.high,
+                members=tuple(number for _, number in f.type.members) if isinstance(f.type, Enum) else (),
             )
             for f in actuator.fields
         ),

@@ -1,4 +1,7 @@
-"""Leadership of a run at a server: no other run is deployed while its leader is connected."""
+"""Leadership of a run at a server: no other run is deployed while its leader is connected.
+
+A resident run yields: it is deployed while no other leader is connected, until another one deploys.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,13 @@ class Leadership:
     def __init__(self, server: str) -> None:
         self._server = server
         self._run: str | None = None
+        self._resident = False
         self._leader: Caller | None = None
+
+    @property
+    def leader(self) -> Caller | None:
+        """The leader of the deployed run, None if it is not connected."""
+        return self._leader
 
     def take(self, caller: Caller, deployed: Deployment) -> bool:
         """Make a caller the leader; return True if its run is new, False if it is deployed already.
@@ -22,7 +31,7 @@ class Leadership:
             RefusedError: "busy" while the leader of another run is connected; "arguments" for an invalid
                 deployment.
         """
-        leader = self._leader
+        leader = None if self._resident and not deployed.resident else self._leader
         if leader is not None and deployed.run != self._run and leader.connection != caller.connection:
             text = f"{self._server} is in the run `{self._run}`, which {leader.name} leads"
             raise RefusedError("busy", text)
@@ -31,7 +40,7 @@ class Leadership:
             raise RefusedError("arguments", f"{self._server}.deploy: {'; '.join(wrong)}")
         self._leader = caller
         new = deployed.run != self._run
-        self._run = deployed.run
+        self._run, self._resident = deployed.run, deployed.resident
         return new
 
     def on_lost(self, caller: Caller) -> None:

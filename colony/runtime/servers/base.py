@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
+from colony.ir.servers import RSERVER
 from colony.runtime.arbitration.motion import STILL, BaseObservation, OdometerPose, Speeds
 from colony.runtime.frames.publishing import Fields
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import CallId, Method, NoArguments, RefusedError, method
-from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.drivers import BaseDriver, BaseLimits, BaseState
+from colony.runtime.servers.drivers import BaseDriver, BaseLimits, BaseState, OmnidirectionalDriver
 from colony.runtime.servers.piloting import Bumper
 from colony.runtime.servers.virtual_position import Odometer
 
@@ -30,6 +31,7 @@ class Base:
 
     def __init__(self, driver: BaseDriver) -> None:
         self._driver = driver
+        self._drives_sideways = driver.limits.sideways > 0.0
         self._odometer = Odometer(driver.register_bits)
         self._pose = OdometerPose(0.0, 0.0, 0.0)
         self._state: BaseState | None = None
@@ -72,10 +74,14 @@ class Base:
             "speed_setting": Sample(self._setting.velocity, t_ns),
             "turn_setting": Sample(self._setting.turn, t_ns),
         }
+        if self._drives_sideways:
+            settings["sideways_setting"] = Sample(self._setting.sideways, t_ns)
         state = self._state
         if state is None:
             return settings
         t = state.t_ns
+        if self._drives_sideways:
+            settings["sideways_speed"] = Sample(state.sideways_speed, t)
         return {
             "bumper": Sample(state.front_bumper or state.rear_bumper, t),
             "front_bumper": Sample(state.front_bumper, t),
@@ -94,15 +100,18 @@ class Base:
         return BaseObservation(self._odometer.continuous_pose, self._setting, elapsed_s)
 
     def drive(self, speeds: Speeds) -> Bumper | None:
-        """Send these speeds to the base; send only the turn if a pressed bumper blocks the motion.
+        """Send these speeds to the base; a pressed bumper blocks the velocity toward it.
 
         Returns:
             The bumper that blocks the motion, as of the last `refresh`; None if there is none, or if bumpers
             are ignored.
         """
         bumper = self._blocking_bumper(speeds.velocity)
-        self._setting = speeds if bumper is None else Speeds(0.0, speeds.turn)
-        self._driver.drive(*self._setting)
+        setting = self._setting = speeds if bumper is None else speeds._replace(velocity=0.0)
+        if self._drives_sideways:
+            cast(OmnidirectionalDriver, self._driver).drive(*setting)
+        else:
+            self._driver.drive(setting.velocity, setting.turn)
         return bumper
 
     def stop(self) -> None:

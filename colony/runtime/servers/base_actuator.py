@@ -6,12 +6,11 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from colony.ir.program import Actuator, ActuatorField
+from colony.ir.servers import OMNIDIRECTIONAL_RSERVER, RSERVER
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.motion import Speeds
-from colony.runtime.protocol.bindings import ActuatorBinding
-from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuator_spec, actuators_of
-from colony.runtime.protocol.fields import RSERVER
+from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of
+from colony.runtime.servers.built_in import built_in_actuator
 from colony.runtime.servers.drivers import BaseLimits
 from colony.runtime.servers.motion_commands import Range, full_range
 
@@ -19,18 +18,10 @@ FRAME_NS = 50_000_000
 """Frame period of a robot without a program, in nanoseconds."""
 
 _DRIVE = RSERVER.commands[0]
+_DRIVE_SIDEWAYS = OMNIDIRECTIONAL_RSERVER.commands[0]
 
-_BUILT_IN = actuator_spec(
-    Actuator(
-        name=_DRIVE.name,
-        fields=tuple(ActuatorField(name=p.name, type=p.type) for p in _DRIVE.parameters),
-        server=RSERVER.name,
-        command=_DRIVE.name,
-        idle=(0.0, 0.0),
-    ),
-    ActuatorBinding(actuator=_DRIVE.name, server=RSERVER.name, command=_DRIVE.name, field_indices=(0, 1)),
-    (),
-)
+_BUILT_IN = built_in_actuator(RSERVER.name, _DRIVE, idle=(0.0, 0.0))
+_BUILT_IN_SIDEWAYS = built_in_actuator(RSERVER.name, _DRIVE_SIDEWAYS, idle=(0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +47,7 @@ class BaseActuator:
     def values(self, speeds: Speeds) -> tuple[float, ...]:
         """Return the values of the actuator for these speeds; a speed without a field is dropped."""
         values = [0.0] * len(self.spec.fields)
-        for i, speed in zip(self.spec.field_indices, speeds, strict=True):
+        for i, speed in zip(_indices(self.spec), speeds, strict=True):
             if i is not None:
                 values[i] = speed
         return tuple(values)
@@ -64,22 +55,22 @@ class BaseActuator:
 
 def speeds_of(actuator: ActuatorSpec, values: tuple[ScalarValue, ...]) -> Speeds:
     """Return the speeds of a command in base units; a missing parameter is 0."""
-    velocity, turn = (0.0 if i is None else float(values[i]) for i in actuator.field_indices)
-    return Speeds(velocity, turn)
+    return Speeds(*[0.0 if i is None else float(values[i]) for i in _indices(actuator)])
 
 
 def sent_speeds(actuator: ActuatorSpec, values: tuple[ScalarValue, ...], proposed: Speeds) -> Speeds:
     """Return the speeds of an outside command as it was sent; a speed without a field is the proposed one."""
-    pairs = zip(actuator.field_indices, proposed, strict=True)
+    pairs = zip(_indices(actuator), proposed, strict=True)
     return Speeds(*[speed if i is None else float(values[i]) for i, speed in pairs])
 
 
 def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuator:
     """Return the actuator bound to the base in a valid deployment, else the built-in one."""
+    built_in = _BUILT_IN_SIDEWAYS if limits.sideways > 0.0 else _BUILT_IN
     if deployed is None:
-        return BaseActuator(run="", frame_ns=FRAME_NS, spec=_BUILT_IN, allowed=full_range(limits), clients={})
+        return BaseActuator(run="", frame_ns=FRAME_NS, spec=built_in, allowed=full_range(limits), clients={})
     specs = actuators_of(deployed, RSERVER.name)
-    spec = specs[0] if specs else _BUILT_IN
+    spec = specs[0] if specs else built_in
     return BaseActuator(
         run=deployed.run,
         frame_ns=deployed.frame_ns,
@@ -91,12 +82,12 @@ def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuat
     )
 
 
-def mismatch(deployed: Deployment) -> str | None:
-    """Return the reason why a deployment does not fit the base, or None."""
-    return next(_mismatches(deployed), None)
+def mismatch(deployed: Deployment, limits: BaseLimits) -> str | None:
+    """Return the reason why a deployment does not fit the base with these limits, or None."""
+    return next(_mismatches(deployed, limits), None)
 
 
-def _mismatches(deployed: Deployment) -> Iterator[str]:
+def _mismatches(deployed: Deployment, limits: BaseLimits) -> Iterator[str]:
     if not deployed.run:
         yield "a run without a name"
     specs = [spec for spec in deployed.actuators if spec.server == RSERVER.name]
@@ -104,15 +95,18 @@ def _mismatches(deployed: Deployment) -> Iterator[str]:
         names = " and ".join(f"`{spec.name}`" for spec in specs)
         yield f"{names} command the base; expected one actuator"
     for spec in specs:
-        yield from _spec_mismatches(spec)
+        yield from _spec_mismatches(spec, limits)
 
 
-def _spec_mismatches(spec: ActuatorSpec) -> Iterator[str]:
+def _spec_mismatches(spec: ActuatorSpec, limits: BaseLimits) -> Iterator[str]:
     if spec.command != _DRIVE.name:
         yield f"`{spec.name}`: {RSERVER.name} has no command `{spec.command}`"
     count = len(spec.fields)
-    if len(spec.field_indices) != len(_DRIVE.parameters):
-        yield f"`{spec.name}`: {len(spec.field_indices)} parameters; expected {len(_DRIVE.parameters)}"
+    expected = (len(_DRIVE.parameters), len(_DRIVE_SIDEWAYS.parameters))
+    if len(spec.field_indices) not in expected:
+        yield f"`{spec.name}`: {len(spec.field_indices)} parameters; expected {expected[0]} or {expected[1]}"
+    elif _indices(spec)[-1] is not None and limits.sideways == 0.0:
+        yield f"`{spec.name}`: it drives sideways, which this base cannot"
     if any(i is not None and not 0 <= i < count for i in spec.field_indices):
         yield f"`{spec.name}`: a parameter is not one of its {count} fields"
     if any(field.kind != "number" for field in spec.fields):
@@ -133,8 +127,21 @@ def _is_finite_number(value: ScalarValue) -> bool:
 def _range(spec: ActuatorSpec, limits: BaseLimits) -> Range:
     """Return the program's range within the base's limits; a speed without a field has the base's limits."""
     full = full_range(limits)
-    velocity, turn = spec.field_indices
-    return full._replace(velocity=_narrow(full.velocity, spec, velocity), turn=_narrow(full.turn, spec, turn))
+    velocity, turn, sideways = _indices(spec)
+    return full._replace(
+        velocity=_narrow(full.velocity, spec, velocity),
+        turn=_narrow(full.turn, spec, turn),
+        sideways=_narrow(full.sideways, spec, sideways),
+    )
+
+
+def _indices(spec: ActuatorSpec) -> tuple[int | None, int | None, int | None]:
+    """Return the indices of the fields of velocity, turn and sideways speed; None for one without a field.
+
+    An actuator that was bound to a base that cannot drive sideways has no index for it.
+    """
+    velocity, turn, sideways = (*spec.field_indices, None)[: len(_DRIVE_SIDEWAYS.parameters)]
+    return velocity, turn, sideways
 
 
 def _narrow(full: tuple[float, float], spec: ActuatorSpec, index: int | None) -> tuple[float, float]:

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import msgspec
 
+from colony.ir.servers import DSERVER
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Checkpoint, Recall, Send
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from colony.execute.needs import BOUNDS
 from colony.ir.program import sent_name
 from colony.ir.types import ScalarValue
-from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing
+from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing, with_notes
 from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorSpec
@@ -135,15 +135,24 @@ class CommandDispatcher:
         """True if `halt` has an idle command to carry out."""
         return any(spec.idle is not None for spec in self._actuators.values())
 
+    @property
+    def actuators(self) -> tuple[ActuatorSpec, ...]:
+        """The actuators."""
+        return tuple(self._actuators.values())
+
     def tick(
-        self, tick: Tick, now_ns: int, interventions: Interventions = NO_INTERVENTIONS
+        self,
+        tick: Tick,
+        now_ns: int,
+        interventions: Callable[[ActuatorSpec], Interventions] = lambda actuator: NO_INTERVENTIONS,
     ) -> Iterable[Effect]:
-        """Open the frame of every actuator; `interventions` compete with its clients."""
+        """Open the frame of every actuator, with the `interventions` that compete with its clients."""
         self._k = max(self._k, tick.k)
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
             lost = frozenset(clients[address] for address in tick.lost if address in clients)
-            yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, interventions), now_ns)
+            intervening = interventions(self._actuators[name])
+            yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, intervening), now_ns)
         yield from self._schedule_wake()
 
     def end_before(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
@@ -172,6 +181,12 @@ class CommandDispatcher:
             if spec.idle is not None:
                 self._given[name] = spec.idle
 
+    def forget_given(self, command: str) -> None:
+        """Forget what was given to the actuator of a command, because others have commanded it since."""
+        for name, spec in self._actuators.items():
+            if spec.command == command:
+                self._given.pop(name, None)
+
     def request(self, request: Request, now_ns: int) -> Iterable[Effect]:
         """Handle a client's request; ignore one for an actuator of another server."""
         arbiter = self._arbiters.get(request.actuator)
@@ -199,7 +214,8 @@ class CommandDispatcher:
         for name, spec in self._actuators.items():
             yield from self.intervene(name, STOPPED, now_ns)
             if spec.idle is not None:
-                self._send(spec, spec.idle, now_ns)
+                for note in self._send(spec, spec.idle, now_ns):
+                    self.add_note(name, note)
 
     def note_malformed(self, message: Malformed) -> None:
         """Add a note about a malformed request to the verdicts of the frame."""
@@ -237,28 +253,34 @@ class CommandDispatcher:
             yield WakeAt(due)
 
     def _carry_out(self, name: str, events: tuple[Event, ...], now_ns: int) -> Iterator[Effect]:
+        unsent: list[str] = []  # notes of frames whose verdict was made with the dispatch
         for event in events:
             if isinstance(event, Dispatch):
                 spec = self._actuators[name]
                 self._on_dispatch(spec, event, now_ns)
                 if event.values is not None:
-                    self._send(spec, event.values, now_ns)
+                    unsent += self._send(spec, event.values, now_ns)
             else:
-                self._counts[name].add(event)
+                verdict, unsent = with_notes(event, unsent), []
+                self._counts[name].add(verdict)
                 if self._publish:
-                    yield Send(topics.VERDICTS, event)
+                    yield Send(topics.VERDICTS, verdict)
+        for note in unsent:
+            self.add_note(name, note)
 
-    def _send(self, spec: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+    def _send(self, spec: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> tuple[str, ...]:
+        """Carry out a command; return notes for the verdict, why it was not carried out."""
         before, self._given[spec.name] = self._given.get(spec.name), values
         try:
             self._perform(spec, values, now_ns)
         except NotSentError as problem:
-            self.add_note(spec.name, f"frame {self._k}: {problem}")
             given = before if problem.instead is None else problem.instead
             if given is None:
-                del self._given[spec.name]
+                self._given.pop(spec.name, None)
             else:
                 self._given[spec.name] = given
+            return (f"frame {self._k}: {problem}",)
+        return ()
 
     def _schedule_wake(self) -> Iterator[Effect]:
         times = (arbiter.wake_at for arbiter in self._arbiters.values())

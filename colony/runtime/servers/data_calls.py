@@ -11,19 +11,20 @@ from typing import Any
 
 import msgspec
 
+from colony.ir.servers import DSERVER
 from colony.runtime.library.data import (
     Publish,
     Watch,
 )
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Handler, Later, Method, RefusedError, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
 from colony.runtime.servers.call_answers import CallAnswers
 from colony.runtime.servers.data_methods import MAX_NAMES_BYTES, DataMethods, check_count
 from colony.runtime.servers.frame_content import FrameSubscriptions
 from colony.runtime.servers.names import validate_name
 from colony.runtime.servers.notices import SLICE_INTERVAL_NS, NoticeQueue
+from colony.runtime.servers.outside_control import Answer
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import (
     Variables,
@@ -108,6 +109,10 @@ class DataCalls:
         yield from self._settle(now_ns)
         if self._notices.pending:
             yield from self._send_notices(now_ns)
+
+    def settle(self, answers: Iterable[Answer]) -> Iterator[Effect]:
+        """Answer calls of other methods that waited."""
+        yield from self._calls.settle(answers)
 
     def changed(self, names: Iterable[str], now_ns: int) -> Iterator[Effect]:
         """Send notices about variables that actuators have set."""

@@ -11,8 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from colony.ir.servers import ServerSpec
+from colony.ir.types import ScalarValue, Value
 from colony.runtime.protocol.images import Shot
 from colony.runtime.protocol.messages import Sample
+
+MAX_PROBLEM_LENGTH = 200
+"""Maximum length of the problem of a driver, in characters; the rest is cut off."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,8 +25,8 @@ class BaseState:
     """One consistent snapshot of a base, taken at `t_ns`.
 
     Dead reckoning gives the position in mm (x east, y north) and the heading in degrees (0 north,
-    counterclockwise, in [0, 360)). Speeds are measured, in mm/s and deg/s; `wheel_speed` is the mean
-    magnitude of both wheels' speeds.
+    counterclockwise, in [0, 360)). Speeds are measured, in mm/s and deg/s; `sideways_speed` is positive to
+    the left, and `wheel_speed` is the mean magnitude of the wheels' speeds.
     """
 
     t_ns: int
@@ -33,20 +38,26 @@ class BaseState:
     speed: float
     turn_rate: float
     wheel_speed: float
+    sideways_speed: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseLimits:
-    """The limits of a base, in either direction: mm/s, deg/s, mm/s^2 and deg/s^2."""
+    """The limits of a base, in either direction: mm/s, deg/s, mm/s^2 and deg/s^2.
+
+    The sideways ones are 0 for a base that cannot drive sideways.
+    """
 
     velocity: float
     turn: float
     acceleration: float
     turn_acceleration: float
+    sideways: float = 0.0
+    sideways_acceleration: float = 0.0
 
 
 class BaseDriver(Protocol):
-    """A base with two driven wheels (thesis section 4.6.3)."""
+    """A base (thesis section 4.6.3)."""
 
     @property
     def limits(self) -> BaseLimits:
@@ -71,15 +82,28 @@ class BaseDriver(Protocol):
         ...
 
 
+class OmnidirectionalDriver(BaseDriver, Protocol):
+    """A base that drives sideways, too: the limit of its sideways speed is above 0."""
+
+    def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:
+        """Drive as a `BaseDriver` does, and at `sideways` mm/s to the left."""
+        ...
+
+
 class ProximityDriver(Protocol):
-    """Rings of 24 sonars and 24 infrared detectors (thesis section 4.6.2)."""
+    """A ring of sonars, and one of infrared detectors (thesis section 4.6.2)."""
+
+    @property
+    def count(self) -> int:
+        """The number of sonars, and of infrared detectors."""
+        ...
 
     def sonar(self) -> Sample | None:
-        """Return 24 ranges in mm, or None."""
+        """Return the ranges in mm, or None."""
         ...
 
     def infrared(self) -> Sample | None:
-        """Return 24 bools, True for a detector that sees something, or None."""
+        """Return bools, True for a detector that sees something, or None."""
         ...
 
 
@@ -91,10 +115,71 @@ class CameraDriver(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A measurement and its age: the nanoseconds since the device took it, at least 0.
+
+    In an array an element is None if it is invalid, and infinite if there was no echo.
+    """
+
+    value: Value | tuple[ScalarValue | None, ...]
+    age_ns: int
+
+
+def problems_of(driver: object) -> tuple[str, ...]:
+    """Return what a driver says that it suffers from: its property `problem`, a text, which it may lack.
+
+    A driver whose device works has the problem None.
+    """
+    try:
+        problem = getattr(driver, "problem", None)
+        return (problem[:MAX_PROBLEM_LENGTH],) if isinstance(problem, str) and problem else ()
+    except Exception:  # a property of a user's class
+        return ()
+
+
+class DeviceDriver(Protocol):
+    """A device with fields and commands of any kind, in the units that the robot's interface declares.
+
+    A driver may be a class of a user. Whatever it raises is reported, and counts as no value or as a command
+    that was not sent. A driver may have a property `problem`: why its device does not work now, or None.
+    """
+
+    def fields(self) -> Mapping[str, Reading | None]:
+        """Return the newest reading of each field; None, or nothing, for one that has no value."""
+        ...
+
+    def command(self, name: str, values: Mapping[str, ScalarValue]) -> None:
+        """Carry out a command, with its parameters by name, once in each frame that decides for one."""
+        ...
+
+    def safe(self) -> None:
+        """Make the device safe.
+
+        Called when its server starts and ends; and at an emergency stop or when the Clock is silent, if the
+        actuator has no idle command.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the device."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drivers:
-    """The devices of one robot; the keys of `cameras` are the names of their servers."""
+    """The devices of one robot.
 
-    base: BaseDriver
-    proximity: ProximityDriver
+    Attributes:
+        servers: what its servers offer, including those that every robot has.
+        base: the base; None for a robot without one.
+        proximity: the ring of sonars, if it has one.
+        cameras: its cameras, by the names of their servers.
+        devices: its other devices, by the names of their servers.
+    """
+
+    servers: tuple[ServerSpec, ...]
+    base: BaseDriver | None = None
+    proximity: ProximityDriver | None = None
     cameras: Mapping[str, CameraDriver] = field(default_factory=dict)
+    devices: Mapping[str, DeviceDriver] = field(default_factory=dict)

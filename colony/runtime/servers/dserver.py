@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
+from colony.ir.servers import DSERVER
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.protocol import topics
@@ -26,10 +27,10 @@ from colony.runtime.protocol.deployment import (
     actuators_of,
     client_addresses,
 )
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
+    Bounds,
     Call,
     Checkpoint,
     Effect,
@@ -117,7 +118,10 @@ class DServer:
             self._answers,
             self._watches,
             self._frame_subscriptions,
-            other_methods=(method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),),
+            other_methods=(
+                *self._actuators.methods,
+                method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),
+            ),
             on_lost=self._actuators.on_lost,
             stop=self._actuators.stop,
             other_limit_messages=self.limit_messages,
@@ -144,6 +148,7 @@ class DServer:
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Backdate loaded values that another clock dated, and give earlier connections time to reconnect."""
         self._variables.backdate(now_ns, all_values=self._other_clock)
+        self._actuators.start(now_ns)
         return self._calls.start(now_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
@@ -161,7 +166,7 @@ class DServer:
                 yield from self._relay.fetch(message)
             case Announcement():
                 yield from self._relay.announce(message, now_ns)
-            case Request():
+            case Request() | Bounds():
                 yield from self._actuators.handle(message, now_ns)
             case Checkpoint():
                 self._checkpoints.put(message)
@@ -176,7 +181,7 @@ class DServer:
                 yield from self._calls.handle(message, now_ns)
             case _:
                 return
-        yield from self._actuators.carry_out_halt(now_ns)
+        yield from self._actuators.carry_out(now_ns, self._calls.settle)
         if self._changed:
             changed, self._changed = self._changed, []
             yield from self._calls.changed(changed, now_ns)

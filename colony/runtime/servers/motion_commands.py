@@ -18,16 +18,21 @@ from colony.runtime.servers.drivers import BaseLimits
 
 
 class Range(NamedTuple):
-    """The minimum and maximum speeds in mm/s and deg/s counterclockwise, and the maximum accelerations."""
+    """The minimum and maximum speeds, as those of `Speeds`, and the maximum accelerations."""
 
     velocity: tuple[float, float]
     turn: tuple[float, float]
+    sideways: tuple[float, float]
     acceleration: float
     turn_acceleration: float
 
     def clamp(self, speeds: Speeds) -> Speeds:
         """Return the nearest allowed speeds."""
-        return Speeds(_clamp(speeds.velocity, self.velocity), _clamp(speeds.turn, self.turn))
+        return Speeds(
+            _clamp(speeds.velocity, self.velocity),
+            _clamp(speeds.turn, self.turn),
+            _clamp(speeds.sideways, self.sideways),
+        )
 
 
 def full_range(limits: BaseLimits) -> Range:
@@ -35,6 +40,7 @@ def full_range(limits: BaseLimits) -> Range:
     return Range(
         (-limits.velocity, limits.velocity),
         (-limits.turn, limits.turn),
+        (0.0 - limits.sideways, limits.sideways),
         limits.acceleration,
         limits.turn_acceleration,
     )
@@ -63,7 +69,11 @@ def drive(arguments: robot.Drive, allowed: Range) -> Motion:
     """Return a motion at the given speeds."""
     velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
     turn = _in_range("turn", arguments.turn, allowed.turn, "deg/s")
-    return motion.ConstantSpeeds(speeds=Speeds(velocity, turn))
+    if arguments.sideways and not any(allowed.sideways):
+        found = f"sideways is {arguments.sideways:g} mm/s"
+        raise RefusedError("arguments", f"{found}; the base does not drive sideways")
+    sideways = _in_range("sideways", arguments.sideways, allowed.sideways, "mm/s")
+    return motion.ConstantSpeeds(speeds=Speeds(velocity, turn, sideways))
 
 
 def go(

@@ -1,8 +1,9 @@
-"""Control of the base by connections outside the network: their motions, the lock, the emergency stop.
+"""Control of the base by connections outside the network: their motions.
 
-The pilot handles the calls of Table 4.1 that move the base. For each frame, it returns the commands that
-connections request (`interventions`). Arbitration decides, and reports the result to the pilot
-(`on_dispatch`), so that only the motion that was carried out progresses. The pilot does not use a driver.
+The pilot handles the calls of Table 4.1 that move the base, under the rules of `outside_control.py`. For each
+frame, it returns the commands that connections request (`interventions`). Arbitration decides, and reports
+the result to the pilot (`on_dispatch`), so that only the motion that was carried out progresses. The pilot
+does not use a driver.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from typing import Literal, NamedTuple
 from colony.runtime.arbitration import motion
 from colony.runtime.arbitration.ballot import Interventions, OutsideCommand
 from colony.runtime.arbitration.frame_bounds import LIMITS_UNKNOWN
-from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.arbitration.motion import BaseObservation, FiniteMotion, Mode, Motion, Speeds, Step
 from colony.runtime.arbitration.outside import Commander, OutsideCommanders, lease_end
 from colony.runtime.arbitration.stop_latch import StopFollower
@@ -22,24 +22,21 @@ from colony.runtime.protocol.calls import LATER, CallId, Later, Method, NoArgume
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.servers import motion_commands
 from colony.runtime.servers.drivers import BaseLimits
-
-Answer = tuple[CallId, float | RefusedError | None]
-"""A call that waited, and its result or refusal."""
+from colony.runtime.servers.outside_control import Contest, OutsideControl
 
 Bumper = Literal["front", "rear"]
 
 
 class _Proposal(NamedTuple):
-    commander: Commander
+    commander: Commander[Motion]
     step: Step
     speeds: Speeds
 
 
-class Pilot:
-    """The commands of outside connections. Mutable.
+class Pilot(OutsideControl[Motion]):
+    """The motions of outside connections. Mutable.
 
     `allowed` (the range) and `clients` (the clients of the network by priority) are those of the deployment.
-    `answers` are the results of calls that have ended; the owner of the pilot empties the list.
 
     Args:
         limits: the limits of the base.
@@ -56,23 +53,19 @@ class Pilot:
         values: Callable[[Speeds], tuple[float, ...]],
         is_ticking: Callable[[int], bool],
     ) -> None:
-        self._emergency = emergency
+        super().__init__(lambda: (self._contest,), emergency, is_ticking, "the base")
         self._values = values
-        self._is_ticking = is_ticking
         self._settings = motion_commands.initial_settings(limits)
         self._proposal: _Proposal | None = None
-        self.outside_commanders = OutsideCommanders()
-        self.lock = LockQueue()
+        self.outside_commanders = OutsideCommanders[Motion]()
         self.allowed = motion_commands.full_range(limits)
         self.clients: Mapping[int, str] = {}
         self.mode: Mode = "joystick"
-        self.answers: list[Answer] = []
-        self.changed = False
-        """True if a command began or ended; set to False by the owner."""
 
     @property
     def methods(self) -> tuple[Method, ...]:
         """The methods of the pilot."""
+        ignore_limits, lock, unlock = super().methods
         return (
             method("drive", robot.Drive, self._drive),
             method("go", robot.Go, self._go),
@@ -83,10 +76,14 @@ class Pilot:
             method("turn", robot.Turn, self._turn),
             method("continuous_turn", robot.ContinuousTurn, self._continuous_turn),
             method("mode", NoArguments, lambda *_: self.mode, right="read"),
-            method("ignore_limits", robot.IgnoreLimits, self._ignore_limits, right="unlimited"),
-            method("lock", robot.LockBase, self._acquire_lock),
-            method("unlock", NoArguments, self._release_lock),
+            ignore_limits,
+            lock,
+            unlock,
         )
+
+    @property
+    def _contest(self) -> Contest[Motion]:
+        return Contest(self.outside_commanders, self.clients)
 
     # --- frames --------------------------------------------------------------------------------------
 
@@ -103,7 +100,7 @@ class Pilot:
             values: tuple[float, ...] = ()
             if self._proposal is None and (holder is None or holder.connection == caller.connection):
                 values = self._propose(commander, observation, now_ns)
-                if commander.motion is None:
+                if commander.command is None:
                     continue
             commands.append(
                 OutsideCommand(caller.connection, caller.priority, values, unlimited=commander.unlimited)
@@ -112,9 +109,11 @@ class Pilot:
             return Interventions(tuple(commands))
         return Interventions(tuple(commands), "locked", holder.connection)
 
-    def _propose(self, commander: Commander, observation: BaseObservation, now_ns: int) -> tuple[float, ...]:
-        assert commander.motion is not None
-        step = motion.step(commander.motion, observation)
+    def _propose(
+        self, commander: Commander[Motion], observation: BaseObservation, now_ns: int
+    ) -> tuple[float, ...]:
+        assert commander.command is not None
+        step = motion.step(commander.command, observation)
         held_since_ns = commander.held_since_ns
         if held_since_ns is not None and now_ns - held_since_ns > motion.STALL_TIMEOUT_S * 1e9:
             step = step._replace(end=step.end or "stalled")
@@ -145,12 +144,12 @@ class Pilot:
         if proposal is not None and proposal.commander.caller.connection != outside:
             proposal = None
         for commander in self.outside_commanders.commanding:
-            if commander.motion is not None and (proposal is None or commander is not proposal.commander):
-                commander.motion = motion.interrupt(commander.motion)
+            if commander.command is not None and (proposal is None or commander is not proposal.commander):
+                commander.command = motion.interrupt(commander.command)
         if proposal is None:
             return None
         commander, sent = proposal.commander, bound(proposal.speeds)
-        commander.motion = proposal.step.motion if sent else motion.interrupt(proposal.step.motion)
+        commander.command = proposal.step.motion if sent else motion.interrupt(proposal.step.motion)
         commander.fault = fault
         commander.held_at_rest = motion.is_held_at_rest(proposal.step.motion, proposal.speeds, sent)
         if not (commander.held_at_rest and motion.is_stalling(proposal.step.motion)):
@@ -170,18 +169,18 @@ class Pilot:
     def on_bumper(self, connection: str, bumper: Bumper, observation: BaseObservation) -> None:
         """End the move or arc of a connection, because a bumper stopped it."""
         for commander in self.outside_commanders.commanding:
-            moving = isinstance(commander.motion, motion.Move | motion.Arc)
+            moving = isinstance(commander.command, motion.Move | motion.Arc)
             if moving and commander.caller.connection == connection:
                 self._end(commander, bumper, observation)
 
     def _end(
         self,
-        commander: Commander,
+        commander: Commander[Motion],
         reason: Literal["done", "stalled", "front", "rear"],
         observation: BaseObservation,
     ) -> None:
-        ended, call_id = commander.motion, commander.call_id
-        commander.motion = commander.call_id = commander.lease_end_ns = commander.held_since_ns = None
+        ended, call_id = commander.command, commander.call_id
+        commander.end()
         self.mode = "go"
         if call_id is None or not isinstance(ended, FiniteMotion):
             return
@@ -203,104 +202,46 @@ class Pilot:
                 connection=commander.caller.connection,
                 name=commander.caller.name,
                 priority=commander.caller.priority,
-                commands=None if commander.motion is None else motion.mode(commander.motion),
+                commands=None if commander.command is None else motion.mode(commander.command),
                 lease_s=None if commander.lease_end_ns is None else (commander.lease_end_ns - now_ns) / 1e9,
                 unlimited=commander.unlimited,
             )
             for commander in self.outside_commanders.all
         )
 
-    # --- ends of outside commands --------------------------------------------------------------------
-
-    def cancel(self, refused: RefusedError, except_connection: str | None = None) -> None:
-        """Cancel all commands, except those of one connection."""
-        for commander in self.outside_commanders.all:
-            if commander.caller.connection != except_connection:
-                self._cancel(commander, refused)
-
     def on_limits_end(self) -> None:
         """Cancel the commands that the limits of a program held, because its run ended."""
-        refused = RefusedError("limits", "the run whose limits held this command ended")
-        for commander in self.outside_commanders.all:
-            if not commander.unlimited:
-                self._cancel(commander, refused)
-        self.changed = True
+        self.end_limited(self._contest)
 
     def stop(self) -> None:
         """Cancel all commands because of the emergency stop."""
-        self.cancel(self._stop_refusal())
+        super().stop()
         self.mode = "joystick"
-        self.changed = True
-
-    def on_lost(self, caller: Caller) -> None:
-        """Remove a connection that ended, with its command and its lock."""
-        commander = self.outside_commanders.find(caller)
-        self.changed = self.changed or (commander is not None and commander.motion is not None)
-        self.outside_commanders.leave(caller)
-        self._on_grant(self.lock.drop(caller))
-
-    def expire(self, now_ns: int) -> None:
-        """Refuse calls whose wait for the lock timed out."""
-        for call_id in self.lock.expire(now_ns):
-            self.answers.append((call_id, self.lock.refusal()))
-
-    def _cancel(self, commander: Commander, refused: RefusedError) -> None:
-        if commander.call_id is not None:
-            self.answers.append((commander.call_id, refused))
-        commander.motion = commander.call_id = commander.lease_end_ns = commander.held_since_ns = None
-
-    def _stop_refusal(self) -> RefusedError:
-        stopped = self._emergency.stopped
-        by = "" if stopped is None else f", by {stopped.by}"
-        return RefusedError(
-            "stopped", f"the emergency stop is on{by}; the Clock releases it (`colony stop --release`)"
-        )
 
     # --- calls ---------------------------------------------------------------------------------------
 
-    def _admit(self, caller: Caller) -> Commander:
-        if self._emergency.stopped is not None:
-            raise self._stop_refusal()
-        holder = self.lock.holder
-        if holder is not None and holder.connection != caller.connection:
-            raise self.lock.refusal()
-        return self.outside_commanders.enter(caller, self.clients)
-
-    def _admit_motion(self, caller: Caller, now_ns: int) -> Commander:
-        if not self._is_ticking(now_ns):
-            raise RefusedError("clock", "the Clock is not ticking, so the base cannot move (see `colony ps`)")
-        return self._admit(caller)
-
-    def _set_leased_motion(self, commander: Commander, new_motion: Motion, lease_end_ns: int) -> None:
-        """Set a command that stays in force until its lease ends."""
-        self._cancel(commander, _REPLACED)
-        commander.motion, commander.lease_end_ns = new_motion, lease_end_ns
-        self.changed = True
+    def _admit_motion(self, caller: Caller, now_ns: int) -> Commander[Motion]:
+        return self.admit_while_ticking(caller, self._contest, now_ns)
 
     def _set_motion(self, call_id: CallId, new_motion: FiniteMotion, wait: bool, now_ns: int) -> Later | None:
         """Set a command that stays in force until it is done."""
         commander = self._admit_motion(call_id.caller, now_ns)
-        self._cancel(commander, _REPLACED)
-        commander.motion = new_motion
-        self.changed = True
-        if not wait:
-            return None
-        commander.call_id = call_id
-        return LATER
+        self.begin(commander, new_motion, call_id=call_id if wait else None)
+        return LATER if wait else None
 
     def _drive(self, call_id: CallId, arguments: robot.Drive, now_ns: int) -> None:
         new_motion, lease_end_ns = (
             motion_commands.drive(arguments, self.allowed),
             lease_end(arguments.lease_s, now_ns),
         )
-        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns)
+        self.begin(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns=lease_end_ns)
 
     def _go(self, call_id: CallId, arguments: robot.Go, now_ns: int, integrating: bool = True) -> None:
         previous, lease_end_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
         new_motion, settings = motion_commands.go(
             arguments, self._settings, self.allowed, previous, integrating=integrating
         )
-        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns)
+        self.begin(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns=lease_end_ns)
         self._settings = settings
 
     def _proportional_go(self, call_id: CallId, arguments: robot.Go, now_ns: int) -> None:
@@ -309,13 +250,12 @@ class Pilot:
     def _jog(self, call_id: CallId, arguments: robot.Jog, now_ns: int) -> None:
         previous, lease_end_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
         new_motion = motion_commands.jog(arguments, self._settings, self.allowed, previous)
-        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns)
+        self.begin(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns=lease_end_ns)
 
     def _halt(self, call_id: CallId, arguments: robot.Halt, now_ns: int) -> None:
         lease_end_ns = lease_end(arguments.lease_s, now_ns)
-        self._set_leased_motion(
-            self._admit(call_id.caller), motion_commands.halt(arguments, self._settings), lease_end_ns
-        )
+        new_motion = motion_commands.halt(arguments, self._settings)
+        self.begin(self.admit(call_id.caller, self._contest), new_motion, lease_end_ns=lease_end_ns)
 
     def _move(self, call_id: CallId, arguments: robot.Move, now_ns: int) -> Later | None:
         new_motion, settings = motion_commands.move(arguments, self._settings, self.allowed)
@@ -335,43 +275,12 @@ class Pilot:
         self._settings = settings
         return answer
 
-    def _ignore_limits(self, call_id: CallId, arguments: robot.IgnoreLimits, now_ns: int) -> None:
-        commander = self.outside_commanders.enter(call_id.caller, self.clients)
-        commander.unlimited = arguments.ignoring
-        self.changed = True
-
     def _previous(self, caller: Caller) -> Motion | None:
         commander = self.outside_commanders.find(caller)
-        return None if commander is None else commander.motion
-
-    # --- lock ----------------------------------------------------------------------------------------
-
-    def _acquire_lock(self, call_id: CallId, arguments: robot.LockBase, now_ns: int) -> Later | None:
-        if self._emergency.stopped is not None:
-            raise self._stop_refusal()
-        self.outside_commanders.enter(call_id.caller, self.clients)
-        if not self.lock.acquire(call_id, now_ns, wait_ns=arguments.wait_ns):
-            return LATER
-        self._on_lock()
-        return None
-
-    def _release_lock(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> None:
-        self._on_grant(self.lock.release(call_id.caller))
-        self.changed = True
-
-    def _on_grant(self, granted: tuple[CallId, ...]) -> None:
-        if granted:
-            self.answers += [(call_id, None) for call_id in granted]
-            self._on_lock()
-
-    def _on_lock(self) -> None:
-        holder = self.lock.holder
-        assert holder is not None
-        self.cancel(self.lock.refusal(), except_connection=holder.connection)
-        self.changed = True
+        return None if commander is None else commander.command
 
 
-def _stalled(progress: str, commander: Commander) -> RefusedError:
+def _stalled(progress: str, commander: Commander[Motion]) -> RefusedError:
     """Return the refusal of a connection's motion without progress."""
     seconds = f"{motion.STALL_TIMEOUT_S:g} s"
     if commander.held_at_rest and commander.fault == LIMITS_UNKNOWN:
@@ -380,6 +289,3 @@ def _stalled(progress: str, commander: Commander) -> RefusedError:
     if commander.held_at_rest:
         return RefusedError("limits", f"the program's limits held the base for {seconds}, after {progress}")
     return RefusedError("stalled", f"no progress for {seconds}, after {progress}")
-
-
-_REPLACED = RefusedError("replaced", "this connection commanded something else")

@@ -1,14 +1,14 @@
-"""PServer: the proximity subsystem, 24 sonars and 24 infrared detectors (thesis section 4.6.2)."""
+"""PServer: the proximity subsystem, rings of sonars and infrared detectors (thesis section 4.6.2)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 
+from colony.ir.servers import PROXIMITY
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library.proximity import InfraredReading, SetTimeouts, SonarReading
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, RefusedError, method
-from colony.runtime.protocol.fields import PROXIMITY_SENSORS, PSERVER
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -30,7 +30,7 @@ class PServer(QuietNode):
     A "timeout" is the maximum range of a sonar: longer ranges are clipped to it, in frames and in calls.
     """
 
-    address = PSERVER.name
+    address = PROXIMITY
 
     def __init__(self, driver: ProximityDriver, *, frames_kept: int = FRAMES_KEPT) -> None:
         self._driver = driver
@@ -58,7 +58,7 @@ class PServer(QuietNode):
                 return ()
 
     def sonar(self) -> Sample | None:
-        """Return 24 ranges in mm, up to the timeouts, or None."""
+        """Return the ranges in mm, up to the timeouts, or None."""
         sample = self._driver.sonar()
         if sample is None or self._timeouts is None:
             return sample
@@ -66,7 +66,7 @@ class PServer(QuietNode):
         return Sample(tuple(map(min, sample.value, self._timeouts)), sample.t_ns)
 
     def infrared(self) -> Sample | None:
-        """Return 24 bools, True for a detector that sees something, or None."""
+        """Return bools, True for a detector that sees something, or None."""
         return self._driver.infrared()
 
     def _read(self, tick: Tick) -> Fields:
@@ -92,8 +92,8 @@ class PServer(QuietNode):
 
     def _set_timeouts(self, call_id: CallId, arguments: SetTimeouts, now_ns: int) -> None:
         ranges, where = arguments.ranges, f"{self.address}.set_timeouts"
-        if len(ranges) != PROXIMITY_SENSORS:
-            raise RefusedError("arguments", f"{where}: {len(ranges)} ranges; expected {PROXIMITY_SENSORS}")
+        if len(ranges) != self._driver.count:
+            raise RefusedError("arguments", f"{where}: {len(ranges)} ranges; expected {self._driver.count}")
         for sensor, limit in enumerate(ranges):
             if not (math.isfinite(limit) and limit > 0.0):
                 raise RefusedError(

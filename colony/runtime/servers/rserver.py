@@ -13,17 +13,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from colony.ir.servers import RSERVER
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
 from colony.runtime.arbitration.motion import BaseObservation, Speeds
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library import robot
+from colony.runtime.library.actuator import ClientReport
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, ActuatorSpec, Deployment
-from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
@@ -43,13 +44,11 @@ from colony.runtime.servers.actuating import STALE_FRAMES
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.base_actuator import base_actuator, mismatch, sent_speeds, speeds_of
 from colony.runtime.servers.commanding import ActuatorCounts, CommandDispatcher
-from colony.runtime.servers.drivers import BaseDriver
+from colony.runtime.servers.drivers import BaseDriver, problems_of
+from colony.runtime.servers.outside_control import CLOCK_GRACE_NS
 from colony.runtime.servers.piloting import Bumper, Pilot
 
 WATCHDOG_FRAMES = 2
-
-CLOCK_GRACE_NS = 2_000_000_000
-"""Nanoseconds without a tick after which calls that command motion are refused."""
 
 
 class RServer:
@@ -88,6 +87,7 @@ class RServer:
             on_lost=self._lost,
             stop=self._stop,
             other_limit_messages=self._limit_messages,
+            failing=lambda: problems_of(driver),
         )
         self._fixed_watchdog_ns = watchdog_ns
         self._activate(deployment)
@@ -161,7 +161,7 @@ class RServer:
             self._acting = None
             return
         interventions = self._pilot.interventions(self._observation(now_ns), now_ns)
-        yield from self._commands.tick(tick, now_ns, interventions)
+        yield from self._commands.tick(tick, now_ns, lambda actuator: interventions)
 
     def _read(self, tick: Tick) -> Fields:
         return {**self._base.fields(tick.t_ns), **self._commands.fields(tick)}
@@ -279,7 +279,7 @@ class RServer:
 
     def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
         where = f"{self.address}.deploy"
-        wrong = mismatch(deployed)
+        wrong = mismatch(deployed, self._base.limits)
         if wrong is not None:
             raise RefusedError("deployment", f"{where}: {wrong}")
         tie = self._pilot.outside_commanders.find_tie(base_actuator(deployed, self._base.limits).clients)
@@ -347,6 +347,6 @@ def _report(counts: ActuatorCounts) -> robot.ActuatorReport:
     return robot.ActuatorReport(
         name=counts.actuator,
         frames=counts.frames,
-        clients=tuple(robot.ClientReport(**client._asdict()) for client in counts.clients),
+        clients=tuple(ClientReport(**client._asdict()) for client in counts.clients),
         last_note=counts.last_note,
     )

@@ -26,7 +26,7 @@ from colony.sim.cameras.optics import Optics, Sensor, blur_columns, expose, gain
 from colony.sim.cameras.rays import Lens
 from colony.sim.cameras.surfaces import Lighting, Scene
 from colony.sim.compiled import Bytes2, Floats2, compiled
-from colony.sim.world.world import World
+from colony.sim.world.world import STILL, Speed, World
 
 MAX_PIXELS = 4_000_000
 
@@ -104,8 +104,8 @@ def lens_of(config: CameraConfig, *, robot_radius_mm: float) -> Lens:
 
 @compiled
 def render(
-    poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, t_ns: int, scene: Scene,
-    lens: Lens, sensor: Sensor, canvas: Canvas, first: int, height: int, image: Bytes2,
+    poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, sideways: float, t_ns:
+        int, scene: Scene, lens: Lens, sensor: Sensor, canvas: Canvas, first: int, height: int, image: Bytes2,
 ) -> None:  # fmt: skip
     """Draw some rows of the image of a robot's camera.
 
@@ -115,6 +115,7 @@ def render(
         people: (people, 2), the positions of the people.
         velocity: speed of the robot, in mm/s.
         turn: turn rate of the robot, in degrees/s.
+        sideways: speed of the robot to the left, in mm/s.
         t_ns: time of the image.
         scene: the scene.
         lens: the lens.
@@ -126,7 +127,7 @@ def render(
     """
     blur_radius = sensor.weights.shape[0] - 1
     cx, cy = image.shape[1] / 2.0 + blur_radius, height / 2.0 - 0.5 - first + blur_radius
-    draw_columns(poses, robot, people, velocity, turn, scene, lens, cx, cy, canvas)
+    draw_columns(poses, robot, people, velocity, turn, sideways, scene, lens, cx, cy, canvas)
     gain = gain_at(poses[robot, 0], poses[robot, 1], sensor)
     if blur_radius > 0:
         blur_columns(canvas.picture, canvas.blurred, sensor)
@@ -187,7 +188,7 @@ class Camera:
         t_ns: int = 0,
         *,
         people: Floats2 = _NO_PEOPLE,
-        speed: tuple[float, float] = (0.0, 0.0),
+        speed: Speed = STILL,
     ) -> Bytes2:
         """Return the image of robot number `robot` among robots at `poses`: (height, width) of uint8.
 
@@ -196,13 +197,13 @@ class Camera:
             robot: index of the robot with the camera.
             t_ns: time of the image.
             people: (people, 2), the positions of the people, in mm.
-            speed: speed of the robot, in mm/s and degrees/s.
+            speed: speed of the robot.
         """
         return self._draw_rows(self._scene, poses, robot, t_ns, people, speed, 0, self.config.height)
 
     def _draw_rows(
         self, scene: Scene, poses: Floats2, robot: int, t_ns: int, people: Floats2,
-        speed: tuple[float, float], first: int, count: int,
+        speed: Speed, first: int, count: int,
     ) -> Bytes2:  # fmt: skip
         height = self.config.height
         if first < 0 or count < 1 or first + count > height:
@@ -212,7 +213,7 @@ class Camera:
         image = np.empty((count, self.config.width), dtype=np.uint8)
         render(
             np.ascontiguousarray(poses, dtype=np.float64), robot, np.ascontiguousarray(people),
-            float(speed[0]), float(speed[1]), t_ns, scene, self._lens, self._sensor,
+            speed.velocity_mm_s, speed.turn_deg_s, speed.sideways_mm_s, t_ns, scene, self._lens, self._sensor,
             self._canvas_for(count, len(scene.walls)), first, height, image,
         )  # fmt: skip
         return image

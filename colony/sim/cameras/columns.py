@@ -216,8 +216,8 @@ def _paint_wall(
 
 @called
 def draw_columns(
-    poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, scene: Scene, lens: Lens,
-    cx: float, cy: float, canvas: Canvas,
+    poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, sideways: float,
+    scene: Scene, lens: Lens, cx: float, cy: float, canvas: Canvas,
 ) -> None:  # fmt: skip
     """Draw all columns of a canvas, each as the mean of its rays.
 
@@ -227,6 +227,7 @@ def draw_columns(
         people: (people, 2), the positions of the people.
         velocity: speed of the robot, in mm/s.
         turn: turn rate of the robot, in degrees/s.
+        sideways: speed of the robot to the left, in mm/s.
         scene: the scene.
         lens: the lens.
         cx: column of the optical axis; it lies between two pixels.
@@ -243,8 +244,8 @@ def draw_columns(
             rays + 1
         ) - 1  # rays are assigned to the exposure's time slots in a permuted order
         dt = lens.exposure * ((time_slot + 0.5) / rays - 0.5) if rays > 1 else 0.0
-        x = poses[robot, 0] - velocity * dt * math.sin(heading)
-        y = poses[robot, 1] + velocity * dt * math.cos(heading)
+        x = poses[robot, 0] - velocity * dt * math.sin(heading) - sideways * dt * math.cos(heading)
+        y = poses[robot, 1] + velocity * dt * math.cos(heading) - sideways * dt * math.sin(heading)
         view_heading = heading + math.radians(turn * dt) + lens.yaw
         eye = Eye(x, y, math.sin(view_heading), math.cos(view_heading), cy)
         count = _gather(eye, max(cx, columns - cx) / lens.focal, scene, canvas.candidates)

@@ -16,6 +16,7 @@ from colony.sim.compiled import Bytes2, Floats2
 from colony.sim.config import rome_config
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.hazards.scenery import Scenery
+from colony.sim.world.world import Speed
 
 
 def snapshot(
@@ -45,7 +46,7 @@ def snapshot(
         raise ValueError(f"the pose is {tuple(pose)}; expected finite numbers")
     camera = Camera(scene_of(floor, scenery), config, robot_radius_mm=rome_config().radius_mm, seed=seed)
     return camera.image(
-        np.array([pose], dtype=np.float64), 0, 0, people=_people(scenery), speed=(speed_mm_s, 0.0)
+        np.array([pose], dtype=np.float64), 0, 0, people=_people(scenery), speed=Speed(speed_mm_s, 0.0)
     )
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.stickrep.model import Map
+from colony.nav.maps.world_map import WorldMap
 from colony.sim.cameras.furnishing import Spacings, draw_furnishings
 from colony.sim.cameras.rooms import open_door_segments
 from colony.sim.compiled import Floats2
@@ -36,6 +37,7 @@ from colony.sim.hazards.scenery import (
     Slip,
     SunBand,
     Track,
+    bare_scenery,
 )
 
 _OFFSET_FRACTION = 0.6  # maximum preferred offset of people, as a fraction of the half width
@@ -192,7 +194,23 @@ def draw(hazards: Hazards, floor: Map, seed: int) -> Scenery:
         compass_disturbance=_compass_disturbance(hazards, seed),
         posters=posters,
         extinguishers=extinguishers,
+        holes=tuple(np.array(hole.corners()) for hole in floor.holes),
+        docks=floor.docks,
     )
+
+
+def scenery_of(world: WorldMap, hazards: Hazards, seed: int) -> Scenery:
+    """Return the scenery of a world: with the hazards that are drawn from the seed in a building.
+
+    Raises:
+        DiagnosticError: a grid is to have hazards, which require a building.
+    """
+    if isinstance(world.source, Map):
+        return draw(hazards, world.source, seed)
+    if hazards.on:
+        world.building("--hazards")
+    scenery = bare_scenery(world.walls, seed=seed, outlines=world.has_outlines)
+    return replace(scenery, holes=world.holes, docks=world.docks)
 
 
 def _stream(seed: int, hazard: Hazard, item: int = 0) -> np.random.Generator:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.stickrep.geometry import Point, direction
+from colony.nav.maps.stickrep.model import Pose
 
 PERSON_RADIUS_MM = 250.0
 
@@ -184,6 +185,10 @@ class Scenery:
         encoder_scale: scale factor of both wheels, in addition to their own errors.
         compass_disturbance: the disturbance of the compass.
         posters, extinguishers: objects on walls and doors, visible to cameras.
+        holes: the holes in the floor: polygons, (n, 2) in mm each.
+        docks: the poses of robots that stand at charging docks.
+        outlines: True if the walls are outlines of solid things on their left, which are seen from the right
+            alone.
     """
 
     seed: int
@@ -201,8 +206,11 @@ class Scenery:
     compass_disturbance: CompassDisturbance = CompassDisturbance()
     posters: tuple[Poster, ...] = ()
     extinguishers: tuple[Extinguisher, ...] = ()
+    holes: tuple[NDArray[np.float64], ...] = ()
+    docks: tuple[Pose, ...] = ()
+    outlines: bool = False
 
 
-def bare_scenery(walls: NDArray[np.float64], *, seed: int = 0) -> Scenery:
-    """Return a scenery with walls, (n, 4) in mm, and nothing else."""
-    return Scenery(seed=seed, walls=walls, silent=np.zeros(len(walls), dtype=np.bool_))
+def bare_scenery(walls: NDArray[np.float64], *, seed: int = 0, outlines: bool = False) -> Scenery:
+    """Return a scenery with walls, (n, 4) in mm, which may be outlines, and nothing else."""
+    return Scenery(seed=seed, walls=walls, silent=np.zeros(len(walls), dtype=np.bool_), outlines=outlines)

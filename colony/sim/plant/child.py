@@ -24,6 +24,7 @@ from colony.runtime.transport.live.errors import LiveError
 from colony.runtime.transport.live.run_directory import RobotDirectory
 
 if TYPE_CHECKING:
+    from colony.body.model import Body
     from colony.sim.cameras.camera import CameraConfig
     from colony.sim.cameras.ceiling import CeilingCameraConfig
 
@@ -37,9 +38,10 @@ ViewDirection = float | Literal["up"]
 class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     """The specification of a plant: one robot in the building of a map, with the direction of each camera.
 
-    `folder` is the robot's folder. `start` is the initial pose, x and y in mm and the heading in degrees, or
-    None for that of the map. `hazards` is the seed of the hazards (docs/hazards.md), or None for no hazards.
-    `logical_ns` is as in `colony.sim.plant.process.PlantOptions`.
+    `folder` is the robot's folder. `body` is the file of its body, None for that of RoME. `start` is the
+    initial pose, x and y in mm and the heading in degrees, or None for that of the map. `hazards` is the seed
+    of the hazards (docs/hazards.md), or None for no hazards. `movers`, `real` and `logical_ns` are as
+    in `colony.sim.plant.process.PlantOptions`.
     """
 
     robot: str
@@ -49,7 +51,10 @@ class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     cameras: dict[str, ViewDirection] = {}
     start: tuple[float, float, float] | None = None
     hazards: int | None = None
+    movers: int = 0
     logical_ns: int | None = None
+    body: str | None = None
+    real: tuple[str, ...] = ()
 
     @property
     def socket(self) -> Path:
@@ -79,33 +84,50 @@ def serve(
 
     Raises:
         LiveError: a plant of the robot is already running, or the folder cannot be used.
-        DiagnosticError: the map is invalid.
+        DiagnosticError: the map or the body is invalid.
         NoClearanceError: the robot does not fit at its start.
     """
     with RobotDirectory(Path(spec.folder), spec.robot).claim(SIMULATOR):
-        from colony.nav.maps.stickrep.reader import load_map
+        from colony.nav.maps.world_map import load_world
         from colony.sim.compiling import announcing_compilation
 
         with announcing_compilation(report):
+            from colony.sim.config import config_of
             from colony.sim.hazards.hazards import Hazards
             from colony.sim.plant.process import PlantOptions, serve_plant
 
-        building = load_map(spec.map)
-        start = building.start
-        options = PlantOptions(
-            path=spec.socket,
-            building=building,
-            robots={spec.robot: spec.start or (start.x_mm, start.y_mm, start.heading_deg)},
-            cameras={name: _camera(direction) for name, direction in spec.cameras.items()},
-            hazards=Hazards.none() if spec.hazards is None else Hazards(),
-            hazards_seed=spec.hazards or 0,
-            seed=spec.seed,
-            logical_ns=spec.logical_ns,
-        )
+        world, body = load_world(spec.map), _body(spec)
         try:
+            start = world.start(config_of(body).radius_mm, spec.start)
+            options = PlantOptions(
+                path=spec.socket,
+                world=world,
+                robots={spec.robot: start},
+                cameras={name: _camera(direction) for name, direction in spec.cameras.items()},
+                hazards=Hazards.none() if spec.hazards is None else Hazards(),
+                hazards_seed=spec.hazards or 0,
+                movers=spec.movers,
+                body=body,
+                real=frozenset(spec.real),
+                seed=spec.seed,
+                logical_ns=spec.logical_ns,
+            )
             serve_plant(options, stop=lambda: bool(shutdown), ready=ready)
         except ValueError as problem:
             raise NoClearanceError(f"{spec.map}: error: the robot cannot start there: {problem}") from None
+
+
+def _body(spec: PlantSpec) -> Body:
+    from colony.body.reader import read_body
+    from colony.body.shipped import ROME, shipped_body
+    from colony.text.diagnostics import DiagnosticError
+
+    if spec.body is None:
+        return shipped_body(ROME)
+    found = read_body(Path(spec.body))
+    if found.body is None:
+        raise DiagnosticError(found.diagnostics)
+    return found.body
 
 
 def _camera(direction: ViewDirection) -> CameraConfig | CeilingCameraConfig:

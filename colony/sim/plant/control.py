@@ -1,4 +1,4 @@
-"""Control of a plant from outside the robots: reading their true state, and moving them."""
+"""Control of a plant from outside the robots: reading their true state, moving them, giving readings."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import socket
 from pathlib import Path
 
+from colony.sim.given import GivenValue
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
     Advance,
@@ -13,6 +14,7 @@ from colony.sim.plant.protocol import (
     AttachControl,
     Attached,
     FromPlant,
+    Give,
     Place,
     Refusal,
     ToPlant,
@@ -58,6 +60,13 @@ class PlantControl:
     def place(self, robot: str, x: float, y: float, heading: float) -> None:
         """Move a robot to another pose, unnoticed by its odometry."""
         self._ask(Place(robot=robot, x=x, y=y, heading=heading))
+
+    def give(self, robot: str, server: str, field: str, value: GivenValue, *, t_ns: int = 0) -> None:
+        """Let a field of a device read a value in base units, from a time of the plant on.
+
+        It does so until another value, or the end of this connection. None is what the device measures.
+        """
+        self._ask(Give(robot=robot, server=server, field=field, t_ns=t_ns, value=value))
 
     def advance(self, dt_ns: int) -> None:
         """Let logical time pass."""

@@ -14,26 +14,31 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
 import msgspec
 
+from colony.ir.types import ScalarValue
+from colony.os_errors import describe
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.drivers import BaseState
-from colony.sim.config import RobotConfig, limits_of, rome_config
+from colony.runtime.servers.drivers import BaseLimits, BaseState
+from colony.runtime.servers.drivers import Reading as DriverReading
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
     Attach,
     AttachBase,
     AttachCamera,
+    AttachDevice,
     Attached,
     AttachProximity,
     BaseReading,
     CameraReading,
+    DeviceCommand,
+    DeviceReading,
     DriveBase,
     FromPlant,
     Halt,
@@ -41,6 +46,7 @@ from colony.sim.plant.protocol import (
     ProximityReading,
     Reading,
     Refusal,
+    Safe,
     Sense,
     ToPlant,
     Unpacker,
@@ -49,7 +55,7 @@ from colony.sim.plant.protocol import (
 )
 
 MAX_READING_AGE_NS = 500_000_000
-"""Maximum age of a reading or an image in nanoseconds."""
+"""Maximum age of a report of a device in nanoseconds; what it reports may have been measured long before."""
 
 _MIN_RETRY_DELAY_S = 0.02
 _MAX_RETRY_DELAY_S = 0.1
@@ -148,7 +154,9 @@ class _DeviceConnection(Generic[R]):
                     sock.settimeout(None)
                     if self._adopt(sock):
                         self._receive(sock)
-            except (OSError, PlantProtocolError) as problem:
+            except OSError as problem:
+                self._problem = describe(problem)
+            except PlantProtocolError as problem:
                 self._problem = str(problem)
             with self._condition:
                 delay_s = _MIN_RETRY_DELAY_S if self._attached else min(2.0 * delay_s, _MAX_RETRY_DELAY_S)
@@ -209,25 +217,33 @@ class _RemoteDriver(Generic[R]):
         self._connection.close()
 
     def _newest(self) -> tuple[R, int] | None:
-        """Return the latest reading and its time, in the robot's time; None if there is no fresh reading."""
+        """Return the latest reading, and the offset from its times to the robot's.
+
+        Without a fresh reading it is None.
+        """
         reading = self._connection.newest()
         if reading is None:
             return None
-        now_ns, t_ns = self._clock(), reading.value.t_ns
+        now_ns = self._clock()
         if self._connection.logical:
-            return reading, self._logical_ns(t_ns, now_ns) - self._origin_ns
-        return None if now_ns - t_ns > MAX_READING_AGE_NS else (reading, t_ns - self._origin_ns)
+            return reading, self._logical_offset_ns(now_ns - reading.t_ns) - self._origin_ns
+        return None if now_ns - reading.t_ns > MAX_READING_AGE_NS else (reading, -self._origin_ns)
 
-    def _logical_ns(self, t_ns: int, now_ns: int) -> int:
-        """Return the time of a reading when the plant runs in logical time.
+    def _sample(self, field: Callable[[R], Sample | None]) -> Sample | None:
+        """Return a field of the latest reading; None if there is none."""
+        newest = self._newest()
+        found = None if newest is None else field(newest[0])
+        return None if newest is None or found is None else Sample(found.value, found.t_ns + newest[1])
 
-        It advances with the plant's time, frame by frame, and is never earlier than `now_ns`, the time of
-        `clock`. It is therefore never earlier than the ticks of the robot's Clock, which start at the time of
-        `clock` and also advance by frames.
+    def _logical_offset_ns(self, behind_ns: int) -> int:
+        """Return the offset from the plant's logical time, which is `behind_ns` behind, to that of the robot.
+
+        The robot's time advances with the plant's, frame by frame, and is never earlier than that of `clock`.
+        It is therefore never earlier than the ticks of the robot's Clock, which start at the time of `clock`
+        and also advance by frames.
         """
-        offset_ns = now_ns - t_ns if self._offset_ns is None else max(self._offset_ns, now_ns - t_ns)
-        self._offset_ns = offset_ns
-        return t_ns + offset_ns
+        self._offset_ns = behind_ns if self._offset_ns is None else max(self._offset_ns, behind_ns)
+        return self._offset_ns
 
 
 class RemoteBase(_RemoteDriver[BaseReading]):
@@ -236,9 +252,9 @@ class RemoteBase(_RemoteDriver[BaseReading]):
     Args:
         path: path of the plant's socket.
         robot: name of the robot.
+        limits: the limits of its base, which the plant does not report.
         origin_ns: start of the robot's time, on the plant's clock.
         clock: the plant's clock, by default the machine's monotonic clock.
-        config: the parameters of the robot, which the plant does not report.
     """
 
     register_bits: int | None = None
@@ -248,19 +264,20 @@ class RemoteBase(_RemoteDriver[BaseReading]):
         path: Path,
         robot: str,
         *,
+        limits: BaseLimits,
         origin_ns: int,
         clock: Callable[[], int] = time.monotonic_ns,
-        config: RobotConfig | None = None,
     ) -> None:
         super().__init__(path, AttachBase(robot=robot), BaseReading, origin_ns, clock)
-        self.limits = limits_of(config or rome_config())
+        self.limits = limits
 
-    def drive(self, velocity: float, turn: float) -> None:
+    def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:
         """Command the speeds of the base; in logical time, wait for the end of the frame."""
+        command = DriveBase(velocity=velocity, turn=turn, sideways=sideways)
         if self._connection.logical:
-            self._connection.request(lambda number: DriveBase(velocity=velocity, turn=turn, number=number))
+            self._connection.request(lambda number: msgspec.structs.replace(command, number=number))
         else:
-            self._connection.send(DriveBase(velocity=velocity, turn=turn))
+            self._connection.send(command)
 
     def stop(self) -> None:
         """Command the base to stop."""
@@ -269,26 +286,32 @@ class RemoteBase(_RemoteDriver[BaseReading]):
     def state(self) -> BaseState | None:
         """Return the latest state of the base, or None if there is none."""
         newest = self._newest()
-        return None if newest is None else replace(newest[0].value, t_ns=newest[1])
+        state = None if newest is None else newest[0].value
+        return None if newest is None or state is None else replace(state, t_ns=state.t_ns + newest[1])
 
 
 class RemoteProximity(_RemoteDriver[ProximityReading]):
-    """The sonars and infrared detectors of a robot in the plant; the arguments are those of `RemoteBase`."""
+    """`count` sonars and infrared detectors of a robot in the plant; else the arguments of `RemoteBase`."""
 
     def __init__(
-        self, path: Path, robot: str, *, origin_ns: int, clock: Callable[[], int] = time.monotonic_ns
+        self,
+        path: Path,
+        robot: str,
+        *,
+        count: int,
+        origin_ns: int,
+        clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         super().__init__(path, AttachProximity(robot=robot), ProximityReading, origin_ns, clock)
+        self.count = count
 
     def sonar(self) -> Sample | None:
         """Return the latest sonar readings, or None if there are none."""
-        newest = self._newest()
-        return None if newest is None else Sample(newest[0].value.sonar, newest[1])
+        return self._sample(lambda reading: reading.value.sonar)
 
     def infrared(self) -> Sample | None:
         """Return the latest infrared readings, or None if there are none."""
-        newest = self._newest()
-        return None if newest is None else Sample(newest[0].value.infrared, newest[1])
+        return self._sample(lambda reading: reading.value.infrared)
 
 
 class RemoteCamera(_RemoteDriver[CameraReading]):
@@ -308,4 +331,55 @@ class RemoteCamera(_RemoteDriver[CameraReading]):
     def grab(self) -> Image | None:
         """Return the latest image, or None if there is none."""
         newest = self._newest()
-        return None if newest is None else msgspec.structs.replace(newest[0].value, t_ns=newest[1])
+        if newest is None:
+            return None
+        image = newest[0].value
+        return msgspec.structs.replace(image, t_ns=image.t_ns + newest[1])
+
+
+class RemoteDevice:
+    """The device of server `server` of a robot in the plant; `clock` is as in `RemoteBase`."""
+
+    def __init__(
+        self, path: Path, robot: str, server: str, *, clock: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self._connection = _DeviceConnection(path, AttachDevice(robot=robot, server=server), DeviceReading)
+        self._clock = clock
+
+    @property
+    def problem(self) -> str | None:
+        """The reason why there is no connection to the device; None while there is one."""
+        return self._connection.problem
+
+    def fields(self) -> Mapping[str, DriverReading | None]:
+        """Return the latest readings with their ages; none if the plant has sent none lately."""
+        newest = self._connection.newest()
+        if newest is None:
+            return {}
+        now_ns = newest.t_ns if self._connection.logical else self._clock()
+        if now_ns - newest.t_ns > MAX_READING_AGE_NS:
+            return {}
+        return {
+            name: None if found is None else DriverReading(found.value, now_ns - found.t_ns)
+            for name, found in newest.value.items()
+        }
+
+    def command(self, name: str, values: Mapping[str, ScalarValue]) -> None:
+        """Send a command.
+
+        Raises:
+            ConnectionError: there is no connection to the device.
+        """
+        if not self._connection.send(DeviceCommand(name=name, values=values)):
+            problem = self._connection.problem
+            raise ConnectionError(
+                f"the simulator takes no command{'' if problem is None else f': {problem}'}"
+            )
+
+    def safe(self) -> None:
+        """Make the device safe; without a connection it is."""
+        self._connection.send(Safe())
+
+    def close(self) -> None:
+        """Close the connection to the device, which makes it safe."""
+        self._connection.close()

@@ -4,10 +4,12 @@ A message is four bytes of length, most significant first, one byte of version, 
 message attaches a connection to a device. From then on the plant sends readings by itself, and the driver
 sends commands. On a control connection the plant only answers requests.
 
-    driver   -> plant    AttachBase, AttachProximity, AttachCamera
-    plant    -> driver   Attached, then BaseReading, ProximityReading, CameraReading periodically
-    driver   -> plant    DriveBase, Halt; Sense, in logical time
-    control  -> plant    AttachControl, then AskTruth, Place, Advance, each answered by Truth, Done or Refusal
+    driver   -> plant    AttachBase, AttachProximity, AttachCamera, AttachDevice
+    plant    -> driver   Attached, then BaseReading, ProximityReading, CameraReading or DeviceReading
+                         periodically
+    driver   -> plant    DriveBase, Halt; DeviceCommand, Safe; Sense, in logical time
+    control  -> plant    AttachControl, then AskTruth, Place, Give, Advance, each answered by Truth, Done or
+                         Refusal
 
 Times are those of the machine's monotonic clock in nanoseconds. Logical time advances only by commands, and
 the plant sends nothing by itself: `DriveBase` advances time by a frame, and `DriveBase` and `Sense` are
@@ -16,18 +18,21 @@ answered by a reading with the same `number`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import msgspec
 
+from colony.ir.types import ScalarValue
 from colony.runtime.protocol.images import Image
+from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
+from colony.sim.given import GivenValue
 
-VERSION = 2
+VERSION = 4
 
-MAX_BYTES_TO_PLANT = 4096
+MAX_BYTES_TO_PLANT = 65536
 MAX_BYTES_FROM_PLANT = 8 * 1024 * 1024
 """Bytes of the largest message in each direction."""
 
@@ -63,20 +68,42 @@ class AttachCamera(_Message, frozen=True, kw_only=True):
     camera: str
 
 
+class AttachDevice(_Message, frozen=True, kw_only=True):
+    """A request to attach to the device of a robot's server."""
+
+    robot: str
+    server: str
+
+
 class AttachControl(_Message, frozen=True, kw_only=True):
     """A request for a control connection, which belongs to no robot."""
 
 
 class DriveBase(_Message, frozen=True, kw_only=True):
-    """A command to drive at `velocity` mm/s and turn at `turn` deg/s, valid until the watchdog expires."""
+    """A command to drive at `velocity` mm/s, turn at `turn` deg/s, and drive `sideways` mm/s to the left.
+
+    It is valid until the watchdog expires.
+    """
 
     velocity: float
     turn: float
     number: int = 0
+    sideways: float = 0.0
 
 
 class Halt(_Message, frozen=True, kw_only=True):
     """A command to stop."""
+
+
+class DeviceCommand(_Message, frozen=True, kw_only=True):
+    """A command of a device by name, with its parameters."""
+
+    name: str
+    values: Mapping[str, ScalarValue]
+
+
+class Safe(_Message, frozen=True, kw_only=True):
+    """A command to make a device safe, which the plant also does when the connection ends."""
 
 
 class Sense(_Message, frozen=True, kw_only=True):
@@ -98,6 +125,19 @@ class Place(_Message, frozen=True, kw_only=True):
     x: float
     y: float
     heading: float
+
+
+class Give(_Message, frozen=True, kw_only=True):
+    """A request that a field of a device reads a value from `t_ns` on, until the connection ends.
+
+    `value` is in base units, "missing" for a field without a value, None for what the device measures.
+    """
+
+    robot: str
+    server: str
+    field: str
+    t_ns: int
+    value: GivenValue
 
 
 class Advance(_Message, frozen=True, kw_only=True):
@@ -130,40 +170,51 @@ class Done(_Message, frozen=True, kw_only=True):
     """The confirmation that a request is done."""
 
 
+class FieldReading(NamedTuple):
+    """What a field of a device read at `t_ns`; an element is None if it is invalid, infinite without echo."""
+
+    value: ScalarValue | tuple[ScalarValue | None, ...]
+    t_ns: int
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rings:
-    """The ranges in mm and the detections of a robot's rings, taken at `t_ns`."""
+    """The ranges in mm and the detections of a robot's rings; None before the first have arrived."""
 
-    t_ns: int
-    sonar: tuple[float, ...]
-    infrared: tuple[bool, ...]
+    sonar: Sample | None
+    infrared: Sample | None
 
 
 class _Reading(_Message, Generic[Value], frozen=True, kw_only=True):
-    """A reading of a device; `number` is that of the request."""
+    """What a device reads at `t_ns`, with the times of its measurements; `number` is that of the request."""
 
     value: Value
+    t_ns: int
     number: int = 0
 
 
-class BaseReading(_Reading[BaseState], frozen=True, kw_only=True):
-    """The state of a base."""
+class BaseReading(_Reading[BaseState | None], frozen=True, kw_only=True):
+    """The state of a base; None before the first has arrived."""
 
 
 class ProximityReading(_Reading[Rings], frozen=True, kw_only=True):
-    """A scan of both rings."""
+    """The newest scans of both rings."""
 
 
 class CameraReading(_Reading[Image], frozen=True, kw_only=True):
     """An image of a camera."""
 
 
+class DeviceReading(_Reading[Mapping[str, FieldReading | None]], frozen=True, kw_only=True):
+    """The readings of a device by field, None for one that has no value."""
+
+
 class Truth(_Message, frozen=True, kw_only=True):
     """The true state of a robot at `t_ns`.
 
-    It has the position in mm, the heading in degrees, speeds in mm/s and deg/s, and the distance driven so
-    far in mm. `bumps` is the number of collisions. `driven` is True if the base got a command within the
-    watchdog's time. `skipped_ns` is the time that the plant skipped because of lag.
+    It has the position in mm, the heading in degrees, speeds in mm/s and deg/s (`sideways` to the left), and
+    the distance driven so far in mm. `bumps` is the number of collisions. `driven` is True if the base got a
+    command within the watchdog's time. `skipped_ns` is the time that the plant skipped because of lag.
     """
 
     t_ns: int
@@ -172,16 +223,17 @@ class Truth(_Message, frozen=True, kw_only=True):
     heading: float
     velocity: float
     turn: float
+    sideways: float
     distance: float
     bumps: int
     driven: bool
     skipped_ns: int
 
 
-Device = AttachBase | AttachProximity | AttachCamera
+Device = AttachBase | AttachProximity | AttachCamera | AttachDevice
 Attach = Device | AttachControl
-ToPlant = Attach | DriveBase | Halt | Sense | AskTruth | Place | Advance
-Reading = BaseReading | ProximityReading | CameraReading
+ToPlant = Attach | DriveBase | Halt | DeviceCommand | Safe | Sense | AskTruth | Place | Give | Advance
+Reading = BaseReading | ProximityReading | CameraReading | DeviceReading
 FromPlant = Attached | Refusal | Done | Reading | Truth
 
 

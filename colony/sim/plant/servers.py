@@ -10,20 +10,27 @@ from pathlib import Path
 
 from colony.runtime.assembly.processes.child import main
 from colony.runtime.assembly.processes.spec import Device
-from colony.sim.plant.drivers import RemoteBase, RemoteCamera, RemoteProximity
+from colony.runtime.servers.drivers import BaseLimits
+from colony.sim.plant.drivers import RemoteBase, RemoteCamera, RemoteDevice, RemoteProximity
 
 
 class PlantDevices:
     """Drivers of the devices in the plant."""
 
-    def base(self, device: Device, robot: str, origin_ns: int, resources: ExitStack) -> RemoteBase:
+    def base(
+        self, device: Device, robot: str, limits: BaseLimits, origin_ns: int, resources: ExitStack
+    ) -> RemoteBase:
         """Open the base of a robot."""
-        return resources.enter_context(closing(RemoteBase(Path(device.plant), robot, origin_ns=origin_ns)))
+        return resources.enter_context(
+            closing(RemoteBase(Path(device.plant), robot, limits=limits, origin_ns=origin_ns))
+        )
 
-    def proximity(self, device: Device, robot: str, origin_ns: int, resources: ExitStack) -> RemoteProximity:
+    def proximity(
+        self, device: Device, robot: str, count: int, origin_ns: int, resources: ExitStack
+    ) -> RemoteProximity:
         """Open the proximity sensors of a robot."""
         return resources.enter_context(
-            closing(RemoteProximity(Path(device.plant), robot, origin_ns=origin_ns))
+            closing(RemoteProximity(Path(device.plant), robot, count=count, origin_ns=origin_ns))
         )
 
     def camera(
@@ -33,6 +40,10 @@ class PlantDevices:
         return resources.enter_context(
             closing(RemoteCamera(Path(device.plant), robot, camera, origin_ns=origin_ns))
         )
+
+    def device(self, device: Device, robot: str, server: str, resources: ExitStack) -> RemoteDevice:
+        """Open the device of a server of a robot."""
+        return resources.enter_context(closing(RemoteDevice(Path(device.plant), robot, server)))
 
 
 if __name__ == "__main__":

@@ -23,9 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.chance import CROSS_TALK, uniform
-from colony.sim.compiled import Bools2, Floats, Floats2, Ints2, compiled, inlined
-from colony.sim.config import RobotConfig
+from colony.sim.compiled import Bools2, Floats, Floats2, Ints, Ints2, compiled, inlined
+from colony.sim.config import RingConfig
 from colony.sim.world.people import Crowd
+from colony.sim.world.wall_boxes import GROUP, box_gap
 
 RAY_STEP_DEG = 3.0
 """Largest angle between neighboring rays of a cone; one ray is always on the axis."""
@@ -58,14 +59,13 @@ class Fan(NamedTuple):
 
 
 class ProximityModel(NamedTuple):
-    """The model of a robot's sonars and infrared detectors, from its `RobotConfig`.
+    """The model of a robot's sonars and infrared detectors, from its `RingConfig`.
 
     `ahead` is the channel that looks straight ahead, `spacing_rad` the angle between neighbors.
     """
 
     ahead: int
     spacing_rad: float
-    radius: float
     full_range: float
     min_range: float
     half_beam_rad: float
@@ -77,49 +77,55 @@ class ProximityModel(NamedTuple):
 
 
 class CrossTalk(NamedTuple):
-    """Cross-talk of sonars: the probability that a reading is false, and the seed."""
+    """Cross-talk of sonars.
+
+    Attributes:
+        probability: the probability that a reading is false.
+        seed: the seed.
+        channels: the largest number of channels of a robot.
+    """
 
     probability: float
     seed: int
+    channels: int
 
 
-def _rays_of(config: RobotConfig) -> tuple[int, float]:
+def _rays_of(ring: RingConfig) -> tuple[int, float]:
     """Return the number of rays on either side of a cone's axis, and the angle between them in degrees."""
-    rays_per_side = math.ceil(config.sonar_half_beam_deg / RAY_STEP_DEG - 1e-9)
-    return rays_per_side, config.sonar_half_beam_deg / rays_per_side if rays_per_side else RAY_STEP_DEG
+    rays_per_side = math.ceil(ring.sonar_half_beam_deg / RAY_STEP_DEG - 1e-9)
+    return rays_per_side, ring.sonar_half_beam_deg / rays_per_side if rays_per_side else RAY_STEP_DEG
 
 
-def fan_of(config: RobotConfig) -> Fan:
-    """Return the rays of a robot."""
-    rays_per_side, step_deg = _rays_of(config)
-    axes = np.radians((np.arange(config.channels) - config.ahead) * config.spacing_deg)
+def fan_of(ring: RingConfig) -> Fan:
+    """Return the rays of a robot with this ring."""
+    rays_per_side, step_deg = _rays_of(ring)
+    axes = np.radians((np.arange(ring.channels) - ring.ahead) * ring.spacing_deg)
     offsets = np.radians(np.arange(-rays_per_side, rays_per_side + 1) * step_deg)
     angles = axes[:, None] + offsets[None, :]
     return Fan(
-        origin_u=config.sonar_ring_mm * np.cos(axes),
-        origin_v=config.sonar_ring_mm * np.sin(axes),
+        origin_u=ring.ring_mm * np.cos(axes),
+        origin_v=ring.ring_mm * np.sin(axes),
         ray_u=np.cos(angles),
         ray_v=np.sin(angles),
         depth=np.empty(angles.shape),
         target=np.empty(angles.shape, dtype=np.int64),
-        deepest=np.empty(config.channels),
+        deepest=np.empty(ring.channels),
     )
 
 
-def proximity_model(config: RobotConfig) -> ProximityModel:
-    """Return the model of a robot's sonars and infrared detectors."""
+def proximity_model(ring: RingConfig) -> ProximityModel:
+    """Return the model of the sonars and infrared detectors of robots with this ring."""
     return ProximityModel(
-        ahead=config.ahead,
-        spacing_rad=2.0 * math.pi / config.channels,
-        radius=config.radius_mm,
-        full_range=config.sonar_range_mm,
-        min_range=config.sonar_min_mm,
-        half_beam_rad=math.radians(config.sonar_half_beam_deg),
-        cos_critical=math.cos(math.radians(config.sonar_critical_deg)),
-        tan_half_step=math.tan(math.radians(_rays_of(config)[1] / 2)),
-        noise_mm=config.sonar_noise_mm,
-        noise_fraction=config.sonar_noise,
-        infrared_range=config.infrared_range_mm,
+        ahead=ring.ahead,
+        spacing_rad=2.0 * math.pi / ring.channels,
+        full_range=ring.sonar_range_mm,
+        min_range=ring.sonar_min_mm,
+        half_beam_rad=math.radians(ring.sonar_half_beam_deg),
+        cos_critical=math.cos(math.radians(ring.sonar_critical_deg)),
+        tan_half_step=math.tan(math.radians(_rays_of(ring)[1] / 2)),
+        noise_mm=ring.sonar_noise_mm,
+        noise_fraction=ring.sonar_noise,
+        infrared_range=ring.infrared_range_mm,
     )
 
 
@@ -238,8 +244,9 @@ def _cast_at_hull(u: float, v: float, radius: float, model: ProximityModel, fan:
 
 @inlined
 def _cast_at_all_walls(
-    x: float, y: float, sine: float, cosine: float, walls: Floats2, model: ProximityModel, fan: Fan
-) -> None:
+    x: float, y: float, sine: float, cosine: float, walls: Floats2, boxes: Floats2, model: ProximityModel,
+    fan: Fan,
+) -> None:  # fmt: skip
     """Set the depths of a robot's rays, at most the full range, and the walls that they hit."""
     for channel in range(fan.depth.shape[0]):
         for ray in range(fan.ray_u.shape[1]):
@@ -248,29 +255,37 @@ def _cast_at_all_walls(
     last_x = last_y = math.nan
     last_bearing = 0.0
     farthest = (model.full_range + fan.origin_u[model.ahead]) ** 2
-    for wall in range(walls.shape[0]):
-        x0, y0, x1, y1 = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 2] - x, walls[wall, 3] - y
-        along = min(max(-(x0 * walls[wall, 4] + y0 * walls[wall, 5]), 0.0), walls[wall, 6])
-        if (x0 + along * walls[wall, 4]) ** 2 + (y0 + along * walls[wall, 5]) ** 2 < farthest:
-            u0, v0 = y0 * cosine - x0 * sine, -x0 * cosine - y0 * sine
-            u1, v1 = y1 * cosine - x1 * sine, -x1 * cosine - y1 * sine
-            # Walls usually start at the end of the previous one.
-            start = last_bearing if x0 == last_x and y0 == last_y else math.atan2(v0, u0)
-            last_x, last_y, last_bearing = x1, y1, math.atan2(v1, u1)
-            _cast_at_wall(wall, u0, v0, u1, v1, start, last_bearing, model, fan)
+    for group in range(boxes.shape[0]):
+        if box_gap(boxes, group, x, y) < farthest:
+            for wall in range(group * GROUP, min((group + 1) * GROUP, walls.shape[0])):
+                x0, y0, x1, y1 = (
+                    walls[wall, 0] - x,
+                    walls[wall, 1] - y,
+                    walls[wall, 2] - x,
+                    walls[wall, 3] - y,
+                )
+                along = min(max(-(x0 * walls[wall, 4] + y0 * walls[wall, 5]), 0.0), walls[wall, 6])
+                if (x0 + along * walls[wall, 4]) ** 2 + (y0 + along * walls[wall, 5]) ** 2 < farthest:
+                    u0, v0 = y0 * cosine - x0 * sine, -x0 * cosine - y0 * sine
+                    u1, v1 = y1 * cosine - x1 * sine, -x1 * cosine - y1 * sine
+                    # Walls usually start at the end of the previous one.
+                    start = last_bearing if x0 == last_x and y0 == last_y else math.atan2(v0, u0)
+                    last_x, last_y, last_bearing = x1, y1, math.atan2(v1, u1)
+                    _cast_at_wall(wall, u0, v0, u1, v1, start, last_bearing, model, fan)
 
 
 @inlined
 def _cast_at_all_hulls(
-    robot: int, poses: Floats2, sine: float, cosine: float, crowd: Crowd, model: ProximityModel, fan: Fan
-) -> None:
+    robot: int, poses: Floats2, radii: Floats, sine: float, cosine: float, crowd: Crowd,
+    model: ProximityModel, fan: Fan,
+) -> None:  # fmt: skip
     """Shorten the rays of a robot that hit another robot or a person."""
     for channel in range(fan.depth.shape[0]):
         fan.deepest[channel] = fan.depth[channel].max()
     robots = poses.shape[0]
     for other in range(robots + crowd.people.shape[0]):
         hull = poses[other] if other < robots else crowd.people[other - robots]
-        radius = model.radius if other < robots else crowd.radius
+        radius = radii[other] if other < robots else crowd.radius
         dx, dy = hull[0] - poses[robot, 0], hull[1] - poses[robot, 1]
         if (
             other != robot
@@ -329,7 +344,7 @@ def _nearest_echo(
 
 
 @inlined
-def _with_cross_talk(cross_talk: CrossTalk, step: int, channel: int, channels: int, reading: float) -> float:
+def _with_cross_talk(cross_talk: CrossTalk, step: int, channel: int, reading: float) -> float:
     """Return the reading, or a false one caused by another transducer.
 
     `channel` counts the channels of all robots.
@@ -338,22 +353,26 @@ def _with_cross_talk(cross_talk: CrossTalk, step: int, channel: int, channels: i
         uniform(cross_talk.seed, CROSS_TALK, step, channel) < cross_talk.probability
         and reading > _MIN_FALSE_MM
     ):
-        fraction = uniform(cross_talk.seed, CROSS_TALK, step, channel + channels)
+        fraction = uniform(cross_talk.seed, CROSS_TALK, step, channel + cross_talk.channels)
         reading = _MIN_FALSE_MM + fraction * (reading - _MIN_FALSE_MM)
     return reading
 
 
 @compiled
 def sense(
-    poses: Floats2, walls: Floats2, reflectors: Bools2, crowd: Crowd, model: ProximityModel, cross_talk:
-        CrossTalk, step: int,
+    poses: Floats2, radii: Floats, members: Ints, walls: Floats2, boxes: Floats2, reflectors: Bools2,
+    crowd: Crowd, model: ProximityModel,
+    cross_talk: CrossTalk, step: int,
     fan: Fan, noise: Floats2, noise_column: int, sonar: Floats2, infrared: Bools2,
 ) -> None:  # fmt: skip
-    """Cast the rays of all robots, and compute their readings.
+    """Cast the rays of all robots with equal rings, and compute their readings.
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
+        radii: (robots,), the radii of their hulls.
+        members: (members,), the numbers of the robots that have this ring.
         walls: the walls from `wall_table`, without silent ones.
+        boxes: their boxes, from `wall_boxes`.
         reflectors: the mask from `corner_reflectors`, without silent walls.
         crowd: the people.
         model: the model of the sonars and infrared detectors.
@@ -362,16 +381,17 @@ def sense(
         fan: the rays, and work space.
         noise: (robots, k), standard normal numbers.
         noise_column: the first column of `noise` for the transducers.
-        sonar: (robots, channels), receives the readings in mm.
-        infrared: (robots, channels), receives True if there is an obstacle on the axis, with an echo or not.
+        sonar: (members, channels), receives the readings in mm.
+        infrared: (members, channels), receives True if there is an obstacle on the axis, with an echo or not.
     """
     channels = fan.origin_u.shape[0]
-    for robot in range(poses.shape[0]):
+    for member in range(members.shape[0]):
+        robot = members[member]
         x, y, heading = poses[robot, 0], poses[robot, 1], math.radians(poses[robot, 2])
         sine, cosine = math.sin(heading), math.cos(heading)
-        _cast_at_all_walls(x, y, sine, cosine, walls, model, fan)
+        _cast_at_all_walls(x, y, sine, cosine, walls, boxes, model, fan)
         if poses.shape[0] + crowd.people.shape[0] > 1:
-            _cast_at_all_hulls(robot, poses, sine, cosine, crowd, model, fan)
+            _cast_at_all_hulls(robot, poses, radii, sine, cosine, crowd, model, fan)
         for channel in range(channels):
             reading = _nearest_echo(channel, x, y, sine, cosine, walls, reflectors, model, fan)
             if reading < model.full_range:
@@ -380,8 +400,7 @@ def sense(
                 )
                 reading = min(max(reading, model.min_range), model.full_range)
             if cross_talk.probability > 0.0:
-                reading = _with_cross_talk(
-                    cross_talk, step, channel + 2 * channels * robot, channels, reading
-                )
-            sonar[robot, channel] = reading
-            infrared[robot, channel] = fan.depth[channel, fan.ray_u.shape[1] // 2] <= model.infrared_range
+                number = channel + 2 * cross_talk.channels * robot
+                reading = _with_cross_talk(cross_talk, step, number, reading)
+            sonar[member, channel] = reading
+            infrared[member, channel] = fan.depth[channel, fan.ray_u.shape[1] // 2] <= model.infrared_range

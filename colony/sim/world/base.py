@@ -1,13 +1,22 @@
-"""The motion of the robots' bases: two wheels, limited acceleration, a round hull stopped by obstacles.
+"""The motion of the robots' bases: wheels, limited acceleration, a round hull stopped by obstacles.
 
 A step is divided into slices of at most twenty milliseconds. In each slice the speeds approach the commands
-within the acceleration limits, and the robot drives an exact arc. If the arc would end inside a wall or
-another robot, the base goes as far as possible and its wheels stall; it can still turn and drive away. The
-distance per slice is much shorter than the hull, so robots never jump over obstacles. Within a step the
-robots move one after the other.
+within the acceleration limits, each for itself, and the robot drives an exact arc: its velocity, ahead and to
+the left, is constant in its own frame, which turns. A base with two wheels has no speed to the left. If the
+arc would end inside a wall or another robot, the base goes as far as possible and its wheels stall; it can
+still turn and drive away. The distance per slice is much shorter than the hull, so robots never jump over
+obstacles. Within a step the robots move one after the other.
 
 Odometry integrates the wheels' reports with the same arcs. Each wheel has its own scale error, and random
-errors whose variance grows with the distance.
+errors whose variance grows with the distance. With two wheels, w apart, a motion of `a` ahead that turns by
+`t` (radians) rolls the left one by a - t w/2 and the right one by a + t w/2. With four mecanum wheels in
+the usual arrangement, whose axles are d apart, a motion of `a` ahead and `s` to the left rolls them by
+
+    front left  a - s - t r        front right  a + s + t r        r = (w + d) / 2
+    rear left   a + s - t r        rear right   a - s + t r
+
+and odometry takes the motion that fits the four reports best, in the sense of least squares: the mean of the
+reports with the signs of their column. What contradicts all rigid motions is lost, as on the real base.
 
 Positions are in mm, headings in degrees counterclockwise from north, speeds in mm/s and degrees/s.
 """
@@ -20,12 +29,16 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.compiled import Bools2, Floats, Floats2, Ints, compiled, inlined
+from colony.sim.config import RobotConfig
 from colony.sim.world.people import Crowd
+from colony.sim.world.wall_boxes import GROUP, box_gap
 
 SLICE_S = 0.02
 """Largest time in seconds over which speeds are considered constant."""
 
-_SKIN_MM = 1.0  # distance from the hull that counts as contact
+SKIN_MM = 1.0
+"""Distance from the hull that counts as contact."""
+
 _BISECTIONS = 40
 
 
@@ -34,12 +47,15 @@ class Bases(NamedTuple):
 
     Attributes:
         poses, odometry: (robots, 3), x, y, heading.
-        speeds, commands: (robots, 2), ahead and turning.
-        scales: (robots, 2), scale factors of the left and the right wheel.
-        distances: (robots,), distances driven so far.
+        speeds, commands: (robots, 3), ahead, turning, and to the left.
+        scales: (robots, wheels), scale factors of the wheels: left and right; or front left, front right,
+            rear left and rear right.
+        travel: (robots, wheels), how far the wheels have rolled by their own reports.
+        distances: (robots,), lengths of the paths of the centers so far.
         contacts: (robots, 2), front and rear bumper.
         bumps: (robots,), number of collisions so far.
         impacts: (robots,), largest speed in a collision so far.
+        radii: (robots,), radii of the hulls.
         wall_buffer, robot_buffer, person_buffer: (walls,), (robots,), (people,), indices of nearby objects.
     """
 
@@ -48,28 +64,32 @@ class Bases(NamedTuple):
     speeds: Floats2
     commands: Floats2
     scales: Floats2
+    travel: Floats2
     distances: Floats
     contacts: Bools2
     bumps: Ints
     impacts: Floats
+    radii: Floats
     wall_buffer: Ints
     robot_buffer: Ints
     person_buffer: Ints
 
 
-def bases_at(poses: Floats2, scales: Floats2) -> Bases:
+def bases_at(poses: Floats2, scales: Floats2, radii: Floats) -> Bases:
     """Return bases that stand at `poses`, (robots, 3), with the same odometry, and empty work space."""
     count = len(poses)
     return Bases(
         poses=poses,
         odometry=poses.copy(),
-        speeds=np.zeros((count, 2)),
-        commands=np.zeros((count, 2)),
+        speeds=np.zeros((count, 3)),
+        commands=np.zeros((count, 3)),
         scales=scales,
+        travel=np.zeros_like(scales),
         distances=np.zeros(count),
         contacts=np.zeros((count, 2), dtype=np.bool_),
         bumps=np.zeros(count, dtype=np.int64),
         impacts=np.zeros(count),
+        radii=radii,
         wall_buffer=np.empty(0, dtype=np.int64),
         robot_buffer=np.empty(count, dtype=np.int64),
         person_buffer=np.empty(0, dtype=np.int64),
@@ -85,13 +105,31 @@ class NearCounts(NamedTuple):
 
 
 class Drivetrain(NamedTuple):
-    """The parameters of a drivetrain, as in `RobotConfig`; `slip` is in mm per square root of a mm."""
+    """The parameters of a drivetrain, as in `RobotConfig`; `slip` is in mm per square root of a mm.
+
+    `wheel_distance` and `sideways_acceleration` are 0 for two wheels.
+    """
 
     radius: float
     wheel_base: float
+    wheel_distance: float
     acceleration: float
     turn_acceleration: float
+    sideways_acceleration: float
     slip: float
+
+
+def drivetrain_of(config: RobotConfig) -> Drivetrain:
+    """Return the drivetrain of a robot."""
+    return Drivetrain(
+        radius=config.radius_mm,
+        wheel_base=config.wheel_base_mm,
+        wheel_distance=config.wheel_distance_mm,
+        acceleration=config.acceleration_mm_s2,
+        turn_acceleration=config.turn_acceleration_deg_s2,
+        sideways_acceleration=config.sideways_acceleration_mm_s2,
+        slip=config.wheel_slip_mm / math.sqrt(1000.0),
+    )
 
 
 @inlined
@@ -111,17 +149,26 @@ def _wall_distance(walls: Floats2, wall: int, x: float, y: float) -> float:
 
 @inlined
 def _approach(speed: float, target: float, limit: float) -> float:
-    """Return `speed`, changed toward `wanted` by at most `limit`."""
+    """Return `speed`, changed toward `target` by at most `limit`."""
     return speed + min(max(target - speed, -limit), limit)
 
 
 @inlined
-def _arc(heading: float, distance: float, turn: float) -> tuple[float, float]:
-    """Return the displacement along an arc of length `distance` that turns by `turn` degrees."""
+def _arc(heading: float, ahead: float, left: float, turn: float) -> tuple[float, float]:
+    """Return the displacement along an arc that turns by `turn` degrees, of lengths in the robot's frame."""
     half = math.radians(turn) / 2.0
-    chord = distance * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-    along = math.radians(heading) + half
-    return -math.sin(along) * chord, math.cos(along) * chord
+    shrinking = math.sin(half) / half if abs(half) > 1e-9 else 1.0
+    along, chord, chord_left = math.radians(heading) + half, ahead * shrinking, left * shrinking
+    return (
+        -math.sin(along) * chord - math.cos(along) * chord_left,
+        math.cos(along) * chord - math.sin(along) * chord_left,
+    )
+
+
+@inlined
+def _ground_speed(speeds: Floats2, robot: int) -> float:
+    """Return the speed of a robot's center."""
+    return math.hypot(speeds[robot, 0], speeds[robot, 2])
 
 
 @inlined
@@ -164,25 +211,27 @@ def _free_of_hull(ox: float, oy: float, dx: float, dy: float, min_distance: floa
 
 @inlined
 def _gather(
-    robot: int, bases: Bases, walls: Floats2, crowd: Crowd, distance: float, radius: float
+    robot: int, bases: Bases, walls: Floats2, boxes: Floats2, crowd: Crowd, distance: float, radius: float
 ) -> NearCounts:
     """Collect everything that a robot may touch within `distance` in the work space; return the counts."""
     x, y = bases.poses[robot, 0], bases.poses[robot, 1]
-    limit = (radius + distance + _SKIN_MM) ** 2
+    limit = (radius + distance + SKIN_MM) ** 2
     wall_count = 0
-    for wall in range(walls.shape[0]):
-        dx, dy = _wall_vector(walls, wall, x, y)
-        if dx * dx + dy * dy < limit:
-            bases.wall_buffer[wall_count] = wall
-            wall_count += 1
-    limit = (2.0 * radius + distance + _SKIN_MM) ** 2
+    for group in range(boxes.shape[0]):
+        if box_gap(boxes, group, x, y) < limit:
+            for wall in range(group * GROUP, min((group + 1) * GROUP, walls.shape[0])):
+                dx, dy = _wall_vector(walls, wall, x, y)
+                if dx * dx + dy * dy < limit:
+                    bases.wall_buffer[wall_count] = wall
+                    wall_count += 1
     robot_count = 0
     for other in range(bases.poses.shape[0]):
+        limit = (radius + bases.radii[other] + distance + SKIN_MM) ** 2
         dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
         if dx * dx + dy * dy < limit and other != robot:
             bases.robot_buffer[robot_count] = other
             robot_count += 1
-    limit = (radius + crowd.radius + distance + _SKIN_MM) ** 2
+    limit = (radius + crowd.radius + distance + SKIN_MM) ** 2
     person_count = 0
     for person in range(crowd.people.shape[0]):
         dx, dy = crowd.people[person, 0] - x, crowd.people[person, 1] - y
@@ -212,41 +261,94 @@ def _update_bumpers(
     x, y, heading = bases.poses[robot, 0], bases.poses[robot, 1], bases.poses[robot, 2]
     for wall in bases.wall_buffer[: counts.walls]:
         dx, dy = _wall_vector(walls, wall, x, y)
-        if math.hypot(dx, dy) < radius + _SKIN_MM:
+        if math.hypot(dx, dy) < radius + SKIN_MM:
             bases.contacts[robot, _hull_half(heading, dx, dy)] = True
     for other in bases.robot_buffer[: counts.robots]:
         dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
-        if math.hypot(dx, dy) < 2.0 * radius + _SKIN_MM:
+        if math.hypot(dx, dy) < radius + bases.radii[other] + SKIN_MM:
             bases.contacts[robot, _hull_half(heading, dx, dy)] = True
     for person in bases.person_buffer[: counts.people]:
         dx, dy = crowd.people[person, 0] - x, crowd.people[person, 1] - y
-        if math.hypot(dx, dy) < radius + crowd.radius + _SKIN_MM:
+        if math.hypot(dx, dy) < radius + crowd.radius + SKIN_MM:
             bases.contacts[robot, _hull_half(heading, dx, dy)] = True
     if (bases.contacts[robot, 0] or bases.contacts[robot, 1]) and not before:
         bases.bumps[robot] += 1
-        bases.impacts[robot] = max(bases.impacts[robot], abs(bases.speeds[robot, 0]))
+        bases.impacts[robot] = max(bases.impacts[robot], _ground_speed(bases.speeds, robot))
+
+
+@inlined
+def _report(
+    robot: int, wheel: int, bases: Bases, slip: float, rolled: float, noise: Floats2, noise_column: int
+) -> float:
+    """Return what a wheel reports of a distance that it rolled, and add it to its travel."""
+    deviate = noise[robot, noise_column + wheel]
+    reported: float = rolled * bases.scales[robot, wheel] + slip * math.sqrt(abs(rolled)) * deviate
+    bases.travel[robot, wheel] += reported
+    return reported
+
+
+@inlined
+def _measured_by_two(
+    robot: int, bases: Bases, drive: Drivetrain, ahead: float, turn: float, noise: Floats2, noise_column: int
+) -> tuple[float, float, float]:
+    """Return a motion as two wheels report it: ahead, to the left, and turn in degrees."""
+    half_difference = math.radians(turn) * drive.wheel_base / 2.0
+    left = _report(robot, 0, bases, drive.slip, ahead - half_difference, noise, noise_column)
+    right = _report(robot, 1, bases, drive.slip, ahead + half_difference, noise, noise_column)
+    return (left + right) / 2.0, 0.0, math.degrees((right - left) / drive.wheel_base)
+
+
+@inlined
+def _measured_by_four(
+    robot: int, bases: Bases, drive: Drivetrain, ahead: float, left: float, turn: float, noise: Floats2,
+    noise_column: int,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return a motion as four mecanum wheels report it: ahead, to the left, and turn in degrees."""
+    reach = (drive.wheel_base + drive.wheel_distance) / 2.0
+    rolled = math.radians(turn) * reach
+    fl = _report(robot, 0, bases, drive.slip, ahead - left - rolled, noise, noise_column)
+    fr = _report(robot, 1, bases, drive.slip, ahead + left + rolled, noise, noise_column)
+    rl = _report(robot, 2, bases, drive.slip, ahead + left - rolled, noise, noise_column)
+    rr = _report(robot, 3, bases, drive.slip, ahead - left + rolled, noise, noise_column)
+    measured_turn = math.degrees((fr - fl + rr - rl) / (4.0 * reach))
+    return (fl + fr + rl + rr) / 4.0, (fr - fl + rl - rr) / 4.0, measured_turn
 
 
 @inlined
 def _update_odometry(
-    robot: int,
-    bases: Bases,
-    drive: Drivetrain,
-    distance: float,
-    turn: float,
-    left_noise: float,
-    right_noise: float,
-) -> None:
+    robot: int, bases: Bases, drive: Drivetrain, ahead: float, left: float, turn: float, noise: Floats2,
+    noise_column: int,
+) -> None:  # fmt: skip
     """Update a robot's odometry with its wheels' reports of a motion."""
-    half_difference = math.radians(turn) * drive.wheel_base / 2.0
-    left, right = distance - half_difference, distance + half_difference
-    left = left * bases.scales[robot, 0] + drive.slip * math.sqrt(abs(left)) * left_noise
-    right = right * bases.scales[robot, 1] + drive.slip * math.sqrt(abs(right)) * right_noise
-    odometry_turn = math.degrees((right - left) / drive.wheel_base)
-    dx, dy = _arc(bases.odometry[robot, 2], (left + right) / 2.0, odometry_turn)
+    if drive.wheel_distance > 0.0:
+        ahead, left, odometry_turn = _measured_by_four(
+            robot, bases, drive, ahead, left, turn, noise, noise_column
+        )
+    else:
+        ahead, left, odometry_turn = _measured_by_two(robot, bases, drive, ahead, turn, noise, noise_column)
+    dx, dy = _arc(bases.odometry[robot, 2], ahead, left, odometry_turn)
     bases.odometry[robot, 0] += dx
     bases.odometry[robot, 1] += dy
     bases.odometry[robot, 2] = (bases.odometry[robot, 2] + odometry_turn) % 360.0
+
+
+@compiled
+def count_wheels(
+    robot: int, bases: Bases, drive: Drivetrain, left: float, right: float, noise: Floats2, noise_column: int
+) -> None:
+    """Update the odometry of a robot with two wheels with their reports.
+
+    Args:
+        robot: the number of the robot.
+        bases: the bases; changed.
+        drive: the parameters of their drivetrain.
+        left: the way in mm that the left wheel rolled.
+        right: that of the right wheel.
+        noise: (robots, k), standard normal numbers.
+        noise_column: the column of the left wheel; that of the right wheel is the next.
+    """
+    turn = math.degrees((right - left) / drive.wheel_base)
+    _update_odometry(robot, bases, drive, (left + right) / 2.0, 0.0, turn, noise, noise_column)
 
 
 @inlined
@@ -259,7 +361,7 @@ def _free_fraction(robot: int, bases: Bases, radius: float, walls: Floats2, crow
         free = min(free, _free_of_wall(x, y, dx, dy, walls, wall, radius))
     for other in bases.robot_buffer[: counts.robots]:
         ox, oy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
-        free = min(free, _free_of_hull(ox, oy, dx, dy, 2.0 * radius))
+        free = min(free, _free_of_hull(ox, oy, dx, dy, radius + bases.radii[other]))
     for person in bases.person_buffer[: counts.people]:
         ox, oy = crowd.people[person, 0] - x, crowd.people[person, 1] - y
         free = min(free, _free_of_hull(ox, oy, dx, dy, radius + crowd.radius))
@@ -269,52 +371,65 @@ def _free_fraction(robot: int, bases: Bases, radius: float, walls: Floats2, crow
 @inlined
 def _move_slice(
     robot: int, bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, counts: NearCounts, dt: float,
-    left_noise: float, right_noise: float,
+    noise: Floats2, noise_column: int,
 ) -> None:  # fmt: skip
     """Move one robot for `dt` seconds."""
     speeds, commands, poses = bases.speeds, bases.commands, bases.poses
     speeds[robot, 0] = _approach(speeds[robot, 0], commands[robot, 0], drive.acceleration * dt)
     speeds[robot, 1] = _approach(speeds[robot, 1], commands[robot, 1], drive.turn_acceleration * dt)
-    distance, turn = speeds[robot, 0] * dt, speeds[robot, 1] * dt
+    speeds[robot, 2] = _approach(speeds[robot, 2], commands[robot, 2], drive.sideways_acceleration * dt)
+    ahead, turn, left = speeds[robot, 0] * dt, speeds[robot, 1] * dt, speeds[robot, 2] * dt
     x, y, heading = poses[robot, 0], poses[robot, 1], poses[robot, 2]
-    dx, dy = _arc(heading, distance, turn)
+    dx, dy = _arc(heading, ahead, left, turn)
     free = _free_fraction(robot, bases, drive.radius, walls, crowd, counts, dx, dy)
     if free < 1.0:
-        bases.impacts[robot] = max(bases.impacts[robot], abs(speeds[robot, 0]))
-        speeds[robot, 0] = 0.0
-        distance *= free
+        bases.impacts[robot] = max(bases.impacts[robot], _ground_speed(speeds, robot))
+        speeds[robot, 0] = speeds[robot, 2] = 0.0
+        ahead *= free
+        left *= free
     poses[robot, 0], poses[robot, 1] = x + free * dx, y + free * dy
     poses[robot, 2] = (heading + turn) % 360.0
-    bases.distances[robot] += abs(distance)
-    _update_odometry(robot, bases, drive, distance, turn, left_noise, right_noise)
+    bases.distances[robot] += math.hypot(ahead, left)
+    _update_odometry(robot, bases, drive, ahead, left, turn, noise, noise_column)
     if counts.walls + counts.robots + counts.people > 0:
         _update_bumpers(robot, bases, walls, crowd, counts, drive.radius)
 
 
+@inlined
+def _drivetrain_of(robot: int, drivetrains: Floats2) -> Drivetrain:
+    """Return the drivetrain of a robot, from the table of all."""
+    row = drivetrains[robot]
+    return Drivetrain(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+
+
 @compiled
 def move(
-    bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, noise: Floats2, noise_column: int, slices:
-        int,
-    time_s: float,
+    bases: Bases, drivetrains: Floats2, walls: Floats2, boxes: Floats2, crowd: Crowd, noise: Floats2,
+    noise_column: int, slices: int, time_s: float,
 ) -> None:  # fmt: skip
     """Move all robots for `time_s` seconds, one after the other, in slices of equal length.
 
     Args:
         bases: the bases; changed.
-        drive: the parameters of their drivetrain.
+        drivetrains: (robots, fields), the parameters of their drivetrains, as in `Drivetrain`.
         walls: the walls, from `wall_table`.
+        boxes: their boxes, from `wall_boxes`.
         crowd: the people, which stand still meanwhile.
-        noise: (robots, k), standard normal numbers, two per slice for the wheels.
+        noise: (robots, k), standard normal numbers, one per slice and wheel.
         noise_column: the first column of `noise` for the wheels.
         slices: number of slices.
         time_s: the time in seconds.
     """
     for robot in range(bases.poses.shape[0]):
-        fastest = max(abs(bases.speeds[robot, 0]), abs(bases.commands[robot, 0]))
-        counts = _gather(robot, bases, walls, crowd, fastest * time_s, drive.radius)
+        drive = _drivetrain_of(robot, drivetrains)
+        fastest = math.hypot(
+            max(abs(bases.speeds[robot, 0]), abs(bases.commands[robot, 0])),
+            max(abs(bases.speeds[robot, 2]), abs(bases.commands[robot, 2])),
+        )
+        counts = _gather(robot, bases, walls, boxes, crowd, fastest * time_s, drive.radius)
         for index in range(slices):
-            left, right = noise[robot, noise_column + 2 * index], noise[robot, noise_column + 2 * index + 1]
-            _move_slice(robot, bases, drive, walls, crowd, counts, time_s / slices, left, right)
+            column = noise_column + bases.scales.shape[1] * index
+            _move_slice(robot, bases, drive, walls, crowd, counts, time_s / slices, noise, column)
     for robot in range(bases.poses.shape[0]):  # robots that moved later may touch robots that moved before
-        counts = _gather(robot, bases, walls, crowd, 0.0, drive.radius)
-        _update_bumpers(robot, bases, walls, crowd, counts, drive.radius)
+        counts = _gather(robot, bases, walls, boxes, crowd, 0.0, bases.radii[robot])
+        _update_bumpers(robot, bases, walls, crowd, counts, bases.radii[robot])

@@ -220,17 +220,16 @@ class Elevators:
         raise ValueError(f"the elevator at `{node}` of `{self.floor}` does not lead to `{floor}`")
 
     def _is_robot_between(self, cabin: Cabin) -> bool:
-        clearance = self._world.config.radius_mm + _BARRIER_MM
-        for x, y, _ in self._world.true_poses.tolist():
+        for (x, y, _), config in zip(self._world.true_poses.tolist(), self._world.configs, strict=True):
             along, deep = cabin.coordinates(x, y)
             aside = max(abs(along) - cabin.width_mm / 2, 0.0)
-            if math.hypot(aside, deep) < clearance:
+            if math.hypot(aside, deep) < config.radius_mm + _BARRIER_MM:
                 return True
         return False
 
     def _pose_after_ride(self, cabin: Cabin, new_cabin: Cabin, robot: int) -> tuple[float, float, float]:
         """Return the pose of a robot after the ride, at the same position in the cabin."""
-        pose, radius = self._world.true_pose(robot), self._world.config.radius_mm
+        pose, radius = self._world.true_pose(robot), self._world.configs[robot].radius_mm
         along, deep = cabin.coordinates(pose.x_mm, pose.y_mm)
         if not cabin.contains(pose.x_mm, pose.y_mm, radius):
             position = f"{deep:.0f} mm behind its doors and {along:.0f} mm aside"

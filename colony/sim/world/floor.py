@@ -67,30 +67,42 @@ def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
 
 
 @inlined
-def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, direction: float) -> None:
-    """Draw and apply the slip of a robot on a joint, driving forward (`direction` is 1) or backward (-1)."""
+def _slip(
+    robot: int, floor: Floor, poses: Floats2, odometry: Floats2, travel: Floats2, ahead: float, left: float
+) -> None:
+    """Draw and apply the slip of a robot on a joint; it drives along the unit vector (`ahead`, `left`)."""
     event = floor.crossings[robot] + 1_000_000 * robot
     floor.crossings[robot] += 1
     if uniform(floor.seed, SLIPS, event, 0) < floor.probability:
         turn = floor.turn_deg * deviate(floor.seed, SLIPS, event, 1)
         poses[robot, 2] = (poses[robot, 2] + turn) % 360.0
         spin_mm = floor.min_mm + (floor.max_mm - floor.min_mm) * uniform(floor.seed, SLIPS, event, 3)
+        for wheel in range(travel.shape[1]):
+            sideways = left if wheel in (1, 2) else -left  # of mecanum wheels; `left` is 0 with two wheels
+            travel[robot, wheel] += (ahead + sideways) * spin_mm
         heading = math.radians(odometry[robot, 2])
-        odometry[robot, 0] -= direction * spin_mm * math.sin(heading)
-        odometry[robot, 1] += direction * spin_mm * math.cos(heading)
+        odometry[robot, 0] -= ahead * spin_mm * math.sin(heading) + left * spin_mm * math.cos(heading)
+        odometry[robot, 1] += ahead * spin_mm * math.cos(heading) - left * spin_mm * math.sin(heading)
 
 
 @compiled
-def slip(floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2) -> None:
+def slip(
+    floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2, travel: Floats2
+) -> None:
     """Apply wheel slip to robots that moved from `before` to `poses`, both (robots, 3), in a substep.
 
     Args:
         floor: the floor; changed.
         before: the poses before.
         poses: the poses now; changed.
-        speeds: (robots, 2), ahead and turning.
+        speeds: (robots, 3), ahead, turning, and sideways.
         odometry: the poses according to odometry; changed.
+        travel: (robots, wheels), how far the wheels have rolled by their own reports; changed.
     """
     for robot in range(poses.shape[0]):
         if _crosses(floor, before[robot, 0], before[robot, 1], poses[robot, 0], poses[robot, 1]):
-            _slip(robot, floor, poses, odometry, 1.0 if speeds[robot, 0] >= 0.0 else -1.0)
+            ahead, left = 1.0 if speeds[robot, 0] >= 0.0 else -1.0, 0.0
+            if speeds[robot, 2] != 0.0:
+                speed = math.hypot(speeds[robot, 0], speeds[robot, 2])
+                ahead, left = speeds[robot, 0] / speed, speeds[robot, 2] / speed
+            _slip(robot, floor, poses, odometry, travel, ahead, left)

@@ -93,7 +93,8 @@ class _Ride:
 
     def serve(self, delay_s: float, ride_s: float) -> Generator[Step, Any, None]:
         """Serve the call until the doors are open on the other floor, or the call is canceled."""
-        cabin, radius_mm = self._elevators.cabin(self._call.node), self._world.config.radius_mm
+        cabin = self._elevators.cabin(self._call.node)
+        radius_mm = self._world.configs[self._robot].radius_mm
         if not (yield from self._wait_for_standstill(lambda: waits_before(cabin, self._pose))):
             return
         yield from sleep(delay_s)
@@ -124,8 +125,8 @@ class _Ride:
             yield from sleep(POLL_INTERVAL_S)
             if (yield from current_call()) != self._call:
                 return False
-            velocity, turn = self._world.speed(self._robot)
-            is_still = abs(velocity) < _STILL_MM_S and abs(turn) < _STILL_DEG_S
+            speed = self._world.speed(self._robot)
+            is_still = speed.ground_mm_s < _STILL_MM_S and abs(speed.turn_deg_s) < _STILL_DEG_S
             stood_s = stood_s + POLL_INTERVAL_S if is_still and is_waiting() else 0.0
         return True
 

@@ -153,28 +153,28 @@ def _robot_ahead(row: Floats, poses: Floats2) -> tuple[float, float]:
 
 
 @inlined
-def _is_allowed(row: Floats, poses: Floats2, berth: float, ds: float, dv: float) -> bool:
+def _is_allowed(row: Floats, poses: Floats2, berths: Floats, ds: float, dv: float) -> bool:
     """Return True if a step keeps clear of all robots, or leads away from them."""
     is_allowed = True
     for robot in range(poses.shape[0]):
         dx, dy = row[X] - poses[robot, 0], row[Y] - poses[robot, 1]
         nx, ny = dx + ds * row[U] - dv * row[W], dy + ds * row[W] + dv * row[U]
-        after = nx * nx + ny * ny
+        after, berth = nx * nx + ny * ny, berths[robot]
         is_allowed &= (after >= berth * berth) | (after >= dx * dx + dy * dy)
     return is_allowed
 
 
 @inlined
-def _step(row: Floats, poses: Floats2, berth: float, wanted_v: float, speed: float, dt: float) -> None:
+def _step(row: Floats, poses: Floats2, berths: Floats, wanted_v: float, speed: float, dt: float) -> None:
     """Walk for `dt` seconds toward `wanted_v`, as far as robots allow; turn around at the track's end."""
     ds = row[FORWARD] * speed * dt
     dv = min(max(wanted_v - row[V], -_SIDE_MM_S * dt), _SIDE_MM_S * dt)
     if row[S] + ds < 0.0 or row[S] + ds > row[LENGTH]:
         row[FORWARD] = -row[FORWARD]
         ds = 0.0
-    if not _is_allowed(row, poses, berth, ds, dv):
+    if not _is_allowed(row, poses, berths, ds, dv):
         ds = 0.0
-    if not _is_allowed(row, poses, berth, ds, dv):
+    if not _is_allowed(row, poses, berths, ds, dv):
         dv = 0.0
     row[S] += ds
     row[V] += dv
@@ -183,9 +183,9 @@ def _step(row: Floats, poses: Floats2, berth: float, wanted_v: float, speed: flo
 
 
 @compiled
-def walk(crowd: Crowd, poses: Floats2, hull: float, dt: float) -> None:
-    """Let all people walk for `dt` seconds among robots of radius `hull` at `poses`."""
-    berth = hull + crowd.radius + _BERTH_MM
+def walk(crowd: Crowd, poses: Floats2, radii: Floats, dt: float) -> None:
+    """Let all people walk for `dt` seconds among robots with hulls of these radii at `poses`."""
+    berths = radii + crowd.radius + _BERTH_MM
     for person in range(crowd.people.shape[0]):
         row = crowd.people[person]
         ahead, robot_v = _robot_ahead(row, poses)
@@ -207,4 +207,4 @@ def walk(crowd: Crowd, poses: Floats2, hull: float, dt: float) -> None:
             elif row[ACTION] == _PASSES:
                 wanted_v = row[V] if math.isnan(passing_v) else passing_v
                 speed = 0.0 if ahead < _HALT_MM and abs(robot_v - row[V]) < _TIGHT_MM - 1.0 else speed
-        _step(row, poses, berth, wanted_v, speed, dt)
+        _step(row, poses, berths, wanted_v, speed, dt)

@@ -2,41 +2,65 @@
 
 The world has neither I/O nor a clock: `World.advance` advances time. All randomness comes from two seeds. The
 world's seed is for the robots' own errors. Each robot has its own generator, so that the same calls give the
-same run bit for bit, independent of other robots and of the sensors that are read. The scenery's seed is for
-the hazards of the building (docs/hazards.md).
+same run bit for bit, independent of other robots of the same kinds and of the sensors that are read. The
+scenery's seed is for the hazards of the building (docs/hazards.md).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from colony.body.devices import Device
+from colony.ir.servers import ServerSpec
 from colony.nav.maps.stickrep.model import Pose
 from colony.sim.chance import SEED_MODULUS
-from colony.sim.config import RobotConfig, rome_config
+from colony.sim.config import RingConfig, RobotConfig, rome_config
 from colony.sim.hazards.scenery import Scenery, bare_scenery
 from colony.sim.noise import Noise
 from colony.sim.sensors.compass import disturbance_deg
-from colony.sim.sensors.sonar import CrossTalk, corner_reflectors, fan_of, proximity_model, sense, wall_table
-from colony.sim.world.base import SLICE_S, Drivetrain, bases_at, move
+from colony.sim.sensors.rings import Rings
+from colony.sim.sensors.sonar import CrossTalk, corner_reflectors, wall_table
+from colony.sim.timeline import Timeline
+from colony.sim.world.base import SLICE_S, bases_at, drivetrain_of, move
+from colony.sim.world.contacts import contact_bearings
 from colony.sim.world.floor import floor_of, slip
 from colony.sim.world.people import X, Y, crowd_of, make_way, walk
-from colony.sim.world.placing import check_clearance, checked_poses, checked_walls
+from colony.sim.world.placing import (
+    check_clearance,
+    checked_docks,
+    checked_holes,
+    checked_poses,
+    checked_walls,
+)
+from colony.sim.world.wall_boxes import wall_boxes
 
-MAX_STEP_S = 10.0
+T = TypeVar("T")
+
 SUBSTEP_S = 0.05
 """Largest time in seconds between two moves of people, or two checks for slips."""
 
 
 class Speed(NamedTuple):
-    """The speed of a base: ahead in mm/s (negative is backward), turning counterclockwise in degrees/s."""
+    """The speed of a base: ahead and to the left in mm/s, turning counterclockwise in degrees/s."""
 
     velocity_mm_s: float
     turn_deg_s: float
+    sideways_mm_s: float = 0.0
+
+    @property
+    def ground_mm_s(self) -> float:
+        """The speed of the robot's center."""
+        return math.hypot(self.velocity_mm_s, self.sideways_mm_s)
+
+
+STILL = Speed(0.0, 0.0)
 
 
 class Bumper(NamedTuple):
@@ -44,6 +68,24 @@ class Bumper(NamedTuple):
 
     front: bool
     rear: bool
+
+
+class Situation(NamedTuple):
+    """What stands where at one time, for sensors; the arrays must not be modified.
+
+    Attributes:
+        poses: (robots, 3), the true poses, x and y in mm, heading in degrees.
+        people: (people, 2), x and y in mm of their centers.
+        radii: (robots,), the radii of their hulls in mm.
+        walls: (n, 7), the walls that light and sound detect, from `wall_table`.
+        boxes: their boxes, from `wall_boxes`.
+    """
+
+    poses: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    people: NDArray[np.float64]
+    walls: NDArray[np.float64]
+    boxes: NDArray[np.float64]
 
 
 class _Snapshot(NamedTuple):
@@ -56,10 +98,12 @@ class _Snapshot(NamedTuple):
 
 
 class World:
-    """Robots of one kind among walls, or in the scenery of a building.
+    """Robots of one kind or several among walls, or in the scenery of a building.
 
-    Robots are numbered from 0 in the order of `poses`; they detect and block each other. A robot stands still
-    until its first command, and keeps its last one.
+    Robots are numbered from 0 in the order of `poses`; they detect and block each other, each with its own
+    hull. A robot stands still until its first command, and keeps its last one.
+
+    The attribute `configs` has the parameters of each robot.
     """
 
     def __init__(
@@ -67,8 +111,10 @@ class World:
         *,
         walls: ArrayLike | Scenery,
         poses: Sequence[tuple[float, float, float]],
-        config: RobotConfig | None = None,
+        config: RobotConfig | Sequence[RobotConfig] | None = None,
         seed: int = 0,
+        holes: Sequence[ArrayLike] = (),
+        docks: Sequence[tuple[float, float, float]] = (),
     ) -> None:
         """Build a world.
 
@@ -77,45 +123,54 @@ class World:
                 people, joints and other hazards.
             poses: one (x, y, heading) per robot, in mm and degrees counterclockwise from north. People at
                 these positions are moved.
-            config: the parameters of the robots; RoME by default.
+            config: the parameters of the robots, of all or of each; RoME by default.
             seed: seed of the robots' own errors.
+            holes: the holes in the floor, in addition to those of the scenery: polygons, (n, 2) in mm each.
+                Robots drive over them; sensors that look down see them.
+            docks: the docks in addition to those of the scenery: the poses of robots that stand at them.
 
         Raises:
-            ValueError: a shape is wrong, a number is not finite, or a robot overlaps a wall or another robot.
+            ValueError: a shape is wrong, a number is not finite, a robot overlaps a wall or another robot, or
+                there is not one config per robot.
         """
-        self.config = config or rome_config()
         scenery = walls if isinstance(walls, Scenery) else bare_scenery(checked_walls(walls))
-        initial_poses = checked_poses(poses)
-        self._noise = Noise(len(initial_poses), seed)
-        errors = self._noise.peek(2)
-        self._bases = bases_at(
-            initial_poses, scenery.encoder_scale * (1.0 + self.config.wheel_scale * errors)
+        scenery = replace(
+            scenery,
+            holes=(*scenery.holes, *checked_holes(holes)),
+            docks=(*scenery.docks, *checked_docks(docks)),
         )
+        initial_poses = checked_poses(poses)
+        self.seed = seed
+        """Seed of the robots' own errors."""
+        self.configs = configs = _config_of_each(config or rome_config(), len(initial_poses))
+        self._channels = max(each.channels for each in configs)
+        self._wheels = max(each.wheels for each in configs)
+        self._noise = Noise(len(initial_poses), seed)
+        errors = np.array([[each.wheel_scale] for each in configs]) * self._noise.peek(self._wheels)
+        radii = np.array([each.radius_mm for each in configs])
+        self._bases = bases_at(initial_poses, scenery.encoder_scale * (1.0 + errors), radii)
         self._crossings = np.zeros(len(initial_poses), dtype=np.int64)
-        self._build(scenery.walls, scenery.silent)
-        check_clearance(initial_poses, self._walls, self.config.radius_mm)
+        self._build(scenery.walls, scenery.silent, outlines=scenery.outlines)
+        check_clearance(initial_poses, self._walls, radii)
         self._set_scenery(scenery)
         self._steps = 0
-        self._drivetrain = Drivetrain(
-            radius=self.config.radius_mm,
-            wheel_base=self.config.wheel_base_mm,
-            acceleration=self.config.acceleration_mm_s2,
-            turn_acceleration=self.config.turn_acceleration_deg_s2,
-            slip=self.config.wheel_slip_mm / math.sqrt(1000.0),
-        )
-        self._proximity_model, self._fan = proximity_model(self.config), fan_of(self.config)
-        channels = self.config.channels
-        self._unwired = np.setdiff1d(np.arange(channels), self.config.infrared_wired)
-        self._sonar = np.empty((len(initial_poses), channels))
-        self._infrared = np.empty((len(initial_poses), channels), dtype=np.bool_)
-        self._sonar_noise_column = self._noise.take(channels)
-        self._sensed = False
+        self._drivetrains = np.array([drivetrain_of(each) for each in configs], dtype=np.float64)
+        self._rings = _equal_rings(configs)
+        self._sonar_noise_column = self._noise.take(self._channels)
+        self._placements = [0] * len(initial_poses)
+        self._timeline = Timeline(configs)
+        self._shared: dict[Hashable, object] = {}
         self._snapshot: _Snapshot | None = None
+        self._situation: Situation | None = None
 
-    def _build(self, walls: NDArray[np.float64], silent: NDArray[np.bool_]) -> None:
+    def _build(
+        self, walls: NDArray[np.float64], silent: NDArray[np.bool_], *, outlines: bool = False
+    ) -> None:
         has_length = np.hypot(*(walls[:, 2:] - walls[:, :2]).T) > 0.0
         self._walls = wall_table(walls[has_length])
         self._audible_walls = wall_table(walls[has_length & ~silent])
+        self._boxes = wall_boxes(self._walls, outlines=outlines)
+        self._audible_boxes = wall_boxes(self._audible_walls, outlines=outlines)
         self._reflectors = corner_reflectors(self._audible_walls)
         self._bases = self._bases._replace(wall_buffer=np.empty(len(self._walls), dtype=np.int64))
 
@@ -127,69 +182,110 @@ class World:
         make_way(self._crowd, self._bases.poses)
         self._bases = self._bases._replace(person_buffer=np.empty(len(scenery.people), dtype=np.int64))
         self._has_events = bool(scenery.people or scenery.joints)
-        self._cross_talk = CrossTalk(scenery.cross_talk, events)
+        self._cross_talk = CrossTalk(scenery.cross_talk, events, self._channels)
         self._compass_disturbance = scenery.compass_disturbance
+        self._holes = scenery.holes
+        self._docks = scenery.docks
 
     def __len__(self) -> int:
         """Return the number of robots."""
         return len(self._bases.poses)
 
-    def command(self, robot: int, velocity_mm_s: float, turn_deg_s: float) -> None:
-        """Set the target speeds of a robot, clamped to its limits.
+    def command(
+        self, robot: int, velocity_mm_s: float, turn_deg_s: float, sideways_mm_s: float = 0.0
+    ) -> None:
+        """Set the target speeds of a robot, clamped to its limits, after the delay of its commands.
 
         Raises:
             ValueError: a speed is not finite.
         """
-        if not (math.isfinite(velocity_mm_s) and math.isfinite(turn_deg_s)):
-            raise ValueError(f"the speeds are {velocity_mm_s} and {turn_deg_s}; expected finite ones")
-        max_velocity, max_turn = self.config.max_velocity_mm_s, self.config.max_turn_deg_s
         robot = self._index(robot)
-        self._bases.commands[robot, 0] = min(max(velocity_mm_s, -max_velocity), max_velocity)
-        self._bases.commands[robot, 1] = min(max(turn_deg_s, -max_turn), max_turn)
+        config = self.configs[robot]
+        targets = config.bounded(velocity_mm_s, turn_deg_s, sideways_mm_s)
+        if config.command_delay_ns:
+            self.carry_out(robot, partial(self._set_targets, robot, targets))
+        else:
+            self._set_targets(robot, targets)
+
+    def _set_targets(self, robot: int, targets: tuple[float, float, float]) -> None:
+        self._bases.commands[robot] = targets
+
+    def carry_out(self, robot: int, command: Callable[[], None]) -> None:
+        """Call `command` after the delay of a robot's commands, at once without one."""
+        self._timeline.carry_out(robot, command)
 
     def advance(self, dt_s: float) -> None:
-        """Advance time by `dt_s` seconds.
+        """Advance time by `dt_s` seconds, in one step, or in several if commands or readings are delayed.
 
         Raises:
             ValueError: the time is not above 0, or beyond `MAX_STEP_S`.
         """
-        if not 0.0 < dt_s <= MAX_STEP_S:
-            raise ValueError(f"cannot advance by {dt_s} s; expected a time above 0, up to {MAX_STEP_S:g} s")
+        self._timeline.advance(dt_s, self._step)
+
+    def _step(self, dt_s: float) -> None:
         substeps = math.ceil(dt_s / SUBSTEP_S - 1e-9) if self._has_events else 1
         slices = math.ceil(dt_s / substeps / SLICE_S - 1e-9)
-        noise_column = self._noise.take(self.config.channels + 2 * substeps * slices)
+        noises = self._wheels * slices
+        noise_column = self._noise.take(self._channels + noises * substeps)
         self._sonar_noise_column = noise_column
         for substep in range(substeps):
-            self._substep(dt_s / substeps, slices, noise_column + self.config.channels + 2 * substep * slices)
+            self._substep(dt_s / substeps, slices, noise_column + self._channels + noises * substep)
         self._steps += 1
-        self._sensed = False
-        self._snapshot = None
+        self._forget()
 
     def _substep(self, dt_s: float, slices: int, noise_column: int) -> None:
         """Move people, then robots, and then apply wheel slip."""
         bases, before = self._bases, None
         if self._has_events:
             before = bases.poses.copy()
-            walk(self._crowd, bases.poses, self._drivetrain.radius, dt_s)
-        move(bases, self._drivetrain, self._walls, self._crowd, self._noise.table, noise_column, slices, dt_s)
+            walk(self._crowd, bases.poses, bases.radii, dt_s)
+        noise = self._noise.table
+        move(
+            bases, self._drivetrains, self._walls, self._boxes, self._crowd, noise, noise_column, slices, dt_s
+        )
         if before is not None:
-            slip(self._floor, before, bases.poses, bases.speeds, bases.odometry)
+            slip(self._floor, before, bases.poses, bases.speeds, bases.odometry, bases.travel)
 
     def sonar(self, robot: int) -> NDArray[np.float64]:
-        """Return the sonar readings, (channels,) float64 in mm, counterclockwise."""
-        self._sense()
-        readings: NDArray[np.float64] = self._sonar[self._index(robot)].copy()
+        """Return the sonar readings, (channels,) float64 in mm, counterclockwise.
+
+        Raises:
+            ValueError: the robot has no ring of sonars.
+        """
+        rings, row = self._measured_rings(robot)
+        readings: NDArray[np.float64] = rings.sonar[row].copy()
         return readings
 
     def infrared(self, robot: int) -> NDArray[np.bool_]:
-        """Return the infrared readings, (channels,) bool, numbered like the sonars."""
-        self._sense()
-        readings: NDArray[np.bool_] = self._infrared[self._index(robot)].copy()
+        """Return the infrared readings, (channels,) bool, numbered like the sonars.
+
+        Raises:
+            ValueError: the robot has no ring of sonars.
+        """
+        rings, row = self._measured_rings(robot)
+        readings: NDArray[np.bool_] = rings.infrared[row].copy()
         return readings
 
     def bumper(self, robot: int) -> Bumper:
         """Return the bumpers of a robot, pressed by walls, people or other robots."""
         return Bumper(*self._current_state().contacts[self._index(robot)])
+
+    def contact_bearings(self, robot: int) -> tuple[float, ...]:
+        """Return the bearings at which a robot is touched, in degrees counterclockwise from ahead.
+
+        They are in [0, 360), one for each wall, robot and person; there are none unless a bumper is pressed.
+        """
+        if not any(self.bumper(robot)):
+            return ()
+        found = contact_bearings(
+            self._bases.poses,
+            self.people,
+            self._walls,
+            robot,
+            radii_mm=self._bases.radii,
+            person_radius_mm=self.person_radius_mm,
+        )
+        return tuple(found.tolist())
 
     def bumps(self, robot: int) -> int:
         """Return the number of a robot's collisions so far; a contact that lasts counts once."""
@@ -210,6 +306,49 @@ class World:
         x, y, heading = self.true_pose(robot)
         return (heading + disturbance_deg(self._compass_disturbance, x, y)) % 360.0
 
+    def on_step(self, callback: Callable[[], None]) -> None:
+        """Call `callback` at the end of each step from now on."""
+        self._timeline.on_step(callback)
+
+    def shared(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what sensors of several robots share under this key; `make` makes it at the first call."""
+        if key not in self._shared:
+            self._shared[key] = make()
+        return cast("T", self._shared[key])
+
+    @property
+    def elapsed_ns(self) -> int:
+        """The nanoseconds that were simulated so far."""
+        return self._timeline.elapsed_ns
+
+    @property
+    def holes(self) -> tuple[NDArray[np.float64], ...]:
+        """The holes in the floor: polygons, (n, 2) in mm each."""
+        return self._holes
+
+    @property
+    def docks(self) -> tuple[Pose, ...]:
+        """The docks: the poses of robots that stand at them."""
+        return self._docks
+
+    @property
+    def person_radius_mm(self) -> float:
+        """The radius of a person."""
+        return self._crowd.radius
+
+    def situation(self) -> Situation:
+        """Return what stands where now; it stays the same when the world goes on."""
+        if self._situation is None:
+            people = np.ascontiguousarray(self.people)
+            bases = self._bases
+            self._situation = Situation(
+                bases.poses.copy(), bases.radii, people, self._audible_walls, self._audible_boxes
+            )
+        return self._situation
+
+    def own_mechanism(self, spec: ServerSpec, device: Device, robot: int, seed: int) -> None:
+        """Return None: devices need poses and time alone; see `colony.sim.physics.Physics`."""
+
     @property
     def walls(self) -> NDArray[np.float64]:
         """The current solid segments, (n, 7), from `wall_table`.
@@ -224,18 +363,30 @@ class World:
         return self._crowd.people[:, [X, Y]]
 
     def distance(self, robot: int) -> float:
-        """Return the distance that a robot has driven so far, forward and backward, in mm."""
+        """Return the distance that a robot has driven so far, in any direction, in mm."""
         return float(self._bases.distances[self._index(robot)])
+
+    def travel(self, robot: int) -> tuple[float, ...]:
+        """Return how far each wheel of a robot has rolled by its own report, in mm.
+
+        The wheels are left and right; or front left, front right, rear left and rear right.
+        """
+        robot = self._index(robot)
+        return tuple(self._bases.travel[robot, : self.configs[robot].wheels].tolist())
 
     def speed(self, robot: int) -> Speed:
         """Return the current speed of a robot."""
         return Speed(*self._current_state().speeds[self._index(robot)])
 
     def wheel_speed(self, robot: int) -> float:
-        """Return the mean magnitude of the speeds of both wheels, in mm/s."""
-        speed = self.speed(robot)
-        half = math.radians(speed.turn_deg_s) * self.config.wheel_base_mm / 2.0
-        return (abs(speed.velocity_mm_s - half) + abs(speed.velocity_mm_s + half)) / 2.0
+        """Return the mean magnitude of the speeds of the wheels, in mm/s."""
+        speed, config = self.speed(robot), self.configs[robot]
+        half = math.radians(speed.turn_deg_s) * (config.wheel_base_mm + config.wheel_distance_mm) / 2.0
+        ahead, left = speed.velocity_mm_s, speed.sideways_mm_s
+        wheels = [ahead - left - half, ahead + left + half]
+        if config.is_omnidirectional:
+            wheels += [ahead + left - half, ahead - left + half]
+        return sum(map(abs, wheels)) / len(wheels)
 
     def true_pose(self, robot: int) -> Pose:
         """Return the true pose of a robot."""
@@ -270,12 +421,16 @@ class World:
         robot = self._index(robot)
         poses = self._bases.poses.copy()
         poses[robot] = checked_poses([pose])[0]
-        check_clearance(poses, self._walls, self.config.radius_mm)
+        check_clearance(poses, self._walls, self._bases.radii)
         make_way(self._crowd, poses, robot=robot)
         self._bases.poses[robot] = poses[robot]
         self._bases.speeds[robot] = 0.0
-        self._sensed = False
-        self._snapshot = None
+        self._placements[robot] += 1
+        self._forget()
+
+    def placements(self, robot: int) -> int:
+        """Return how often a robot was moved by `place` or `enter` instead of by its wheels."""
+        return self._placements[self._index(robot)]
 
     def rebuild(self, walls: NDArray[np.float64], silent: NDArray[np.bool_]) -> None:
         """Replace all walls by others, (n, 4) in mm; `silent` is a mask of walls that sensors do not detect.
@@ -283,7 +438,7 @@ class World:
         Everything else stays the same. A robot inside a new wall can move out of it, but not farther in.
         """
         self._build(walls, silent)
-        self._sensed = False
+        self._forget()
 
     def enter(self, scenery: Scenery, poses: Sequence[tuple[float, float, float]]) -> None:
         """Move all robots to another scenery, where they stand still at `poses`.
@@ -298,13 +453,13 @@ class World:
         if len(new_poses) != len(self):
             raise ValueError(f"found {len(new_poses)} poses; expected one for each robot, {len(self)}")
         solid = scenery.walls[np.hypot(*(scenery.walls[:, 2:] - scenery.walls[:, :2]).T) > 0.0]
-        check_clearance(new_poses, wall_table(solid), self.config.radius_mm)
+        check_clearance(new_poses, wall_table(solid), self._bases.radii)
         self._bases.poses[:] = new_poses
         self._bases.speeds[:] = 0.0
-        self._build(scenery.walls, scenery.silent)
+        self._placements = [count + 1 for count in self._placements]
+        self._build(scenery.walls, scenery.silent, outlines=scenery.outlines)
         self._set_scenery(scenery)
-        self._sensed = False
-        self._snapshot = None
+        self._forget()
 
     def _index(self, robot: int) -> int:
         if not 0 <= robot < len(self._bases.poses):
@@ -318,21 +473,49 @@ class World:
             self._snapshot = _Snapshot(*(array.tolist() for array in arrays))
         return self._snapshot
 
-    def _sense(self) -> None:
-        if not self._sensed:
-            sense(
+    def _forget(self) -> None:
+        """Forget what was measured and converted before a change of the state."""
+        self._snapshot = self._situation = None
+        for rings, _ in self._rings.values():
+            rings.is_measured = False
+
+    def _measured_rings(self, robot: int) -> tuple[Rings, int]:
+        """Return the measured rings that are equal to a robot's, and its row in them."""
+        rings, row = self._rings.get(self._index(robot), (None, 0))
+        if rings is None:
+            raise ValueError(f"robot {robot} has no ring of sonars")
+        if not rings.is_measured:
+            rings.measure(
                 self._bases.poses,
+                self._bases.radii,
                 self._audible_walls,
+                self._audible_boxes,
                 self._reflectors,
                 self._crowd,
-                self._proximity_model,
                 self._cross_talk,
                 self._steps,
-                self._fan,
                 self._noise.table,
                 self._sonar_noise_column,
-                self._sonar,
-                self._infrared,
             )
-            self._infrared[:, self._unwired] = False
-            self._sensed = True
+        return rings, row
+
+
+def _config_of_each(config: RobotConfig | Sequence[RobotConfig], count: int) -> tuple[RobotConfig, ...]:
+    if isinstance(config, RobotConfig):
+        return (config,) * count
+    if len(config) != count:
+        raise ValueError(f"found {len(config)} configs; expected one for each robot, {count}")
+    return tuple(config)
+
+
+def _equal_rings(configs: Sequence[RobotConfig]) -> dict[int, tuple[Rings, int]]:
+    """Return, for each robot with a ring, all rings that are equal to its own, and its row in them."""
+    robots_by_ring: dict[RingConfig, list[int]] = {}
+    for robot, config in enumerate(configs):
+        if config.ring is not None:
+            robots_by_ring.setdefault(config.ring, []).append(robot)
+    found: dict[int, tuple[Rings, int]] = {}
+    for ring, robots in robots_by_ring.items():
+        rings = Rings(ring, robots)
+        found.update((robot, (rings, row)) for row, robot in enumerate(robots))
+    return found

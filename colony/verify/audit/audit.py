@@ -198,6 +198,7 @@ class Auditor:
         self._previous: Recorded | None = None
         self._first_ns = 0
         self._counts: Counter[str] = Counter()
+        self._unheard_by_server: Counter[str] = Counter()
         self._contracts: dict[str, ContractCount] = {}
         self._first: Difference | None = None
         self._damaged: list[DamagedSpan] = []
@@ -275,6 +276,7 @@ class Auditor:
                 self._contracts[c.name] for c in self._program.contracts if c.name in self._contracts
             ),
             damaged=tuple(self._damaged),
+            unheard_by_server=dict(self._unheard_by_server),
         )
 
     def _sequence_faults(self, recorded: Recorded, is_epoch_start: bool) -> Iterator[Difference]:
@@ -336,6 +338,7 @@ class Auditor:
         verdict, actuator = recorded.verdicts.get(name), self._actuators[name]
         if verdict is None:
             self._counts["unheard"] += 1
+            self._unheard_by_server[actuator.server] += 1
             return
         if verdict.outside is not None or verdict.hold is not None:
             message = outside_objection(actuator, verdict, self._interpreter)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from colony.ir.frame import Decision
@@ -70,7 +71,7 @@ class AuditReport:
         compared: the number of decisions that were compared with the interpreter's.
         idled: the number of them that were the idle command instead, because a client was late, lost or
             refused.
-        unheard: the number of decisions that were not recorded.
+        unheard: the number of decisions that were not recorded, because no verdict of their server arrived.
         late: the number of frames in which a client was late.
         lost: the number of frames in which a client was lost.
         refused: the number of frames in which a client was refused.
@@ -89,6 +90,7 @@ class AuditReport:
         resumed: the number of keyframes from which the interpreter continued.
         undecided: the number of decisions of actuators with `on_loss degrade` that were not compared after
             the interpreter continued from a keyframe without the memory for lost clients.
+        unheard_by_server: the servers of the decisions that were not recorded, each with their number.
     """
 
     frames: int
@@ -112,6 +114,7 @@ class AuditReport:
     forgotten: int = 0
     resumed: int = 0
     undecided: int = 0
+    unheard_by_server: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def agrees(self) -> bool:

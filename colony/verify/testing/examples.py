@@ -17,7 +17,7 @@ from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
-from colony.text.units import parse_unit
+from colony.text.units import NUMBER, parse_unit, readable_unit
 from colony.text.wording import counted, duration_text, quoted
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
@@ -356,8 +356,10 @@ def _scalar(value: ScalarValue, type_: Scalar, unit: str) -> str:
         case Quantity(dimension=dimension):
             if unit:
                 return f"{_number(value / float(parse_unit(unit).factor))} {unit}"
-            base = str(dimension)
-            return _number(value) if base == "number" else f"{_number(value)} {base}"
+            if dimension == NUMBER:
+                return _number(value)
+            shown = readable_unit(dimension)
+            return f"{_number(value / float(shown.factor))} {shown.text}"
         case _:
             assert_never(type_)
 

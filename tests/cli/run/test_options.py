@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.cli.run.options import OptionError, duration_ns, variables
+from colony.cli.run.options import OptionError, duration_ns, held
 from colony.ir.program import Program, Robot, Sensor
 from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Enum, Type
 
@@ -50,6 +50,7 @@ PROGRAM = Program(
             sensor("Path", Array(DISTANCE, 2)),
             sensor("Flags", Array(BOOL, 2)),
             sensor("bumper", BOOL, server="RServer"),
+            sensor("estop", BOOL, server="Panel"),
         ),
     )
 )
@@ -73,7 +74,9 @@ GOOD = [
 
 @pytest.mark.parametrize(("setting", "value"), GOOD)
 def test_settings(setting: str, value: object) -> None:
-    (found,) = variables(PROGRAM.robot, (setting,)).values()
+    variables, others = held(PROGRAM.robot, (setting,))
+    assert not others
+    (found,) = variables.values()
     assert found == value
     assert type(found) is type(value)
 
@@ -82,7 +85,8 @@ BAD = [
     ("Docked", "NAME=VALUE"),
     ("=3", "NAME=VALUE"),
     ("Docket=true", "did you mean `Docked`"),
-    ("bumper=true", "no sensor reads"),
+    ("bumper=true", "`bumper` cannot be given: the simulated base measures it"),
+    ("Docked=missing=3", "true or false"),
     ("Docked=1", "true or false"),
     ("Count=yes", "a number"),
     ("Count=nan", "a number"),
@@ -99,9 +103,16 @@ BAD = [
 @pytest.mark.parametrize(("setting", "text"), BAD)
 def test_bad_settings(setting: str, text: str) -> None:
     with pytest.raises(OptionError, match=r"^--set") as bad:
-        variables(PROGRAM.robot, (setting,))
+        held(PROGRAM.robot, (setting,))
     assert text in str(bad.value)
 
 
 def test_the_last_setting_of_a_variable_counts() -> None:
-    assert variables(PROGRAM.robot, ("Count=1", "Docked=true", "Count=2")) == {"Count": 2.0, "Docked": True}
+    variables, _ = held(PROGRAM.robot, ("Count=1", "Docked=true", "Count=2"))
+    assert variables == {"Count": 2.0, "Docked": True}
+
+
+def test_a_field_that_nobody_simulates() -> None:
+    variables, [estop] = held(PROGRAM.robot, ("estop=true",))
+    assert not variables
+    assert (estop.t_ns, estop.sensor.name, estop.value) == (0, "estop", True)

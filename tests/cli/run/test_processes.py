@@ -207,6 +207,13 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("--connect", "tls/x:7447"), "requires --security"),
     (("--connect", "tcp/x:7447", "--security", "f"), "is unencrypted"),
     (("--map", MAP, "--security", "f"), "--security requires --connect"),
+    (("--map", MAP, "--processes", "--physics", "mujoco"), "--physics requires --map without --processes"),
+    (("--connect", "--physics", "kinematic"), "--physics requires --map without --processes"),
+    (
+        ("--map", MAP, "--physics", "mujoco", "--from", "201", "--to", "216"),
+        "--physics mujoco excludes --to",
+    ),
+    (("--map", MAP, "--physics", "bullet"), "'bullet' is not one of 'kinematic', 'mujoco'"),
     (("--connect", "--realtime"), "--realtime is for a simulated run"),
     (
         ("--connect", "--robot", "nobody"),

@@ -116,7 +116,7 @@ def test_errors_in_the_program_are_located_and_exit_code_1(colony: Colony, behav
 
 MISUSE = [
     (("--duration", "soon"), "error: --duration: found `soon`"),
-    (("--set", "Docked=1"), "error: --set: no sensor reads DServer.Docked; did you mean `DockedAt`?"),
+    (("--set", "Docked=1"), "error: --set: no sensor reads `Docked`; did you mean `docked`?"),
     (("--seed", "-1"), "error: Invalid value for '--seed'"),
     (("--picture", "way.gif"), "error: --picture: cannot draw into `way.gif`"),
     (("--picture", "no/way.png"), "no/way.png: error: cannot write"),

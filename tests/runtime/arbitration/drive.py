@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from colony.ir.program import Actuator, ActuatorField
+from colony.ir.servers import SPEED
 from colony.runtime.arbitration.arbiter import Arbiter, Timing
 from colony.runtime.protocol.bindings import ActuatorBinding
 from colony.runtime.protocol.deployment import ActuatorSpec, actuator_spec
-from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick
 
 MS = 1_000_000

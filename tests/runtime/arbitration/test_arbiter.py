@@ -7,6 +7,7 @@ import itertools
 import pytest
 
 from colony.ir.program import Actuator, ActuatorField
+from colony.ir.servers import SPEED
 from colony.ir.types import BOOL
 from colony.runtime.arbitration.arbiter import (
     MAX_FRAMES_AHEAD,
@@ -23,7 +24,6 @@ from colony.runtime.arbitration.ballot import (
     OutsideCommand,
     request_error,
 )
-from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
 from tests.runtime.arbitration.drive import COMMANDS, DRIVE, MS, PLACES, TIMES, arbiter, request, table, tick
 

@@ -6,6 +6,7 @@ import pytest
 from msgspec import structs
 
 from colony.ir.program import ActuatorField, in_declared_units
+from colony.ir.servers import SPEED
 from colony.ir.types import BOOL
 from colony.runtime.arbitration.arbiter import (
     MAX_FRAMES_AHEAD,
@@ -24,7 +25,6 @@ from colony.runtime.arbitration.ballot import (
     OutsideCommand,
     request_error,
 )
-from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
 from tests.runtime.arbitration.drive import DRIVE, MS, PLACES, TIMES, arbiter, ranked, request, table, tick
 

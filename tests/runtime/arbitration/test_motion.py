@@ -152,21 +152,33 @@ def test_a_base_that_was_held_fast_does_not_swing_by_what_it_integrated() -> Non
 def test_jog_turns_clockwise_on_top_of_forward_motion(ground: Ground) -> None:
     ground.run(Jog(velocity=100.0, rate=10.0, acceleration=4000.0, turn_acceleration=4000.0), 100)
     assert ground.heading == pytest.approx(-50.0)
-    assert ground.log[-1] == (100.0, -10.0)
+    assert ground.log[-1] == Speeds(100.0, -10.0)
 
 
 def test_standing_still_at_once_or_gradually() -> None:
     seen = BaseObservation(None, Speeds(300.0, -40.0), DT)
     brake = {"acceleration": 400.0, "turn_acceleration": 100.0}
     assert step(Halt(gradual=False, **brake), seen).speeds == STILL
-    assert step(Halt(gradual=True, **brake), seen).speeds == (280.0, -35.0)
+    assert step(Halt(gradual=True, **brake), seen).speeds == Speeds(280.0, -35.0)
+    shoved = BaseObservation(None, Speeds(0.0, 0.0, -300.0), DT)
+    assert step(Halt(gradual=True, **brake), shoved).speeds == Speeds(0.0, 0.0, -280.0)
 
 
 def test_drive_is_what_it_says() -> None:
-    assert step(ConstantSpeeds(speeds=Speeds(1.0, 2.0)), BaseObservation(None, STILL, DT)).speeds == (
-        1.0,
-        2.0,
+    speeds = Speeds(1.0, 2.0, 3.0)
+    assert step(ConstantSpeeds(speeds=speeds), BaseObservation(None, STILL, DT)).speeds == speeds
+
+
+def test_a_motion_ahead_or_around_commands_no_sideways_speed() -> None:
+    seen = BaseObservation(OdometerPose(0.0, 0.0, 0.0), Speeds(0.0, 0.0, 200.0), DT)
+    motions: tuple[Motion, ...] = (
+        Go(velocity=100.0, acceleration=400.0),
+        Jog(velocity=100.0, rate=10.0, acceleration=400.0, turn_acceleration=100.0),
+        Move(distance=1000.0, velocity=100.0, acceleration=400.0),
+        Turn(degrees=90.0, velocity=30.0, acceleration=100.0, braking=400.0),
+        Arc(degrees=90.0, radius=500.0, velocity=100.0, acceleration=400.0),
     )
+    assert [step(motion, seen).speeds.sideways for motion in motions] == [0.0] * 5
 
 
 def test_what_cannot_be_measured_is_not_begun() -> None:
@@ -175,10 +187,8 @@ def test_what_cannot_be_measured_is_not_begun() -> None:
         Turn(degrees=10.0, velocity=10.0, acceleration=10.0, braking=10.0),
     ):
         assert step(wanted, BaseObservation(None, STILL, DT)) == (STILL, wanted, None)
-    assert step(Go(velocity=10.0, acceleration=1000.0), BaseObservation(None, STILL, DT)).speeds == (
-        10.0,
-        0.0,
-    )
+    begun = step(Go(velocity=10.0, acceleration=1000.0), BaseObservation(None, STILL, DT))
+    assert begun.speeds == Speeds(10.0, 0.0)
 
 
 def test_a_base_that_does_not_move_is_given_up_in_time(ground: Ground) -> None:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from colony.runtime.arbitration.motion import STILL, ConstantSpeeds
+from colony.runtime.arbitration.motion import STILL, ConstantSpeeds, Motion
 from colony.runtime.arbitration.outside import MAX_LEASE_S, OutsideCommanders, lease_end
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.connections import Caller
@@ -19,7 +19,7 @@ def caller(name: str, priority: int) -> Caller:
 
 
 def test_the_order_is_that_of_priorities_and_nobody_shares_one() -> None:
-    outside_commanders = OutsideCommanders()
+    outside_commanders = OutsideCommanders[Motion]()
     for name, priority in (("low", -1), ("high", 9), ("middle", 2)):
         outside_commanders.enter(caller(name, priority), PLACES)
     assert [c.caller.name for c in outside_commanders.all] == ["high", "middle", "low"]
@@ -31,7 +31,7 @@ def test_the_order_is_that_of_priorities_and_nobody_shares_one() -> None:
 
 
 def test_who_leaves_frees_the_priority_and_only_its_own() -> None:
-    outside_commanders = OutsideCommanders()
+    outside_commanders = OutsideCommanders[Motion]()
     outside_commanders.enter(caller("ann", 9), PLACES)
     outside_commanders.leave(caller("bob", 9))
     assert [c.caller.name for c in outside_commanders.all] == ["ann"]
@@ -41,9 +41,9 @@ def test_who_leaves_frees_the_priority_and_only_its_own() -> None:
 
 
 def test_a_command_ends_with_its_lease_and_one_without_does_not() -> None:
-    outside_commanders = OutsideCommanders()
+    outside_commanders = OutsideCommanders[Motion]()
     leased, lasting = (outside_commanders.enter(caller(n, p), {}) for n, p in (("ann", 2), ("bob", 1)))
-    leased.motion = lasting.motion = ConstantSpeeds(speeds=STILL)
+    leased.command = lasting.command = ConstantSpeeds(speeds=STILL)
     leased.lease_end_ns = lease_end(0.5, 1000)
     outside_commanders.expire(500_000_999)
     assert outside_commanders.commanding == (leased, lasting)
@@ -52,7 +52,7 @@ def test_a_command_ends_with_its_lease_and_one_without_does_not() -> None:
 
 
 def test_a_network_with_the_priority_of_somebody_outside_is_a_tie() -> None:
-    outside_commanders = OutsideCommanders()
+    outside_commanders = OutsideCommanders[Motion]()
     outside_commanders.enter(caller("ann", 3), {})
     assert outside_commanders.find_tie({1: "cruise"}) is None
     assert (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.arbitration.locks import LockQueue
-from colony.runtime.arbitration.motion import STILL, ConstantSpeeds
+from colony.runtime.arbitration.motion import STILL, ConstantSpeeds, Motion
 from colony.runtime.arbitration.outside import MAX_LEASE_S, OutsideCommanders, lease_end
 from colony.runtime.protocol.calls import RefusedError
 from tests.runtime.arbitration.test_locks import S, asked, names
@@ -78,21 +78,21 @@ def test_a_lease_up_to_the_longest_and_no_longer() -> None:
 
 
 def test_the_end_of_a_lease_is_its_last_moment_and_then_there_is_none() -> None:
-    outside_commanders = OutsideCommanders()
+    outside_commanders = OutsideCommanders[Motion]()
     ann = outside_commanders.enter(caller("ann", 2), {})
-    assert (ann.motion, ann.lease_end_ns, ann.call_id) == (None, None, None)
+    assert (ann.command, ann.lease_end_ns, ann.call_id) == (None, None, None)
     assert outside_commanders.commanding == ()
-    ann.motion, ann.lease_end_ns = ConstantSpeeds(speeds=STILL), 10
+    ann.command, ann.lease_end_ns = ConstantSpeeds(speeds=STILL), 10
     outside_commanders.expire(9)
     assert outside_commanders.commanding == (ann,)
     outside_commanders.expire(10)
-    assert (ann.motion, ann.lease_end_ns) == (None, None)
+    assert (ann.command, ann.lease_end_ns) == (None, None)
     assert outside_commanders.all == (ann,)
-    assert OutsideCommanders().commanding == OutsideCommanders().all == ()
+    assert OutsideCommanders[Motion]().commanding == OutsideCommanders[Motion]().all == ()
 
 
 def test_ties_are_told_in_full() -> None:
-    outside_commanders = OutsideCommanders()
+    outside_commanders = OutsideCommanders[Motion]()
     outside_commanders.enter(caller("ann", 9), PLACES)
     for priority, holder in ((9, "ann (user/ann)"), (3, "`back_off`, a client of the program,")):
         with pytest.raises(RefusedError) as refused:
@@ -113,7 +113,7 @@ def test_ties_are_told_in_full() -> None:
 
 
 def test_somebody_outside_who_was_there_first_is_named_before_a_client_of_the_program() -> None:
-    outside_commanders = OutsideCommanders()
+    outside_commanders = OutsideCommanders[Motion]()
     outside_commanders.enter(caller("ann", 3), {})
     with pytest.raises(RefusedError, match=r"ann \(user/ann\) commands with it"):
         outside_commanders.enter(caller("bob", 3), PLACES)

@@ -145,7 +145,9 @@ def check(robot: Robot) -> Counter[str]:
     newest: tuple[Tick, Due] | None = None
     seen = robot.seen
     for epoch in epochs(seen.ticks):
-        disputed = any((s, t.k) in seen.void and (s, t.k) in seen.frames for t in epoch for s in SERVERS)
+        disputed = any(
+            (s, t.k) in seen.void and (s, t.k) in seen.frames for t in epoch for s in robot.servers
+        )
         interpreters = [Interpreter(robot.program) for _ in range(1 + disputed)]
         for tick in epoch:
             verdicts = {
@@ -261,7 +263,8 @@ class Process(NamedTuple):
     `given` is what its actuators have, or may have (`unsure`): where a verdict names a command that the base
     was not told, it came too late, and the base was halted. `halted` is whether it was, since it was `told`
     something. `inherited` are the actuators on hold to which it has sent nothing: they have what an earlier
-    process sent, which may have died before it said so.
+    process sent, which may have died before it said so. `before_halt` is what they had before the last halt,
+    and its time: a frame of that time may have been published before it.
     """
 
     given: dict[str, tuple[Any, ...]]
@@ -271,6 +274,7 @@ class Process(NamedTuple):
     halted: bool = False
     unsure: bool = False
     inherited: frozenset[str] = frozenset()
+    before_halt: tuple[int, dict[str, tuple[Any, ...]]] = (-1, {})
 
 
 def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
@@ -292,7 +296,7 @@ def after(robot: Robot, process: Process, one: Happened) -> Process:
     """The process after something happened to it."""
     match one.kind:
         case "killed":
-            holding = {a.name for a in robot.program.robot.actuators if a.idle is None}
+            holding = _holding(robot)
             return Process(
                 {name: sent for name, sent in process.given.items() if name in holding},
                 inherited=frozenset(holding),
@@ -301,12 +305,20 @@ def after(robot: Robot, process: Process, one: Happened) -> Process:
             assert process.told is None, f"frame {process.k}: the base was told {process.told} and {one}"
             return process._replace(told=one.what, halted=False)
         case "stopped":
-            return process._replace(halted=True, given={**process.given, "drive": (0.0, 0.0)})
+            actuators = [a for a in robot.program.robot.actuators if a.server == one.server]
+            idle = {a.name: in_declared_units(a.idle, a.fields) for a in actuators if a.idle is not None}
+            before = (one.t_ns, process.given)
+            return process._replace(halted=True, given={**process.given, **idle}, before_halt=before)
         case "verdict" if one.what.actuator == "drive":
             check_told(robot, process, one)
             taken = process.told is None or not process.halted
             given = {**process.given, "drive": one.what.values} if taken else process.given
             return process._replace(told=None, unsure=process.told is None, given=given)
+        case "verdict" if process.halted and one.what.actuator not in _holding(robot):
+            t_ns, before = process.before_halt  # what it says was sent before the server halted
+            if t_ns == one.t_ns and one.what.values is not None:
+                before = {**before, one.what.actuator: one.what.values}
+            return process._replace(before_halt=(t_ns, before))
         case "verdict" if one.what.values is not None:
             return process._replace(
                 given={**process.given, one.what.actuator: one.what.values},
@@ -316,9 +328,17 @@ def after(robot: Robot, process: Process, one: Happened) -> Process:
             late = one.what.k < process.k
             if not late or any(name.startswith("last.") for name in one.what.fields):
                 check_last(robot, process, one)
-            return process if late else process._replace(k=one.what.k, t_ns=one.t_ns, unsure=False)
+            if late:
+                return process
+            halted = process.halted and one.server == "RServer"
+            return process._replace(k=one.what.k, t_ns=one.t_ns, unsure=False, halted=halted)
         case _:
             return process
+
+
+def _holding(robot: Robot) -> frozenset[str]:
+    """The actuators on `idle hold`."""
+    return frozenset(a.name for a in robot.program.robot.actuators if a.idle is None)
 
 
 def check_told(robot: Robot, process: Process, one: Happened) -> None:
@@ -350,6 +370,9 @@ def check_last(robot: Robot, process: Process, one: Happened) -> None:
             allowed = [None if given is None else given[i]]
             if idle is not None and (process.unsure or late):
                 allowed.append(idle[i])
+            if one.t_ns == process.before_halt[0]:
+                before = process.before_halt[1].get(actuator.name)
+                allowed.append(None if before is None else before[i])
             found = None if sample is None else sample.value / field.factor
             where = f"frame {one.what.k}: last.{actuator.name}.{field.name}"
             inherited = actuator.name in process.inherited and found is not None

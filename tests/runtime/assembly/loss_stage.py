@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
+from colony.ir.servers import DSERVER
 from colony.robots.scripted import ActuatorServer, ActuatorServerBuilder, ScriptedRobot, SentCommand
 from colony.runtime.clients.client import ClientNode
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Checkpoint,
     Message,

@@ -3,7 +3,7 @@ can die, with sensors that fail, and connections that command, lock and stop now
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from random import Random
@@ -23,6 +23,7 @@ from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.messages import Message, Sample, ServerFrame, Verdict
 from colony.runtime.servers.drivers import BaseState
 from colony.runtime.transport.virtual import Delay, Link
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.assembly.loss_stage import Seen
 from tests.runtime.scripted import Script, session
 
@@ -156,14 +157,31 @@ class Readings:
         return t_ns < self._until_ns and self._bumped[t_ns // (300 * MS)]
 
 
+Asks = Callable[[Random], tuple[str, Ask[Any]]]
+"""A function that draws what to ask of which server."""
+
+
+class Connection(NamedTuple):
+    """A connection: its name, what it asks, its servers, its priority."""
+
+    name: str
+    asks: Asks
+    servers: tuple[str, ...]
+    priority: int
+
+
 class Robot:
     """One run of a program. `script` draws what connections do until the faults end."""
+
+    _stoppable: tuple[str, ...] = ("RServer", "DServer")
+    servers: tuple[str, ...] = SERVERS
+    """Servers whose frames the program reads, or that have its actuators."""
 
     def __init__(
         self, program: Program, *, seed: int, random: Random, until_ns: int, link: Link, isolate: bool
     ) -> None:
         self.program = program
-        self.bindings: Bindings = bind(program.robot)
+        self.bindings = self._bind()
         self.seen = Seen()
         self.happened: list[Happened] = []
         self.log = FrameCollector()
@@ -172,20 +190,35 @@ class Robot:
         self._noted: set[tuple[str, str, int]] = set()
         readings = Readings(random, until_ns)
         self.devices = Devices(sonar_at=readings.sonar, bumper_at=readings.bumper, happened=self.happened)
-        nodes = tuple(
+        self.scripts = tuple(
             ScriptNode(
                 name, self._script(Random(f"{seed} {name}"), until_ns, asks), servers, priority=priority
             )
-            for name, asks, servers, priority in (
-                ("above", self._motion, ("RServer",), 50),
-                ("below", self._motion, ("RServer",), 0),
-                ("console", _note, ("DServer", "Clock", "RServer"), 1),
-            )
+            for name, asks, servers, priority in self._connections()
         )
-        self.session: VirtualSession = session(
-            program, self.devices, self.log, seed=seed, link=self._noting, isolate=isolate, nodes=nodes
+        self.session = self._session(seed, isolate)
+
+    def _bind(self) -> Bindings:
+        return bind(self.program.robot, ROME_SERVERS)
+
+    def _connections(self) -> Sequence[Connection]:
+        """The connections, from the one that commands before all modules on."""
+        return (
+            Connection("above", self._motion, ("RServer",), 50),
+            Connection("below", self._motion, ("RServer",), 0),
+            Connection("console", self._note, ("DServer", "Clock", "RServer"), 1),
         )
-        self.scripts = nodes
+
+    def _session(self, seed: int, isolate: bool) -> VirtualSession:
+        return session(
+            self.program,
+            self.devices,
+            self.log,
+            seed=seed,
+            link=self._noting,
+            isolate=isolate,
+            nodes=self.scripts,
+        )
 
     @property
     def now_ns(self) -> int:
@@ -206,9 +239,7 @@ class Robot:
                 self.happened.append(Happened(kind, sender, self.now_ns, message))
         return self._link(sender, receiver, message)
 
-    def _script(
-        self, random: Random, until_ns: int, asks: Callable[[Random], tuple[str, Ask[Any]]]
-    ) -> Generator:
+    def _script(self, random: Random, until_ns: int, asks: Asks) -> Generator:
         """Call something every now and then, begin no call after `until_ns`; at the end, undo what lasts.
 
         A call that has begun may take 2 s more (a motion without progress); what it set in motion, and the
@@ -217,7 +248,7 @@ class Robot:
         while (yield from sleep(random.choice((0.01, 0.1, 0.1, 0.4, 0.4, 1.5)))) < until_ns:
             server, ask = asks(random)
             yield from _called(server, ask)
-        if asks is _note:
+        if asks == self._note:
             yield from sleep(1.0)
             for _ in range(3):
                 yield from _called("Clock", clock.release())
@@ -242,15 +273,14 @@ class Robot:
             return "RServer", robot.ignore_limits(random.random() < 0.6)
         return "RServer", asks[kind]()
 
-
-def _note(random: Random) -> tuple[str, Ask[Any]]:
-    """Set the goal; press and release the emergency stop now and then."""
-    draw = random.random()
-    if draw < 0.05:
-        return random.choice(("Clock", "RServer", "DServer")), emergency.stop()
-    if draw < 0.3:
-        return "Clock", clock.release()
-    return "DServer", data.set("Goal", random.choice((5.0, 80.0, 200.0, 350.0)))
+    def _note(self, random: Random) -> tuple[str, Ask[Any]]:
+        """Set the goal; press and release the emergency stop now and then."""
+        draw = random.random()
+        if draw < 0.05:
+            return random.choice(("Clock", *self._stoppable)), emergency.stop()
+        if draw < 0.3:
+            return "Clock", clock.release()
+        return "DServer", data.set("Goal", random.choice((5.0, 80.0, 200.0, 350.0)))
 
 
 def _called(server: str, ask: Ask[Any]) -> Generator:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from colony.dsl.load import load_text
-from colony.experiment.behavior import behavior_from
 from colony.ir.frame import Frame, Outcome
+from colony.robots.behavior import behavior_from
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
 from colony.sim.world.world import World

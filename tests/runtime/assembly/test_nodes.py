@@ -15,6 +15,7 @@ from colony.runtime.assembly.nodes import build_announcer, build_clients, build_
 from colony.runtime.assembly.sharing import ClientProcess, announcer_process_name, client_processes
 from colony.runtime.protocol.bindings import bind
 from colony.text.diagnostics import DiagnosticError
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.assembly.test_virtual import pulsing
 from tests.runtime.programs import constant, drive, number, roam
 
@@ -76,7 +77,7 @@ def test_no_two_processes_of_a_program_have_one_name(actuator: str) -> None:
 def test_clients_of_a_process_share_a_node_where_they_wait_for_the_same() -> None:
     compiled = with_light("stop")
     (process,) = client_processes(compiled, isolate=False)
-    nodes = build_clients(compiled, bind(compiled.robot), process.clients, "run")
+    nodes = build_clients(compiled, bind(compiled.robot, ROME_SERVERS), process.clients, "run")
     assert [node.program.clients for node in nodes] == [
         ("drive/back_off",),
         ("drive/avoid", "drive/cruise"),
@@ -103,7 +104,7 @@ def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it()
     compiled = compile_program(program).compiled
     assert compiled.python_modules == ("pulse",)
     assert compiled.clients_by_actuator == {"drive": ("pulse", "cruise")}
-    bindings = bind(program.robot)
+    bindings = bind(program.robot, ROME_SERVERS)
     for module in ("cruise", "pulse"):
         (node,) = build_clients(compiled, bindings, [("drive", module)], "run")
         assert node.address == f"drive/{module}"
@@ -119,7 +120,7 @@ def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it()
 def test_one_client_listens_to_no_more_than_it_reads() -> None:
     program = roam()
     compiled = compile_program(program).compiled
-    bindings = bind(program.robot)
+    bindings = bind(program.robot, ROME_SERVERS)
     (back_off,) = build_clients(compiled, bindings, [("drive", "back_off")], "run")
     assert back_off.listens == (
         "Clock/ticks",

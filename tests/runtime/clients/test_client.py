@@ -31,6 +31,7 @@ from colony.runtime.protocol.messages import (
     ServerFrame,
     Tick,
 )
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.assembly.test_virtual import pulsing
 from tests.runtime.programs import roam
 
@@ -45,7 +46,7 @@ def back_off(program: Program | None = None, module: str = "back_off") -> Client
     """Active for a second after the bumper was pressed."""
     program = roam() if program is None else program
     compiled = compile_program(program).compiled
-    (node,) = build_clients(compiled, bind(program.robot), [("drive", module)], "run")
+    (node,) = build_clients(compiled, bind(program.robot, ROME_SERVERS), [("drive", module)], "run")
     return node
 
 

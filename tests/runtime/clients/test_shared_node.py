@@ -24,6 +24,7 @@ from colony.runtime.protocol.messages import (
     SentMessage,
     ServerFrame,
 )
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.assembly.test_virtual import counting
 from tests.runtime.assembly.test_virtual_faults import latching
 from tests.runtime.clients.test_client import FRAME, base, only, take, tick
@@ -37,7 +38,9 @@ def shared() -> ClientNode:
     """`seen`, active from the frame after the bumper was pressed, and `cruise` below it."""
     program = latching()
     clients = [("drive", "seen"), ("drive", "cruise")]
-    (node,) = build_clients(compile_program(program).compiled, bind(program.robot), clients, "run")
+    (node,) = build_clients(
+        compile_program(program).compiled, bind(program.robot, ROME_SERVERS), clients, "run"
+    )
     return node
 
 
@@ -76,7 +79,9 @@ def test_each_asks_and_lives_for_itself(both: ClientNode) -> None:
 def test_each_asks_the_server_of_its_actuator() -> None:
     program = counting()
     clients = [("say", "counter"), ("drive", "drive_to")]
-    (node,) = build_clients(compile_program(program).compiled, bind(program.robot), clients, "run")
+    (node,) = build_clients(
+        compile_program(program).compiled, bind(program.robot, ROME_SERVERS), clients, "run"
+    )
     variables = ServerFrame(server="DServer", k=0, fields={"Goal": Sample(1.0, 0)})
     sends = [e for m in (tick(0), variables) for e in node.handle(m, 0) if isinstance(e, Send)]
     asked = [(s.topic, s.message.client) for s in sends if isinstance(s.message, Request)]

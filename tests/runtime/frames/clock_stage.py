@@ -31,6 +31,7 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.calling import CLOSE, call_of, opening
 from tests.runtime.programs import roam
 
@@ -41,7 +42,7 @@ CLIENTS = ("drive/back_off", "drive/avoid", "drive/cruise")
 
 def deployed(run: str = "run", program: Program | None = None, **options: object) -> Deployment:
     program = roam() if program is None else program
-    made = deployment(compile_program(program).compiled, bind(program.robot), run=run, seed=1)
+    made = deployment(compile_program(program).compiled, bind(program.robot, ROME_SERVERS), run=run, seed=1)
     return msgspec.structs.replace(made, **options)  # type: ignore[arg-type]
 
 

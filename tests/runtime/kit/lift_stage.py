@@ -10,16 +10,16 @@ from colony.dsl.load import check_text
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
 from colony.runtime.kit.commands import Command, command, parameter
 from colony.runtime.kit.description import Description, server_spec
-from colony.runtime.kit.fields import Field, Reading, field
+from colony.runtime.kit.fields import Field, FieldReader, Reading, field
 from colony.runtime.kit.service import Service
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import Deployment
-from colony.runtime.protocol.fields import SERVERS
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.transport.virtual import Link, VirtualClock, deliver_immediately
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.calling import call_of, opening
 from tests.runtime.scripted import Log
 
@@ -55,7 +55,7 @@ class Robot:
         height, move = self._height(), self._move()
         description = Description(server="Lift", fields=(height.description,), commands=(move.description,))
         compiled = compile_program(checked.program).compiled
-        bindings = bind(compiled.robot, (*SERVERS, server_spec(description)))
+        bindings = bind(compiled.robot, (*ROME_SERVERS, server_spec(description)))
         self.robot = VirtualRobot(
             compiled, bindings, self._servers, clock=self.clock, seed=seed, sinks=(self.log,), link=link
         )
@@ -104,7 +104,13 @@ class Robot:
         height, move = self._height(), self._move()
         return {
             "DServer": lambda: DServer(deployment=deployed, frames_kept=frames_kept),
-            "Lift": lambda: Service("Lift", (), [height], self.reports.append, commands=[move]),
+            "Lift": lambda: Service(
+                "Lift",
+                (),
+                FieldReader("Lift", [height], self.reports.append),
+                self.reports.append,
+                commands=[move],
+            ),
         }
 
 

@@ -1,156 +1,31 @@
-"""Commands of servers written with the kit: what is declared of them, who decides, and what stops them."""
+"""Commands of servers written with the kit: who decides, what stops them, and what fails."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable
 
 import pytest
 from msgspec import structs
 
-from colony.runtime.kit.commands import Command, command, parameter
-from colony.runtime.kit.fields import field
-from colony.runtime.kit.service import Service
-from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
-from colony.runtime.library.ask import Ask
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
-from colony.runtime.protocol.messages import (
-    Bounds,
-    Effect,
-    Malformed,
-    Message,
-    Reply,
-    Request,
-    Send,
-    ServerFrame,
-    Stopped,
-    Tick,
-    Verdict,
-    Wake,
-    WakeAt,
+from colony.runtime.protocol.deployment import ActuatorSpec
+from colony.runtime.protocol.messages import Bounds, Effect, Malformed, Reply, Send, Stopped
+from tests.runtime.calling import CLOSE, call_of
+from tests.runtime.kit.command_stage import (
+    FAST,
+    HEIGHT,
+    HOLDING,
+    LIFT,
+    Lift,
+    Stage,
+    frames,
+    program,
+    verdicts,
 )
-from tests.runtime.calling import CLOSE, call_of, opening
-from tests.runtime.kit.lift_stage import DOWN, FRAME_NS, IDLE, MS, UP, Robot
-
-
-class Lift:
-    """A device. Mutable: `done` is all that it was made to do."""
-
-    def __init__(self) -> None:
-        self.done: list[Any] = []
-        self.failure: Exception | None = None
-
-    def move(self, height: float, fast: bool) -> None:
-        if self.failure is not None:
-            raise self.failure
-        self.done.append((height, fast))
-
-    def safe(self) -> None:
-        self.done.append("safe")
-
-    def command(self) -> Command:
-        return command(
-            "move",
-            self.move,
-            parameter("height", unit="mm", low=0.0, high=400.0),
-            parameter("fast", boolean=True),
-            safe=self.safe,
-        )
-
-
-HEIGHT = ActuatorFieldSpec(name="height", kind="number", factor=1.0, low=0.0, high=400.0)
-FAST = ActuatorFieldSpec(name="fast", kind="bool", factor=1.0, low=None, high=None)
-LIFT = ActuatorSpec(
-    name="lift",
-    fields=(HEIGHT, FAST),
-    server="Lift",
-    command="move",
-    field_indices=(0, 1),
-    idle=(0.0, False),
-    on_loss="stop",
-    clients=(("up", 2), ("down", 1)),
-    reported=(0, 1),
-)
-HOLDING = structs.replace(LIFT, idle=None)
-
-
-def program(run: str = "run", *actuators: ActuatorSpec) -> Deployment:
-    return Deployment(run=run, program="p", frame_ns=FRAME_NS, seed=0, actuators=actuators or (LIFT,))
-
-
-class Stage:
-    """A server with a lift, without any transport. Mutable: `now` is the present."""
-
-    def __init__(self, *deployed: Deployment, lift: Lift | None = None) -> None:
-        self.lift = Lift() if lift is None else lift
-        self.reports: list[str] = []
-        self.now = 1000 * MS
-        self.calls = 0
-        self.sent: list[Effect] = []
-        fields = [field("height", lambda: 7.0, unit="mm")]
-        self.service = Service("Lift", (), fields, self.reports.append, commands=[self.lift.command()])
-        self.sent += self.service.start(self.now)
-        assert self.take() == ["safe"], "nobody knows what it did before"
-        if deployed:
-            self.open()
-            for program in deployed:
-                assert self.do(deploy(program)).problem is None
-
-    def handle(self, *messages: Message) -> list[Effect]:
-        effects = [effect for message in messages for effect in self.service.handle(message, self.now)]
-        self.sent += effects
-        return effects
-
-    def take(self) -> list[Any]:
-        """What the lift was made to do since the last time."""
-        done, self.lift.done = self.lift.done, []
-        return done
-
-    def tick(self, k: int, run: str = "run", **options: Any) -> list[Effect]:
-        self.now += FRAME_NS
-        return self.handle(Tick(k=k, t_ns=self.now, run=run, **options))
-
-    def bid(self, k: int, *values: float | bool, client: str = "up", **options: Any) -> list[Effect]:
-        request = Request(k=k, actuator="lift", client=client, bid="inactive")
-        if values:
-            request = structs.replace(request, bid="command", values=values)
-        return self.handle(structs.replace(request, **options))
-
-    def decide(self, k: int, *values: float | bool) -> list[Effect]:
-        """A frame of which both clients are heard; `up` commands, or nobody."""
-        return [*self.tick(k), *self.bid(k, *values), *self.bid(k, client="down")]
-
-    def pass_time(self, ns: int) -> list[Effect]:
-        end, effects = self.now + ns, list[Effect]()
-        wakes = sorted({e.t_ns for e in self.sent if isinstance(e, WakeAt) and self.now < e.t_ns <= end})
-        for due in [*wakes, end]:
-            self.now = due
-            effects += self.handle(Wake())
-        return effects
-
-    def open(self, connection: str = "ada/1") -> None:
-        self.handle(call_of(opening("leader"), connection))
-        self.calls = 1
-
-    def do(self, ask: Ask[Any], connection: str = "ada/1") -> Reply:
-        self.calls += 1
-        effects = self.handle(call_of(ask, connection, self.calls))
-        [reply] = [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, Reply)]
-        return reply
-
-
-def verdicts(effects: Sequence[Effect]) -> list[Verdict]:
-    return [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, Verdict)]
-
-
-def frames(effects: Sequence[Effect]) -> list[ServerFrame]:
-    topic = topics.frames("Lift")
-    return [e.message for e in effects if isinstance(e, Send) and e.topic == topic]  # type: ignore[misc]
-
+from tests.runtime.kit.lift_stage import FRAME_NS, MS
 
 # --- frames ----------------------------------------------------------------------------------------------
 
@@ -321,6 +196,17 @@ def test_a_tick_that_comes_too_late_moves_nothing() -> None:
         assert verdict.notes == ("frame 1: no command was sent, as the tick came too late",)
 
 
+def test_a_verdict_that_is_made_with_its_command_says_that_it_was_not_sent() -> None:
+    stage = Stage(program())
+    stage.tick(1)
+    stage.bid(1, client="down")
+    stage.now += 101 * MS
+    [verdict] = verdicts(stage.bid(1, 300.0, True))
+    assert verdict.notes == ("frame 1: no command was sent, as the tick came too late",)
+    [verdict] = verdicts(stage.decide(2, 300.0, True))
+    assert verdict.notes == ()
+
+
 # --- runs ------------------------------------------------------------------------------------------------
 
 
@@ -410,9 +296,7 @@ def test_a_command_that_fails_is_not_sent_and_the_server_goes_on() -> None:
     stage.lift.failure = None
     stage.decide(4, 330.0, True)
     assert stage.take() == ["safe", (330.0, True)]
-    [report] = stage.reports
-    assert report.startswith("Lift.move failed:\nTraceback")
-    assert report.endswith("OSError: cable\n")
+    assert stage.reports == ["Lift.move failed: OSError: cable"]
 
 
 def test_where_only_a_command_fails_the_actuator_is_idle_for_that_frame() -> None:
@@ -428,6 +312,9 @@ def test_where_only_a_command_fails_the_actuator_is_idle_for_that_frame() -> Non
     assert stage.take() == [(100.0, True), (0.0, False)]
     [frame] = frames(stage.tick(3))
     assert frame.fields["last.lift.height"].value == 0.0  # type: ignore[union-attr]
+    [report] = stage.reports
+    assert report.startswith("Lift.move failed:\nTraceback")
+    assert report.endswith("ValueError: too high")
 
 
 def test_a_command_out_of_the_range_of_the_device_is_not_sent() -> None:
@@ -451,120 +338,5 @@ def test_a_safe_that_fails_ends_nothing() -> None:
     assert stage.take() == ["safe"]
     stage.tick(1, released_ns=stage.now)
     stage.bid(1, 300.0, True)
-    assert stage.take() == [(300.0, True)]
-    [report] = stage.reports
-    assert report.startswith("safe of Lift.move failed:\n")
-
-
-# --- what is declared ------------------------------------------------------------------------------------
-
-MISTAKES: list[tuple[dict[str, Any], str]] = [
-    ({"name": "two words"}, "expected a name"),
-    ({"unit": "m"}, "the unit `m`; expected base units"),
-    ({"unit": "mm", "boolean": True}, "found several kinds"),
-    ({"boolean": True, "members": {"a": 1}}, "found several kinds"),
-    ({"members": {"a": 1}, "low": 0.0}, "found several kinds"),
-    ({"members": {}}, "found the members"),
-    ({"members": {"a": math.inf}}, "found the members"),
-    ({"low": 1.0, "high": 0.0}, "expected finite ones in order"),
-    ({"low": math.nan}, "expected finite ones in order"),
-]
-
-
-@pytest.mark.parametrize(("declared", "reason"), MISTAKES)
-def test_mistakes_in_parameters(declared: dict[str, Any], reason: str) -> None:
-    with pytest.raises(ValueError, match=reason):
-        parameter(**{"name": "x", **declared})
-
-
-def test_parameters_and_commands_have_different_names() -> None:
-    with pytest.raises(ValueError, match="expected each once"):
-        command("move", print, parameter("x"), parameter("x"))
-    with pytest.raises(ValueError, match="Lift: found two commands `move`"):
-        Service("Lift", (), (), print, commands=[Lift().command(), Lift().command()])
-
-
-def test_what_performs_a_command_must_take_its_parameters() -> None:
-    with pytest.raises(ValueError, match=r"move: `perform` cannot be called .* unexpected .* 'speed'"):
-        command("move", Lift().move, parameter("height"), parameter("fast"), parameter("speed"))
-    with pytest.raises(ValueError, match="missing a required argument: 'fast'"):
-        command("move", Lift().move, parameter("height"))
-    assert command("any", lambda **given: None, parameter("x")).description.name == "any"
-    assert command("min", min, parameter("key")).description.name == "min"
-
-
-def test_what_performs_a_command_is_a_plain_function() -> None:
-    async def later() -> None: ...
-
-    with pytest.raises(ValueError, match="move: `perform` does nothing when it is called"):
-        command("move", later)
-    with pytest.raises(ValueError, match="move: `safe` does nothing when it is called"):
-        command("move", print, safe=later)
-
-
-# --- a whole robot in virtual time -----------------------------------------------------------------------
-
-
-def test_a_program_drives_a_lift() -> None:
-    robot = Robot()
-    robot.run(12)
-    assert [robot.told[k] for k in range(1, 10)] == [*[UP] * 5, DOWN, UP, DOWN, UP]
-    assert [frame.verdicts["lift"].values for frame in robot.log.frames[1:10]] == [
-        robot.told[k] for k in range(1, 10)
-    ]
-    assert not any(frame.disagreements for frame in robot.log.frames)
-    assert robot.reports == []
-
-
-def test_a_lift_whose_client_dies_is_idle() -> None:
-    robot = Robot()
-    [clients] = set(robot.robot.processes) - {"Clock", "DServer", "Lift"}
-    robot.at(3, lambda: robot.robot.kill(clients))
-    robot.run(12)
-    assert [robot.told[k] for k in range(1, 4)] == [UP] * 3
-    assert [robot.told[k] for k in range(4, 12)] == [IDLE] * 8
-    assert not any(frame.disagreements for frame in robot.log.frames)
-
-
-@pytest.mark.parametrize("server", ["Lift", "Clock"])
-def test_a_stop_at_any_server_holds_for_the_lift_until_the_clock_releases_it(server: str) -> None:
-    robot = Robot()
-    robot.at(3, lambda: robot.call(server, emergency.stop()))
-    robot.at(8, lambda: robot.call("Clock", opening("eve"), "eve/2"))
-    robot.at(9, lambda: robot.call("Clock", clock_library.release(), "eve/2", 2))
-    robot.run(14)
-    assert [robot.told[k] for k in range(4, 10)] == [IDLE] * 6
-    assert robot.told[11] == UP
-    holds = [frame.verdicts["lift"].hold for frame in robot.log.frames[1:]]
-    assert holds[4:9] == ["stopped"] * 5
-    assert holds[10] is None
-    assert not any(frame.disagreements for frame in robot.log.frames)
-
-
-def test_a_stop_survives_the_death_of_the_lift_and_of_the_clock() -> None:
-    for killed in ("Lift", "Clock"):
-        robot = Robot()
-        robot.at(3, lambda robot=robot: robot.call("Lift", emergency.stop()))  # type: ignore[misc]
-        robot.at(6, lambda robot=robot, killed=killed: robot.robot.restart(killed))  # type: ignore[misc]
-        robot.at(7, robot.deploy)
-        robot.run(20)
-        assert {robot.told.get(k, IDLE) for k in range(4, 20)} == {IDLE}
-
-
-def test_a_lift_that_comes_back_is_driven_again_once_the_program_is_deployed() -> None:
-    robot = Robot()
-    robot.at(3, lambda: robot.robot.restart("Lift"))
-    robot.at(6, robot.deploy)
-    robot.run(30)
-    assert [k for k in range(4, 7) if k in robot.told] == []
-    assert {robot.told[k] for k in range(8, 12)} <= {UP, DOWN, IDLE}
-    assert {robot.told[k] for k in range(20, 30)} <= {UP, DOWN}
-    assert not any(frame.disagreements for frame in robot.log.frames)
-
-
-def test_a_clock_that_dies_leaves_the_lift_idle() -> None:
-    robot = Robot()
-    robot.at(3, lambda: robot.robot.kill("Clock"))
-    robot.run(12)
-    assert max(robot.told) == 5
-    assert robot.told[5] == IDLE
+    assert stage.take() == ["safe", (300.0, True)]  # tried again, until a command is performed
+    assert stage.reports == ["safe of Lift.move failed: OSError: cable"]

@@ -48,7 +48,7 @@ def serve() -> None:
         heights[0] = height
         print(f"move {height:g} {fast}", flush=True)
 
-    with Server.open("Lift", robot="rome") as server:
+    with Server.open("Lift", robot="ada") as server:
         signal.signal(signal.SIGINT, lambda *_: server.exitloop())
         height, fast = parameter("height", unit="mm", low=0.0, high=400.0), parameter("fast", boolean=True)
         light = parameter("light", members={"off": 0, "slow": 5, "fast": 9})
@@ -66,14 +66,14 @@ def rome(tmp_path: Path) -> Iterator[Machine]:
     """A machine with the servers of a simulated robot, and the program."""
     (tmp_path / "lift.colony").write_text(PROGRAM, encoding="utf-8")
     with machine(tmp_path) as on:
-        on.start("colony serve all --robot rome --map loop")
-        on.there("rome", "Clock", "RServer", "DServer")
+        on.start("colony serve all --robot ada --map loop")
+        on.there("ada", "Clock", "RServer", "DServer")
         yield on
 
 
 def lift_on(on: Machine) -> Process:
     started = on.start("python -m tests.runtime.kit.test_commands_live serve")
-    on.there("rome", "Lift")
+    on.there("ada", "Lift")
     return started
 
 
@@ -90,27 +90,27 @@ UP, IDLE = "move 300 True", "move 10 False"
 def test_a_lift_of_our_own(rome: Machine) -> None:
     lift = lift_on(rome)
     until(lambda: lift.printed() == "safe\n", "it is safe before a program drives it")
-    run = rome.start("colony run lift.colony --connect --robot rome --record run.mcap")
+    run = rome.start("colony run lift.colony --connect --robot ada --record run.mcap")
     says_next(lift, UP, "shine 9")
-    stop = rome.run("colony stop --robot rome")
+    stop = rome.run("colony stop --robot ada")
     assert (stop.result(), "Clock, RServer, DServer, Lift" in stop.printed()) == (0, True), stop.printed()
     before = lift.printed()
     says_next(lift, IDLE)
     assert UP not in lift.printed()[len(before) :]
-    assert rome.run("colony stop --robot rome --release").result() == 0
+    assert rome.run("colony stop --robot ada --release").result() == 0
     says_next(lift, UP)
-    shown = rome.run("colony ps --robot rome").printed()
+    shown = rome.run("colony ps --robot ada").printed()
     assert re.search(r"^  Lift +up, process \d+$", shown, re.MULTILINE), shown
     os.kill(lift.pid, signal.SIGSTOP)
     try:
-        stop = rome.run("colony stop --robot rome")
+        stop = rome.run("colony stop --robot ada")
         before = lift.printed()
     finally:
         os.kill(lift.pid, signal.SIGCONT)
     assert (stop.result(), "Lift did not acknowledge the stop" in stop.printed()) == (1, True), stop.printed()
     says_next(lift, IDLE)
     assert UP not in lift.printed()[len(before) :], "though it had not heard of the stop before it went on"
-    assert rome.run("colony stop --robot rome --release").result() == 0
+    assert rome.run("colony stop --robot ada --release").result() == 0
     says_next(lift, UP)
     lift.kill()
     lift = lift_on(rome)
@@ -120,11 +120,11 @@ def test_a_lift_of_our_own(rome: Machine) -> None:
     assert re.search(r"BROKEN|disagree", run.printed()) is None, run.printed()
     audit = rome.run("colony audit run.mcap")
     assert audit.result() == 0, audit.printed()
-    again = rome.run("colony run lift.colony --connect --robot rome --duration 1")
+    again = rome.run("colony run lift.colony --connect --robot ada --duration 1")
     assert again.result() == 0, again.printed()
     assert UP in lift.printed().rpartition(IDLE)[0]
     before = lift.printed()
-    with Session.open("rome", environment=rome.environment) as session:
+    with Session.open("ada", environment=rome.environment) as session:
         assert "Lift" in session.servers()
     assert lift.finish() == 0
     assert lift.printed()[len(before) :].endswith(f"{IDLE}\n"), "also in the end"

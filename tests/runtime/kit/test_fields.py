@@ -13,14 +13,15 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_text
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
 from colony.runtime.kit.description import Description, server_spec
-from colony.runtime.kit.fields import MAX_AGE_NS, FieldReader, Reading, exception_text, field
+from colony.runtime.kit.fields import MAX_AGE_NS, FieldReader, Reading, field
+from colony.runtime.kit.once import exception_text
 from colony.runtime.kit.service import Service
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import Deployment
-from colony.runtime.protocol.fields import SERVERS
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.rserver import RServer
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.scripted import Log, Script
 
 MS = 1_000_000
@@ -46,6 +47,10 @@ GOOD = [
     (True, {"boolean": True}, Sample(True, NOW_NS)),
     ([1, 2.5], {"size": 2}, Sample((1.0, 2.5), NOW_NS)),
     ((True, False), {"size": 2, "boolean": True}, Sample((True, False), NOW_NS)),
+    (1.5, {"unit": "m"}, Sample(1500.0, NOW_NS)),
+    (50, {"unit": "percent"}, Sample(0.5, NOW_NS)),
+    ([1, 2.5], {"size": 2, "unit": "Wh"}, Sample((3600.0, 9000.0), NOW_NS)),
+    (Reading(2.0, 1), {"has_age": True, "unit": "kg"}, Sample(2e-6, NOW_NS - 1)),
     (None, {}, None),
     (None, {"has_age": True}, None),
     (Reading(0.5, 0), {"has_age": True}, Sample(0.5, NOW_NS)),
@@ -200,16 +205,18 @@ def driven(
             lidar.on_scan(arrived)
         return lidar.read()
 
+    scanned = FieldReader("Lidar", [scan._replace(read=reading)], reports.append)
+
     def servers(deployed: Deployment, frames_kept: int) -> Builders:
         return {
             "RServer": lambda: RServer(base, deployment=deployed, frames_kept=frames_kept),
             "DServer": lambda: DServer(deployment=deployed, frames_kept=frames_kept),
-            "Lidar": lambda: Service("Lidar", (), [scan._replace(read=reading)], reports.append),
+            "Lidar": lambda: Service("Lidar", (), scanned, reports.append),
         }
 
     spec = server_spec(Description(server="Lidar", fields=(scan.description,)))
     compiled = compile_program(checked.program).compiled
-    bindings = bind(compiled.robot, (*SERVERS, spec))
+    bindings = bind(compiled.robot, (*ROME_SERVERS, spec))
     robot = VirtualRobot(compiled, bindings, servers, clock=base.clock, seed=0, sinks=(log,))
     robot.start()
     robot.transport.run_until(2 * FAILS_AT_NS)
@@ -249,3 +256,35 @@ def test_an_exception_may_have_no_text() -> None:
 
     assert exception_text(ValueError("full")) == "full"
     assert exception_text(UnprintableError()) == "(an exception without a text)"
+
+
+# --- what is declared
+
+
+@pytest.mark.parametrize(
+    ("declared", "reason"),
+    [
+        ({"name": ""}, "found the field ''; expected a name"),
+        ({"name": "a b"}, "found the field 'a b'"),
+        ({"name": "1st"}, "expected a name of letters, digits and `_`"),
+        ({"name": "höhe"}, "expected a name"),
+        ({"name": "a\n"}, "expected a name"),
+        ({"name": 3}, "found the field 3"),
+        ({"size": 0}, "f: found the size 0; expected 1 to 4096"),
+        ({"size": -1}, "expected 1 to 4096"),
+        ({"size": 4097}, "expected 1 to 4096"),
+        ({"size": 2.0}, "found the size 2.0"),
+        ({"size": True}, "found the size True"),
+        ({"size": "3"}, "found the size '3'"),
+        ({"unit": "parsec"}, "`parsec` is not a unit"),
+    ],
+)
+def test_mistakes_in_fields(declared: dict[str, Any], reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        field(**{"name": "f", "read": lambda: 0.0, **declared})
+
+
+def test_fields_of_a_server_have_different_names() -> None:
+    fields = [field("a", lambda: 0.0, size=4096), field("b", lambda: 0.0), field("a", lambda: 0.0)]
+    with pytest.raises(ValueError, match="S: found two fields `a`"):
+        FieldReader("S", fields, print)

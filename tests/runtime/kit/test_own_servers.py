@@ -4,7 +4,7 @@ everyone when they are down."""
 from __future__ import annotations
 
 from colony.runtime.frames.clock import Clock
-from colony.runtime.kit.fields import field
+from colony.runtime.kit.fields import FieldReader, field
 from colony.runtime.kit.service import Service
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
@@ -18,7 +18,7 @@ READS_BATTERY = Deployment(
 
 
 def battery() -> Service:
-    return Service("Battery", (), [field("level", lambda: 0.5)], report=print)
+    return Service("Battery", (), FieldReader("Battery", [field("level", lambda: 0.5)], print), report=print)
 
 
 class Listener(QuietNode):

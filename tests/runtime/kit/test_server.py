@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 import pytest
 
 from colony.ir.program import Sensor
+from colony.ir.servers import FieldSpec
 from colony.ir.types import BOOL, DIMENSIONLESS, Array, Quantity
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.description import Description, FieldDescription, describe, field_type, server_spec
@@ -16,11 +17,11 @@ from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.server import Offer, Server, Servers, field
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import SensorBinding, bind
-from colony.runtime.protocol.fields import SERVERS, FieldSpec
 from colony.runtime.protocol.messages import Effect, Fetch, Message, Send, ServerFrame, Tick, Wake, WakeAt
 from colony.runtime.transport.live.errors import AlreadyRunningError
 from colony.text.diagnostics import DiagnosticError
 from colony.text.units import LENGTH, TIME
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.kit.stage import (
     BATTERY,
     Battery,
@@ -95,8 +96,10 @@ def test_it_says_what_it_has_so_that_programs_can_be_bound_to_it(environment: Ma
 def test_units_of_fields() -> None:
     speed = FieldDescription(name="speed", kind="number", unit="mm/s")
     assert field_type(speed) == Quantity(LENGTH.over(TIME))
+    assert field("far", lambda: 1.0, unit="m").description.unit == "mm"
+    far = FieldDescription(name="far", kind="number", unit="m")
     with pytest.raises(ValueError, match="far: the unit `m`; expected base units: mm, s, deg"):
-        field("far", lambda: 1.0, unit="m")
+        server_spec(Description(server="S", fields=(far,)))
     with pytest.raises(ValueError, match="`parsec` is not a unit"):
         server_spec(
             Description(server="S", fields=(FieldDescription(name="d", kind="number", unit="parsec"),))
@@ -184,7 +187,7 @@ def test_a_program_reads_it() -> None:
         server=BATTERY,
         fields=(FieldDescription(name="level", kind="number"), FieldDescription(name="full", kind="bool")),
     )
-    servers = (*SERVERS, server_spec(described))
+    servers = (*ROME_SERVERS, server_spec(described))
     sensor = Sensor(name="charged", type=BOOL, server=BATTERY, field="full")
     bindings = bind(robot(sensor), servers)
     assert bindings.sensors[-1] == SensorBinding(

@@ -116,6 +116,27 @@ def test_the_client_of_bounds_is_named_by_its_address() -> None:
     assert "client drive/.bounds: late in 2 frames" in render(summary)
 
 
+def test_a_server_without_verdicts_is_named() -> None:
+    tally = Tally(compile_program(awake()).compiled)
+
+    class Deaf:
+        def take(self, log: FrameLog) -> None:
+            tally.take(replace(log, verdicts={} if log.tick.k % 4 == 0 else log.verdicts))
+
+        def close(self) -> None:
+            tally.close()
+
+    session(awake(), Script(), Deaf()).run(4 * S)
+    summary = tally.summary(seed=0, duration_s=4.0, interrupted=False, travel=None)
+    (drive,) = summary.actuators
+    assert drive.unheard is not None
+    assert (drive.unheard.server, drive.unheard.frames, drive.unheard.percent) == ("RServer", 20, 25.0)
+    assert sum(share.frames for share in drive.shares) + drive.unheard.frames == summary.frames
+    assert "    cruise                      3.00 s   75.0 %\n" in render(summary)
+    assert "    (no verdict of RServer)     1.00 s   25.0 %\n" in render(summary)
+    assert summarize(awake(), Script()).actuators[0].unheard is None
+
+
 def test_a_command_that_is_not_finite_is_a_fault() -> None:
     program = awake()
     bad = replace(

@@ -8,11 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from colony.ir.fitting import name_hint
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
-from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, DISTANCE, Array, Enum, Type
-from colony.runtime.protocol.bindings import SensorBinding, bind, name_hint
-from colony.runtime.protocol.fields import (
-    SERVERS,
+from colony.ir.servers import (
     SPEED,
     TURN_RATE,
     CommandSpec,
@@ -20,9 +18,12 @@ from colony.runtime.protocol.fields import (
     ParameterSpec,
     ServerSpec,
 )
+from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, DISTANCE, Array, Enum, Type
+from colony.runtime.protocol.bindings import SensorBinding, bind
 from colony.text.diagnostics import DiagnosticError, render
 from colony.text.source import Source, Span
 from colony.text.units import parse_unit
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.programs import drive, roam, robot
 
 
@@ -31,7 +32,7 @@ def with_sensor(type: Type, server: str, field: str, factor: float = 1.0) -> Pro
 
 
 def test_a_good_program_is_bound() -> None:
-    bound = bind(roam().robot)
+    bound = bind(roam().robot, ROME_SERVERS)
     assert [(b.sensor, b.server, b.field) for b in bound.sensors] == [
         ("sonar", "PServer", "sonar"),
         ("bumper", "RServer", "bumper"),
@@ -59,7 +60,7 @@ def test_a_sensor_bound_to_nothing_is_an_error_with_a_hint(
     type: Type, server: str, field: str, code: str, message: str, hint: str
 ) -> None:
     with pytest.raises(DiagnosticError) as failed:
-        bind(with_sensor(type, server, field).robot)
+        bind(with_sensor(type, server, field).robot, ROME_SERVERS)
     (found,) = failed.value.diagnostics
     assert found.code == code
     assert message in found.message
@@ -76,7 +77,7 @@ def test_errors_are_at_the_declaration_and_all_are_told() -> None:
         )
     )
     with pytest.raises(DiagnosticError) as failed:
-        bind(program.robot)
+        bind(program.robot, ROME_SERVERS)
     texts = [render(d) for d in failed.value.diagnostics]
     assert texts[0].startswith("rome.colony:1:8: error[R002]: `a`: RServer has no field `bumpre`")
     assert "did you mean `bumper`?" in texts[0]
@@ -84,10 +85,10 @@ def test_errors_are_at_the_declaration_and_all_are_told() -> None:
 
 
 def test_dserver_has_every_field_and_plain_numbers_take_base_units() -> None:
-    bound = bind(with_sensor(DISTANCE, "DServer", "Anything", factor=1000.0).robot).sensors[-1]
+    bound = bind(with_sensor(DISTANCE, "DServer", "Anything", factor=1000.0).robot, ROME_SERVERS).sensors[-1]
     assert (bound.field, bound.factor, bound.declared) == ("Anything", 1000.0, True)
-    assert bind(with_sensor(DIMENSIONLESS, "RServer", "x").robot).sensors[-1].factor == 1.0
-    hardware = bind(with_sensor(DISTANCE, "RServer", "x", factor=1000.0).robot).sensors[-1]
+    assert bind(with_sensor(DIMENSIONLESS, "RServer", "x").robot, ROME_SERVERS).sensors[-1].factor == 1.0
+    hardware = bind(with_sensor(DISTANCE, "RServer", "x", factor=1000.0).robot, ROME_SERVERS).sensors[-1]
     assert (hardware.factor, hardware.declared) == (1000.0, False)
 
 
@@ -120,8 +121,8 @@ def command_to(command: str, *fields: ActuatorField, server: str = "RServer") ->
 
 def test_parameters_are_found_by_name_and_may_be_left_out() -> None:
     turn, velocity = ActuatorField(name="turn", type=TURN_RATE), ActuatorField(name="velocity", type=SPEED)
-    assert bind(command_to("drive", turn, velocity).robot).actuators[0].field_indices == (1, 0)
-    assert bind(command_to("drive", turn).robot).actuators[0].field_indices == (None, 0)
+    assert bind(command_to("drive", turn, velocity).robot, ROME_SERVERS).actuators[0].field_indices == (1, 0)
+    assert bind(command_to("drive", turn).robot, ROME_SERVERS).actuators[0].field_indices == (None, 0)
 
 
 BAD_COMMANDS = [
@@ -135,7 +136,7 @@ BAD_COMMANDS = [
 @pytest.mark.parametrize(("command", "field", "code", "hint"), BAD_COMMANDS)
 def test_a_command_that_no_server_takes(command: str, field: ActuatorField, code: str, hint: str) -> None:
     with pytest.raises(DiagnosticError) as failed:
-        bind(command_to(command, field).robot)
+        bind(command_to(command, field).robot, ROME_SERVERS)
     (found,) = failed.value.diagnostics
     assert found.code == code
     assert hint in (found.hint or "")
@@ -143,13 +144,13 @@ def test_a_command_that_no_server_takes(command: str, field: ActuatorField, code
 
 def test_a_sensor_server_takes_no_commands() -> None:
     with pytest.raises(DiagnosticError) as failed:
-        bind(command_to("sonar", server="PServer").robot)
+        bind(command_to("sonar", server="PServer").robot, ROME_SERVERS)
     assert failed.value.diagnostics[0].hint == "there is none"
 
 
 def test_two_actuators_on_one_command_would_not_be_arbitrated() -> None:
     with pytest.raises(DiagnosticError) as failed:
-        bind(replace(robot(), actuators=(drive(), replace(drive(), name="wheels"))))
+        bind(replace(robot(), actuators=(drive(), replace(drive(), name="wheels"))), ROME_SERVERS)
     assert failed.value.diagnostics[0].code == "R006"
 
 
@@ -168,7 +169,7 @@ def test_a_sensor_within_a_time_reads_only_a_field_that_has_an_age(
 ) -> None:
     spec = FieldSpec("scan", Array(DISTANCE, 3), "ranges", has_age=has_age)
     sensor = Sensor(name="scan", type=spec.type, server="Lidar", field="scan", within_ns=within_ns)
-    servers = (*SERVERS, ServerSpec("Lidar", fields=(spec,)))
+    servers = (*ROME_SERVERS, ServerSpec("Lidar", fields=(spec,)))
     if fits:
         assert bind(robot(sensor), servers).sensors[-1].max_age_ns == within_ns
         return
@@ -181,9 +182,9 @@ def test_a_sensor_within_a_time_reads_only_a_field_that_has_an_age(
 
 
 def test_the_fields_that_every_robot_has_can_be_held_to_a_time() -> None:
-    assert all(field.has_age for server in SERVERS for field in server.fields)
+    assert all(field.has_age for server in ROME_SERVERS for field in server.fields)
     shared = Sensor(name="goal", type=DISTANCE, server="DServer", field="Goal", within_ns=1_000_000_000)
-    assert bind(robot(shared)).sensors[-1].max_age_ns == 1_000_000_000
+    assert bind(robot(shared), ROME_SERVERS).sensors[-1].max_age_ns == 1_000_000_000
 
 
 # --- commands of servers that have ranges --------------------------------------------------------------
@@ -227,7 +228,7 @@ def position(*members: tuple[str, float]) -> ActuatorField:
     ],
 )
 def test_an_actuator_may_do_less_than_the_command(actuator: Actuator) -> None:
-    assert bind(robot(actuators=(actuator,)), (*SERVERS, LIFT)).actuators[-1].server == "Lift"
+    assert bind(robot(actuators=(actuator,)), (*ROME_SERVERS, LIFT)).actuators[-1].server == "Lift"
 
 
 TOO_FAR = [
@@ -264,7 +265,7 @@ def test_an_actuator_that_goes_beyond_the_command_is_an_error(
     actuator: Actuator, code: str, message: str
 ) -> None:
     with pytest.raises(DiagnosticError) as failed:
-        bind(robot(actuators=(actuator,)), (*SERVERS, LIFT))
+        bind(robot(actuators=(actuator,)), (*ROME_SERVERS, LIFT))
     (found,) = failed.value.diagnostics
     assert found.code == code
     assert message in found.message
@@ -273,5 +274,5 @@ def test_an_actuator_that_goes_beyond_the_command_is_an_error(
 
 def test_an_enum_of_a_command_is_told() -> None:
     with pytest.raises(DiagnosticError) as failed:
-        bind(robot(actuators=(lift("go", position(("down", 0.0))),)), (*SERVERS, LIFT))
+        bind(robot(actuators=(lift("go", position(("down", 0.0))),)), (*ROME_SERVERS, LIFT))
     assert failed.value.diagnostics[0].hint == "declare an enum with the members down = 0, up = 2"

@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 import msgspec
 import pytest
 
+from colony.ir.servers import DSERVER
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.data import Change
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Alive,
     Call,

@@ -17,7 +17,7 @@ import msgspec
 
 from colony.runtime.frames.clock import Clock
 from colony.runtime.kit.commands import command, parameter
-from colony.runtime.kit.fields import field
+from colony.runtime.kit.fields import FieldReader, field
 from colony.runtime.kit.service import Service
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import CallDispatcher, Method, Open
@@ -68,6 +68,8 @@ WAITS = frozenset({"wait", "lock", "move", "turn", "continuous_turn"})
 class Rings:
     """Sonars and infrared detectors that always see the same."""
 
+    count = 24
+
     def sonar(self) -> Sample:
         return Sample((800.0,) * 24, 1)
 
@@ -96,7 +98,7 @@ def lift(done: list[tuple[float, bool]] | None = None) -> Node:
         parameter("fast", boolean=True),
     )
     fields = [field("height", lambda: 1.0, unit="mm")]
-    return Service("Lift", [], fields, lambda problem: None, commands=[move])
+    return Service("Lift", [], FieldReader("Lift", fields, print), lambda problem: None, commands=[move])
 
 
 BUILD: dict[str, Callable[[], Node]] = {
@@ -284,6 +286,7 @@ class Stage:
             "client": lambda random: random.choice(CLIENTS)[0],
             "bid": lambda random: random.choice(("command", "command", "inactive", "silent", "inhibited")),
             "values": lambda random: random.choice(([random.uniform(-400, 600), 20.0], [1.0], None)),
+            "sideways": lambda random: random.choice((0.0, 0.0, 0.0, -100.0, float("nan"))),
             "fault": lambda random: random.choice((None, None, None, "not finite")),
             "run": lambda random: random.choice(("", "r1", "r2")),
             "priority": lambda random: random.randrange(5),

@@ -8,11 +8,11 @@ import pytest
 from msgspec import structs
 
 from colony.ir.frame import Answer
+from colony.ir.servers import DSERVER
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments, Status
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
-from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Announcement,
     Checkpoint,

@@ -7,9 +7,9 @@ import math
 import pytest
 
 from colony.runtime.library import proximity
-from colony.runtime.protocol.fields import PSERVER
 from colony.runtime.protocol.messages import Malformed, Sample, Send, ServerFrame, Tick
 from colony.runtime.servers.pserver import PServer
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.asking import Asker, TroubleError
 
 RANGES = tuple(500.0 + 100.0 * sensor for sensor in range(24))
@@ -18,6 +18,8 @@ SEEN = tuple(sensor in (11, 12, 13) for sensor in range(24))
 
 class Rings:
     """A device that reads the same until it is told to read nothing."""
+
+    count = 24
 
     def __init__(self) -> None:
         self.mute = False
@@ -44,7 +46,8 @@ def frame_of(one: Asker, k: int = 0) -> ServerFrame:
 def test_frames_have_both_rings_with_their_times() -> None:
     fields = frame_of(asker()).fields
     assert fields == {"sonar": Sample(RANGES, 7), "infrared": Sample(SEEN, 8)}
-    assert set(fields) == {field.name for field in PSERVER.fields}
+    [server] = [s for s in ROME_SERVERS if s.name == "PServer"]
+    assert set(fields) == {field.name for field in server.fields}
 
 
 def test_calls_give_what_the_device_reads_now() -> None:

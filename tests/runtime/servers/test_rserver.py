@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from colony.ir.servers import RSERVER
 from colony.runtime.library import emergency, robot
-from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import Malformed, Tick
 from tests.runtime.servers.base_stage import FRAME, MS, Stage, bid, deployed, silent, stage_in_run
 

@@ -16,7 +16,7 @@ from colony.sim.cameras.scene import scene_of
 from colony.sim.cameras.silhouettes import PERSON_WIDTH_MM
 from colony.sim.cameras.surfaces import CEILING_MM, Panel, Scene, scene
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
-from colony.sim.world.world import World
+from colony.sim.world.world import Speed, World
 from tests.buildings import HALLWAY
 from tests.sim.robots import FRONT_CAMERA, IDEAL
 
@@ -223,8 +223,8 @@ def test_what_moves_past_is_smeared_by_how_far_it_moves_during_the_exposure() ->
         made, replace(FRONT_CAMERA, yaw_deg=90.0, optics=Optics(noise=0.0)), robot_radius_mm=400.0
     )
     at = np.array([[-2000.0, 0.0, 0.0]])  # a meter from the edge
-    still, turning = camera.image(at, 0), camera.image(at, 0, speed=(0.0, 60.0))
-    driving = camera.image(at, 0, speed=(1500.0, 0.0))
+    still, turning = camera.image(at, 0), camera.image(at, 0, speed=Speed(0.0, 60.0))
+    driving = camera.image(at, 0, speed=Speed(1500.0, 0.0))
     assert width_of_edge(still) < 2.5
     smear = 1500.0 * 0.016 / 1000.0 * FOCAL
     assert width_of_edge(driving) == pytest.approx(0.8 * smear, abs=1.5)

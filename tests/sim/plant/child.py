@@ -1,6 +1,7 @@
-"""A plant in a process of its own: `python -m tests.sim.plant.child SOCKET MAP ROBOTS [LOGICAL_NS]`.
+"""A plant in a process of its own: `python -m tests.sim.plant.child SOCKET MAP ROBOTS BODY [LOGICAL_NS]`.
 
-ROBOTS is a JSON object of poses by name. It says "ready" and serves until its input ends.
+ROBOTS is a JSON object of poses by name, BODY the name of a robot that comes with colony; RoME has no errors
+here. It says "ready" and serves until its input ends.
 """
 
 from __future__ import annotations
@@ -11,18 +12,20 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
-from colony.nav.maps.stickrep.reader import load_map
+from colony.body.shipped import shipped_body
+from colony.nav.maps.world_map import load_world
 from colony.sim.plant.process import PlantOptions, serve_plant
 from tests.sim.robots import FRONT_CAMERA, IDEAL
 
 
-def main(path: str, building: str, robots: str, logical_ns: str | None = None) -> None:
+def main(path: str, building: str, robots: str, body: str, logical_ns: str | None = None) -> None:
     options = PlantOptions(
         path=Path(path),
-        building=load_map(building),
+        world=load_world(building),
         robots={name: tuple(pose) for name, pose in json.loads(robots).items()},
         cameras={"ahead": FRONT_CAMERA, "left": replace(FRONT_CAMERA, yaw_deg=90.0)},
-        config=IDEAL,
+        body=shipped_body(body),
+        config=IDEAL if body == "rome" else None,
         logical_ns=None if logical_ns is None else int(logical_ns),
     )
     ended = threading.Event()

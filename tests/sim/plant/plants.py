@@ -32,7 +32,9 @@ class PlantProcess:
     Args:
         path: of its socket.
         robots: by name, where each begins.
+        body: the name of the robot whose body they have.
         logical_ns: as in `PlantOptions`.
+        building: the path of the map, the hallway by default.
     """
 
     def __init__(
@@ -40,11 +42,13 @@ class PlantProcess:
         path: Path,
         robots: Mapping[str, tuple[float, float, float]],
         *,
+        body: str = "rome",
         logical_ns: int | None = None,
+        building: Path = MAPS / "hallway.stickrep",
     ) -> None:
         self.path = path
         logical = [] if logical_ns is None else [str(logical_ns)]
-        options = [str(path), str(MAPS / "hallway.stickrep"), json.dumps(robots), *logical]
+        options = [str(path), str(building), json.dumps(robots), body, *logical]
         self._command = [sys.executable, "-m", "tests.sim.plant.child", *options]
         self.process = self._start()
 

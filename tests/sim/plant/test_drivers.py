@@ -18,13 +18,16 @@ from colony.runtime.protocol.images import Image
 from colony.runtime.servers.drivers import BaseState
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
+from colony.sim.config import limits_of
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.drivers import MAX_READING_AGE_NS, RemoteBase, RemoteCamera, RemoteProximity
 from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
 from tests.buildings import HALLWAY
 from tests.sim.plant.plants import START, PlantProcess, wait_for
-from tests.sim.robots import FRONT_CAMERA, IDEAL
+from tests.sim.robots import FRONT_CAMERA, IDEAL, RING
 from tests.waiting import PATIENCE_S
+
+LIMITS = limits_of(IDEAL)
 
 S = 1_000_000_000
 FRAME = 50_000_000
@@ -35,8 +38,8 @@ class Robot:
 
     def __init__(self, path: Path, name: str = "rome") -> None:
         self.origin_ns = time.monotonic_ns()
-        self.base = RemoteBase(path, name, origin_ns=self.origin_ns, config=IDEAL)
-        self.proximity = RemoteProximity(path, name, origin_ns=self.origin_ns)
+        self.base = RemoteBase(path, name, limits=LIMITS, origin_ns=self.origin_ns)
+        self.proximity = RemoteProximity(path, name, count=24, origin_ns=self.origin_ns)
         self.camera = RemoteCamera(path, name, "ahead", origin_ns=self.origin_ns)
 
     def ready(self) -> bool:
@@ -77,9 +80,9 @@ def test_robots_of_one_plant_see_each_other(robot: Robot, control: PlantControl)
         assert isinstance(sonar.value, tuple)
         return sonar.value[12] == pytest.approx(range_mm)
 
-    wait_for(lambda: ahead(9000.0 - 400.0 - IDEAL.sonar_ring_mm))
+    wait_for(lambda: ahead(9000.0 - 400.0 - RING.ring_mm))
     control.place("remus", START[0] + 1000.0, START[1], 0.0)
-    wait_for(lambda: ahead(1000.0 - 400.0 - IDEAL.sonar_ring_mm))
+    wait_for(lambda: ahead(1000.0 - 400.0 - RING.ring_mm))
     infrared = wait_for(robot.proximity.infrared)
     assert isinstance(infrared.value, tuple)
     assert infrared.value[12]
@@ -156,7 +159,7 @@ def test_a_driver_of_a_plant_that_never_answers_can_be_closed(tmp_path: Path) ->
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(os.fspath(path))
         listener.listen()
-        base = RemoteBase(path, "rome", origin_ns=0)
+        base = RemoteBase(path, "rome", limits=LIMITS, origin_ns=0)
         connection, _ = listener.accept()
         assert base.state() is None
         assert base.problem == "not connected yet"
@@ -169,7 +172,7 @@ def test_what_a_plant_says_may_be_nonsense(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(os.fspath(path))
         listener.listen()
-        base = RemoteBase(path, "rome", origin_ns=0)
+        base = RemoteBase(path, "rome", limits=LIMITS, origin_ns=0)
         for said in (b"\xff" * 100, pack(Refusal(message="no")), b""):
             connection, _ = listener.accept()
             connection.sendall(said)
@@ -186,7 +189,7 @@ def test_what_a_plant_says_may_be_nonsense(tmp_path: Path) -> None:
             turn_rate=5.0,
             wheel_speed=6.0,
         )
-        connection.sendall(pack(Attached(logical=False)) + pack(BaseReading(value=state)))
+        connection.sendall(pack(Attached(logical=False)) + pack(BaseReading(value=state, t_ns=state.t_ns)))
         assert wait_for(base.state) == state
         base.close()
         connection.close()
@@ -195,7 +198,7 @@ def test_what_a_plant_says_may_be_nonsense(tmp_path: Path) -> None:
 def test_readings_age(tmp_path: Path) -> None:
     with PlantProcess(tmp_path / "plant", {"rome": START}) as plant:
         now = [0]
-        base = RemoteBase(plant.path, "rome", origin_ns=0, clock=lambda: now[0])
+        base = RemoteBase(plant.path, "rome", limits=LIMITS, origin_ns=0, clock=lambda: now[0])
         first = wait_for(lambda: (now.__setitem__(0, time.monotonic_ns()), base.state())[1])
         now[0] = time.monotonic_ns() + MAX_READING_AGE_NS + 3600 * 1_000_000_000
         assert base.state() is None
@@ -208,8 +211,8 @@ def test_in_logical_time_each_command_is_a_frame(tmp_path: Path) -> None:
     def run() -> tuple[list[tuple[float, float]], list[object]]:
         with PlantProcess(tmp_path / "plant", {"rome": START}, logical_ns=FRAME) as plant:
             clock = [7]
-            base = RemoteBase(plant.path, "rome", origin_ns=5, clock=lambda: clock[0])
-            rings = RemoteProximity(plant.path, "rome", origin_ns=5, clock=lambda: clock[0])
+            base = RemoteBase(plant.path, "rome", limits=LIMITS, origin_ns=5, clock=lambda: clock[0])
+            rings = RemoteProximity(plant.path, "rome", count=24, origin_ns=5, clock=lambda: clock[0])
             wait_for(lambda: base.state() and rings.sonar())
             places, heard = [], []
             for k in range(100):

@@ -7,12 +7,17 @@ import os
 import random
 import signal
 import socket
+import threading
 from pathlib import Path
 
 import pytest
 
+from colony.body.shipped import shipped_body
+from colony.nav.maps.free_space import FreeSpace
+from colony.nav.maps.world_map import load_world, world_of
+from colony.sim.hazards.hazards import Hazards
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.process import PlantInUseError, PlantOptions, serve_plant
+from colony.sim.plant.process import PlantInUseError, PlantOptions, populated_scenery, serve_plant
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
     MAX_BYTES_TO_PLANT,
@@ -34,7 +39,9 @@ from colony.sim.plant.protocol import (
     pack,
     read_from_plant,
 )
+from colony.sim.world.movers import movers
 from tests.buildings import HALLWAY
+from tests.paths import MAPS
 from tests.sim.plant.plants import OTHER, START, PlantProcess, wait_for
 from tests.waiting import PATIENCE_S
 
@@ -94,7 +101,7 @@ def test_devices_report_by_themselves_in_time(
     for _ in range(4):
         reading = line.hear()
         assert isinstance(reading, kind)
-        times.append(reading.value.t_ns)
+        times.append(reading.t_ns)
     assert times == sorted(set(times))
     line.close()
 
@@ -158,7 +165,7 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
     [
         (b"\xff" * 64, "a message of 4294967295 bytes"),
         (bytes(4), "a message of 0 bytes"),
-        ((MAX_BYTES_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 4096"),
+        ((MAX_BYTES_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 65536"),
         (b"\x00\x00\x00\x01\x63", "found version 99"),
         (b"\x00\x00\x00\x03" + bytes([VERSION]) + b"\xc1\xc1", "malformed"),
         (pack(DriveBase(velocity=1.0, turn=0.0)), "DriveBase is not allowed on this connection"),
@@ -251,8 +258,26 @@ def is_frozen(pid: int) -> bool:
 
 
 def options(path: Path, **changed: object) -> PlantOptions:
-    given: dict[str, object] = {"path": path, "building": HALLWAY, "robots": {"rome": START}} | changed
+    given: dict[str, object] = {"path": path, "world": world_of(HALLWAY), "robots": {"rome": START}} | changed
     return PlantOptions(**given)  # type: ignore[arg-type]
+
+
+def test_people_who_walk_around_join_those_of_the_hazards(tmp_path: Path) -> None:
+    loop, office = load_world(MAPS / "loop.stickrep"), load_world(MAPS / "office.yaml")
+    for world in (loop, office):
+        robots = {"rome": tuple(world.start(400.0))}
+        alone = populated_scenery(options(tmp_path, world=world, robots=robots))
+        few = populated_scenery(options(tmp_path, world=world, robots=robots, movers=3, seed=4))
+        assert alone.people == ()
+        assert few.people == movers(FreeSpace(world), world.start(400.0)[:2], 3, seed=4)
+    hazards = Hazards(person_spacing_mm=5_000.0)
+    robots = {"rome": tuple(loop.start(400.0))}
+    many = [
+        populated_scenery(options(tmp_path, world=loop, robots=robots, hazards=hazards, movers=n)).people
+        for n in (0, 2)
+    ]
+    assert len(many[0]) > 0
+    assert many[1][:-2] == many[0]
 
 
 def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(tmp_path: Path, plant: PlantProcess) -> None:
@@ -287,3 +312,22 @@ def test_options_that_make_no_sense(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=found):
             serve_plant(options(tmp_path / "never", **changed), stop=lambda: True)
     assert not (tmp_path / "never").exists()
+
+
+def test_a_device_that_is_real_is_not_simulated(tmp_path: Path) -> None:
+    amr = options(
+        tmp_path / "plant", robots={"amr": START}, body=shipped_body("amr"), real=frozenset({"Panel"})
+    )
+    ready, ended = threading.Event(), threading.Event()
+    thread = threading.Thread(target=lambda: serve_plant(amr, stop=ended.is_set, ready=ready.set))
+    thread.start()
+    try:
+        assert ready.wait(PATIENCE_S)
+        with (
+            PlantControl(amr.path) as control,
+            pytest.raises(ValueError, match="no device of `Panel`; it has"),
+        ):
+            control.give("amr", "Panel", "estop", True)
+    finally:
+        ended.set()
+        thread.join()

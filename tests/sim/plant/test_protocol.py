@@ -8,6 +8,7 @@ import random
 import pytest
 
 from colony.runtime.protocol.images import Image
+from colony.runtime.protocol.messages import Sample
 from colony.sim.plant.protocol import (
     MAX_BYTES_TO_PLANT,
     AttachBase,
@@ -25,10 +26,14 @@ from colony.sim.plant.protocol import (
     read_to_plant,
 )
 
-SAID: tuple[ToPlant, ...] = (AttachBase(robot="rome"), DriveBase(velocity=1.5, turn=-2.0, number=7), Halt())
+SAID: tuple[ToPlant, ...] = (
+    AttachBase(robot="rome"),
+    DriveBase(velocity=1.5, turn=-2.0, number=7, sideways=3.0),
+    Halt(),
+)
 HEARD: tuple[FromPlant, ...] = (
-    ProximityReading(value=Rings(t_ns=5, sonar=(1.0,) * 24, infrared=(True,) * 24)),
-    CameraReading(value=Image(t_ns=6, height=1, width=2, channels=1, pixels=b"\x00\xff")),
+    ProximityReading(value=Rings(sonar=Sample((1.0,) * 24, 4), infrared=None), t_ns=5),
+    CameraReading(value=Image(t_ns=6, height=1, width=2, channels=1, pixels=b"\x00\xff"), t_ns=6),
 )
 
 

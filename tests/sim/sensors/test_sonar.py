@@ -11,10 +11,11 @@ import pytest
 from colony.sim.config import RobotConfig
 from colony.sim.sensors.sonar import RAY_STEP_DEG, corner_reflectors, fan_of, wall_table
 from colony.sim.world.world import World
-from tests.sim.robots import IDEAL, ROME
+from tests.sim.robots import IDEAL, ROME, with_ring
+from tests.sim.robots import RING as TRANSDUCERS
 
-RING = IDEAL.sonar_ring_mm
-FULL = IDEAL.sonar_range_mm
+RING = TRANSDUCERS.ring_mm
+FULL = TRANSDUCERS.sonar_range_mm
 FAR = 100_000.0
 
 Walls = list[tuple[float, float, float, float]]
@@ -87,7 +88,7 @@ def test_something_else_in_the_cone_returns_the_echo() -> None:
 
 
 def test_a_narrow_beam_hears_only_its_axis() -> None:
-    narrow = replace(IDEAL, sonar_half_beam_deg=0.0)
+    narrow = with_ring(IDEAL, sonar_half_beam_deg=0.0)
     post = (-300.0, 1_900.0, -100.0, 1_900.0)
     assert world([post]).sonar(0)[12] < 2_000.0
     assert world([post], config=narrow).sonar(0)[12] == FULL
@@ -135,7 +136,7 @@ def test_another_robot_behind_a_wall_is_not_seen() -> None:
 
 def test_rays_do_not_slip_between_walls_that_meet() -> None:
     rng = np.random.default_rng(7)
-    axis_only = replace(IDEAL, sonar_half_beam_deg=0.0, sonar_critical_deg=90.0)
+    axis_only = with_ring(IDEAL, sonar_half_beam_deg=0.0, sonar_critical_deg=90.0)
     for _ in range(200):
         # A closed polygon around the robot with a node exactly ahead of each transducer.
         heading = float(rng.uniform(0.0, 360.0))
@@ -148,11 +149,12 @@ def test_rays_do_not_slip_between_walls_that_meet() -> None:
 
 def test_nothing_reads_less_than_the_least_range() -> None:
     near = world([wall_at(0.0, IDEAL.radius_mm)])
-    assert near.sonar(0)[12] == IDEAL.sonar_min_mm
+    assert near.sonar(0)[12] == TRANSDUCERS.sonar_min_mm
 
 
 @pytest.mark.parametrize(
-    ("gap", "seen"), [(IDEAL.infrared_range_mm - 1.0, True), (IDEAL.infrared_range_mm + 1.0, False)]
+    ("gap", "seen"),
+    [(TRANSDUCERS.infrared_range_mm - 1.0, True), (TRANSDUCERS.infrared_range_mm + 1.0, False)],
 )
 def test_infrared_sees_what_is_near_on_its_axis(gap: float, seen: bool) -> None:
     expected = np.zeros(24, dtype=bool)
@@ -167,14 +169,14 @@ def test_infrared_sees_mirrors_too() -> None:
 
 
 def test_only_wired_detectors_see() -> None:
-    eight = replace(IDEAL, infrared_wired=(9, 10, 11, 12, 13, 14, 15, 0))
+    eight = with_ring(IDEAL, infrared_wired=(9, 10, 11, 12, 13, 14, 15, 0))
     around = [wall_at(bearing, 800.0) for bearing in range(0, 360, 15)]
     assert world(around).infrared(0).all()
     assert np.flatnonzero(world(around, config=eight).infrared(0)).tolist() == [0, 9, 10, 11, 12, 13, 14, 15]
 
 
 def test_noise_has_the_deviation_that_the_robot_says() -> None:
-    noisy = replace(ROME, sonar_noise_mm=5.0, sonar_noise=0.002)
+    noisy = with_ring(ROME, sonar_noise_mm=5.0, sonar_noise=0.002)
     one = World(walls=[wall_at(0.0, 3_000.0)], poses=[(0.0, 0.0, 0.0)], config=noisy, seed=5)
     readings, silent = [], []
     for _ in range(2_000):
@@ -190,7 +192,7 @@ def test_noise_has_the_deviation_that_the_robot_says() -> None:
 
 @pytest.mark.parametrize("half_beam_deg", [0.0, 1.0, 9.0, 10.0, 12.0, 14.5, 40.0])
 def test_a_cone_is_as_wide_as_the_config_says(half_beam_deg: float) -> None:
-    fan = fan_of(replace(ROME, sonar_half_beam_deg=half_beam_deg))
+    fan = fan_of(replace(TRANSDUCERS, sonar_half_beam_deg=half_beam_deg))
     ahead = np.degrees(np.arctan2(fan.ray_v[12], fan.ray_u[12]))
     assert (ahead[0], ahead[-1]) == pytest.approx((-half_beam_deg, half_beam_deg))
     assert ahead[len(ahead) // 2] == 0.0

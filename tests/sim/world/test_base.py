@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from colony.sim.config import RobotConfig
 from colony.sim.world.base import SLICE_S
-from colony.sim.world.world import World
+from colony.sim.world.world import Speed, World
 from tests.sim.robots import IDEAL
 
 RADIUS = IDEAL.radius_mm
@@ -75,12 +75,12 @@ def test_speeds_rise_as_fast_as_the_base_can() -> None:
     exact = 0.5 * IDEAL.acceleration_mm_s2 * 0.5**2
     assert exact <= world.distance(0) <= exact + 0.5 * IDEAL.acceleration_mm_s2 * 0.5 * SLICE_S + 1e-6
     world.advance(1.0)
-    assert world.speed(0) == (600.0, 0.0)
+    assert world.speed(0) == Speed(600.0, 0.0)
 
 
 def test_commands_are_clamped() -> None:
     world = driven(1e9, -1e9, 1.0)
-    assert world.speed(0) == (IDEAL.max_velocity_mm_s, -IDEAL.max_turn_deg_s)
+    assert world.speed(0) == Speed(IDEAL.max_velocity_mm_s, -IDEAL.max_turn_deg_s)
 
 
 def test_a_wall_stops_the_robot_at_its_hull() -> None:

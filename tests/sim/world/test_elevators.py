@@ -14,7 +14,7 @@ from colony.sim.world.elevators import CABIN_DEPTH_MM, CABIN_WIDTH_MM, SLIDE_S, 
 from colony.sim.world.world import World
 from tests.buildings import LOOP
 from tests.paths import MAPS
-from tests.sim.robots import IDEAL
+from tests.sim.robots import IDEAL, RING
 
 BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")
 THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"
@@ -55,7 +55,7 @@ def driven_in() -> tuple[World, Elevators]:
 
 def test_doors_take_their_time() -> None:
     world, elevators = staged()
-    shut = 900.0 - IDEAL.sonar_ring_mm
+    shut = 900.0 - RING.ring_mm
     assert world.sonar(0)[12] == pytest.approx(shut)
     elevators.open(NODE)
     assert elevators.opening(NODE) == 0.0
@@ -75,10 +75,10 @@ def test_a_cabin_is_as_large_as_it_is_said_to_be() -> None:
     world, _ = driven_in()
     world.place(0, INSIDE)
     readings = world.sonar(0)
-    middle = CABIN_DEPTH_MM / 2 - IDEAL.sonar_ring_mm
+    middle = CABIN_DEPTH_MM / 2 - RING.ring_mm
     assert readings[12] == pytest.approx(middle)
-    assert readings[18] == pytest.approx(CABIN_WIDTH_MM / 2 - IDEAL.sonar_ring_mm)
-    assert readings[6] == pytest.approx(CABIN_WIDTH_MM / 2 - IDEAL.sonar_ring_mm)
+    assert readings[18] == pytest.approx(CABIN_WIDTH_MM / 2 - RING.ring_mm)
+    assert readings[6] == pytest.approx(CABIN_WIDTH_MM / 2 - RING.ring_mm)
 
 
 def test_a_robot_drives_in_rides_and_drives_out_on_another_floor() -> None:
@@ -158,7 +158,7 @@ def test_an_elevator_that_leads_nowhere_still_opens() -> None:
     elevators = Elevators(world, alone, {"loop": draw(Hazards.none(), LOOP, 1)}, "loop")
     elevators.open("liftL")
     wait(world, elevators, SLIDE_S)
-    assert world.sonar(0)[12] == pytest.approx(900.0 - IDEAL.sonar_ring_mm + CABIN_DEPTH_MM)
+    assert world.sonar(0)[12] == pytest.approx(900.0 - RING.ring_mm + CABIN_DEPTH_MM)
 
 
 def test_a_plant_lets_the_doors_slide() -> None:

@@ -13,7 +13,7 @@ from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Person, Scenery, Track
 from colony.sim.world.people import LONGEST_STOP_S
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
-from tests.sim.robots import IDEAL
+from tests.sim.robots import IDEAL, RING
 
 LENGTH, HALF = 30_000.0, 1500.0
 WALLS = np.array([(-HALF, 0.0, -HALF, LENGTH), (HALF, LENGTH, HALF, 0.0), (-HALF, LENGTH, HALF, LENGTH)])
@@ -152,7 +152,7 @@ def test_who_runs_somebody_over_is_stopped_and_has_done_it_himself() -> None:
 def test_people_are_heard_and_seen_where_they_are() -> None:
     somebody = person(2_400.0, speed=0.0)  # 3200 mm north
     world = World(walls=corridor(somebody), poses=[(0.0, 1000.0, 0.0)], config=IDEAL)
-    gap = 3200.0 - 1000.0 - PERSON_RADIUS_MM - IDEAL.sonar_ring_mm
+    gap = 3200.0 - 1000.0 - PERSON_RADIUS_MM - RING.ring_mm
     assert world.sonar(0)[12] == pytest.approx(gap, abs=1.0)
     assert not world.infrared(0)[12]
     assert World(walls=WALLS, poses=[(0.0, 1000.0, 0.0)], config=IDEAL).sonar(0)[12] > 9000.0

@@ -11,7 +11,7 @@ import pytest
 from colony.nav.maps.walls import walls_of
 from colony.sim.world.world import World
 from tests.buildings import LOOP
-from tests.sim.robots import IDEAL
+from tests.sim.robots import IDEAL, RING
 
 WALLS = walls_of(LOOP).segments
 
@@ -97,8 +97,8 @@ def test_readings_have_their_shapes_and_ranges() -> None:
     assert readings.shape == seen.shape == (24,)
     assert readings.dtype == np.float64
     assert seen.dtype == np.bool_
-    assert (readings >= world.config.sonar_min_mm).all()
-    assert (readings <= world.config.sonar_range_mm).all()
+    assert (readings >= RING.sonar_min_mm).all()
+    assert (readings <= RING.sonar_range_mm).all()
     assert all(type(v) is float for v in (*world.true_pose(0), *world.odometry(0), *world.speed(0)))
     assert all(type(v) is bool for v in world.bumper(0))
 

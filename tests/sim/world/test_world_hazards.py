@@ -15,7 +15,7 @@ from colony.sim.hazards.scenery import CompassDisturbance, Joint, Scenery, Slip,
 from colony.sim.sensors.compass import disturbance_deg
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
-from tests.sim.robots import IDEAL, ROME
+from tests.sim.robots import IDEAL, RING, ROME
 from tests.sim.world.test_world import history
 
 BOX = np.array(
@@ -137,7 +137,7 @@ def test_an_open_door_is_heard_as_a_room() -> None:
         readings = [
             World(walls=each, poses=[(x, y, heading)], config=IDEAL).sonar(0)[12] for each in (open_, shut)
         ]
-        assert readings[1] == pytest.approx(1000.0 - IDEAL.sonar_ring_mm, abs=1.0)
+        assert readings[1] == pytest.approx(1000.0 - RING.ring_mm, abs=1.0)
         deeper += readings[0] > readings[1] + 300.0
     assert deeper == len(open_.doors) > 10
 

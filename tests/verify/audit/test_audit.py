@@ -220,6 +220,7 @@ def test_what_is_counted() -> None:
     assert report.agrees
     assert (report.late, report.lost, report.refused, report.idled) == (1, 1, 1, 1)
     assert (report.outside, report.holds, report.unheard, report.compared) == (1, 1, 2, 20)
+    assert sum(report.unheard_by_server.values()) == 2
 
 
 def test_a_restart_begins_anew() -> None:

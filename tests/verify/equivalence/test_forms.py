@@ -27,7 +27,7 @@ from tests.sampling import sampled
 @cache
 def compilation(name: str) -> Compilation:
     [path] = [path for path in BEHAVIORS if path.stem == name]
-    return compile_program(load_file(str(path)))
+    return compile_program(load_file(path))
 
 
 def emitted(of: Compilation) -> Result:

@@ -25,7 +25,7 @@ PASSES = [bug for bug in BUGS if bug.network and bug.name not in NOT_OF_THE_COMP
 
 @pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
 def test_shipped_behaviors_are_proved(path: Path) -> None:
-    program = load_file(str(path))
+    program = load_file(path)
     assert isinstance(prove(program, compile_program(program)), Proved)
 
 

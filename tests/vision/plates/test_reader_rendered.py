@@ -11,6 +11,7 @@ import pytest
 from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM, plates_of
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
+from colony.sim.world.world import Speed
 from colony.vision.detections import Corner, PlateBox
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.reader import read_plate
@@ -50,7 +51,7 @@ def test_plates_of_the_building_are_read(camera: Camera, distance_mm: float) -> 
         y = plate.center.y - distance_mm * math.cos(into)
         tilt = float(random.uniform(-12.0, 12.0))
         pose = np.array([[x, y, plate.heading_deg - 90.0 + tilt]])
-        image = camera.image(pose, 0, i * 10**9, people=NOBODY, speed=(400.0, 0.0))
+        image = camera.image(pose, 0, i * 10**9, people=NOBODY, speed=Speed(400.0, 0.0))
         reading = read_plate(image, _box(distance_mm, tilt))
         if reading.text != plate.text:
             wrong.append((plate.text, reading.text))

@@ -33,6 +33,7 @@ class MapSpans:
     """The spans of a map's elements in the source text."""
 
     start: Span
+    docks: tuple[Span, ...]
     rings: tuple[RingSpans, ...]
 
 
@@ -106,7 +107,7 @@ def _report_unpaired(problems: Problems, ring: Ring, spans: RingSpans) -> None:
 
 
 def check_map(problems: Problems, checked: Map, spans: MapSpans) -> None:
-    """Check the rings against each other, and the start; each ring must be valid."""
+    """Check the rings against each other, the start and the docks; each ring must be valid."""
     before = len(problems)
     outlines = tuple(corners(ring) for ring in checked.rings)
     _check_crossings(problems, checked, outlines, spans)
@@ -119,10 +120,13 @@ def check_map(problems: Problems, checked: Map, spans: MapSpans) -> None:
             problems.report("M024", ring_spans.header, message, hint)
     if len(problems) > before:
         return
-    if not in_free_space(outlines, checked.start.x_mm, checked.start.y_mm):
-        message = "the start is not in free space; expected it inside an outline and outside its blocks"
-        hint = "`start X Y HEADING` counts from the same origin as `ring NAME X Y HEADING`"
-        problems.report("M022", spans.start, message, hint)
+    poses = [("start", checked.start, spans.start)]
+    poses += [("dock", dock, span) for dock, span in zip(checked.docks, spans.docks, strict=True)]
+    for word, pose, span in poses:
+        if not in_free_space(outlines, pose.x_mm, pose.y_mm):
+            message = f"the {word} is not in free space; expected it inside an outline and outside its blocks"
+            hint = f"`{word} X Y HEADING` counts from the same origin as `ring NAME X Y HEADING`"
+            problems.report("M022", span, message, hint)
 
 
 _MISPLACED = {

@@ -17,8 +17,8 @@ _T = TypeVar("_T")
 class Header:
     """The header, as read so far.
 
-    The lengths and nodes in it (`start`, `tolerance`, `links`, `elevators`) are kept as words, because the
-    unit and the rings may come later.
+    The lengths and nodes in it (`start`, `tolerance`, `links`, `elevators`, `holes`, `docks`) are kept as
+    words, because the unit and the rings may come later.
     """
 
     def __init__(self, problems: Problems, source: Source) -> None:
@@ -34,6 +34,8 @@ class Header:
         self.start: tuple[Word, ...] | None = None
         self.links: list[tuple[Word, Word]] = []
         self.elevators: list[tuple[Word, Word, Word]] = []
+        self.holes: list[tuple[Word, ...]] = []
+        self.docks: list[tuple[Word, ...]] = []
         self._unique: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
             "map": ("map NAME", self._map),
             "floor": ("floor NAME", self._floor),
@@ -46,6 +48,8 @@ class Header:
         self._repeatable: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
             "link": ("link PLACE PLACE", self._link),
             "elevator": ("elevator NODE FILE NODE", self._elevator),
+            "hole": ("hole X Y X Y", self._hole),
+            "dock": ("dock X Y HEADING", self._dock),
         }
 
     @property
@@ -126,6 +130,12 @@ class Header:
 
     def _link(self, values: list[Word]) -> None:
         self.links.append((values[0], values[1]))
+
+    def _hole(self, values: list[Word]) -> None:
+        self.holes.append(tuple(values))
+
+    def _dock(self, values: list[Word]) -> None:
+        self.docks.append(tuple(values))
 
     def _elevator(self, values: list[Word]) -> None:
         self.elevators.append((values[0], values[1], values[2]))

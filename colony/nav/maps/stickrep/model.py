@@ -135,9 +135,23 @@ class ElevatorLink(NamedTuple):
     other_node: str
 
 
+class Hole(NamedTuple):
+    """A rectangle in which the floor is missing, by two opposite corners, in mm."""
+
+    x0_mm: float
+    y0_mm: float
+    x1_mm: float
+    y1_mm: float
+
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Return the corners, once around."""
+        x0, y0, x1, y1 = self
+        return (x0, y0), (x1, y0), (x1, y1), (x0, y1)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Map:
-    """The map of one floor. `start` is the default pose of a robot.
+    """The map of one floor. `start` is the default pose of a robot, `docks` those of robots that are docked.
 
     `floor` is the name of the floor in its building, such as "3", or empty if not needed. `unit` and
     `light_offsets` only affect how the map is written to a file.
@@ -148,6 +162,8 @@ class Map:
     rings: tuple[Ring, ...]
     links: tuple[Link, ...] = ()
     elevators: tuple[ElevatorLink, ...] = ()
+    holes: tuple[Hole, ...] = ()
+    docks: tuple[Pose, ...] = ()
     floor: str = ""
     travel: Travel = "either"
     tolerance_mm: float = DEFAULT_TOLERANCE_MM

@@ -14,6 +14,9 @@ A file is a header, then rings of rows; `#` begins a comment. The header says, i
     link PLACE PLACE            two places of different rings that face each other, as many lines as needed;
                                 a place is NODE, or NODE+LENGTH for a place after it on its edge
     elevator NODE FILE NODE     an elevator's edge here, and the same elevator's in the map of another floor
+    hole X Y X Y                two opposite corners of a rectangle in which the floor is missing, as many
+                                lines as needed
+    dock X Y HEADING            the pose of a robot that stands at a charging dock, as many lines as needed
 
 A ring begins with `ring NAME X Y HEADING`: the position of its first node and the heading of its first edge.
 A row for each node and the edge after it follows, with the fields of thesis section 5.1:
@@ -24,9 +27,9 @@ Codes of errors: M001 cannot be read, M002 not text, M003 not a StickRep map, M0
 duplicate header line, M006 header line missing, M007 header line malformed, M008 name, M009 number, M010 row
 too short, M011 edge type, M012 lights, M013 row outside a ring, M014 node name twice, M015 ring name twice,
 M016 too few edges, M017 does not close in angle, M018 does not close in place, M019 light beyond its edge,
-M020 shared lights do not pair, M021 edges cross, M022 start not in free space, M023 too much, M024 traced the
-wrong way round, M025 no such node, M026 linked places that do not face each other, M027 no elevator there,
-M028 floor missing; and of buildings (`building.py`) M029 to M031.
+M020 shared lights do not pair, M021 edges cross, M022 start or dock not in free space, M023 too much, M024
+traced the wrong way round, M025 no such node, M026 linked places that do not face each other, M027 no
+elevator there, M028 floor missing; and of buildings (`building.py`) M029 to M031.
 """
 
 from __future__ import annotations
@@ -35,15 +38,16 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from colony.nav.maps.source import load_building_source
 from colony.nav.maps.stickrep import fields
 from colony.nav.maps.stickrep.checks import MapSpans, RingSpans, check_map, check_ring
 from colony.nav.maps.stickrep.connections import Connections, read_connections
 from colony.nav.maps.stickrep.fields import Problems, TooManyProblemsError, Word, line_end, lines_of_words
-from colony.nav.maps.stickrep.file import load_source
 from colony.nav.maps.stickrep.header import Header
 from colony.nav.maps.stickrep.model import (
     DEFAULT_TOLERANCE_MM,
     Edge,
+    Hole,
     Light,
     Map,
     MapNode,
@@ -65,7 +69,7 @@ def load_map(path: str | os.PathLike[str]) -> Map:
         DiagnosticError: the file cannot be read, or is not a valid map; with all errors found, each with its
             location.
     """
-    return read_map(load_source(path))
+    return read_map(load_building_source(path))
 
 
 def read_map(source: Source) -> Map:
@@ -159,7 +163,9 @@ class _Reader:
         for words in lines:
             if not self.header.read_line(words):
                 body.append(words)
-            if len(body) + len(self.header.links) + len(self.header.elevators) > MAX_LINES:
+            header = self.header
+            repeated = (header.links, header.elevators, header.holes, header.docks)
+            if len(body) + sum(len(found) for found in repeated) > MAX_LINES:
                 message = f"expected at most {MAX_LINES} rows, links and ring lines; found one more"
                 self.problems.report("M023", words[0].span, message, "split it into several maps")
                 raise TooManyProblemsError
@@ -178,6 +184,27 @@ class _Reader:
         if x is None or y is None or heading is None:
             return None
         return Pose(x, y, heading % 360.0)
+
+    def _holes(self) -> tuple[Hole, ...]:
+        """Read the holes of the header; those with errors are left out."""
+        found: list[Hole] = []
+        for words in self.header.holes:
+            limit = fields.MAX_COORDINATE_MM
+            ends = [self._mm(w, what, 0.0, limit) for w, what in zip(words, "xyxy", strict=True)]
+            x0, y0, x1, y1 = ends
+            if x0 is None or y0 is None or x1 is None or y1 is None:
+                continue
+            if x0 == x1 or y0 == y1:
+                message = "the hole has no area; expected two opposite corners of a rectangle"
+                self.problems.report("M007", words[0].span.to(words[-1].span), message)
+                continue
+            found.append(Hole(x0, y0, x1, y1))
+        return tuple(found)
+
+    def _docks(self) -> list[tuple[Pose, Span]]:
+        """Read the docks of the header, each with its place in the text; those with errors are left out."""
+        read = ((self._pose(words), words[0].span.to(words[-1].span)) for words in self.header.docks)
+        return [(pose, span) for pose, span in read if pose is not None]
 
     def _ring(self, words: list[Word]) -> None:
         values = fields.values(self.problems, words, "ring NAME X Y HEADING")
@@ -282,6 +309,7 @@ class _Reader:
         header = self.header
         start = self._pose(header.start) if header.start else None
         tolerance = self._tolerance()
+        holes, docks = self._holes(), self._docks()
         self._check_required_lines()
         for ring in self.rings:
             if ring.valid:
@@ -299,6 +327,8 @@ class _Reader:
             rings=rings,
             links=connections.links,
             elevators=connections.elevators,
+            holes=holes,
+            docks=tuple(pose for pose, _ in docks),
             floor=header.floor,
             travel=header.travel,
             tolerance_mm=tolerance,
@@ -307,7 +337,12 @@ class _Reader:
         )
         if valid:
             span = header.start[0].span.to(header.start[-1].span)
-            check_map(self.problems, result, MapSpans(start=span, rings=tuple(r.spans() for r in self.rings)))
+            spans = MapSpans(
+                start=span,
+                docks=tuple(dock_span for _, dock_span in docks),
+                rings=tuple(ring.spans() for ring in self.rings),
+            )
+            check_map(self.problems, result, spans)
         return result
 
     def _tolerance(self) -> float | None:

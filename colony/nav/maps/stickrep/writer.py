@@ -28,6 +28,8 @@ def write_map(source: Map) -> str:
     ]
     connections = [f"link {_site(link.first, scale)} {_site(link.second, scale)}" for link in source.links]
     connections += [f"elevator {link.node} {link.file} {link.other_node}" for link in source.elevators]
+    connections += [f"hole {' '.join(_number(value / scale) for value in hole)}" for hole in source.holes]
+    connections += [f"dock {_pose(dock, scale)}" for dock in source.docks]
     rings = [_ring(ring, scale, source.light_offsets == "cumulative") for ring in source.rings]
     return "\n\n".join(["\n".join(header), *rings, *(["\n".join(connections)] if connections else [])]) + "\n"
 

@@ -10,16 +10,17 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import NoReturn
 
 from colony.collector import gc_frozen
 from colony.os_errors import describe
-from colony.runtime.assembly.processes.devices import Devices
-from colony.runtime.assembly.processes.parts import is_nonblocking, nodes_of, serves
+from colony.runtime.assembly.processes.driver_factory import DriverError, DriverFactory
+from colony.runtime.assembly.processes.parts import is_nonblocking, nodes_of, read_program, serves
 from colony.runtime.assembly.processes.shutdown import (
     EXIT_FAILED,
+    EXIT_FINAL,
     Shutdown,
     exit_if_out_of_resources,
     exit_with,
@@ -28,7 +29,7 @@ from colony.runtime.assembly.processes.shutdown import (
     on_parent_exit,
     on_signals,
 )
-from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, address_of, read_spec
+from colony.runtime.assembly.processes.spec import GatewayPart, LimitsPart, Part, Spec, address_of, read_spec
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.errors import GatewayFullError, LiveError
 from colony.runtime.transport.live.host import Host
@@ -44,7 +45,7 @@ def run(
     spec: Spec,
     shutdown: Shutdown,
     *,
-    devices: Devices | None = None,
+    devices: DriverFactory | None = None,
     ready: Callable[[], None] = lambda: None,
 ) -> None:
     """Run the part that the spec describes until the shutdown.
@@ -54,6 +55,7 @@ def run(
     Raises:
         LiveError: it cannot join the robot's processes; for example, another process serves its name.
         StartupError: an input is missing or invalid.
+        DriverError: the driver of a real device cannot be imported or made.
         StoreError: it cannot store data that it must store, and has to end.
         Exception: as raised by a node.
     """
@@ -62,6 +64,8 @@ def run(
         with ExitStack() as resources:
             host = resources.enter_context(_host(spec.part, robot_address, devices, resources))
             shutdown.on_request(host.stop)
+            if isinstance(spec.part, LimitsPart):
+                resources.enter_context(_leading_limits(spec.part, host))
             ready()
             with gc_frozen():
                 host.run()
@@ -76,7 +80,15 @@ def restart_in_place() -> NoReturn:
     os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 
-def _host(part: Part, robot_address: RobotAddress, devices: Devices | None, resources: ExitStack) -> Host:
+def _leading_limits(part: LimitsPart, host: Host) -> AbstractContextManager[None]:
+    from colony.runtime.assembly.processes.limits_leader import leading_limits
+
+    return leading_limits(host, read_program(part.program)[0])
+
+
+def _host(
+    part: Part, robot_address: RobotAddress, devices: DriverFactory | None, resources: ExitStack
+) -> Host:
     if isinstance(part, GatewayPart):
         from colony.runtime.transport.live.gateway import open_gateway
         from colony.runtime.transport.live.security import read_security
@@ -99,7 +111,7 @@ def _host(part: Part, robot_address: RobotAddress, devices: Devices | None, reso
     )
 
 
-def main(devices: Devices | None = None) -> None:
+def main(devices: DriverFactory | None = None) -> None:
     """Run a process that a supervisor started."""
     make_printing_safe()
     shutdown = Shutdown()
@@ -109,6 +121,8 @@ def main(devices: Devices | None = None) -> None:
             run(read_spec(Path(sys.argv[1])), shutdown, devices=devices)
         except (LiveError, StartupError) as problem:
             exit_with(str(problem))
+        except DriverError as problem:
+            exit_with(str(problem), EXIT_FINAL if problem.is_final else EXIT_FAILED)
         except StoreError as problem:
             exit_with(str(problem), EXIT_FAILED)
         except Exception as problem:

@@ -2,8 +2,9 @@
 
 Each child is started from scratch (never forked from a process with an open session), in its own process
 group, so that Ctrl-C at a terminal reaches only the supervisor, which then ends the others in order. When a
-process has ended, the rest of its group is killed. The output of a process goes to its own log, whose last
-lines are shown when it dies.
+process has ended, the rest of its group is killed. The output of a process goes to its own log. When it dies,
+the last lines are shown that it wrote, unless a signal ended it that leaves no time to write: what it had
+written before would not explain its death.
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ TAIL_LINES = 8
 LOG_BYTES = 16 * 1024 * 1024
 """Size in bytes beyond which a log is emptied."""
 
+EXPLAINED_SIGNALS = frozenset({signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, signal.SIGBUS, signal.SIGILL})
+"""Signals of which Python's fault handler writes into the log where they hit the process."""
+
 POLL_INTERVAL_S = 0.005
 """Seconds between two checks whether a terminated process has ended."""
 
@@ -46,6 +50,7 @@ class Job:
         essential: True if the run ends when the process dies and is not restarted.
         one_thread: True if all of zenoh's tasks run on one thread.
         clients: addresses of the clients that run in the process.
+        gives_up: False if it is restarted however often it dies in quick succession.
     """
 
     name: str
@@ -56,13 +61,14 @@ class Job:
     essential: bool
     one_thread: bool = False
     clients: tuple[str, ...] = ()
+    gives_up: bool = True
 
 
 class Death(NamedTuple):
     """The unexpected end of a process.
 
-    `tail` has the last lines of its output. `pause_s` is the time until its restart, None if it is not
-    restarted. `final` is True if its exit code means that a restart would not help.
+    `tail` has the last lines of its output, if they may explain its death. `pause_s` is the time until its
+    restart, None if it is not restarted. `final` is True if its exit code means that a restart is no help.
     """
 
     job: Job
@@ -76,6 +82,7 @@ class Death(NamedTuple):
 class _Child:
     job: Job
     process: subprocess.Popen[bytes] | None = None
+    log_start: int = 0
     began_ns: int = 0
     due_ns: int | None = None
     restarts: Restarts = field(default_factory=Restarts)
@@ -102,7 +109,7 @@ class Children:
         if job.name in self._children:
             raise ValueError(f"two processes have the name {job.name}")
         job.log.unlink(missing_ok=True)
-        child = _Child(job)
+        child = _Child(job, restarts=Restarts(gives_up=job.gives_up))
         self._children[job.name] = child
         self._spawn(child)
 
@@ -142,6 +149,7 @@ class Children:
     def _spawn(self, child: _Child) -> None:
         python = (sys.executable, "-P", "-u", "-X", "faulthandler")
         with _log(child.job.log) as log:
+            child.log_start = log.seek(0, os.SEEK_END)
             child.process = subprocess.Popen(
                 [*python, "-m", child.job.module, *child.job.arguments],
                 stdin=subprocess.PIPE,
@@ -165,7 +173,7 @@ class Children:
         now = self._clock()
         child.due_ns = None if code == EXIT_FINAL else child.restarts.next_start(child.began_ns, now)
         pause_s = None if child.due_ns is None else (child.due_ns - now) / 1e9
-        yield Death(child.job, _cause(code), last_lines(child.job.log), pause_s, code == EXIT_FINAL)
+        yield Death(child.job, _cause(code), _explanation(child, code), pause_s, code == EXIT_FINAL)
         if child.due_ns is not None and child.due_ns <= now:
             self._spawn(child)
 
@@ -280,11 +288,24 @@ def _cause(code: int) -> str:
         return f"was killed by signal {-code}"
 
 
-def last_lines(path: Path) -> tuple[str, ...]:
-    """Return the last few lines of a text file; none if it cannot be read."""
+def _explanation(child: _Child, code: int) -> tuple[str, ...]:
+    """Return the last lines that a process wrote before it ended; none after a signal that it cannot note."""
+    if code < 0 and -code not in EXPLAINED_SIGNALS:
+        return ()
+    return last_lines(child.job.log, child.log_start)
+
+
+def last_lines(path: Path, start: int = 0) -> tuple[str, ...]:
+    """Return the last few lines of a text file; none if it cannot be read.
+
+    Args:
+        path: the file.
+        start: number of bytes at its beginning that are left out, unless the file is shorter by now.
+    """
     try:
         with open_regular(path) as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL_BYTES))
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(start if start <= size else 0, size - TAIL_BYTES))
             text = file.read().decode("utf-8", "replace")
     except OSError:
         return ()

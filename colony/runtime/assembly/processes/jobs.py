@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
 
 from colony.execute.colonyc import SUFFIX, encode
 from colony.execute.compiled import Compiled
+from colony.ir.servers import DSERVER, RSERVER, RUNTIME, ServerSpec
 from colony.ir.types import Value
+from colony.runtime.assembly.limits import limit_bindings
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.spec import (
     AnnouncerPart,
@@ -18,7 +21,10 @@ from colony.runtime.assembly.processes.spec import (
     ClockPart,
     CServerPart,
     Device,
+    DevicePart,
     DServerPart,
+    Hardware,
+    LimitsPart,
     Part,
     ProgramOfRun,
     PServerPart,
@@ -26,16 +32,17 @@ from colony.runtime.assembly.processes.spec import (
     Spec,
     address_spec,
     bindings_of,
+    encoded_server,
     name_of,
     write_private,
     write_spec,
 )
 from colony.runtime.assembly.sharing import client_processes
 from colony.runtime.protocol.bindings import Bindings
-from colony.runtime.protocol.deployment import Deployment
-from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
+from colony.runtime.protocol.deployment import LIMITS_RUN, Deployment
 from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.topics import client_address
+from colony.runtime.servers.drivers import BaseLimits
 from colony.runtime.store.reserve import Reserve
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
@@ -85,47 +92,77 @@ def delete_all_but_logs(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotDevices:
+    """The devices of a robot, each with a server, as its description has them.
+
+    Attributes:
+        base: the limits of its base; None for a robot without one.
+        sonars: the number of sonars, and of infrared detectors, in its ring; None for a robot without one.
+        servers: what the servers of its other devices offer.
+        hardware: the drivers of real devices, by server; the plant simulates the others.
+        absent: the servers of the description that no process serves; others may serve them.
+    """
+
+    base: BaseLimits | None = None
+    sonars: int | None = None
+    servers: tuple[ServerSpec, ...] = ()
+    hardware: Mapping[str, Hardware] = field(default_factory=dict)
+    absent: tuple[str, ...] = ()
+
+
 def server_parts(
     state_folder: Path,
     device: Device,
+    devices: RobotDevices,
     *,
     cameras: Iterable[tuple[str, str]] = (),
     fsync: bool = False,
     pinned_variables: dict[str, Value] | None = None,
     interface: Interface | None = None,
+    resident: Deployment | None = None,
 ) -> tuple[Part, ...]:
     """Return the parts of all servers of a robot.
 
     Args:
         state_folder: folder of data that must survive the death of a server.
-        device: hardware.
+        device: the plant.
+        devices: the devices of the robot.
         cameras: pairs of a server's name and the name of its camera.
         fsync: as in `DServerPart`.
         pinned_variables: as in `DServerPart`.
         interface: that of the robot's description, if it has one.
+        resident: the deployment of the description's limits, if it has any.
     """
-    cameras = tuple(cameras)
-    frame_servers = (
-        RSERVER.name,
-        PSERVER.name,
-        DSERVER.name,
-        RUNTIME.name,
-        *(server for server, _ in cameras),
-    )
+    hardware = devices.hardware
+    served: list[Part] = []
+    if devices.base is not None:
+        served.append(RServerPart(device=hardware.get(RSERVER.name, device), limits=devices.base))
+    if devices.sonars is not None:
+        served.append(PServerPart(device=device, count=devices.sonars))
+    served += [
+        DevicePart(device=hardware.get(server.name, device), described=encoded_server(server))
+        for server in devices.servers
+    ]
+    served += [CServerPart(device=device, server=server, camera=camera) for server, camera in cameras]
+    frame_servers = (*map(name_of, served), *devices.absent, DSERVER.name, RUNTIME.name)
     return (
-        ClockPart(servers=frame_servers, stop=str(state_folder / STOP), interface=interface or Interface()),
-        RServerPart(device=device),
-        PServerPart(device=device),
+        ClockPart(
+            servers=frame_servers,
+            stop=str(state_folder / STOP),
+            interface=interface or Interface(),
+            resident=resident,
+        ),
+        *served,
         DServerPart(store=str(state_folder / STORE), fsync=fsync, pinned_variables=pinned_variables or {}),
-        *(CServerPart(device=device, server=server, camera=camera) for server, camera in cameras),
     )
 
 
 def server_jobs(
-    robot_address: Local, parts: Iterable[Part], folder: Path, *, hardware: str
+    robot_address: Local, parts: Iterable[Part], folder: Path, *, simulator: str
 ) -> tuple[Job, ...]:
-    """Return the jobs of servers; `hardware` is the Python module to run for servers that need a driver."""
-    return tuple(job_of(robot_address, part, folder, SERVERS, hardware=hardware) for part in parts)
+    """Return the jobs of servers; `simulator` is the Python module to run for those of simulated devices."""
+    return tuple(job_of(robot_address, part, folder, SERVERS, simulator=simulator) for part in parts)
 
 
 def client_jobs(
@@ -142,10 +179,7 @@ def client_jobs(
 
     Clients share a process where possible, unless `isolate` is true.
     """
-    program = folder / f"{deployment.run}{SUFFIX}"
-    write_private(program, encode(compiled))
-    write_private(bindings_of(program), msgspec.json.encode(bindings))
-    program_of_run = ProgramOfRun(run=deployment.run, file=str(program), search_path=tuple(search_path))
+    program_of_run = _write_program(deployment.run, compiled, bindings, folder, search_path)
     parts: list[Part] = [
         ClientsPart(program=program_of_run, clients=process.clients, shared=process.shared)
         for process in client_processes(compiled, isolate=isolate)
@@ -154,27 +188,50 @@ def client_jobs(
     return tuple(job_of(robot_address, part, folder, CLIENTS) for part in parts)
 
 
-def job_of(robot_address: RobotAddress, part: Part, folder: Path, wave: int, *, hardware: str = CHILD) -> Job:
+def limits_part(compiled: Compiled, folder: Path) -> LimitsPart:
+    """Write the limits of a robot's description into `folder`, and return the part of their process.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    bindings = limit_bindings(compiled.robot)
+    return LimitsPart(program=_write_program(LIMITS_RUN, compiled, bindings, folder))
+
+
+def _write_program(
+    run: str, compiled: Compiled, bindings: Bindings, folder: Path, search_path: Iterable[str] = ()
+) -> ProgramOfRun:
+    program = folder / f"{run}{SUFFIX}"
+    write_private(program, encode(compiled))
+    write_private(bindings_of(program), msgspec.json.encode(bindings))
+    return ProgramOfRun(run=run, file=str(program), search_path=tuple(search_path))
+
+
+def job_of(
+    robot_address: RobotAddress, part: Part, folder: Path, wave: int, *, simulator: str = CHILD
+) -> Job:
     """Write the spec of a process into `folder`, and return its job; its log goes there, too.
 
-    Servers, hardware and the process that clients share are essential to a run. An isolated client and
-    a Python module are not: without them, frames are still decided. Clients and Python modules need only
-    one zenoh thread, because they handle one message at a time; servers receive further messages while they
-    handle one.
+    Servers, simulated hardware and the process that clients share are essential to a run. An isolated
+    client, a Python module and the driver of a real device are not: without them, frames are still decided.
+    A driver is tried again however often it fails, because its device may be connected late. Clients and
+    Python modules need only one zenoh thread, because they handle one message at a time; servers receive
+    further messages while they handle one.
     """
     name = name_of(part)
     spec = folder / f"{name.replace('/', '.')}.json"
     write_spec(spec, Spec(robot_address=address_spec(robot_address), part=part))
-    needs_driver = isinstance(part, (RServerPart, PServerPart, CServerPart))
-    dispensable = isinstance(part, AnnouncerPart) or (isinstance(part, ClientsPart) and not part.shared)
+    device = part.device if isinstance(part, (RServerPart, PServerPart, CServerPart, DevicePart)) else None
+    is_client = isinstance(part, AnnouncerPart) or (isinstance(part, ClientsPart) and not part.shared)
     clients = tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else ()
     return Job(
         name=name,
-        module=hardware if needs_driver else CHILD,
+        module=simulator if isinstance(device, Device) else CHILD,
         arguments=(str(spec),),
         log=spec.with_suffix(".log"),
         wave=wave,
-        essential=not dispensable,
+        essential=not is_client and not isinstance(device, Hardware),
+        gives_up=not isinstance(device, Hardware),
         one_thread=wave == CLIENTS,
         clients=clients,
     )

@@ -11,21 +11,25 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
-from colony.runtime.assembly.processes.devices import Devices
+from colony.runtime.assembly.processes.driver_factory import DriverFactory
 from colony.runtime.assembly.processes.shutdown import log_line
 from colony.runtime.assembly.processes.spec import (
     AnnouncerPart,
     ClientsPart,
     ClockPart,
     CServerPart,
+    Device,
+    DevicePart,
+    DevicesPart,
     DServerPart,
+    Hardware,
+    LimitsPart,
     NodePart,
     ProgramOfRun,
     PServerPart,
     RServerPart,
     read_bindings,
 )
-from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.messages import Node
 from colony.runtime.store.store import PendingStore, Store, StoreFullError
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
@@ -37,7 +41,7 @@ if TYPE_CHECKING:
 
 def serves(part: NodePart) -> bool:
     """Return True if other processes find the part by its name."""
-    return not isinstance(part, (ClientsPart, AnnouncerPart))
+    return not isinstance(part, (ClientsPart, LimitsPart, AnnouncerPart))
 
 
 def is_nonblocking(part: NodePart) -> bool:
@@ -46,8 +50,10 @@ def is_nonblocking(part: NodePart) -> bool:
     Images, disks and user code may block.
     """
     match part:
-        case ClockPart() | RServerPart() | PServerPart() | ClientsPart():
+        case ClockPart() | PServerPart() | ClientsPart() | LimitsPart():
             return True
+        case RServerPart(device=device) | DevicePart(device=device):
+            return isinstance(device, Device)
         case CServerPart() | DServerPart() | AnnouncerPart():
             return False
         case _:
@@ -55,69 +61,110 @@ def is_nonblocking(part: NodePart) -> bool:
 
 
 def nodes_of(
-    part: NodePart, robot_address: RobotAddress, devices: Devices | None, resources: ExitStack
+    part: NodePart, robot_address: RobotAddress, devices: DriverFactory | None, resources: ExitStack
 ) -> tuple[Node, ...]:
     """Return the nodes of a part; their other resources are added to `resources`.
 
     Raises:
         DiagnosticError: the compiled program is damaged, or a Python module cannot be imported or built.
+        DriverError: the driver of a real device cannot be imported or made.
         StoreError: DServer's stored data cannot be read.
         OSError: the program or its bindings cannot be read.
         ValueError: the part needs drivers, or must run on the robot's own machine, and does not.
     """
     match part:
-        case ClockPart(servers=servers, stop=stop, interface=interface):
-            return _clock(servers, Path(stop), interface)
-        case RServerPart() | PServerPart() | CServerPart():
-            return (_hardware_server(part, robot_address, devices, resources),)
+        case ClockPart():
+            return _clock(part)
+        case RServerPart() | PServerPart() | CServerPart() | DevicePart():
+            return (_device_server(part, robot_address, devices, resources),)
         case DServerPart():
             return (_dserver(part, robot_address),)
         case ClientsPart():
             return _clients(part)
+        case LimitsPart(program=program):
+            return _limits(program)
         case AnnouncerPart():
             return (_announcer(part),)
         case _:
             assert_never(part)
 
 
-def _clock(servers: tuple[str, ...], stop: Path, interface: Interface) -> tuple[Node, ...]:
+def _clock(part: ClockPart) -> tuple[Node, ...]:
     from colony.runtime.frames.clock import Clock
     from colony.runtime.servers.runtime_server import RuntimeServer
 
     runtime = RuntimeServer()
     clock = Clock(
-        servers=servers,
+        servers=part.servers,
         on_deploy=runtime.on_deploy,
-        stop_path=stop,
+        stop_path=Path(part.stop),
         report=log_line,
-        interface=interface,
+        interface=part.interface,
+        resident=part.resident,
     )
     return clock, runtime
 
 
-def _hardware_server(
-    part: RServerPart | PServerPart | CServerPart,
-    robot_address: RobotAddress,
-    devices: Devices | None,
-    resources: ExitStack,
+def _device_server(
+    part: DevicesPart, robot_address: RobotAddress, devices: DriverFactory | None, resources: ExitStack
 ) -> Node:
-    if devices is None or not isinstance(robot_address, Local):
-        raise ValueError("a server of hardware runs on the robot's own machine, with its drivers")
-    robot, origin_ns, device = robot_address.robot, robot_address.directory.origin_ns(), part.device
+    if not isinstance(robot_address, Local):
+        raise ValueError("a server of a device runs on the robot's own machine")
+    robot, origin_ns = robot_address.robot, robot_address.directory.origin_ns()
+    if isinstance(part.device, Hardware):
+        return _hardware_server(part, part.device, origin_ns, resources)
+    if devices is None:
+        raise ValueError("a server of a simulated device runs with the drivers of the simulator")
     match part:
-        case RServerPart():
+        case RServerPart(limits=limits):
             from colony.runtime.servers.rserver import RServer
 
-            driver = devices.base(device, robot, origin_ns, resources)
-            return RServer(driver)
-        case PServerPart():
+            return RServer(devices.base(part.device, robot, limits, origin_ns, resources))
+        case PServerPart(device=device, count=count):
             from colony.runtime.servers.pserver import PServer
 
-            return PServer(devices.proximity(device, robot, origin_ns, resources))
-        case CServerPart(server=server, camera=camera):
+            return PServer(devices.proximity(device, robot, count, origin_ns, resources))
+        case CServerPart(device=device, server=server, camera=camera):
             from colony.runtime.servers.cserver import CServer
 
             return CServer(devices.camera(device, robot, camera, origin_ns, resources), address=server)
+        case DevicePart():
+            from colony.runtime.kit.devices import device_server
+
+            offered = part.server
+            driver = devices.device(part.device, robot, offered.name, resources)
+            return device_server(offered, driver, log_line)
+
+
+def _hardware_server(part: DevicesPart, hardware: Hardware, origin_ns: int, resources: ExitStack) -> Node:
+    """Return the server of a real device.
+
+    Raises:
+        DriverError: see `hardware.load_driver`.
+    """
+    from colony.runtime.assembly.processes.hardware import (
+        HardwareBase,
+        close_driver,
+        device_driver,
+        load_driver,
+    )
+
+    driver = load_driver(hardware)
+    match part:
+        case RServerPart(limits=limits):
+            from colony.runtime.servers.rserver import RServer
+
+            base = HardwareBase(driver, limits, hardware, origin_ns=origin_ns, report=log_line)
+            resources.callback(base.close)
+            return RServer(base)
+        case DevicePart():
+            from colony.runtime.kit.devices import device_server
+
+            checked = device_driver(driver, hardware)
+            resources.callback(close_driver, driver, log_line)
+            return device_server(part.server, checked, log_line)
+        case _:
+            raise ValueError(f"{type(part).__name__} has no driver of users")
 
 
 def _dserver(part: DServerPart, robot_address: RobotAddress) -> Node:
@@ -148,7 +195,13 @@ def _store(part: DServerPart) -> Store:
 def _clients(part: ClientsPart) -> tuple[Node, ...]:
     from colony.runtime.assembly.nodes import build_clients
 
-    return build_clients(*_program(part.program), part.clients, part.program.run)
+    return build_clients(*read_program(part.program), part.clients, part.program.run)
+
+
+def _limits(program: ProgramOfRun) -> tuple[Node, ...]:
+    from colony.runtime.assembly.limits import limit_nodes
+
+    return limit_nodes(*read_program(program))
 
 
 def _announcer(part: AnnouncerPart) -> Node:
@@ -157,10 +210,16 @@ def _announcer(part: AnnouncerPart) -> Node:
     with suppress(OSError):  # only Linux has this file
         Path("/proc/self/oom_score_adj").write_text("1000")
     sys.path += part.program.search_path
-    return build_announcer(*_program(part.program), part.module, part.program.run)
+    return build_announcer(*read_program(part.program), part.module, part.program.run)
 
 
-def _program(program: ProgramOfRun) -> tuple[Compiled, Bindings]:
+def read_program(program: ProgramOfRun) -> tuple[Compiled, Bindings]:
+    """Read the compiled program of a run, and its bindings.
+
+    Raises:
+        DiagnosticError: the program is damaged.
+        OSError: a file cannot be read.
+    """
     from colony.execute.colonyc import read
 
     return read(program.file), read_bindings(Path(program.file))

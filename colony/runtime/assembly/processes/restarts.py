@@ -19,9 +19,13 @@ MAX_QUICK_DEATHS = 6
 
 
 class Restarts:
-    """The restarts of one process. Stateful: counts the quick deaths in a row."""
+    """The restarts of one process. Stateful: counts the quick deaths in a row.
 
-    def __init__(self) -> None:
+    A process that does not give up is restarted after any number of them.
+    """
+
+    def __init__(self, *, gives_up: bool = True) -> None:
+        self._gives_up = gives_up
         self.quick_deaths = 0
         self.total = 0
 
@@ -29,7 +33,9 @@ class Restarts:
         """Record a death, and return the time of the restart; None if there is none."""
         self.quick_deaths = 1 if now_ns - began_ns >= STABLE_NS else self.quick_deaths + 1
         if self.quick_deaths >= MAX_QUICK_DEATHS:
-            return None
+            if self._gives_up:
+                return None
+            self.quick_deaths = MAX_QUICK_DEATHS
         self.total += 1
         pause = 0 if self.quick_deaths == 1 else min(FIRST_PAUSE_NS << (self.quick_deaths - 2), MAX_PAUSE_NS)
         return now_ns + pause

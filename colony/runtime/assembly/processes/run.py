@@ -10,20 +10,22 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 
 from colony.collector import gc_frozen
-from colony.ir.types import Value
 from colony.runtime.assembly.processes.children import Children, Job, describe
+from colony.runtime.assembly.processes.clock_watch import ClockWatch
 from colony.runtime.assembly.processes.deploying import ProgramDeployer
-from colony.runtime.assembly.processes.pinned_variables import PinnedVariables
+from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.hub import Hub
+from colony.runtime.kit.script import Script
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Node
+from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
@@ -80,7 +82,10 @@ class SupervisedRun:
         self._window = window
         self._status_tracker = status_tracker
         self._report = report
-        self._pinned_variables: Mapping[str, Value] = {}
+        self._robot = robot_address.robot
+        self._shown_ns = 0
+        self._clock_watch = ClockWatch(robot_address.robot, report)
+        self._scripts: dict[str, Callable[[], Script]] = {}
         self._failure: BaseException | None = None
         self._resources = ExitStack()
         with ExitStack() as resources:
@@ -109,9 +114,9 @@ class SupervisedRun:
         for job in jobs:
             self._children.start(job)
 
-    def pin_variables(self, values: Mapping[str, Value]) -> None:
-        """Keep variables of a running DServer at these values, from `follow` to the end of the run."""
-        self._pinned_variables = values
+    def play(self, name: str, script: Callable[[], Script]) -> None:
+        """Run a script beside the run, from `follow` to its end; after a failed call, begin the next one."""
+        self._scripts[name] = script
 
     def pid(self, name: str) -> int | None:
         """Return the id of a started process, None if it is not alive."""
@@ -140,17 +145,18 @@ class SupervisedRun:
     def follow(self, stop: Callable[[], bool], *, meanwhile: Callable[[], object] = lambda: None) -> bool:
         """Lead the run until its window is over; return False if `stop` ended it.
 
-        `meanwhile` is called repeatedly.
+        `meanwhile` is called repeatedly. While the robot's Clock is absent, the length of the window counts
+        in the time of this machine.
 
         Raises:
-            RunFailedError: the run cannot begin or continue.
+            RunFailedError: the run cannot begin or continue; for example, the Clock stays absent.
             OSError: as raised by a sink, for example because a recording cannot be written.
         """
         self._resources.enter_context(gc_frozen())
         session = Session(Hub(self._host.network))
         self._resources.callback(session.close)
-        if self._pinned_variables:
-            self._resources.callback(PinnedVariables(session, self._pinned_variables).close)
+        for name, script in self._scripts.items():
+            self._resources.callback(RestartedScript(session, script, name=name).close)
         deployer = ProgramDeployer(session, self._deployment, self._servers, self._report)
         self._resources.callback(deployer.close)
         begin_by = time.monotonic() + START_TIMEOUT_S
@@ -160,6 +166,7 @@ class SupervisedRun:
                 return False
             self._check_children()
             self._check(deployer, late=time.monotonic() > begin_by)
+            self._check_clock(time.monotonic())
             meanwhile()
             self._window.changed.wait(HEALTH_CHECK_INTERVAL_S)
             if self._window.begun and not self._window.over:
@@ -231,6 +238,23 @@ class SupervisedRun:
     def _note_presence(self, address: str, present: bool) -> None:
         """Record the nodes that have joined the robot; called in a network thread."""
         self._joined.add(address)
+        if address == CLOCK:
+            self._clock_watch.note(present, time.monotonic())
+
+    def _check_clock(self, now_s: float) -> None:
+        """End a run that has begun when its Clock stays absent, or when its length is over meanwhile."""
+        if not self._window.begun:
+            return
+        if self._window.shown_ns != self._shown_ns:
+            self._shown_ns = self._window.shown_ns
+            self._clock_watch.note_frame(now_s)
+        failure = self._clock_watch.check(now_s)
+        if failure is not None:
+            raise RunFailedError(failure)
+        absent_s, remaining_ns = self._clock_watch.absent_s(now_s), self._window.remaining_ns
+        if absent_s and remaining_ns is not None and absent_s * 1e9 >= remaining_ns:
+            self._report(f"{self._robot} did not answer in the last {absent_s:.1f} s of the run")
+            self._window.shut()
 
     def _check(self, deployer: ProgramDeployer, *, late: bool) -> None:
         if deployer.refusal is not None:

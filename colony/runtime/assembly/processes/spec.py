@@ -8,15 +8,21 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
+from colony.execute.shapes import from_shape, shape, to_shape
 from colony.files import read_file
+from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
 from colony.os_errors import naming
+from colony.runtime.assembly.limits import LIMITS
 from colony.runtime.assembly.sharing import ClientProcess, announcer_process_name
 from colony.runtime.protocol.bindings import Bindings
+from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.interface import Interface
+from colony.runtime.servers.drivers import BaseLimits
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
 
@@ -42,34 +48,62 @@ class RemoteAddressSpec(msgspec.Struct, frozen=True, kw_only=True, tag="there"):
     authority: str
 
 
-class Device(msgspec.Struct, frozen=True, kw_only=True):
-    """The address of the hardware that a server drives: the socket of the plant."""
+class Device(msgspec.Struct, frozen=True, kw_only=True, tag="plant"):
+    """The address of the simulated devices that a server drives: the socket of the plant."""
 
     plant: str
+
+
+class Hardware(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
+    """A driver of a real device: the class `driver`, as `module:Class`, which is called with `options`.
+
+    `search_path` are additional folders of its module; `origin` is the place that names it, for messages.
+    """
+
+    driver: str
+    options: dict[str, str | int | float | bool] = {}
+    search_path: tuple[str, ...] = msgspec.field(default=(), name="search")
+    origin: str = ""
 
 
 class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
     """The Clock, with the server `Runtime`.
 
     `servers` must answer ticks; the file `stop` stores an emergency stop. `interface` is that of the robot's
-    description; without parts, any program fits.
+    description; without parts, any program fits. `resident` has the limits of the description, if there are
+    any.
     """
 
     servers: tuple[str, ...]
     stop: str
     interface: Interface = Interface()
+    resident: Deployment | None = None
 
 
 class RServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="RServer"):
-    """The server of the base."""
+    """The server of the base, whose limits are those of the robot's body."""
 
-    device: Device
+    device: Device | Hardware
+    limits: BaseLimits
 
 
 class PServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="PServer"):
-    """The server of the sonars and infrared detectors."""
+    """The server of `count` sonars and infrared detectors."""
 
     device: Device
+    count: int
+
+
+class DevicePart(msgspec.Struct, frozen=True, kw_only=True, tag="device"):
+    """The server of any other device; `described` is what it offers, as `encoded_server` writes it."""
+
+    device: Device | Hardware
+    described: msgspec.Raw
+
+    @property
+    def server(self) -> ServerSpec:
+        """What the server offers."""
+        return decoded_server(self.described)
 
 
 class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
@@ -114,6 +148,12 @@ class ClientsPart(msgspec.Struct, frozen=True, kw_only=True, tag="clients"):
     shared: bool
 
 
+class LimitsPart(msgspec.Struct, frozen=True, kw_only=True, tag="limits"):
+    """The process of the limits of the robot's description: the clients of the bounds, and their leader."""
+
+    program: ProgramOfRun
+
+
 class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
     """The process that announces the activity of `module`, which is written in Python."""
 
@@ -121,7 +161,10 @@ class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
     module: str
 
 
-NodePart = ClockPart | RServerPart | PServerPart | CServerPart | DServerPart | ClientsPart | AnnouncerPart
+DevicesPart = RServerPart | PServerPart | CServerPart | DevicePart
+"""A server that needs a driver."""
+
+NodePart = ClockPart | DevicesPart | DServerPart | ClientsPart | LimitsPart | AnnouncerPart
 Part = NodePart | GatewayPart
 
 
@@ -130,6 +173,28 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
 
     robot_address: LocalAddressSpec | RemoteAddressSpec = msgspec.field(name="place")
     part: Part
+
+
+_server_decoder: msgspec.json.Decoder[Any] = msgspec.json.Decoder(shape(ServerSpec))
+
+
+def encoded_server(server: ServerSpec) -> msgspec.Raw:
+    """Return what a server offers as JSON, in the shapes of compiled programs."""
+    return msgspec.Raw(msgspec.json.encode(to_shape(server, _no_span)))
+
+
+def decoded_server(described: msgspec.Raw) -> ServerSpec:
+    """Return what a server offers.
+
+    Raises:
+        msgspec.DecodeError: it is not what `encoded_server` returns.
+    """
+    server: ServerSpec = from_shape(_server_decoder.decode(described), _no_span)
+    return server
+
+
+def _no_span(span: object) -> Any:
+    raise TypeError("the description of a server contains no span")
 
 
 def write_spec(path: Path, spec: msgspec.Struct) -> None:
@@ -224,8 +289,12 @@ def name_of(part: Part) -> str:
             return "DServer"
         case CServerPart(server=server):
             return server
+        case DevicePart():
+            return part.server.name
         case GatewayPart():
             return "Gateway"
+        case LimitsPart():
+            return LIMITS
         case ClientsPart(clients=clients, shared=shared):
             return ClientProcess(clients, shared).name
         case AnnouncerPart(module=module):

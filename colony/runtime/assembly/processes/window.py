@@ -69,9 +69,19 @@ class Window:
         self.changed.set()
 
     @property
+    def begin_ns(self) -> int | None:
+        """The robot's time at the first frame; None before it."""
+        return self._begin_ns
+
+    @property
     def begun(self) -> bool:
         """True if a frame has been shown."""
         return self._shown_ns > 0
+
+    @property
+    def remaining_ns(self) -> int | None:
+        """The length that has not been shown yet; None without an end."""
+        return None if self._length_ns is None else max(0, self._length_ns - self._shown_ns)
 
     @property
     def over(self) -> bool:

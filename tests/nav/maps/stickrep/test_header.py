@@ -43,7 +43,7 @@ def test_rings_and_rows_are_left() -> None:
         (
             "qqqq",
             "M004",
-            "header lines are: map, floor, start, unit, lights, closure, travel, link, elevator",
+            "header lines are: map, floor, start, unit, lights, closure, travel, link, elevator, hole, dock",
         ),
         ("travel both", "M007", "paths follow the rings both ways (either), or only as these are traced"),
         ("floor", "M007", None),

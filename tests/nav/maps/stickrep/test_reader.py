@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.maps.stickrep.file import MAX_BYTES
+from colony.nav.maps.source import MAX_BYTES
 from colony.nav.maps.stickrep.model import EdgeKind, Light, Map, Pose
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.text.diagnostics import DiagnosticError, headline, render

@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from colony.nav.maps.stickrep.model import Map, Pose
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.stickrep.writer import write_map
+from colony.text.diagnostics import DiagnosticError
 from colony.text.source import Source
 from tests.nav.maps.small_maps import ROOM, sound_maps
 from tests.paths import MAPS
@@ -84,3 +85,35 @@ def test_a_heading_that_rounds_up_to_a_full_turn_is_zero() -> None:
     room = read(ROOM)
     turned = write_map(type(room)(name="m", rings=room.rings, start=Pose(1270.0, 1270.0, 359.99999999)))
     assert "start 50 50 0\n" in turned
+
+
+def test_holes_are_written_and_read_again() -> None:
+    holed = read(ROOM.replace("start ", "hole 10 20.5 30 40\nhole 60 10 50 5\nstart ", 1))
+    assert [hole.x0_mm for hole in holed.holes] == [254.0, 1524.0]
+    assert holed.holes[0].corners()[2] == (30 * 25.4, 40 * 25.4)
+    assert read(write_map(holed)).holes == holed.holes
+
+
+@pytest.mark.parametrize(
+    ("line", "code"), [("hole 1 2 3", "M007"), ("hole 1 2 1 5", "M007"), ("hole 1 2 x 5", "M009")]
+)
+def test_a_hole_that_is_none_is_reported(line: str, code: str) -> None:
+    with pytest.raises(DiagnosticError) as failure:
+        read(ROOM.replace("start ", f"{line}\nstart ", 1))
+    assert [found.code for found in failure.value.diagnostics] == [code]
+
+
+def test_docks_are_written_and_read_again() -> None:
+    docked = read(ROOM.replace("start ", "dock 10 20.5 90\ndock 60 10 -0.5\nstart ", 1))
+    assert docked.docks == (Pose(254.0, 20.5 * 25.4, 90.0), Pose(1524.0, 254.0, 359.5))
+    assert read(write_map(docked)).docks == docked.docks
+
+
+@pytest.mark.parametrize(
+    ("line", "code"), [("dock 1 2", "M007"), ("dock 1 x 5", "M009"), ("dock 500 50 0", "M022")]
+)
+def test_a_dock_that_is_none_is_reported(line: str, code: str) -> None:
+    with pytest.raises(DiagnosticError) as failure:
+        read(ROOM.replace("start ", f"dock 30 30 0\n{line}\nstart ", 1))
+    [found] = failure.value.diagnostics
+    assert (found.code, found.span.source.position(found.span.start)[0]) == (code, 4)

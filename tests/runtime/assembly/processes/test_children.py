@@ -70,6 +70,13 @@ EMPTIED = ("earlier lines were dropped: more than 0 MiB",)
 
 FAILS = "raise OSError('no such luck')"
 
+GRUMBLES = """
+import signal, sys, time
+signal.signal(signal.SIGUSR1, lambda *_: sys.exit("it is enough"))
+print("trouble", flush=True)
+time.sleep(60)
+"""
+
 WRONG = """
 from colony.runtime.assembly.processes.shutdown import exit_with
 exit_with("no such robot")
@@ -117,6 +124,7 @@ _MODULES = (
     ("forks", FORKS),
     ("ignores", IGNORES),
     ("fails", FAILS),
+    ("grumbles", GRUMBLES),
     ("wrong", WRONG),
     ("heaps", HEAPS),
 )
@@ -154,6 +162,12 @@ def pid_of(children: Children, name: str) -> int:
     pid = children.pid(name)
     assert pid is not None
     return pid
+
+
+def polled(children: Children, deaths: list[Death]) -> list[Death]:
+    """Look after the children, and give the deaths so far."""
+    deaths.extend(children.poll())
+    return deaths
 
 
 def said(folder: Path, name: str) -> tuple[str, ...]:
@@ -196,8 +210,8 @@ def test_one_that_is_killed_is_started_again(children: Children, folder: Path) -
     until(lambda: said(folder, "client") == ("here",), "it starts")
     os.kill(first, 9)
     deaths: list[Death] = []
-    until(lambda: deaths.extend(children.poll()) or deaths, "the death is seen")
-    assert (deaths[0].cause, deaths[0].tail, deaths[0].pause_s) == ("was killed by SIGKILL", ("here",), 0.0)
+    until(lambda: polled(children, deaths), "the death is seen")
+    assert (deaths[0].cause, deaths[0].tail, deaths[0].pause_s) == ("was killed by SIGKILL", (), 0.0)
     assert pid_of(children, "client") != first
     assert children.restarts() == 1
     until(lambda: said(folder, "client") == ("here", "here"), "it starts again")
@@ -239,17 +253,44 @@ def test_one_that_cannot_live_is_given_up(folder: Path) -> None:
 def test_one_that_was_started_wrongly_is_given_up_at_once(children: Children, folder: Path) -> None:
     children.start(job(folder, "wrong"))
     deaths: list[Death] = []
-    until(lambda: deaths.extend(children.poll()) or deaths, "the death is seen")
+    until(lambda: polled(children, deaths), "the death is seen")
     assert (deaths[0].pause_s, deaths[0].final) == (None, True)
     assert describe(deaths[0]) == "wrong: no such robot"
 
 
 def test_a_death_is_told_with_the_last_words(folder: Path) -> None:
-    death = Death(job(folder, "a"), "was killed by SIGKILL", ("x", "y"), 0.25, False)
-    expected = ["a was killed by SIGKILL; it is restarted in 0.25 s"]
+    death = Death(job(folder, "a"), "ended with exit code 1", ("x", "y"), 0.25, False)
+    expected = ["a ended with exit code 1; it is restarted in 0.25 s"]
     expected += [f"last lines of {folder}/a.log:", "  x", "  y"]
     assert describe(death).splitlines() == expected
-    assert describe(death._replace(tail=(), pause_s=None)) == "a was killed by SIGKILL; it is not restarted"
+    assert describe(death._replace(tail=(), pause_s=None)) == "a ended with exit code 1; it is not restarted"
+
+
+def test_only_what_a_process_wrote_itself_explains_its_death(children: Children, folder: Path) -> None:
+    children.start(job(folder, "grumbles"))
+    deaths: list[Death] = []
+
+    def die(number: int) -> Death:
+        """Kill the process once it has written a line, and return its death."""
+        so_far = len(deaths)
+        until(lambda: len(said(folder, "grumbles")) > so_far, "it writes")
+        os.kill(pid_of(children, "grumbles"), number)
+        until(lambda: len(polled(children, deaths)) > so_far, "the death is seen")
+        return deaths[-1]
+
+    assert die(signal.SIGKILL).tail == ()
+    assert die(signal.SIGUSR1).tail == ("trouble", "it is enough")
+    assert len(said(folder, "grumbles")) == 3, "the log keeps what was written before"
+
+
+def test_a_crash_is_told_with_the_place_of_it(children: Children, folder: Path) -> None:
+    children.start(job(folder, "grumbles"))
+    until(lambda: said(folder, "grumbles"), "it writes")
+    os.kill(pid_of(children, "grumbles"), signal.SIGSEGV)
+    deaths: list[Death] = []
+    until(lambda: polled(children, deaths), "the death is seen")
+    assert deaths[0].cause == "was killed by SIGSEGV"
+    assert "Fatal Python error: Segmentation fault" in deaths[0].tail
 
 
 def test_they_end_wave_by_wave(children: Children, folder: Path) -> None:
@@ -322,7 +363,7 @@ def test_a_process_whose_log_cannot_be_made_runs_without(folder: Path, children:
     pid = pid_of(children, "obeys")
     os.kill(pid, signal.SIGKILL)
     deaths: list[Death] = []
-    until(lambda: deaths.extend(children.poll()) or deaths, "it is dead")
+    until(lambda: polled(children, deaths), "it is dead")
     assert [(death.cause, death.tail) for death in deaths] == [("was killed by SIGKILL", ())]
     until(lambda: children.poll() == () and lives(pid_of(children, "obeys")), "it is started again")
     assert pid_of(children, "obeys") != pid

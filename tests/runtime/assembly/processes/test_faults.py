@@ -18,7 +18,7 @@ import pytest
 
 from colony.runtime.kit.connection import Session
 from colony.runtime.library import data, robot
-from colony.sim.plant.devices import WATCHDOG_NS
+from colony.sim.plant.hardware import WATCHDOG_NS
 from tests.cli.machine import Machine
 from tests.runtime.assembly.processes.fault_child import COUNTER, HELD, PRIORITY, QUEUE
 from tests.runtime.assembly.processes.fault_stage import FRAME_NS, UNHEARD, Run, Speed, child

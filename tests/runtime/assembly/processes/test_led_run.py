@@ -18,6 +18,7 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
 from colony.runtime.protocol.messages import Tick
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.programs import roam
 from tests.runtime.transport.live.stage import robot_address, run_directory
 from tests.waiting import until
@@ -53,7 +54,7 @@ class Led:
     def __init__(self, folder: Path, run_folder: str) -> None:
         self.folder, self._run_folder = folder, run_folder
         compiled = compile_program(roam()).compiled
-        bindings = bind(compiled.robot)
+        bindings = bind(compiled.robot, ROME_SERVERS)
         deployed = deployment(compiled, bindings, run="r1", seed=1)
         self.status_tracker = RunStatusTracker(deployed, file="f.colony")
         self.window = Window(None, frame_ns=deployed.frame_ns, sinks=(self.status_tracker,))

@@ -16,12 +16,15 @@ from colony.compile.pipeline import compile_program
 from colony.execute.colonyc import encode, read
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program, PythonModule, Use, Wire
+from colony.ir.servers import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
+from colony.ir.types import BOOL, DISTANCE, Array, Enum
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_parts
+from colony.runtime.assembly.processes.jobs import RobotDevices, client_jobs, fresh_folder, server_parts
 from colony.runtime.assembly.processes.parts import nodes_of, serves
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.spec import (
     Device,
+    Hardware,
     Spec,
     address_of,
     address_spec,
@@ -42,11 +45,27 @@ from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.messages import Fate, Reply, Send, Tick, Verdict
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
+from tests.robot_servers import ROME_SERVERS
 from tests.runtime.assembly.test_virtual import pulsing
 from tests.runtime.calling import call_of, opening
 from tests.runtime.programs import roam
-from tests.runtime.scripted import Log
+from tests.runtime.scripted import LIMITS, Log
 
+PLACE = Enum("place", (("down", 0.0), ("up", 1.0)))
+DEVICES = RobotDevices(
+    base=LIMITS,
+    sonars=24,
+    servers=(
+        ServerSpec("Lidar", fields=(FieldSpec("scan", Array(DISTANCE, 3), "", hold=True, blocked=(1,)),)),
+        ServerSpec(
+            "Lift",
+            fields=(FieldSpec("moving", BOOL, ""),),
+            commands=(CommandSpec("move", (ParameterSpec("place", PLACE, "", low=0.0),)),),
+        ),
+    ),
+    hardware={"Lidar": Hardware(driver="m:Scanner", options={"port": "/dev/x", "baud": 9600, "echo": True})},
+    absent=("Battery",),
+)
 CLIENTS = ["drive/back_off", "drive/avoid", "drive/cruise"]
 MS = 1_000_000
 """Nanoseconds."""
@@ -58,7 +77,7 @@ def roaming() -> Program:
 
 
 def deployed(of: Program) -> Deployment:
-    return deployment(compile_program(of).compiled, bind(of.robot), run="r1", seed=1)
+    return deployment(compile_program(of).compiled, bind(of.robot, ROME_SERVERS), run="r1", seed=1)
 
 
 def jobs_of(
@@ -66,7 +85,13 @@ def jobs_of(
 ) -> tuple[Job, ...]:
     compiled = compile_program(of).compiled
     return client_jobs(
-        robot_address, deployed(of), compiled, bind(of.robot), folder, ("modules",), isolate=isolate
+        robot_address,
+        deployed(of),
+        compiled,
+        bind(of.robot, ROME_SERVERS),
+        folder,
+        ("modules",),
+        isolate=isolate,
     )
 
 
@@ -90,10 +115,10 @@ def test_a_compiled_program_comes_back_as_it_was(roaming: Program, tmp_path: Pat
     compiled = compile_program(roaming).compiled
     for _ in range(2):  # the second in place of the first one
         write_private(path, encode(compiled))
-        write_private(bindings_of(path), msgspec.json.encode(bind(roaming.robot)))
+        write_private(bindings_of(path), msgspec.json.encode(bind(roaming.robot, ROME_SERVERS)))
     assert {file.stat().st_mode & 0o777 for file in tmp_path.iterdir()} == {0o600}
     assert read(path) == compiled
-    assert read_bindings(path) == bind(roaming.robot)
+    assert read_bindings(path) == bind(roaming.robot, ROME_SERVERS)
     assert sorted(os.listdir(tmp_path)) == ["p.bindings", "p.colonyc"]
 
 
@@ -129,7 +154,7 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
         assert [name_of(spec.part) for spec in specs] == CLIENTS
         assert {address_of(spec.robot_address) for spec in specs} == {robot_address}
     for part in server_parts(
-        tmp_path, Device(plant="p"), cameras=[("CServer", "CServer")], pinned_variables={"v": 1.0}
+        tmp_path, Device(plant="p"), DEVICES, cameras=[("CServer", "CServer")], pinned_variables={"v": 1.0}
     ):
         write_spec(tmp_path / "s", Spec(robot_address=address_spec(here), part=part))
         assert read_spec(tmp_path / "s").part == part
@@ -187,8 +212,8 @@ def test_a_client_and_a_module_in_python_of_one_name_are_two_processes(tmp_path:
 
 def test_a_server_of_hardware_wants_a_driver(tmp_path: Path) -> None:
     robot_address = Local(RobotDirectory(tmp_path, "rome"))
-    base = server_parts(tmp_path, Device(plant="p"))[1]
-    with ExitStack() as holds, pytest.raises(ValueError, match="runs on the robot's own machine"):
+    base = server_parts(tmp_path, Device(plant="p"), DEVICES)[1]
+    with ExitStack() as holds, pytest.raises(ValueError, match="runs with the drivers of the simulator"):
         nodes_of(base, robot_address, None, holds)  # type: ignore[arg-type]
 
 

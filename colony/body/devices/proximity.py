@@ -1,0 +1,109 @@
+"""Rings of sonars and infrared detectors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from colony.body.devices.common import (
+    COUNT,
+    DIRECTION,
+    FRACTION,
+    HALF_BEAM,
+    RANGE,
+    SIZE,
+    SPREAD,
+    STEP,
+    Sensor,
+)
+from colony.body.kinds import Bounds, Many, Measure, Table, Whole, entry
+from colony.ir.bearings import Bearings, uniform
+from colony.ir.servers import FieldSpec
+from colony.ir.types import BOOL, DISTANCE, MAX_ELEMENTS, Array
+from colony.text.units import ANGLE
+
+_STRAIGHT_WITHIN_DEG = 1e-6
+"""The angle within which an element looks straight ahead: a text has finitely many decimals."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sonar:
+    """The sonars of a ring."""
+
+    range_mm: float = entry("range", RANGE, "the reading without an echo")
+    nearest_mm: float = entry("nearest", SPREAD, "the smallest reading", default=0.0)
+    half_beam_deg: float = entry(
+        "half_beam",
+        HALF_BEAM,
+        "half the opening angle of a transducer's cone",
+    )
+    critical_deg: float = entry(
+        "critical",
+        Measure(ANGLE, "30 deg", Bounds(low=0.0, high=90.0)),
+        "the angle to the normal beyond which a wall reflects the sound away",
+    )
+    noise_mm: float = entry("noise", SPREAD, "standard deviation of an echo", default=0.0)
+    noise_fraction: float = entry(
+        "noise_fraction", FRACTION, "what is added to it, as a fraction of the range", default=0.0
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Infrared:
+    """The infrared detectors of a ring."""
+
+    range_mm: float = entry("range", RANGE, "the distance up to which a detector sees something")
+    wired: tuple[int, ...] | None = entry(
+        "wired",
+        Many(Whole(0, MAX_ELEMENTS - 1), 0, MAX_ELEMENTS),
+        "the elements that have a detector; the others never see anything [default: all]",
+        default=None,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proximity(Sensor):
+    """A ring of sonars and infrared detectors around the robot's center, one of each along each bearing."""
+
+    count: int = entry("count", COUNT, "the number of sonars, and of infrared detectors")
+    bearing_deg: float = entry("bearing", DIRECTION, "the direction of element 0")
+    step_deg: float | None = entry(
+        "step", STEP, "the angle from each element to the next [default: 360 deg / count]", default=None
+    )
+    ring_mm: float = entry("ring", SIZE, "distance of the transducers from the center; ranges begin there")
+    sonar: Sonar = entry("sonar", Table(Sonar), "the sonars")
+    infrared: Infrared = entry("infrared", Table(Infrared), "the infrared detectors")
+
+    @property
+    def fields(self) -> tuple[FieldSpec, ...]:
+        """The fields that it measures."""
+        return (
+            FieldSpec(
+                "sonar",
+                Array(DISTANCE, self.count),
+                "range of each ultrasonic sensor",
+                no_echo=self.sonar.range_mm,
+            ),
+            FieldSpec("infrared", Array(BOOL, self.count), "whether each infrared detector sees something"),
+        )
+
+    def bearings(self) -> Bearings | None:
+        """Return the bearings of the elements, None if they take more than a turn."""
+        return uniform(self.bearing_deg, self.step_deg, self.count)
+
+    @property
+    def ahead(self) -> int:
+        """The element that looks straight ahead, in a ring that closes counterclockwise.
+
+        Raises:
+            ValueError: it is no such ring, or no element looks straight ahead.
+        """
+        bearings = self.bearings()
+        is_ring = bearings is not None and bearings.closes and (bearings.step or 0.0) > 0.0
+        angles = bearings.angles if bearings is not None and is_ring else ()
+        ahead = next((i for i, angle in enumerate(angles) if abs(angle) <= _STRAIGHT_WITHIN_DEG), None)
+        if ahead is None:
+            raise ValueError(
+                f"the ring of {self.count} elements from {self.bearing_deg:g} deg; expected one that closes "
+                "counterclockwise and has an element that looks straight ahead"
+            )
+        return ahead

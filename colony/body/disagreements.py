@@ -1,0 +1,307 @@
+"""A robot's interface and its body, held to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from colony.body.devices import (
+    Base,
+    Bumper,
+    Camera,
+    CeilingCamera,
+    Cliff,
+    Device,
+    Directed,
+    DockSensor,
+    Encoders,
+    Joint,
+    Lidar,
+    Output,
+    Proximity,
+    RangeFinder,
+    RotaryJoint,
+)
+from colony.body.model import Body, Server
+from colony.body.reader import BodyFile
+from colony.body.servers import servers_of
+from colony.ir.bearings import TURN, between
+from colony.ir.fitting import (
+    declaration_misfits,
+    field_named,
+    fits,
+    server_named,
+    shared_commands,
+)
+from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
+from colony.ir.servers import FieldSpec, ServerSpec
+from colony.ir.types import DISTANCE, Array, Quantity, bearings_of, element_type
+from colony.text.diagnostics import Diagnostic, Label, error, warning
+from colony.text.suggestions import did_you_mean
+from colony.text.wording import counted, degrees_text, duration_text
+
+_SAME_WITHIN_DEG = 1e-6
+"""The angle between bearings that count as equal: a text in radians is rounded."""
+
+
+def findings(robot: Robot, file: BodyFile) -> tuple[Diagnostic, ...]:
+    """Return what is wrong with a body itself, and between it and an interface."""
+    if file.body is None:
+        return file.diagnostics
+    return (*file.diagnostics, *disagreements(robot, file.body, file))
+
+
+def disagreements(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield what is wrong between an interface and a body: errors, and warnings of what nothing reads.
+
+    What does not fit the servers of the body has the codes of `colony.ir.fitting`, and is reported at the
+    declaration; what only a body has is reported there.
+    """
+    yield from _identity(robot, body, file)
+    servers = servers_of(body, robot)
+    for sensor in robot.sensors:
+        if sensor.sent is None:
+            yield from _sensor(sensor, servers, body, file)
+    for actuator in robot.actuators:
+        yield from _actuator(actuator, servers, body, file)
+    yield from shared_commands(robot.actuators)
+    yield from _unread(robot, body, file)
+
+
+def _identity(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
+    declared = Label(robot.span, "the interface declares it here")
+    if body.robot.name != robot.name:
+        message = f"the body is that of `{body.robot.name}`, the interface that of `{robot.name}`"
+        yield error("B010", file.value("robot", "name"), message, None, declared)
+    if body.robot.frame_s is not None and round(body.robot.frame_s * 1e9) != robot.frame_ns:
+        found = duration_text(round(body.robot.frame_s * 1e9))
+        message = (
+            f"the body has a frame period of {found}, the interface one of {duration_text(robot.frame_ns)}"
+        )
+        yield error("B011", file.value("robot", "frame"), message, None, declared)
+
+
+def _sensor(
+    sensor: Sensor, servers: Sequence[ServerSpec], body: Body, file: BodyFile
+) -> Iterator[Diagnostic]:
+    server = body.servers.get(sensor.server)
+    offered = server_named(sensor.server, servers)
+    spec = None if offered is None else field_named(sensor.field, offered)
+    if server is None or spec is None:
+        yield from (_with_body(d, sensor, body, file) for d in declaration_misfits(sensor, servers))
+        return
+    size = list(_size(sensor, spec, server, file))
+    found = size or [_with_body(d, sensor, body, file) for d in declaration_misfits(sensor, servers)]
+    yield from found
+    if not found:
+        yield from _bearings(sensor, server, file)
+        yield from _ends(sensor, server, file)
+        yield from _blocked(sensor, server, file)
+    yield from _times(sensor, server, body, file)
+
+
+def _with_body(misfit: Diagnostic, declared: Sensor | Actuator, body: Body, file: BodyFile) -> Diagnostic:
+    """Return an error of a declaration that does not fit its server, with the server's table."""
+    server = body.servers.get(declared.server)
+    if server is None:
+        return misfit
+    device = body.device(declared.server)
+    here = Label(file.key("server", declared.server), f"the body describes `{declared.server}` here")
+    if isinstance(declared, Actuator) or misfit.code != "R002" or device is not None:
+        return replace(misfit, labels=(here,))
+    hint = did_you_mean(declared.field, server.fields)
+    hint = hint or f"list it in the body: `fields.{declared.field} = {{}}`"
+    return replace(misfit, hint=hint, labels=(here,))
+
+
+def _size(sensor: Sensor, spec: FieldSpec, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error where a sensor has more or fewer elements than its device."""
+    if not isinstance(spec.type, Array) or not fits(element_type(sensor.type), spec.type.element):
+        return
+    size = sensor.type.size if isinstance(sensor.type, Array) else None
+    if size != spec.type.size:
+        found = "is no array" if size is None else f"has {counted(size, 'element')}"
+        message = f"`{sensor.name}` {found}, and its device has {spec.type.size}"
+        where = file.value("server", sensor.server, "simulated", _size_key(server.simulated))
+        yield error("B013", where, message, None, Label(sensor.span, "declared here"))
+
+
+def _size_key(device: Device | None) -> str:
+    """Return the key that says how many elements a device has."""
+    match device:
+        case Cliff():
+            return "places"
+        case RangeFinder():
+            return "poses"
+        case Bumper():
+            return "sectors"
+        case Encoders():
+            return "wheels" if device.wheels != 2 else "device"
+        case _:
+            return "count"
+
+
+def _bearings(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error where an element looks along another bearing than that of the device."""
+    device = server.simulated
+    if isinstance(device, Bumper) and sensor.field == device.field:
+        yield from _sectors(sensor, device, file)
+    if not isinstance(device, Directed) or sensor.field not in {f.name for f in device.fields}:
+        return
+    own, theirs = bearings_of(sensor.type), device.bearings()
+    if own is None or theirs is None:
+        return
+    for i, (angle, other) in enumerate(zip(own.angles, theirs.angles, strict=True)):
+        if abs((angle - other + TURN / 2) % TURN - TURN / 2) > _SAME_WITHIN_DEG:
+            step = "poses" if isinstance(device, RangeFinder) else "bearing" if i == 0 else "step"
+            where = file.value("server", sensor.server, "simulated", step)
+            message = (
+                f"`{sensor.name}[{i}]` looks along {degrees_text(angle)}, and its device along "
+                f"{degrees_text(other)}"
+            )
+            yield error("B014", where, message, None, Label(sensor.span, "declared here"))
+            return
+
+
+def _sectors(sensor: Sensor, bumper: Bumper, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error where an element of a bumper looks along a bearing outside of its sector."""
+    own = bearings_of(sensor.type)
+    for i, (first, last) in enumerate(() if own is None else bumper.sectors):
+        if own is not None and i not in between(own, first, last):
+            message = (
+                f"`{sensor.name}[{i}]` is at {degrees_text(own.angles[i])}, outside of its sector, "
+                f"{degrees_text(first)} .. {degrees_text(last)}"
+            )
+            where = file.value("server", sensor.server, "simulated", "sectors")
+            yield error("B014", where, message, None, Label(sensor.span, "declared here"))
+            return
+
+
+def _ends(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error where a reading is beyond the sensor's range, which would clamp it."""
+    of = element_type(sensor.type)
+    declared = Label(sensor.span, "declared here")
+    hint = "a reading beyond the range counts as its end: give the sensor a wider one"
+    for path, (low, high) in _readings(sensor, server).items():
+        where = file.value("server", sensor.server, *path)
+        if sensor.high is not None and high > sensor.high:
+            found = f"has a range up to {sensor.high:g} {of}, and its device reads {high:g} {of}"
+            yield error("B015", where, f"`{sensor.name}` {found}", hint, declared)
+        if sensor.low is not None and low < sensor.low:
+            found = f"has a range from {sensor.low:g} {of}, and its device reads {low:g} {of}"
+            yield error("B015", where, f"`{sensor.name}` {found}", hint, declared)
+
+
+def _readings(sensor: Sensor, server: Server) -> dict[tuple[str, ...], tuple[float, float]]:
+    """Return the least and greatest readings that a body knows of a sensor, by the keys that say so."""
+    own, of = server.fields.get(sensor.field), element_type(sensor.type)
+    found: dict[tuple[str, ...], tuple[float, float]] = {}
+    if own is not None and own.no_echo_mm is not None and of == DISTANCE:
+        found["fields", sensor.field, "no_echo"] = (own.no_echo_mm, own.no_echo_mm)
+    match server.simulated:
+        case Proximity() as ring if sensor.field == "sonar":
+            found["simulated", "sonar", "range"] = (ring.sonar.range_mm, ring.sonar.range_mm)
+        case Lidar() as lidar if sensor.field == lidar.field:
+            found["simulated", "range"] = (lidar.range_mm, lidar.range_mm)
+        case RangeFinder() as finder if sensor.field == finder.field:
+            found["simulated", "range"] = (finder.range_mm, finder.range_mm)
+            if finder.nearest_mm:
+                found["simulated", "nearest"] = (finder.nearest_mm, finder.nearest_mm)
+        case (Joint() | RotaryJoint()) as joint if sensor.field in ("position", "target") and isinstance(
+            of, Quantity
+        ):
+            found["simulated", "range"] = joint.ends
+        case (Joint() | RotaryJoint()) as joint if sensor.field == "velocity":
+            found["simulated", "speed"] = (-joint.speed, joint.speed)
+        case DockSensor() as dock_sensor if sensor.field == "dock_distance":
+            found["simulated", "range"] = (0.0, dock_sensor.farthest_mm)
+        case Output(outputs=outputs) if outputs.get(sensor.field) == "level":
+            found["simulated", "outputs", sensor.field] = (0.0, 1.0)
+        case _:
+            pass
+    return found
+
+
+def _blocked(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error for each blocked interval in which no element looks."""
+    own, bearings = server.fields.get(sensor.field), bearings_of(sensor.type)
+    for i, (low, high) in enumerate(() if own is None else own.blocked):
+        if bearings is None or not between(bearings, low, high):
+            text = f"{degrees_text(low)} .. {degrees_text(high)}"
+            found = "has no bearings" if bearings is None else f"has no element in `{text}`"
+            message = f"`{sensor.name}` {found}, which the body blocks (interval {i + 1})"
+            where = file.value("server", sensor.server, "fields", sensor.field, "blocked")
+            yield error("B014", where, message, None, Label(sensor.span, "declared here"))
+
+
+def _times(sensor: Sensor, server: Server, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error where a field is measured less often, or arrives later, than it is read."""
+    if sensor.within_ns is None:
+        return
+    read = f"and read `within {duration_text(sensor.within_ns)}`"
+    here = Label(sensor.span, "read here")
+    keys = ("server", sensor.server)
+    own, period_ns = server.fields.get(sensor.field), server.period_ns(sensor.field) or 0
+    delay_ns = round(body.chassis.delays.reading_s * 1e9)
+    rare, late = f"is measured every {duration_text(period_ns)}", f"arrives {duration_text(delay_ns)} after"
+    hint = "it would be missing in frames between two measurements: allow more time, or measure more often"
+    if period_ns and period_ns + delay_ns > sensor.within_ns:
+        path = ("fields", sensor.field, "rate") if own is not None and own.rate_hz is not None else ("rate",)
+        message = f"`{sensor.name}` {rare}, {read}"
+        if period_ns <= sensor.within_ns:
+            message = f"`{sensor.name}` {rare} and {late}, {read}"
+        yield error("B017", file.value(*keys, *path), message, hint, here)
+    elif delay_ns > sensor.within_ns:
+        message = f"`{sensor.name}` {late} it is measured, {read}"
+        hint = "it would be missing in every frame: allow more time"
+        yield error("B017", file.value("body", "delays", "reading"), message, hint, here)
+
+
+def _actuator(
+    actuator: Actuator, servers: Sequence[ServerSpec], body: Body, file: BodyFile
+) -> Iterator[Diagnostic]:
+    found = list(declaration_misfits(actuator, servers))
+    yield from (_with_body(d, actuator, body, file) for d in found)
+    if not found and actuator.server in body.servers and isinstance(body.device(actuator.server), Base):
+        limits = body.chassis.limits
+        highest = {
+            "velocity": limits.velocity_mm_s,
+            "turn": limits.turn_deg_s,
+            "sideways": body.chassis.sideways_mm_s,
+        }
+        for field in actuator.fields:
+            if field.name in highest:
+                yield from _range(actuator, field, highest[field.name], file)
+
+
+def _range(actuator: Actuator, field: ActuatorField, limit: float, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error where a field of the drive may be beyond the base's limit."""
+    unit = f" {field.unit}" if field.unit else ""
+    name, limit_text = f"`{actuator.name}.{field.name}`", f"{limit / field.factor:.10g}{unit}"
+    beyond = [x for x in (field.low, field.high) if x is not None and abs(x) > limit * (1.0 + 1e-12)]
+    if beyond:
+        message = f"{name} reaches {beyond[0] / field.factor:.10g}{unit}, and the base at most {limit_text}"
+    elif field.low is None or field.high is None:
+        message = f"{name} has no range, and the base reaches at most {limit_text}"
+    else:
+        return
+    here = Label(file.value("body", "limits", field.name), "the limit of the base")
+    top = f"{limit / field.factor:.10g}"
+    hint = f"the base refuses what is beyond: write `range -{top} .. {top}`"
+    yield error("B016", field.span, message, hint, here)
+
+
+def _unread(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield a warning for each server, and each field of a server, that the interface does not name."""
+    read = {(s.server, s.field) for s in robot.sensors if s.sent is None}
+    named = {server for server, _ in read} | {a.server for a in robot.actuators}
+    for name, server in body.servers.items():
+        if name not in named:
+            if not isinstance(server.simulated, Camera | CeilingCamera):
+                message = f"nothing in the interface reads or commands `{name}`"
+                yield warning("B018", file.key("server", name), message)
+            continue
+        for field in server.fields:
+            if (name, field) not in read:
+                message = f"nothing in the interface reads `{name}.{field}`"
+                yield warning("B018", file.key("server", name, "fields", field), message)

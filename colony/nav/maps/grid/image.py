@@ -1,0 +1,82 @@
+"""The image of an occupancy grid, as shades and opacities of its cells."""
+
+from __future__ import annotations
+
+import io
+import os
+import warnings
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.files import read_file, reason
+from colony.text.diagnostics import DiagnosticError, error
+from colony.text.source import Span
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+MAX_IMAGE_BYTES = 64 << 20
+MAX_CELLS = 16_000_000
+FORMATS = {"PPM": "PGM", "PNG": "PNG", "BMP": "BMP"}
+"""The formats of images, by their names in Pillow: those that map_saver recommends."""
+
+_OPAQUE = 255
+
+
+class Shades(NamedTuple):
+    """An image: rows from the top, shades from 0, black, to 255, white; True for cells that are opaque."""
+
+    shade: NDArray[np.uint8]
+    is_opaque: NDArray[np.bool_] | None
+
+
+def load_image(path: str | os.PathLike[str], named: Span) -> Shades:
+    """Load the image at `path`; `named` is the place that names it.
+
+    Images of 16 bits are rounded to 8, and colors are replaced by their luma.
+
+    Raises:
+        DiagnosticError: the file cannot be read, is no image, is damaged or too large.
+    """
+    shown = os.fspath(path)
+    try:
+        data = read_file(path, MAX_IMAGE_BYTES)
+    except OSError as failure:
+        raise _failure(named, f"cannot read the image `{shown}`: {reason(failure)}") from None
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the limit here is lower
+            image = Image.open(io.BytesIO(data), formats=list(FORMATS))
+    except UnidentifiedImageError:
+        formats = " or ".join(FORMATS.values())
+        raise _failure(named, f"`{shown}` is no image of a map; expected {formats}") from None
+    except Exception as failure:  # decoders raise exceptions of many kinds
+        raise _failure(named, f"cannot read the image `{shown}`: {failure}") from None
+    columns, rows = image.size
+    if columns * rows > MAX_CELLS:
+        message = f"the image has {columns} x {rows} cells; expected at most {MAX_CELLS:,} of them"
+        raise DiagnosticError([error("M023", named, message)])
+    try:
+        return _shades(image)
+    except Exception as failure:  # as above
+        raise _failure(named, f"the image `{shown}` is damaged: {failure}") from None
+
+
+def _shades(image: Image) -> Shades:
+    is_opaque = None
+    if image.has_transparency_data:
+        colors = image.convert("RGBA")
+        is_opaque = np.asarray(colors.getchannel("A")) == _OPAQUE
+        image = colors.convert("RGB")
+    if image.mode.startswith("I"):
+        return Shades(np.rint(np.asarray(image).astype(np.float64) / 257.0).astype(np.uint8), is_opaque)
+    return Shades(np.asarray(image.convert("L")), is_opaque)
+
+
+def _failure(named: Span, message: str) -> DiagnosticError:
+    hint = "the path counts from the folder of the map" if "No such file" in message else None
+    return DiagnosticError([error("M036", named, message, hint)])

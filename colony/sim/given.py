@@ -1,0 +1,47 @@
+"""What fields of simulated devices read because it is given, in place of what is measured."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from typing import Literal
+
+from colony.ir.types import Value
+
+GivenValue = Value | Literal["missing"] | None
+"""What is given for a field, in base units: a value, that it has none, or None if nothing is given."""
+
+Given = Callable[[str, str, int], GivenValue]
+"""A function that returns what is given: server, field, time in ns."""
+
+
+def nothing_given(server: str, field: str, now_ns: int) -> GivenValue:
+    """Return None: no field is given."""
+    return None
+
+
+class GivenTimeline:
+    """What is given for fields over time; a value holds until the next one. Mutable."""
+
+    def __init__(self) -> None:
+        self._times: dict[tuple[str, str], list[int]] = {}
+        self._values: dict[tuple[str, str], list[GivenValue]] = {}
+        self.size = 0
+        """The number of changes."""
+
+    def add(self, server: str, field: str, t_ns: int, value: GivenValue) -> None:
+        """Give a field a value from a time on; of several at one time the last one counts."""
+        times = self._times.setdefault((server, field), [])
+        values = self._values.setdefault((server, field), [])
+        i = bisect_right(times, t_ns)
+        times.insert(i, t_ns)
+        values.insert(i, value)
+        self.size += 1
+
+    def value_at(self, server: str, field: str, t_ns: int) -> GivenValue:
+        """Return what is given for a field at a time; None if nothing is given yet."""
+        times = self._times.get((server, field))
+        if times is None:
+            return None
+        i = bisect_right(times, t_ns)
+        return self._values[server, field][i - 1] if i else None

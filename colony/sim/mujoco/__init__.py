@@ -1,0 +1,1 @@
+"""A robot in MuJoCo, a physics that is not ours: its wheels drive by friction (docs/physics.md)."""

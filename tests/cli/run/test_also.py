@@ -1,0 +1,97 @@
+"""`colony run --also` and `--movers`: what is accepted, what is refused, and what a run says of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from colony.cli.run.also import other_robots
+from colony.cli.run.options import OptionError
+from tests.cli.conftest import Colony
+from tests.paths import ROOT
+
+LOOP = str(ROOT / "maps" / "loop.stickrep")
+
+
+def test_others_have_names_descriptions_behaviors_and_starts() -> None:
+    found = other_robots(("rome:wander", "rome:teleop@1m,2000,-90", "lift=amr:wander"), "rome")
+    assert [other.name for other in found] == ["rome_2", "rome_3", "lift"]
+    assert [other.described.body.robot.name for other in found] == ["rome", "rome", "amr"]
+    assert [Path(other.file).stem for other in found] == ["wander", "teleop", "wander"]
+    assert [other.start for other in found] == [None, (1_000.0, 2_000.0, 270.0), None]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("rome", r"found `rome`; expected \[NAME=\]DESCRIPTION:BEHAVIOR\[@X,Y,HEADING\]"),
+        ("rome=wander", "found `rome=wander`; expected"),
+        ("rome:", "found `rome:`; expected"),
+        (":wander", "found `:wander`; expected"),
+        ("=rome:wander", "found `=rome:wander`; expected"),
+        ("rome:wander@", "found `rome:wander@`; expected"),
+        ("rome:wander@1,2", "--also rome:wander: found `1,2`; expected X,Y,HEADING"),
+        ("a/b=rome:wander", "`a/b` cannot be the name of a robot"),
+        ("amr=rome:wander", "two robots are named `amr`"),
+    ],
+)
+def test_what_is_no_other_robot_is_refused(text: str, problem: str) -> None:
+    with pytest.raises(OptionError, match=problem):
+        other_robots((text,), "amr")
+
+
+def test_too_many_are_refused() -> None:
+    with pytest.raises(OptionError, match="found 101 robots; expected at most 100"):
+        other_robots(("rome:wander",) * 101, "amr")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (("--connect", "--movers", "3"), "--movers cannot be combined with --connect"),
+        (("--connect", "--also", "rome:wander"), "--also cannot be combined with --connect"),
+        (
+            ("--map", LOOP, "--from", "201", "--to", "203", "--movers", "3"),
+            "--movers cannot be combined with --from and --to; --hazards has people in the corridors",
+        ),
+        (
+            ("--map", LOOP, "--processes", "--also", "rome:wander"),
+            "--also cannot be combined with --processes: other robots run in virtual time",
+        ),
+        (("--map", LOOP, "--movers", "-1"), "-1 is not in the range"),
+        (("--map", LOOP, "--also", "rome"), "--also: found `rome`; expected"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(
+    colony: Colony, arguments: tuple[str, ...], problem: str
+) -> None:
+    result = colony("run", "wander", "--robot", "rome", *arguments)
+    assert result.code == 2
+    assert problem in result.err
+
+
+def test_a_behavior_that_is_not_for_the_robot_is_refused(colony: Colony) -> None:
+    result = colony("run", "wander", "--robot", "rome", "--map", LOOP, "--also", "rome:warehouse")
+    assert result.code == 1
+    assert "warehouse" in result.err
+    nowhere = colony("run", "wander", "--robot", "rome", "--map", LOOP, "--also", "nobody:wander")
+    assert nowhere.code in (1, 2)
+    assert "nobody" in nowhere.err
+
+
+def test_a_run_names_the_others(colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = ("run", "wander", "--robot", "rome", "--map", LOOP, "--duration", "0.5", "--movers", "2")
+    text = colony(*arguments, "--also", "amr:wander")
+    assert text.code == 0
+    assert "\n  amr (amr with wander) traveled 0." in text.out
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+    data = colony(*arguments, "--also", "lift=amr:wander", "--format", "json", "--no-picture")
+    [other] = json.loads(data.out)["others"]
+    assert other["name"] == "lift"
+    assert other["robot"] == "amr"
+    assert other["behavior"] == "wander"
+    assert other["bumps"] == 0
+    assert other["distance_mm"] > 0.0

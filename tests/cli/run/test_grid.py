@@ -1,0 +1,85 @@
+"""`colony run` in an occupancy grid, and where a robot starts in it or in a building."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Colony
+from tests.cli.machine import ROBOT, Machine
+from tests.waiting import until
+
+RUN = ("run", "wander", "--robot", "amr", "--map", "office", "--duration", "5")
+
+
+def test_a_robot_drives_in_a_grid_and_its_path_is_drawn(colony: Colony, tmp_path: Path) -> None:
+    result = colony(*RUN, "--format", "json")
+    assert result.code == 0
+    assert json.loads(result.out)["distance_mm"] > 500.0
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_processes_drive_in_a_grid_from_the_start_that_is_chosen(machine: Machine) -> None:
+    where = ("--robot", f"{ROBOT}=amr", "--map", "office", "--start", "5m, 0, 90")
+    run = machine.start("run", "wander", *where, "--processes", "--no-picture", "--duration", "1000")
+    until(lambda: run.ended() or machine.truth(), "the robot is simulated")
+    truth = machine.truth()
+    assert truth is not None, run.err
+    assert truth.y == pytest.approx(0.0, abs=900.0)
+    assert truth.x == pytest.approx(5000.0, abs=900.0)
+    run.tell(signal.SIGINT)
+    assert run.wait() == 130
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--start", "1,2"), "--start: found `1,2`; expected X,Y,HEADING, in mm and degrees"),
+        (("--start", "1,2 deg,3"), "--start: found `1,2 deg,3`; expected X,Y,HEADING"),
+        (("--start", "1,2,nan"), "--start: found `1,2,nan`; expected X,Y,HEADING"),
+        (
+            ("--start", "-3m,0,0"),
+            "is 0 mm from a wall or from cells that are unknown; expected at least 400 mm",
+        ),
+        (("--from", "a", "--to", "b", "--start", "0,0,0"), "--start is for a simulated robot without --from"),
+        (("--processes", "--camera", "0"), "a camera requires a building; found an occupancy grid"),
+    ],
+)
+def test_what_a_grid_refuses(colony: Colony, more: tuple[str, ...], said: str) -> None:
+    code, _, err = colony(*RUN, *more)
+    assert code == 2
+    assert said in err
+    assert len(err.splitlines()) == 1
+
+
+def test_routes_require_a_building(colony: Colony) -> None:
+    code, _, err = colony("run", "navigator", "--map", "office", "--from", "a", "--to", "b")
+    assert code == 2
+    assert "error[M037]: expected a building; found an occupancy grid" in err
+
+
+def test_a_start_in_a_building(colony: Colony) -> None:
+    code, _, err = colony("run", "wander", "--map", "loop", "--duration", "1", "--start", "1m,1m,0")
+    assert code == 0
+    code, _, err = colony("run", "wander", "--map", "loop", "--duration", "1", "--start", "0,0,0")
+    assert code == 2
+    assert "the robot cannot start there: robot 0 at (0, 0) is 0 mm from a wall" in err
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("all", "--hazards", "1"), "--hazards requires a building; found an occupancy grid"),
+        (("all", "--camera", "up"), "a camera requires a building; found an occupancy grid"),
+        (("Simulator", "--camera", "up"), "a camera requires a building; found an occupancy grid"),
+        (("Simulator", "--start", "-3m,0,0"), "the robot cannot start there: (-3000, 0) is 0 mm"),
+        (("RServer", "--start", "0,0,0"), "--start requires Simulator or all"),
+    ],
+)
+def test_what_serving_in_a_grid_refuses(colony: Colony, more: tuple[str, ...], said: str) -> None:
+    code, _, err = colony("serve", *more, "--robot", "amr", "--map", "office")
+    assert code == 2
+    assert said in err

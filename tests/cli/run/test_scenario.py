@@ -1,0 +1,119 @@
+"""Scenarios of runs by processes: what nobody simulates is given at its time, and withdrawn at the end."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Colony
+from tests.cli.machine import MAP, ROBOT, Machine, Started
+from tests.waiting import until
+
+AMR = f"{ROBOT}=amr"
+FRAME_S = 0.05
+
+PRESSED = """
+language 2
+import robot
+module cruise { when not estop and goal_number == 7  do drive(velocity = 200 mm/s, turn = 0 deg/s) }
+network { drive = cruise }
+"""
+
+SHIFT = """
+at 0 s  estop = true, goal_number = 3
+at 1 s  estop = false
+at 2 s  goal_number = 7
+"""
+
+
+@pytest.fixture
+def pressed(tmp_path: Path) -> Path:
+    path = tmp_path / "pressed.colony"
+    path.write_text(PRESSED)
+    (tmp_path / "shift.scenario").write_text(SHIFT)
+    return path
+
+
+def arguments(behavior: Path) -> tuple[str, ...]:
+    scenario = ("--scenario", str(behavior.with_name("shift.scenario")), "--set", "load=12 kg")
+    return ("run", str(behavior), "--duration", "4", "--record", "r.jsonl", "--no-picture", *scenario)
+
+
+def check(run: Started) -> None:
+    """Check what a run has read: each value from its time on, and never earlier."""
+    assert run.process.returncode == 0, run.err
+    rows = [json.loads(line) for line in (run.folder / "r.jsonl").read_text().splitlines()]
+    frames = [row for row in rows if "t" in row and row["estop"] is not None]
+    begin_s = next(row["t"] for row in rows if "t" in row)
+    changes = [(frames[0]["t"], frames[0]["estop"], frames[0]["goal_number"])]
+    for frame in frames:
+        if (frame["estop"], frame["goal_number"]) != changes[-1][1:]:
+            changes.append((frame["t"], frame["estop"], frame["goal_number"]))
+    assert [change[1:] for change in changes] == [(True, 3.0), (False, 3.0), (False, 7.0)]
+    assert changes[1][0] - begin_s > 1.0 - FRAME_S
+    assert changes[2][0] - begin_s > 2.0 - FRAME_S
+    assert {frame["load"] for frame in frames} <= {12.0, None}
+    assert any(frame["drive"]["by"] == "cruise" for frame in frames)
+    assert all(frame["goal_number"] == 7.0 for frame in frames if frame["drive"]["by"] == "cruise")
+
+
+def test_a_run_by_processes_plays_a_scenario(machine: Machine, pressed: Path) -> None:
+    check(machine.run(*arguments(pressed), "--robot", AMR, "--map", MAP, "--processes"))
+
+
+def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
+    machine: Machine, colony: Colony, pressed: Path
+) -> None:
+    served = machine.start("serve", "all", "--robot", AMR, "--map", MAP)
+    until(lambda: served.ended() or {"Simulator", "Panel"} <= set(machine.directory.running()), "they run")
+    assert not served.ended(), served.err
+    check(machine.run(*arguments(pressed), "--robot", AMR, "--connect"))
+    run = machine.start("run", str(pressed), "--robot", AMR, "--connect", "--set", "goal_number=7")
+    until(lambda: run.ended() or machine.moves(), "the robot drives")
+    assert not run.ended(), run.err
+    held = machine.start("sim", "hold", "Panel.estop=true", "--robot", ROBOT)
+    until(lambda: held.ended() or "Ctrl-C ends it" in held.err, "the button is held")
+    until(machine.stands, "the button is pressed, and the robot stands")
+    assert not held.ended(), held.err
+    held.tell(signal.SIGINT)
+    assert held.wait() == 0
+    until(machine.moves, "the robot drives again")
+    held = machine.start("sim", "hold", "Panel.estop=missing", "Lift.load=2 kg", "--for", "0.2")
+    assert held.wait() == 0
+    assert held.err == f"{ROBOT}: Panel.estop=missing, Lift.load=2 kg; Ctrl-C ends it\n"
+    for text, problem in NOT_HELD:
+        refused = colony("sim", "hold", text, "--robot", ROBOT)
+        assert refused.code == 2, text
+        assert problem in refused.err
+    assert colony("sim", "hold", "Panel.estop=true", "--for", "0").code == 2
+    run.tell(signal.SIGINT)
+    assert run.wait() == 130
+    served.tell(signal.SIGINT)
+    assert served.wait() == 0
+
+
+NOT_HELD = [
+    ("estop=true", "found `estop=true`; expected SERVER.FIELD=VALUE"),
+    ("Panel.stop=true", "no sensor reads `Panel.stop`; did you mean `Panel.estop`?"),
+    ("Panel.estop=7", "Panel.estop: found `7`; expected true or false"),
+    ("DServer.X=7", "a variable of DServer is set by `colony data set`"),
+    ("RServer.bumper=true", "cannot be given: the simulated base measures it"),
+    ("Pump.on=true", "Pump"),
+]
+
+
+def test_what_no_simulator_reads_is_refused(machine: Machine, colony: Colony, pressed: Path) -> None:
+    assert "no Simulator runs on this machine" in colony("sim", "hold", "Panel.estop=true").err
+    refused = colony("sim", "hold", "Panel.estop=true", "--robot", ROBOT)
+    assert refused.code == 2
+    assert f"no Simulator of `{ROBOT}` runs on this machine" in refused.err
+    clock = machine.start("serve", "Clock", "--robot", AMR)
+    until(lambda: clock.ended() or "listens at" in clock.err, "it listens")
+    run = colony("run", pressed, "--robot", AMR, "--connect", "--set", "estop=true")
+    assert run.code == 2
+    assert (
+        run.err == f"colony: error: `estop` cannot be given: no Simulator of `{ROBOT}` runs on this machine\n"
+    )

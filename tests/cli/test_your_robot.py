@@ -1,0 +1,82 @@
+"""docs/your-robot.md, typed line by line: its files, its commands, and the robot with its drivers."""
+
+from __future__ import annotations
+
+import re
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.cli.machine import Machine, Started
+from tests.pages import COMMANDS, typed
+from tests.paths import ROOT
+from tests.waiting import until
+
+PAGE = (ROOT / "docs" / "your-robot.md").read_text(encoding="utf-8")
+FILES = dict(re.findall(r"^```\w+ file=(\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
+[(EDITED, TABLES)] = re.findall(r"^```toml edit=(\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+
+
+def _write(folder: Path, *, real: bool = False) -> None:
+    """Write the files of the page; with `real`, the body names the drivers, with files in this folder."""
+    for name, text in FILES.items():
+        if name == EDITED and real:
+            text = text[: text.index("[server.Panel]")] + TABLES
+            text = re.sub(r'file = "(\S+)"', rf'file = "{folder}/\1"', text)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def test_commands_print_what_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    _write(tmp_path)
+    shown = [(commands, text) for commands, text in COMMANDS.findall(PAGE) if "terminal=" not in commands]
+    assert len(shown) == 3
+    for commands, text in shown:
+        printed = "".join(typed(command, monkeypatch) for command in commands.splitlines())
+        assert printed == text
+    assert typed("colony audit shift.mcap", monkeypatch).endswith(
+        "agrees: every decision is the interpreter's\n"
+    )
+
+
+def test_without_failsafe_the_robot_drives_though_its_hitch_is_silent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _write(tmp_path)
+    (tmp_path / "tow.colony").write_text(FILES["tow.colony"].replace("failsafe module wait", "module wait"))
+    assert "REFUTED  waits_for_hitch" in typed("colony verify tow.colony", monkeypatch)
+
+
+def test_the_robot_drives_with_its_drivers(machine: Machine, tmp_path: Path) -> None:
+    _write(tmp_path, real=True)
+    robot = f"t1={tmp_path / 'robots' / 'tugger' / 'tugger.colony'}"
+    hitch = tmp_path / "hitch.txt"
+    served = machine.start("serve", "all", "--robot", robot, "--hardware", "--map", "loop")
+    until(lambda: "safe\n" in _text(hitch) or _failed(served), "the hitch was made safe")
+    (tmp_path / "go").touch()
+    run = machine.start("run", str(tmp_path / "tow.colony"), "--robot", robot, "--connect")
+    until(lambda: "drive by cruise" in run.err or _failed(served, run), "it drives")
+    assert _text(hitch).startswith("safe\nclose\n")
+    (tmp_path / "go").unlink()
+    until(lambda: "open\n" in _text(hitch) or _failed(served, run), "it opens the hitch")
+    run.tell(signal.SIGINT)
+    assert run.wait() == 130
+    served.tell(signal.SIGINT)
+    assert served.wait() == 0
+    assert _text(hitch).endswith("safe\n")
+    names = re.findall(r"^\| (?:a server|`(\w+)`)", PAGE, re.MULTILINE)
+    assert set(filter(None, names)) == {"Clock", "DServer", "Limits", "Simulator"}
+    assert "t1: Simulator, Clock, RServer, Lidar, Battery, Panel, Hitch, DServer, Limits;" in served.err
+
+
+def _text(path: Path) -> str:
+    return path.read_text() if path.exists() else ""
+
+
+def _failed(*started: Started) -> bool:
+    for one in started:
+        assert not one.ended(), one.err
+    return False

@@ -1,0 +1,54 @@
+"""The devices that processes serve of a described robot: simulated, real, or both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from colony.dsl.load import load_file
+from colony.ir.servers import RSERVER
+from colony.robots.described import DescribedRobot, described_robot
+from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices
+from colony.runtime.assembly.processes.jobs import RobotDevices, server_parts
+from colony.runtime.assembly.processes.spec import Device, DevicePart, RServerPart
+from tests.body.test_disagreements import BASE, BODY, INTERFACE
+
+DRIVEN = 'hardware = { driver = "my.base:Base" }\n'
+PLANT = Device(plant="")
+
+
+def described(folder: Path, base: str) -> DescribedRobot:
+    """A robot whose base has these keys."""
+    (folder / "small.toml").write_text(BODY.replace(BASE, f"[server.RServer]\n{base}"))
+    (folder / "small.colony").write_text(INTERFACE)
+    return described_robot(load_file(folder / "small.colony").robot)
+
+
+def rserver(folder: Path, devices: RobotDevices) -> RServerPart | DevicePart:
+    """The one part that is `RServer`."""
+    parts = server_parts(folder, PLANT, devices)
+    [found] = [
+        part
+        for part in parts
+        if isinstance(part, RServerPart)
+        or (isinstance(part, DevicePart) and part.server.name == RSERVER.name)
+    ]
+    return found
+
+
+@pytest.mark.parametrize("base", [DRIVEN, f'simulated = {{ device = "base" }}\n{DRIVEN}'])
+def test_a_driver_of_rserver_drives_a_base_whether_or_not_it_is_simulated(tmp_path: Path, base: str) -> None:
+    robot = described(tmp_path, base)
+    for devices in (real_devices(robot), mixed_devices(robot)):
+        found = rserver(tmp_path, devices)
+        assert isinstance(found, RServerPart)
+        assert found.device == devices.hardware[RSERVER.name]
+        assert found.limits.velocity == robot.body.chassis.limits.velocity_mm_s
+
+
+def test_a_base_with_a_driver_alone_has_no_values_in_the_simulator(tmp_path: Path) -> None:
+    found = rserver(tmp_path, simulated_devices(described(tmp_path, DRIVEN)))
+    assert isinstance(found, DevicePart)
+    assert found.device == PLANT
+    assert found.server.fields == RSERVER.fields

@@ -1,0 +1,75 @@
+"""A program that drives a lift of its own server: a whole robot in virtual time."""
+
+from __future__ import annotations
+
+import pytest
+
+from colony.runtime.library import clock as clock_library
+from colony.runtime.library import emergency
+from tests.runtime.calling import opening
+from tests.runtime.kit.lift_stage import DOWN, IDLE, UP, Robot
+
+
+def test_a_program_drives_a_lift() -> None:
+    robot = Robot()
+    robot.run(12)
+    assert [robot.told[k] for k in range(1, 10)] == [*[UP] * 5, DOWN, UP, DOWN, UP]
+    assert [frame.verdicts["lift"].values for frame in robot.log.frames[1:10]] == [
+        robot.told[k] for k in range(1, 10)
+    ]
+    assert not any(frame.disagreements for frame in robot.log.frames)
+    assert robot.reports == []
+
+
+def test_a_lift_whose_client_dies_is_idle() -> None:
+    robot = Robot()
+    [clients] = set(robot.robot.processes) - {"Clock", "DServer", "Lift"}
+    robot.at(3, lambda: robot.robot.kill(clients))
+    robot.run(12)
+    assert [robot.told[k] for k in range(1, 4)] == [UP] * 3
+    assert [robot.told[k] for k in range(4, 12)] == [IDLE] * 8
+    assert not any(frame.disagreements for frame in robot.log.frames)
+
+
+@pytest.mark.parametrize("server", ["Lift", "Clock"])
+def test_a_stop_at_any_server_holds_for_the_lift_until_the_clock_releases_it(server: str) -> None:
+    robot = Robot()
+    robot.at(3, lambda: robot.call(server, emergency.stop()))
+    robot.at(8, lambda: robot.call("Clock", opening("eve"), "eve/2"))
+    robot.at(9, lambda: robot.call("Clock", clock_library.release(), "eve/2", 2))
+    robot.run(14)
+    assert [robot.told[k] for k in range(4, 10)] == [IDLE] * 6
+    assert robot.told[11] == UP
+    holds = [frame.verdicts["lift"].hold for frame in robot.log.frames[1:]]
+    assert holds[4:9] == ["stopped"] * 5
+    assert holds[10] is None
+    assert not any(frame.disagreements for frame in robot.log.frames)
+
+
+def test_a_stop_survives_the_death_of_the_lift_and_of_the_clock() -> None:
+    for killed in ("Lift", "Clock"):
+        robot = Robot()
+        robot.at(3, lambda robot=robot: robot.call("Lift", emergency.stop()))  # type: ignore[misc]
+        robot.at(6, lambda robot=robot, killed=killed: robot.robot.restart(killed))  # type: ignore[misc]
+        robot.at(7, robot.deploy)
+        robot.run(20)
+        assert {robot.told.get(k, IDLE) for k in range(4, 20)} == {IDLE}
+
+
+def test_a_lift_that_comes_back_is_driven_again_once_the_program_is_deployed() -> None:
+    robot = Robot()
+    robot.at(3, lambda: robot.robot.restart("Lift"))
+    robot.at(6, robot.deploy)
+    robot.run(30)
+    assert [k for k in range(4, 7) if k in robot.told] == []
+    assert {robot.told[k] for k in range(8, 12)} <= {UP, DOWN, IDLE}
+    assert {robot.told[k] for k in range(20, 30)} <= {UP, DOWN}
+    assert not any(frame.disagreements for frame in robot.log.frames)
+
+
+def test_a_clock_that_dies_leaves_the_lift_idle() -> None:
+    robot = Robot()
+    robot.at(3, lambda: robot.robot.kill("Clock"))
+    robot.run(12)
+    assert max(robot.told) == 5
+    assert robot.told[5] == IDLE

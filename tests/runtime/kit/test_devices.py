@@ -1,0 +1,593 @@
+"""The server of a device: what its driver gives is held to the description, and nothing it does ends it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+import pytest
+
+from colony.body.servers import in_declared_units
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import check_text
+from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
+from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Enum, ScalarValue
+from colony.runtime.assembly.virtual import VirtualSession
+from colony.runtime.kit.description import Description, describe, server_spec
+from colony.runtime.kit.devices import DeviceReader, device_server
+from colony.runtime.kit.fields import MAX_AGE_NS
+from colony.runtime.kit.once import RECOVERED_AFTER
+from colony.runtime.kit.service import RETRY_SAFE_NS, Service
+from colony.runtime.library.ask import STATUS
+from colony.runtime.protocol.calls import Status
+from colony.runtime.protocol.messages import Reply, Sample, Send, Tick, Wake, WakeAt
+from colony.runtime.servers.drivers import MAX_PROBLEM_LENGTH, Drivers, Reading, problems_of
+from colony.runtime.transport.virtual import VirtualClock
+from tests.runtime.calling import call_of, opening
+from tests.runtime.scripted import Log
+
+MS = 1_000_000
+NOW_NS = 10_000 * MS
+
+
+class Device:
+    """A driver that gives what the test says, and notes what it is told. Mutable."""
+
+    def __init__(self, found: object = None) -> None:
+        self.found: Any = found if found is not None else {}
+        self.failing_commands = False
+        self.failing_safe = False
+        self.commands: list[tuple[str, dict[str, ScalarValue]]] = []
+        self.safes = 0
+
+    def fields(self) -> Mapping[str, Reading | None]:
+        found = self.found() if callable(self.found) else self.found
+        if isinstance(found, Exception):
+            raise found
+        return found  # type: ignore[no-any-return]
+
+    def command(self, name: str, values: Mapping[str, ScalarValue]) -> None:
+        self.commands.append((name, dict(values)))
+        if self.failing_commands:
+            raise OSError("port is gone")
+
+    def safe(self) -> None:
+        self.safes += 1
+        if self.failing_safe:
+            raise OSError("port is gone")
+
+    def close(self) -> None:
+        raise AssertionError("who makes a driver closes it")
+
+
+def scan_of(**options: Any) -> FieldSpec:
+    return FieldSpec("scan", Array(DISTANCE, 3), "ranges", **options)
+
+
+def read(spec: FieldSpec, *found: object) -> tuple[list[Sample | None], list[str]]:
+    """The samples of a frame for each of `found`, the readings of the field, and what was reported."""
+    device, reports = Device(), list[str]()
+    reader = DeviceReader(ServerSpec("S", fields=(spec,)), device, reports.append)
+    samples = []
+    for i, reading in enumerate(found):
+        device.found = {spec.name: reading}
+        samples.append(reader.read(NOW_NS + i * MS)[spec.name])
+    return samples, reports
+
+
+# --- what a driver may give ------------------------------------------------------------------------------
+
+LEVEL = Enum("level", (("down", 0.0), ("up", 3.0)))
+
+GOOD = [
+    (FieldSpec("f", LEVEL, ""), Reading(3, 0), Sample(3.0, NOW_NS)),
+    (FieldSpec("f", Array(LEVEL, 2), ""), Reading((3, 0.0), 0), Sample((3.0, 0.0), NOW_NS)),
+    (FieldSpec("f", DIMENSIONLESS, ""), Reading(3, 0), Sample(3.0, NOW_NS)),
+    (FieldSpec("f", DISTANCE, ""), Reading(0.5, 300 * MS), Sample(0.5, NOW_NS - 300 * MS)),
+    (FieldSpec("f", DISTANCE, ""), Reading(0.5, 2**100), Sample(0.5, NOW_NS - MAX_AGE_NS)),
+    (FieldSpec("f", BOOL, ""), Reading(True, 0), Sample(True, NOW_NS)),
+    (FieldSpec("f", DISTANCE, ""), None, None),
+    (FieldSpec("f", Array(BOOL, 2), ""), Reading((True, False), 1), Sample((True, False), NOW_NS - 1)),
+    (scan_of(), Reading([1, 2.5, 3], 0), Sample((1.0, 2.5, 3.0), NOW_NS)),
+    (scan_of(no_echo=9.0), Reading((1.0, math.inf, 3.0), 0), Sample((1.0, 9.0, 3.0), NOW_NS)),
+    (scan_of(no_echo=9.0), Reading((math.inf,) * 3, 0), Sample((9.0,) * 3, NOW_NS)),
+    (scan_of(no_echo=9.0, blocked=(0, 2)), Reading((1.0, 2.0, None), 0), Sample((9.0, 2.0, 9.0), NOW_NS)),
+    (FieldSpec("f", DISTANCE, "", no_echo=9.0), Reading(math.inf, 0), Sample(9.0, NOW_NS)),
+]
+
+
+@pytest.mark.parametrize(("spec", "found", "published"), GOOD)
+def test_a_reading_is_published_with_the_time_at_which_it_was_taken(
+    spec: FieldSpec, found: object, published: Sample | None
+) -> None:
+    samples, reports = read(spec, found)
+    assert repr(samples) == repr([published])
+    assert reports == []
+
+
+class Raising:
+    """A reading of a driver that fails only when it is looked at."""
+
+    def __repr__(self) -> str:
+        raise RuntimeError("no text")
+
+
+class RaisingReading(Reading):
+    def __getattribute__(self, name: str) -> object:
+        if name == "age_ns":
+            raise RuntimeError("no age")
+        return super().__getattribute__(name)
+
+
+BAD = [
+    (DISTANCE, 0.5, "is 0.5; expected Reading(value, age_ns)"),
+    (DISTANCE, Raising(), "is <Raising instance at"),
+    (DISTANCE, Reading("full", 0), "is 'full'; expected a finite number"),  # type: ignore[arg-type]
+    (DISTANCE, Reading(True, 0), "is True; expected a finite number"),
+    (DISTANCE, Reading(math.nan, 0), "is nan; expected a finite number"),
+    (DISTANCE, Reading(math.inf, 0), "is inf; expected a finite number"),
+    (DISTANCE, Reading(10**400, 0), "is 10000000000000000"),
+    (DISTANCE, Reading((1.0, 2.0), 0), "is (1.0, 2.0); expected a finite number"),
+    (BOOL, Reading(1.0, 0), "is 1.0; expected True or False"),
+    (DISTANCE, Reading(0.5, -1), "has an age of -1 ns: a reading from the future"),
+    (DISTANCE, Reading(0.5, 1.5), "has an age of 1.5; expected whole nanoseconds"),  # type: ignore[arg-type]
+    (Array(DISTANCE, 3), Reading(1.0, 0), "is 1.0; expected a list or tuple of 3"),
+    (Array(DISTANCE, 3), Reading((1.0, 2.0), 0), "has 2 elements; expected 3"),
+    (Array(DISTANCE, 3), Reading((1.0,) * 4, 0), "has 4 elements; expected 3"),
+    (Array(DISTANCE, 3), Reading((1.0, "x", 2.0), 0), "is 'x'; expected a finite number"),  # type: ignore[arg-type]
+    (Array(DISTANCE, 3), Reading((1.0, -math.inf, 2.0), 0), "is -inf; expected a finite number"),
+    (Array(BOOL, 2), Reading((True, 1.0), 0), "is 1.0; expected True or False"),
+    (LEVEL, Reading(2, 0), "is 2; expected 0 (down) or 3 (up)"),
+    (LEVEL, Reading(True, 0), "is True; expected a finite number"),
+    (Array(LEVEL, 2), Reading((3, 0.5), 0), "is 0.5; expected 0 (down) or 3 (up)"),
+]
+
+
+@pytest.mark.parametrize(("type_", "found", "problem"), BAD)
+def test_what_a_field_cannot_be_is_no_value_and_is_reported_once(
+    type_: Any, found: object, problem: str
+) -> None:
+    samples, reports = read(FieldSpec("f", type_, ""), found, found)
+    assert samples == [None, None]
+    [report] = reports
+    assert report.startswith(f"S.f {problem}")
+
+
+def test_a_reading_that_fails_when_it_is_looked_at_is_no_value() -> None:
+    class Reads(dict[str, Any]):
+        def get(self, name: str, default: object = None) -> object:  # type: ignore[override]
+            raise RuntimeError("no such reading")
+
+    fields = (FieldSpec("f", DISTANCE, ""), FieldSpec("g", DISTANCE, ""))
+    device, reports = Device(), list[str]()
+    reader = DeviceReader(ServerSpec("S", fields=fields), device, reports.append)
+    device.found = {"f": RaisingReading(0.5, 0), "g": Reading(0.5, 0)}
+    assert reader.read(NOW_NS) == {"f": None, "g": Sample(0.5, NOW_NS)}
+    device.found = Reads()
+    assert reader.read(NOW_NS) == {"f": None, "g": None}
+    assert any("no age" in report for report in reports)
+    assert any("no such reading" in report for report in reports)
+
+
+FAILURES: list[tuple[object, str]] = [
+    (OSError("port is gone"), "OSError: port is gone"),
+    (KeyError("scan"), "KeyError: 'scan'"),
+    (7, "TypeError: returned 7; expected the readings by name"),
+    ([("f", Reading(0.5, 0))], "expected the readings by name"),
+]
+
+
+@pytest.mark.parametrize(("found", "problem"), FAILURES)
+def test_a_driver_that_fails_has_no_values_until_it_works_again(found: object, problem: str) -> None:
+    fields = (FieldSpec("f", DISTANCE, ""), FieldSpec("g", DISTANCE, ""))
+    device, reports = Device(), list[str]()
+    reader = DeviceReader(ServerSpec("S", fields=fields), device, reports.append)
+    device.found = found
+    assert [reader.read(NOW_NS) for _ in range(3)] == [{"f": None, "g": None}] * 3
+    device.found = {"f": Reading(0.5, 0)}
+    assert reader.read(NOW_NS) == {"f": Sample(0.5, NOW_NS), "g": None}
+    [report] = reports
+    assert report.startswith("fields of S failed:")
+    assert problem in report
+
+
+def test_a_field_that_the_description_lacks_is_reported_once_and_left_out() -> None:
+    device, reports = Device({"f": Reading(0.5, 0), "extra": Reading(1.0, 0)}), list[str]()
+    spec = ServerSpec("S", fields=(FieldSpec("f", DISTANCE, ""),))
+    reader = DeviceReader(spec, device, reports.append)
+    assert [reader.read(NOW_NS) for _ in range(2)] == [{"f": Sample(0.5, NOW_NS)}] * 2
+    assert reports == ["S.extra is no field of the description"]
+
+
+# --- elements that are invalid ---------------------------------------------------------------------------
+
+INVALID = [None, math.nan]
+
+
+@pytest.mark.parametrize("hold", [False, True])
+def test_an_element_without_an_echo_that_has_no_reading_is_invalid_and_reported_once(hold: bool) -> None:
+    valid, without = Reading((1.0, 2.0, 3.0), 0), Reading((4.0, math.inf, math.inf), 0)
+    samples, reports = read(scan_of(hold=hold), valid, without, without)
+    held = Sample((4.0, 2.0, 3.0), NOW_NS)
+    assert samples[1:] == ([held, held] if hold else [None, None])
+    assert reports == ["S.scan is inf in element 1, which counts as invalid: the body gives no `no_echo`"]
+
+
+def test_an_element_that_is_blocked_is_not_reported() -> None:
+    spec = scan_of(no_echo=9.0, blocked=(1,))
+    assert read(spec, Reading((1.0, math.inf, 3.0), 0)) == ([Sample((1.0, 9.0, 3.0), NOW_NS)], [])
+
+
+@pytest.mark.parametrize("invalid", INVALID)
+def test_an_array_with_an_invalid_element_is_missing(invalid: float | None) -> None:
+    samples, reports = read(
+        scan_of(), Reading((1.0, 2.0, 3.0), 0), Reading((1.0, invalid, 3.0), 0), Reading((1.0, 4.0, 3.0), 0)
+    )
+    assert samples == [
+        Sample((1.0, 2.0, 3.0), NOW_NS),
+        None,
+        Sample((1.0, 4.0, 3.0), NOW_NS + 2 * MS),
+    ]
+    assert reports == []  # a device says so in the course of things
+
+
+@pytest.mark.parametrize("invalid", INVALID)
+def test_an_element_that_stays_invalid_is_held_and_the_array_gets_as_old_as_it_is(
+    invalid: float | None,
+) -> None:
+    valid, partly = Reading((1.0, 2.0, 3.0), MS), Reading((4.0, invalid, 6.0), 0)
+    samples, _ = read(scan_of(hold=True), valid, partly, partly, partly, valid)
+    old = Sample((4.0, 2.0, 6.0), NOW_NS - MS)
+    assert samples == [
+        Sample((1.0, 2.0, 3.0), NOW_NS - MS),
+        old,
+        old,
+        old,
+        Sample((1.0, 2.0, 3.0), NOW_NS + 3 * MS),
+    ]
+
+
+def test_an_element_that_was_never_valid_has_nothing_to_hold() -> None:
+    never = Reading((1.0, None, 3.0), 0)
+    samples, reports = read(scan_of(hold=True), never, never, Reading((None, 2.0, None), 0))
+    assert samples == [None, None, Sample((1.0, 2.0, 3.0), NOW_NS + MS)]
+    assert reports == []
+
+
+def test_an_echo_that_is_missing_is_invalid_where_nothing_says_what_it_reads() -> None:
+    samples, _ = read(scan_of(), Reading((1.0, math.inf, 3.0), 0))
+    assert samples == [None]
+    held, _ = read(scan_of(hold=True), Reading((1.0, 2.0, 3.0), 0), Reading((4.0, math.inf, 6.0), 0))
+    assert held[1] == Sample((4.0, 2.0, 6.0), NOW_NS)
+
+
+def test_what_is_held_keeps_its_time_through_frames_without_an_array() -> None:
+    readings = [Reading((1.0, 2.0, 3.0), 0), None, Reading((9.0,), 0), Reading((4.0, None, 6.0), 0)]
+    samples, _ = read(scan_of(hold=True), *readings)
+    assert samples == [Sample((1.0, 2.0, 3.0), NOW_NS), None, None, Sample((4.0, 2.0, 6.0), NOW_NS)]
+
+
+def test_blocked_elements_neither_make_an_array_old_nor_missing() -> None:
+    samples, _ = read(
+        scan_of(hold=True, no_echo=9.0, blocked=(1,)),
+        Reading((1.0, 2.0, 3.0), 0),
+        Reading((1.0, None, 3.0), 0),
+        Reading((1.0, "dirt", 3.0), 0),  # type: ignore[arg-type]
+    )
+    assert samples == [Sample((1.0, 9.0, 3.0), NOW_NS + i * MS) for i in range(3)]
+
+
+# --- what the server says of itself ----------------------------------------------------------------------
+
+GEAR = Enum("gear", (("low", 0.0), ("high", 1.0)))
+LIFT = ServerSpec(
+    "Lift",
+    fields=(FieldSpec("height", DISTANCE, "height"), FieldSpec("moving", BOOL, "whether it moves")),
+    commands=(
+        CommandSpec(
+            "move",
+            (
+                ParameterSpec("height", DISTANCE, "where to go", low=0.0, high=400.0),
+                ParameterSpec("fast", BOOL, "whether it hurries"),
+                ParameterSpec("gear", GEAR, "the gear"),
+            ),
+        ),
+    ),
+)
+
+
+def test_its_description_says_what_the_spec_says() -> None:
+    server = device_server(LIFT, Device(), print)
+    list(server.handle(call_of(opening("ada"), "ada/1"), 0))
+    [reply] = [
+        effect.message
+        for effect in server.handle(call_of(describe(), "ada/1", 2), 1)
+        if isinstance(effect, Send) and isinstance(effect.message, Reply)
+    ]
+    described = server_spec(msgspec.msgpack.decode(reply.result, type=Description))
+    assert described.fields == LIFT.fields
+    assert [(p.name, p.low, p.high) for p in described.commands[0].parameters] == [
+        ("height", 0.0, 400.0),
+        ("fast", None, None),
+        ("gear", None, None),
+    ]
+    assert described.commands[0].parameters[2].type == GEAR
+
+
+# --- devices that fail, and a robot that lives by them ---------------------------------------------------
+
+PROGRAM = """
+language 2
+robot amr {
+  sensor   scan[3] : mm  from Lidar.scan     within 300 ms
+  sensor   height : mm   from Lift.height    within 300 ms
+  actuator lift { height : mm range 0 .. 400, fast : bool }
+           to Lift.move  idle lift(height = 0 mm, fast = false)
+}
+module up { when min(scan) > 500 mm  do lift(height = 400 mm, fast = true) }
+network { lift = up }
+"""
+LIDAR = ServerSpec("Lidar", fields=(scan_of(no_echo=5000.0, hold=True),))
+FRAME_NS = 50 * MS
+FAILS_AT_NS = 1_000 * MS
+WITHIN_NS = 300 * MS
+UP, IDLE = {"height": 400.0, "fast": True, "gear": 0.0}, {"height": 0.0, "fast": False, "gear": 0.0}
+
+
+class Robot:
+    """A robot with a lidar and a lift, whose drivers follow a script for 2 s. Mutable."""
+
+    def __init__(self, scan: Callable[[int], object] = lambda t: Reading((900.0, 900.0, 900.0), 0)) -> None:
+        self.clock, self.log, self.reports = VirtualClock(), Log(), list[str]()
+        self.lidar = Device(lambda: self._found(scan))
+        self.lift = Device({"height": Reading(0.0, 0), "moving": Reading(False, 0)})
+
+    def _found(self, scan: Callable[[int], object]) -> object:
+        found = scan(self.clock())
+        return found if isinstance(found, Exception) else {"scan": found}
+
+    def run(self) -> None:
+        checked = check_text(PROGRAM)
+        assert checked.program is not None, checked.diagnostics
+        session = VirtualSession(
+            compile_program(checked.program).compiled,
+            Drivers(servers=(LIDAR, LIFT, *COMMON_SERVERS), devices={"Lidar": self.lidar, "Lift": self.lift}),
+            clock=self.clock,
+            seed=1,
+            sinks=(self.log,),
+            report=self.reports.append,
+        )
+        session.run(2_000 * MS)
+
+    @property
+    def up_until_ns(self) -> int:
+        """The time of the first frame in which the lift was not sent up, after it was."""
+        winners = self.log.winners("lift")
+        first = winners.index("up")
+        return self.log.frames[winners.index(None, first)].frame.t_ns
+
+
+def test_a_driver_that_works_moves_the_robot() -> None:
+    robot = Robot()
+    robot.run()
+    assert robot.log.winners("lift") == ["up"] * 40
+    assert robot.lift.commands[:-1] == [("move", UP)] * (len(robot.lift.commands) - 1)
+    assert robot.lift.commands[-1] == ("move", IDLE)  # as its server ends
+    assert robot.reports == []
+
+
+def dead_thread(now_ns: int) -> object:
+    """What a driver gives whose thread died: its newest scan, which gets older."""
+    return Reading((900.0, 900.0, 900.0), max(0, now_ns - FAILS_AT_NS))
+
+
+def stuck_beam(now_ns: int) -> object:
+    beam = None if now_ns > FAILS_AT_NS else 900.0
+    return Reading((900.0, beam, 900.0), 0)
+
+
+def test_a_scan_that_is_not_renewed_goes_missing_once_it_is_too_old() -> None:
+    robot = Robot(dead_thread)
+    robot.run()
+    assert robot.up_until_ns == FAILS_AT_NS + WITHIN_NS + FRAME_NS
+    assert robot.reports == []
+
+
+class RepeatingLidar:
+    """The scans of a lidar that repeats its last one with its old number, in a driver that looks at it."""
+
+    def __init__(self) -> None:
+        self.number, self.arrived_ns = -1, 0
+
+    def __call__(self, now_ns: int) -> object:
+        number = min(now_ns, FAILS_AT_NS)
+        if number != self.number:
+            self.number, self.arrived_ns = number, now_ns
+        return Reading((900.0, 900.0, 900.0), now_ns - self.arrived_ns)
+
+
+def test_a_lidar_that_repeats_its_last_scan_goes_missing() -> None:
+    robot = Robot(RepeatingLidar())
+    robot.run()
+    assert robot.up_until_ns == FAILS_AT_NS + WITHIN_NS + FRAME_NS
+
+
+def test_one_beam_that_stays_invalid_makes_a_held_scan_too_old() -> None:
+    robot = Robot(stuck_beam)
+    robot.run()
+    assert robot.up_until_ns == FAILS_AT_NS + WITHIN_NS + FRAME_NS
+
+
+FAULTS: list[tuple[Callable[[int], object], str | None]] = [
+    (lambda t: None, None),
+    (lambda t: Reading((900.0, 900.0, 900.0), -3_600_000 * MS), "a reading from the future"),
+    (lambda t: Reading((900.0, 900.0), 0), "has 2 elements; expected 3"),
+    (lambda t: OSError("port is gone"), "OSError: port is gone"),
+    (lambda t: RecursionError(), "RecursionError"),
+]
+
+
+@pytest.mark.parametrize(("faulty", "problem"), FAULTS)
+def test_what_is_no_scan_is_missing_at_once_and_comes_back(
+    faulty: Callable[[int], object], problem: str | None
+) -> None:
+    good, back_ns = Reading((900.0, 900.0, 900.0), 0), FAILS_AT_NS + 200 * MS
+
+    robot = Robot(lambda t: faulty(t) if FAILS_AT_NS <= t < back_ns else good)
+    robot.run()
+    winners = robot.log.winners("lift")
+    assert winners == ["up"] * 20 + [None] * 4 + ["up"] * 16
+    assert len(robot.reports) == (problem is not None)
+    assert problem is None or problem in robot.reports[0]
+
+
+def test_a_lift_whose_commands_fail_is_made_safe_and_reported_once() -> None:
+    robot = Robot()
+    robot.lift.failing_commands = True
+    robot.run()
+    assert robot.log.winners("lift") == ["up"] * 40
+    assert robot.lift.commands[:2] == [("move", UP), ("move", IDLE)]  # idle in its place, then safe
+    assert robot.lift.safes >= 40
+    assert robot.reports == ["Lift.move failed: OSError: port is gone"]
+
+
+def test_a_lift_that_cannot_even_be_made_safe_ends_no_server() -> None:
+    robot = Robot()
+    robot.lift.failing_commands = robot.lift.failing_safe = True
+    robot.run()
+    assert len(robot.log.frames) == 40
+    assert sorted(robot.reports) == [
+        "Lift.move failed: OSError: port is gone",
+        "safe of Lift.move failed: OSError: port is gone",
+    ]
+
+
+def test_a_driver_gives_and_takes_numbers_in_the_units_of_the_interface() -> None:
+    device = Device({"scan": Reading([1.5, math.inf], 0), "on": Reading(True, 0)})
+    scan = FieldSpec("scan", Array(DISTANCE, 2), "ranges", no_echo=4000.0, factor=1000.0)
+    move = CommandSpec("move", (ParameterSpec("to", DISTANCE, "where", factor=1000.0),))
+    spec = ServerSpec("Arm", fields=(scan, FieldSpec("on", BOOL, "whether it is on")), commands=(move,))
+    found = DeviceReader(spec, device, print).read(NOW_NS)
+    assert found == {"scan": Sample((1500.0, 4000.0), NOW_NS), "on": Sample(True, NOW_NS)}
+    program = """
+    language 2
+    robot r { frame 50 ms  sensor at : m from Arm.at  actuator arm { to : m } to Arm.move idle hold }
+    module go { when true do arm(to = 2 m) }
+    network { arm = go }
+    """
+    checked = check_text(program)
+    assert checked.program is not None
+    at = FieldSpec("at", DISTANCE, "where it is")
+    declared = in_declared_units(ServerSpec("Arm", fields=(at,), commands=(move,)), checked.program.robot)
+    assert declared.fields == (replace(at, factor=1000.0),)
+    device.found = {"at": Reading(1.0, 0)}
+    drivers = Drivers(servers=(declared, *COMMON_SERVERS), devices={"Arm": device})
+    log = Log()
+    compiled = compile_program(checked.program).compiled
+    VirtualSession(compiled, drivers, clock=VirtualClock(), seed=1, sinks=(log,)).run(200 * MS)
+    assert ("move", {"to": 2.0}) in device.commands
+    assert log.frames[-1].frame.readings["at"] == 1.0
+
+
+def test_a_device_that_cannot_be_made_safe_is_tried_again_until_it_is() -> None:
+    device = Device()
+    device.failing_safe = True
+    move = CommandSpec("move", (ParameterSpec("to", DISTANCE, "where"),))
+    reports: list[str] = []
+    server = device_server(ServerSpec("Arm", commands=(move,)), device, reports.append)
+    list(server.start(0))
+    [wake] = [e for e in server.handle(Wake(), 0) if isinstance(e, WakeAt)]
+    assert device.safes == 1
+    for now_ns in (wake.t_ns, 2 * wake.t_ns):
+        assert [e for e in server.handle(Wake(), now_ns) if isinstance(e, WakeAt)] == [
+            WakeAt(now_ns + RETRY_SAFE_NS)
+        ]
+    assert (device.safes, len(reports)) == (3, 1)
+    device.failing_safe = False
+    assert not [e for e in server.handle(Wake(), 3 * wake.t_ns) if isinstance(e, WakeAt)]
+    list(server.handle(Wake(), 9 * wake.t_ns))
+    assert device.safes == 4
+
+
+def test_a_driver_that_exits_ends_nothing() -> None:
+    def leave() -> object:
+        raise SystemExit(3)
+
+    reports: list[str] = []
+    spec = ServerSpec("Arm", fields=(FieldSpec("at", DISTANCE, "where", factor=1000.0),))
+    assert DeviceReader(spec, Device(leave), reports.append).read(NOW_NS) == {"at": None}
+    found = {"at": Reading(1e308, 0)}  # infinite in base units
+    assert DeviceReader(spec, Device(found), reports.append).read(NOW_NS) == {"at": None}
+    assert [report.partition(":")[0] for report in reports] == [
+        "fields of Arm failed",
+        "Arm.at is 1e+308; expected a finite number",
+    ]
+
+
+# --- what fails now --------------------------------------------------------------------------------------
+
+
+def _failing(service: Service, connection: str) -> tuple[str, ...]:
+    """Return what the status of a server says that fails, over a connection of its own."""
+    list(service.handle(call_of(opening("ann"), connection, 1), 0))
+    effects = list(service.handle(call_of(STATUS, connection, 2), 0))
+    [reply] = [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, Reply)]
+    assert reply.problem is None
+    return msgspec.msgpack.decode(reply.result, type=Status).failing
+
+
+def test_the_status_of_the_server_says_what_fails_now() -> None:
+    device = Device({"scan": Reading((1.0, 2.0, 3.0), 0)})
+    service = device_server(ServerSpec("S", fields=(scan_of(),)), device, lambda text: None)
+    ticks = iter(range(1_000))
+
+    def frames(count: int) -> None:
+        for _ in range(count):
+            k = next(ticks)
+            list(service.handle(Tick(k=k, t_ns=k * 100 * MS), k * 100 * MS))
+
+    frames(1)
+    assert _failing(service, "ann/1") == ()
+    device.found = ValueError("no bus")
+    frames(1)
+    assert _failing(service, "ann/2") == ("fields of S failed: ValueError: no bus",)
+    device.found = {"scan": Reading((1.0, 2.0), 0)}
+    frames(RECOVERED_AFTER + 1)
+    assert _failing(service, "ann/3") == ("S.scan has 2 elements; expected 3",)
+    device.found = {"scan": Reading((1.0, 2.0, 3.0), 0)}
+    frames(RECOVERED_AFTER + 1)
+    assert _failing(service, "ann/4") == ()
+    device.problem = "OSError: port is gone"  # type: ignore[attr-defined]  # as `Background` says it
+    assert _failing(service, "ann/5") == ("OSError: port is gone",)
+
+
+def test_what_a_driver_says_of_itself_is_checked() -> None:
+    class Broken:
+        @property
+        def problem(self) -> str:
+            raise RuntimeError("no problem")
+
+    class Odd:
+        problem = 7
+
+    class Long:
+        problem = "x" * 1_000
+
+    assert problems_of(object()) == problems_of(Broken()) == problems_of(Odd()) == ()
+    assert problems_of(Long()) == ("x" * MAX_PROBLEM_LENGTH,)
+
+
+def test_a_device_that_cannot_be_made_safe_fails_until_it_can() -> None:
+    device = Device()
+    device.failing_safe = True
+    spec = ServerSpec("S", commands=(CommandSpec("set", (ParameterSpec("x", DIMENSIONLESS, ""),)),))
+    service = device_server(spec, device, lambda text: None)
+    list(service.start(0))
+    assert _failing(service, "ann/1") == ("safe of S.set failed: OSError: port is gone",)
+    device.failing_safe = False
+    list(service.handle(Wake(), RETRY_SAFE_NS))
+    list(service.handle(Wake(), 2 * RETRY_SAFE_NS))
+    assert _failing(service, "ann/2") == ()
