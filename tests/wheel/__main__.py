@@ -1,8 +1,8 @@
 """The wheel, installed where nothing of the checkout is, and used as the README says: `make wheel`.
 
 Builds the distribution, installs it with all extras into an environment of its own, and types every command
-and example of the README in an empty folder. Installs it without extras into another one, and weighs that. A
-robot drives in a third, which has MuJoCo.
+and example of the README in an empty folder, then adds MuJoCo and drives a robot in it. Installs it without
+extras into another one, and weighs that.
 `--python` names another interpreter to do so with. With `--platforms` it also asks the package index for
 wheels of everything for other versions of Python and other machines.
 """
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from tests.wheel.core import check_core, check_mujoco
@@ -28,9 +29,17 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="colony-wheel-") as folder:
         place = Path(folder)
         wheel = build(place, asked.python)
-        check_core(Environment.made(place / "core", asked.python, wheel), place)
-        check_readme(Environment.made(place / "all", asked.python, wheel, "all"), place)
-        check_mujoco(Environment.made(place / "mujoco", asked.python, wheel, "sim", "mujoco"), place)
+
+        def check_everything() -> None:
+            everything = Environment.made(place / "all", asked.python, wheel, "all")
+            check_readme(everything, place)
+            everything.install(wheel, "mujoco")
+            check_mujoco(everything, place)
+
+        with ThreadPoolExecutor() as threads:
+            checked = threads.submit(check_everything)
+            check_core(Environment.made(place / "core", asked.python, wheel), place)
+            checked.result()
         if asked.platforms:
             check_platforms(wheel, place)
     sys.stderr.flush()

@@ -27,9 +27,13 @@ class Environment:
         """Make one with the wheel and these extras in it."""
         _run(python, "-m", "venv", str(folder))
         made = cls(folder)
-        print(f"installing {wheel.name}{list(extras) or ''} ...", flush=True)
-        made.run("pip", "install", "--quiet", f"{wheel}[{','.join(extras)}]" if extras else str(wheel))
+        made.install(wheel, *extras)
         return made
+
+    def install(self, wheel: Path, *extras: str) -> None:
+        """Install the wheel with these extras."""
+        print(f"installing {wheel.name}{list(extras) or ''} ...", flush=True)
+        self.run("pip", "install", "--quiet", f"{wheel}[{','.join(extras)}]" if extras else str(wheel))
 
     def variables(self) -> dict[str, str]:
         """Return what its commands see of the environment."""
