@@ -201,6 +201,11 @@ def step(motion: Motion, observation: BaseObservation) -> Step:
             assert_never(motion)
 
 
+def is_immediate_halt(motion: Motion) -> bool:
+    """Return True for a stop without a ramp, which the base performs by its own emergency stop."""
+    return isinstance(motion, Halt) and not motion.gradual
+
+
 def mode(motion: Motion) -> Mode:
     """Return the mode of a base that carries out this motion; a halted base is in go mode."""
     match motion:

@@ -11,7 +11,13 @@ from colony.runtime.frames.publishing import Fields
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import CallId, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.drivers import BaseDriver, BaseLimits, BaseState, OmnidirectionalDriver
+from colony.runtime.servers.drivers import (
+    BaseDriver,
+    BaseLimits,
+    BaseState,
+    OmnidirectionalDriver,
+    problems_of,
+)
 from colony.runtime.servers.piloting import Bumper
 from colony.runtime.servers.virtual_position import Odometer
 
@@ -50,7 +56,7 @@ class Base:
             method("bumper", NoArguments, self._bumper, right="read"),
             method("position", NoArguments, self._position, right="read"),
             method("speed_setting", NoArguments, lambda *_: self._setting.velocity, right="read"),
-            method("wheel_speed", NoArguments, lambda *_: self._require_state().wheel_speed, right="read"),
+            method("wheel_speed", NoArguments, lambda *_: self.require_state().wheel_speed, right="read"),
             method("set_bumper", robot.SetBumper, self._set_bumper),
             method("set_position", robot.PoseArguments, self._set_position),
             method("adjust_position", robot.PoseArguments, self._adjust_position),
@@ -67,6 +73,17 @@ class Base:
         if self._state is not None and self._state is not before:
             self._pose = self._odometer.observe(self._state)
         return self._state
+
+    def require_state(self) -> BaseState:
+        """Return the newest state of the base, read now.
+
+        Raises:
+            RefusedError: "no value": the device is absent, or has not reported a state yet.
+        """
+        state = self.refresh()
+        if state is None:
+            raise RefusedError("no value", f"{RSERVER.name}: the base does not report its state{self._why()}")
+        return state
 
     def fields(self, t_ns: int) -> Fields:
         """Return the fields of the base in a frame of `t_ns`, as of the last `refresh`."""
@@ -119,6 +136,10 @@ class Base:
         self._setting = STILL
         self._driver.stop()
 
+    def _why(self) -> str:
+        problems = problems_of(self._driver)
+        return f" ({'; '.join(problems)})" if problems else ""
+
     def _blocking_bumper(self, velocity: float) -> Bumper | None:
         state = self._state
         if state is None or not velocity or not self._bumpers_watched:
@@ -129,32 +150,30 @@ class Base:
 
     # --- calls ---------------------------------------------------------------------------------------
 
-    def _require_state(self) -> BaseState:
-        state = self.refresh()
-        if state is None:
-            raise RefusedError("no value", f"{RSERVER.name}: the base has not reported a state yet")
-        return state
-
     def _bumper(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> robot.Bumpers:
-        state = self._require_state()
+        state = self.require_state()
         return robot.Bumpers(front=state.front_bumper, rear=state.rear_bumper)
 
     def _position(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> robot.Position:
-        state = self._require_state()
+        state = self.require_state()
         return robot.Position(x=self._pose.x, y=self._pose.y, heading=self._pose.heading, t_ns=state.t_ns)
 
     def _set_bumper(self, call_id: CallId, arguments: robot.SetBumper, now_ns: int) -> None:
+        self.require_state()
         self._bumpers_watched = arguments.setting != 0
+        watch = getattr(self._driver, "watch_bumpers", None)  # a base may stop by itself at a bumper
+        if watch is not None:
+            watch(self._bumpers_watched)
 
     def _set_position(self, call_id: CallId, arguments: robot.PoseArguments, now_ns: int) -> None:
-        state = self._require_state()
+        state = self.require_state()
         self._odometer.set(state, _pose(arguments))
         self._pose = self._odometer.observe(state)
 
     def _adjust_position(self, call_id: CallId, arguments: robot.PoseArguments, now_ns: int) -> None:
         delta = _pose(arguments)
         _check_pose(OdometerPose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
-        state = self._require_state()
+        state = self.require_state()
         self._odometer.adjust(state, delta)
         self._pose = self._odometer.observe(state)
 

@@ -37,6 +37,7 @@ class Pilot(OutsideControl[Motion]):
     """The motions of outside connections. Mutable.
 
     `allowed` (the range) and `clients` (the clients of the network by priority) are those of the deployment.
+    `stops_immediately` is True if the connection that acts stops the base by its emergency stop.
 
     Args:
         limits: the limits of the base.
@@ -44,6 +45,7 @@ class Pilot(OutsideControl[Motion]):
         values: converts speeds to values of the actuator.
         is_ticking: function that returns True if the Clock is ticking at a given time; otherwise, motions are
             refused.
+        require_state: raises RefusedError if the base does not report a state; motions are refused then.
     """
 
     def __init__(
@@ -52,15 +54,18 @@ class Pilot(OutsideControl[Motion]):
         emergency: StopFollower,
         values: Callable[[Speeds], tuple[float, ...]],
         is_ticking: Callable[[int], bool],
+        require_state: Callable[[], object],
     ) -> None:
         super().__init__(lambda: (self._contest,), emergency, is_ticking, "the base")
         self._values = values
+        self._require_state = require_state
         self._settings = motion_commands.initial_settings(limits)
         self._proposal: _Proposal | None = None
         self.outside_commanders = OutsideCommanders[Motion]()
         self.allowed = motion_commands.full_range(limits)
         self.clients: Mapping[int, str] = {}
         self.mode: Mode = "joystick"
+        self.stops_immediately = False
 
     @property
     def methods(self) -> tuple[Method, ...]:
@@ -141,6 +146,7 @@ class Pilot(OutsideControl[Motion]):
             fault: reason why the actuator was idle in its place.
         """
         proposal, self._proposal = self._proposal, None
+        self.stops_immediately = False
         if proposal is not None and proposal.commander.caller.connection != outside:
             proposal = None
         for commander in self.outside_commanders.commanding:
@@ -157,6 +163,7 @@ class Pilot(OutsideControl[Motion]):
         elif commander.held_since_ns is None:
             commander.held_since_ns = now_ns
         self.mode = motion.mode(proposal.step.motion)
+        self.stops_immediately = motion.is_immediate_halt(proposal.step.motion)
         return sent
 
     def on_network_dispatch(self, active: bool) -> None:
@@ -221,7 +228,9 @@ class Pilot(OutsideControl[Motion]):
     # --- calls ---------------------------------------------------------------------------------------
 
     def _admit_motion(self, caller: Caller, now_ns: int) -> Commander[Motion]:
-        return self.admit_while_ticking(caller, self._contest, now_ns)
+        commander = self.admit_while_ticking(caller, self._contest, now_ns)
+        self._require_state()
+        return commander
 
     def _set_motion(self, call_id: CallId, new_motion: FiniteMotion, wait: bool, now_ns: int) -> Later | None:
         """Set a command that stays in force until it is done."""

@@ -77,7 +77,9 @@ class RServer:
         self._publisher = Publisher(
             self.address, self._read, frames_kept=frames_kept, stopped=lambda: self._emergency.stopped
         )
-        self._pilot = Pilot(self._base.limits, self._emergency, self._values, self._is_ticking)
+        self._pilot = Pilot(
+            self._base.limits, self._emergency, self._values, self._is_ticking, self._base.require_state
+        )
         self._leadership = Leadership(self.address)
         self._leader: str | None = None
         methods = (*self._pilot.methods, *self._base.methods, *self._methods())
@@ -201,9 +203,12 @@ class RServer:
         requested = speeds_of(actuator, values) if speeds is None else speeds
         if requested.velocity:
             self._base.refresh()
-        bumper = self._base.drive(requested)
-        if bumper is not None:
-            self._on_bumper(requested, bumper, now_ns)
+        if speeds is not None and self._pilot.stops_immediately:
+            self._base.stop()
+        else:
+            bumper = self._base.drive(requested)
+            if bumper is not None:
+                self._on_bumper(requested, bumper, now_ns)
         self._commanded_ns = now_ns
 
     def _is_ticking(self, now_ns: int) -> bool:

@@ -160,8 +160,40 @@ def test_stopping_gradually_and_at_once() -> None:
         stage.do("ann/1", robot.stop(mode))
         stage.frame()
         assert stage.base.velocity == pytest.approx(following)
+        assert len(stage.base.stops) == 1 + mode  # it stops at its start; at once is the stop of the device
         stage.frame(count=20)
         assert stage.base.velocity == 0.0
+
+
+def test_a_base_that_reports_nothing_is_not_moved(stage: Stage) -> None:
+    stage.base.mute = True
+    for ask in (robot.drive(100.0, 0.0), robot.move(100.0), robot.set_bumper(0)):
+        problem = stage.problem("ann/1", ask)
+        assert (problem.code, problem.message) == ("no value", "RServer: the base does not report its state")
+    stage.do("ann/1", robot.stop())
+    stage.frame()
+    assert all(velocity == 0.0 for _, velocity, _ in stage.base.told)
+    stage.base.mute = False
+    stage.do("ann/1", robot.drive(100.0, 0.0))
+
+
+class Switched(RollingBase):
+    """It stops by itself at a bumper, which can be switched off."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.watched: list[bool] = []
+
+    def watch_bumpers(self, watched: bool) -> None:
+        self.watched.append(watched)
+
+
+def test_a_device_that_watches_its_bumpers_is_told_not_to() -> None:
+    stage = stage_for(base=Switched())
+    stage.do("ann/1", robot.set_bumper(0))
+    stage.do("ann/1", robot.set_bumper(1))
+    assert isinstance(stage.base, Switched)
+    assert stage.base.watched == [False, True]
 
 
 def test_a_stop_stands_in_the_networks_place_for_its_lease() -> None:

@@ -128,6 +128,15 @@ class HardwareBase:
         except (Exception, SystemExit) as problem:
             self._note("stop", problem)
 
+    def watch_bumpers(self, watched: bool) -> None:
+        """Have the base stop by itself at a bumper or not, if its driver has a method for that."""
+        try:
+            watch = getattr(self._driver, "watch_bumpers", None)
+            if watch is not None:
+                watch(watched)
+        except (Exception, SystemExit) as problem:
+            self._note("watch_bumpers", problem)
+
     def state(self) -> BaseState | None:
         """Return the newest snapshot, in the time of the robot; None if there is none, or no valid one."""
         self._problems.end_frame()
