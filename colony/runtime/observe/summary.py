@@ -13,7 +13,7 @@ from colony.ir.site import Site
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Fate, Hold
 from colony.runtime.protocol.topics import client_address
-from colony.text.wording import counted
+from colony.text.wording import counted, printable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -324,7 +324,7 @@ def render(summary: RunSummary) -> str:
         f"  {i.actuator}: {_describe(i)} in {counted(i.frames, 'frame')}{_ignored_limits(i)}"
         for i in summary.interventions
     ]
-    lines += [f"  {failure}" for failure in summary.driver_failures]
+    lines += [f"  {printable(failure)}" for failure in summary.driver_failures]
     if summary.restarts:
         lines.append(f"  all memory restarted {counted(summary.restarts, 'time')}")
     if summary.skipped:

@@ -199,6 +199,6 @@ def test_what_kept_the_network_from_deciding() -> None:
 def test_drivers_that_failed_are_named() -> None:
     tally = Tally(compile_program(roam()).compiled)
     summary = tally.summary(seed=0, duration_s=0.0, interrupted=False, travel=None)
-    failed = replace(summary, driver_failures=("Lidar failed: no bus",))
-    assert render(failed).splitlines()[-1] == "  Lidar failed: no bus"
-    assert failed.as_json()["driver_failures"] == ("Lidar failed: no bus",)
+    failed = replace(summary, driver_failures=("Lidar failed: \x1b[31mno bus",))
+    assert render(failed).splitlines()[-1] == r"  Lidar failed: \x1b[31mno bus"
+    assert failed.as_json()["driver_failures"] == failed.driver_failures
