@@ -22,7 +22,7 @@ test: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal tests
 
 test-long: $(DEV)
-	$(BIN)/python -m pytest -n auto --dist worksteal -m long tests
+	$(BIN)/python -m pytest -n auto --dist worksteal -m 'long and not thorough' tests
 
 test-thorough: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m thorough tests

@@ -11,6 +11,7 @@ from colony.dsl.load import load_file
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, Machine
 from tests.paths import ROOT
+from tests.sampling import sampled
 
 DRIVING = [f for f in sorted((ROOT / "behaviors").glob("*.colony")) if load_file(f).wires]
 SETTINGS = {"teleop": ("--set", "TeleopVelocity=200")}
@@ -22,7 +23,7 @@ def test_most_of_them_drive() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("file", DRIVING, ids=lambda path: path.stem)
+@pytest.mark.parametrize("file", sampled(DRIVING, every=3, thorough=True), ids=lambda path: path.stem)
 def test_it_decides_as_the_interpreter_does(file: Path, machine: Machine, colony: Colony) -> None:
     asked = ("--map", MAP, "--processes", "--duration", "2", "--seed", str(SEED), "--no-picture")
     told = ("--record", "run.mcap", "--format", "json", *SETTINGS.get(file.stem, ()))
