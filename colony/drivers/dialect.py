@@ -110,6 +110,7 @@ class Dialect(ABC, Generic[Packet]):
             is refused as a whole. A ring's `math.inf`, no echo, is always in bounds.
         max_speed, max_turn: greatest speeds in mm/s and deg/s that the base can physically have; a packet
             with a greater one is refused as a whole.
+        silent_s: seconds without any packet after which the device counts as lost, and is opened again.
     """
 
     baud: int = 0
@@ -120,6 +121,7 @@ class Dialect(ABC, Generic[Packet]):
     bounds: Mapping[str, tuple[float, float]] = {}
     max_speed: float = 5_000.0
     max_turn: float = 1_000.0
+    silent_s: float = 2.0
 
     @abstractmethod
     def decoder(self) -> Decoder[Packet]:
