@@ -200,8 +200,7 @@ def main() -> None:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return
-    os.truncate(lock, 0)
-    os.write(lock, f"{os.getpid()}\n".encode())
+    os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
     with suppress(FileNotFoundError):
         os.unlink(path)  # of a guard that was killed
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)

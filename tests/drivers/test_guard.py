@@ -51,7 +51,9 @@ def guard_socket(robot: TinyRobot) -> Path:
 
 
 def guard_pid(robot: TinyRobot) -> int:
-    return int(Path(f"{guard_socket(robot)}.lock").read_text())
+    path = Path(f"{guard_socket(robot)}.lock")
+    wait_for(path.read_text)  # it has just begun
+    return int(path.read_text())
 
 
 def guard_runs(robot: TinyRobot) -> bool:
