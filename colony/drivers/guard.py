@@ -1,4 +1,4 @@
-"""The guard of a port: the one process that holds a serial port, and that stops the base when its driver dies.
+"""The guard of a port: the one process that holds a serial port, and stops the base when its driver dies.
 
 Drivers connect over a unix socket of packets (`guard_packets.py`). What arrives from the port goes to all of
 them. At most one, which said hello, commands. The guard knows no protocol: the hello brings the bytes that
@@ -6,7 +6,7 @@ stop the base, those that end the session, and the deadline.
 
 - Decided bytes carry out a frame that was decided now. Only the commanding driver sends them, a newer packet
   replaces one that waits, and one that is older than the deadline is dropped.
-- When the deadline passes without another, when the commanding driver ends or says so, when the port is opened
+- When the deadline passes without another, when the commanding driver ends or says so, when the port opens
   again, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
 - The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
@@ -200,6 +200,7 @@ def main() -> None:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return
+    os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
     with suppress(FileNotFoundError):
         os.unlink(path)  # of a guard that was killed
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)

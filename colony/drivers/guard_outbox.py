@@ -1,4 +1,4 @@
-"""What a guard has to write: whole packets, the stop first, never faster than the line. Pure: times are given."""
+"""What a guard has to write: whole packets, the stop first, at the line's pace. Pure: times are given."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The port of a guard: opened again with increasing pauses when it is lost, and written at the line's pace."""
+"""The port of a guard: opened again with increasing pauses when it is lost, written at the line's pace."""
 
 from __future__ import annotations
 

@@ -24,8 +24,6 @@ WAKE_S = 0.02
 CLOSE_S = 1.0
 """Seconds that the thread has to end when the line is closed."""
 
-SILENT = "the device has fallen silent"
-
 
 def to_stderr(problem: str) -> None:
     """Write a problem into the log of the server."""
@@ -98,9 +96,9 @@ class Line(Generic[Packet]):
             connection.stop()
 
     def base(self) -> BaseState | None:
-        """Return the newest state of the base."""
+        """Return the newest state of the base; None until the device is ready."""
         with self._lock:
-            return self._measured.base
+            return self._measured.base if self._is_ready else None
 
     def readings(self) -> Mapping[str, Reading]:
         """Return the newest measurements with their ages."""
@@ -153,8 +151,8 @@ class Line(Generic[Packet]):
         if self._opening is not None:
             self._opening.on_time(now_ns)
             self._end_opening(now_ns)
-        elif self._is_ready and self._command and now_ns - self._heard_ns > self._dialect.silent_s * 1e9:
-            raise OpeningError(f"{SILENT} for {self._dialect.silent_s:g} s: it is opened again")
+        elif self._is_ready and now_ns - self._heard_ns > self._dialect.silent_s * 1e9:
+            self._lose_silent()
 
     def _begin(self, connection: GuardConnection, baud: int) -> None:
         if baud != self._baud:
@@ -162,7 +160,7 @@ class Line(Generic[Packet]):
             raise LinkError(f"{text}: give all servers of the port the same `baud`, and end them first")
         self._decoder = self._dialect.decoder()
         self._dialect.restart()
-        self._is_ready = False
+        self._is_ready, self._heard_ns = self._command is None, time.monotonic_ns()
         if self._command is not None:
             self._problem = "the device is being opened"
             now_ns = time.monotonic_ns()
@@ -172,6 +170,12 @@ class Line(Generic[Packet]):
     def _end_opening(self, now_ns: int) -> None:
         if self._opening is not None and self._opening.is_done:
             self._opening, self._is_ready, self._heard_ns = None, True, now_ns
+
+    def _lose_silent(self) -> None:
+        silence = f"nothing was heard for {self._dialect.silent_s:g} s"
+        if self._command is not None:
+            raise OpeningError(f"{silence}: the device is opened again")
+        self._lose(OpeningError(f"{silence}: does RServer run, whose driver opens the device?"))
 
     def _hear(self, packet: Packet, t_ns: int) -> None:
         """Take a packet: what it measures, and what it answers."""
@@ -185,7 +189,7 @@ class Line(Generic[Packet]):
                 self._measured.take(readings, measured_ns)
         except ImplausibleError as problem:
             self._implausible.report("", "", f"a packet was refused: {problem}")
-        if self._opening is None:
+        if self._is_ready:
             self._note_success()
 
     def _note_success(self) -> None:

@@ -119,9 +119,11 @@ def _serial(path: str, baud: int) -> Link:
     rate = {"baudrate": baud} if baud else {}
     try:
         port = serial.Serial(path, **rate, timeout=0, write_timeout=0, exclusive=True)
-        with suppress(OSError):
-            fcntl.ioctl(port.fd, termios.TIOCEXCL)  # so that programs that take no lock cannot open it either
-    except (OSError, ValueError) as problem:
+        fcntl.ioctl(port.fd, termios.TIOCEXCL)  # so that programs that take no lock cannot open it either
+        settings = termios.tcgetattr(port.fd)
+        settings[6][termios.VMIN] = 1  # so that no bytes and a pulled cable are not the same
+        termios.tcsetattr(port.fd, termios.TCSANOW, settings)
+    except (OSError, ValueError, termios.error) as problem:
         raise LinkError(_why_not(path, problem)) from None
     return _Descriptor(port, port.fd)
 

@@ -16,7 +16,7 @@ from colony.runtime.servers.drivers import BaseState, Reading
 
 DEADLINE_NS = 150_000_000
 DEADLINE_FRAMES = 3
-"""The guard stops the base after this time without a decision, or after this many frames if that is longer."""
+"""Time without a decision after which the guard stops the base, or number of frames if that is longer."""
 
 DEFAULT_FRAME_NS = 50_000_000
 

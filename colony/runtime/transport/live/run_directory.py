@@ -3,7 +3,7 @@
     <run directory>/<robot>/RServer.sock     the socket on which RServer listens
     <run directory>/<robot>/RServer.claim    locked by the process that runs RServer; contains its process id
     <run directory>/<robot>/base             the origin of the robot's time
-    <run directory>/ttyUSB0-<hash>.guard     the socket of the guard of a serial port (colony/drivers/guard.py)
+    <run directory>/ttyUSB0-<hash>.guard     the socket of the guard of a port (`colony.drivers.guard`)
 
 A process that can open the sockets has full control of the robot, so only its owner may enter the folder.
 """
