@@ -20,7 +20,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Generic
+from typing import Generic
 
 from colony.drivers.decoder import Decoder, Packet
 from colony.ir.types import ScalarValue, Value
@@ -117,7 +117,7 @@ class Dialect(ABC, Generic[Packet]):
     delay_ns: int = 0
     stop_bytes: bytes = b""
     goodbye: bytes = b""
-    rings: ClassVar[Mapping[str, int]] = {}
+    rings: Mapping[str, int] = {}
     bounds: Mapping[str, tuple[float, float]] = {}
     max_speed: float = 5_000.0
     max_turn: float = 1_000.0

@@ -107,8 +107,8 @@ LAYOUTS = {
 }
 """Poses of sonars, which several models share."""
 
-# model, units of distance (mm), speed (mm/s), range (mm), turn; rad/s for 1 mm/s; most mm/s, deg/s; bumpers in
-# front and behind; sonars
+# model; units of distance (mm), speed (mm/s), range (mm), turn; rad/s for 1 mm/s; most mm/s and deg/s;
+# bumpers in front and behind; sonars
 _TABLE = """
 amigo                0.5083 0.6154      1 4096   0.011 1000 300 0 0  amigo
 amigo-sh                  1      1      1 4096   0.011 1000 300 0 0  amigo-sh
