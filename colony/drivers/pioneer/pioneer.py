@@ -61,7 +61,7 @@ CONFIG = 0x20
 class Pioneer(Dialect[bytes]):
     """The dialect. Mutable: has the pose by dead reckoning.
 
-    Fields: battery (percent), volts, charging, motors (whether they are enabled), stop_button, stalled.
+    Fields: battery (percent), volts, charging, motors_off, stop_button, stalled.
     Ring: sonar (mm).
 
     Args:
@@ -192,7 +192,7 @@ def _fields(sip: StandardSip) -> dict[str, Value]:
         "stalled": sip.left_stalled or sip.right_stalled,
     }
     if sip.battery_fine is not None:  # older firmware has something else in its flags
-        fields |= {"motors": bool(sip.flags & 1), "stop_button": bool(sip.flags >> 5 & 1)}
+        fields |= {"motors_off": not sip.flags & 1, "stop_button": bool(sip.flags >> 5 & 1)}
     if sip.charge is not None:
         fields["charging"] = sip.charge > 0
     return fields
@@ -255,8 +255,8 @@ def battery(port: str, *, baud: int = 0, **options: bool | float | str) -> Seria
 
 
 def panel(port: str, *, baud: int = 0, **options: bool | float | str) -> SerialFields[bytes]:
-    """Return the driver of a server with the fields `estop`, `motors` and `stalled`."""
-    names = {"estop": "stop_button", "motors": "motors", "stalled": "stalled"}
+    """Return the driver of a server with the fields `estop`, `motors_off` and `stalled`."""
+    names = {"estop": "stop_button", "motors_off": "motors_off", "stalled": "stalled"}
     return SerialFields(_dialect(baud, options), port, names, baud=baud)
 
 
