@@ -78,7 +78,7 @@ class Emulator:
 
     def _step(self) -> None:
         """Let one step pass: the robot, and what the line carries in that time."""
-        self._in_budget = min(self._in_budget, 16.0) + self._bytes_per_s * STEP_S
+        self._in_budget = (self._in_budget if self._in else 0.0) + self._bytes_per_s * STEP_S
         taken = min(len(self._in), int(self._in_budget))
         self._in_budget -= taken
         self.firmware.receive(bytes(self._in[:taken]))
@@ -87,7 +87,7 @@ class Emulator:
         for packet in self.firmware.packets():
             if len(self._out) < 2 * 256:  # a line that is too slow loses packets, not bytes of them
                 self._out += packet
-        self._budget = min(self._budget, 16.0) + self._bytes_per_s * STEP_S
+        self._budget = (self._budget if self._out else 0.0) + self._bytes_per_s * STEP_S
         size = min(len(self._out), int(self._budget))
         if size:
             with suppress(OSError):

@@ -182,6 +182,11 @@ class Firmware:
                     self._out.append(encoded(self._encoder_packet()))
 
     @property
+    def set_points(self) -> tuple[float, float]:
+        """The speeds that it was told last, in mm/s and deg/s, and goes on with once it may."""
+        return self._velocity, self._rate
+
+    @property
     def is_timed_out(self) -> bool:
         """Whether the watchdog holds the motors."""
         return bool(self._watchdog_ms) and self._silent_s * 1000.0 > self._watchdog_ms
