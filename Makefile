@@ -13,7 +13,7 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
-.PHONY: run test test-long check format bench soak stops loss agreement angles attack wheel tables mutants clean
+.PHONY: run test test-long test-thorough check format bench soak stops loss agreement angles attack wheel tables mutants clean
 
 run: $(ALL)
 	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
@@ -23,6 +23,9 @@ test: $(DEV)
 
 test-long: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m long tests
+
+test-thorough: $(DEV)
+	$(BIN)/python -m pytest -n auto --dist worksteal -m thorough tests
 
 check: $(DEV)
 	$(BIN)/ruff format --check .

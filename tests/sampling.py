@@ -1,4 +1,4 @@
-"""What takes long: `make test` runs a sample of it, `make test-long` the rest."""
+"""What takes long: `make test` runs a sample of it, `make test-long` or `make test-thorough` the rest."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ def long(*values: object) -> ParameterSet:
     return pytest.param(*values, marks=pytest.mark.long)
 
 
-def sampled(values: Sequence[T], *, every: int) -> list[T | ParameterSet]:
-    """Return parameters of which `make test` runs the first, and each that is `every` places after one."""
-    return [long(value) if at % every else value for at, value in enumerate(values)]
+def sampled(values: Sequence[T], *, every: int, thorough: bool = False) -> list[T | ParameterSet]:
+    """Return parameters of which `make test` runs the first, and each that is `every` places after one.
+
+    `make test-long` runs the others; if they are `thorough`, only `make test-thorough` does.
+    """
+    mark = pytest.mark.thorough if thorough else pytest.mark.long
+    return [pytest.param(value, marks=mark) if at % every else value for at, value in enumerate(values)]

@@ -170,6 +170,7 @@ class Line(Generic[Packet]):
     def _end_opening(self, now_ns: int) -> None:
         if self._opening is not None and self._opening.is_done:
             self._opening, self._is_ready, self._heard_ns = None, True, now_ns
+            self._note_success()
 
     def _lose_silent(self) -> None:
         silence = f"nothing was heard for {self._dialect.silent_s:g} s"

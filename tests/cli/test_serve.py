@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.kit.connection import Session
+from colony.runtime.kit.connection import Connection, Session
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import data, robot
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status
@@ -151,6 +152,15 @@ def test_a_run_goes_on_when_the_robot_comes_back(machine: Machine, served: Start
         assert one.wait() == code
 
 
+def reports(base: Connection) -> bool:
+    """Whether the base behind RServer reports its state."""
+    try:
+        base.do(robot.position())
+    except CallRefusedError:
+        return False
+    return True
+
+
 @pytest.mark.long
 def test_one_server_at_a_time(machine: Machine, colony: Colony) -> None:
     simulator = machine.start("serve", "Simulator", "--robot", ROBOT, "--map", MAP, "--camera", "left=90")
@@ -166,7 +176,7 @@ def test_one_server_at_a_time(machine: Machine, colony: Colony) -> None:
     assert second.code == 2
     assert f"RServer of {ROBOT} is already running" in second.err
     with machine.session() as session, session.connect("RServer", name="test", priority=3) as base:
-        until(machine.truth, "the plant answers")
+        until(lambda: reports(base), "RServer has found the plant")
         base.do(robot.go(200.0, lease=60.0))
         until(machine.moves, "the robot drives")
         started["RServer"].tell(signal.SIGTERM)

@@ -74,7 +74,7 @@ def test_few_files_may_be_open(run: Callable[..., Ran], command: Command, code: 
     assert "`ulimit -n`" in done.err
 
 
-@pytest.mark.parametrize("most", sampled([12, 16, 20, 24, 32, 40], every=3))
+@pytest.mark.parametrize("most", sampled([12, 16, 20, 24, 32, 40], every=3, thorough=True))
 def test_a_few_more_files_may_be_open(run: Callable[..., Ran], most: int) -> None:
     done = run(*PROCESSES, limits={resource.RLIMIT_NOFILE: most})
     assert done.code in (1, 2)

@@ -138,7 +138,7 @@ def ran(folder: Path, command: tuple[str, ...], files: list[Path]) -> list[dict[
     return [json.loads(line) for line in lines]
 
 
-@pytest.mark.parametrize("name", sampled(tuple(COMMANDS), every=12))
+@pytest.mark.parametrize("name", sampled(tuple(COMMANDS), every=12, thorough=True))
 def test_strange_files(tmp_path: Path, name: str) -> None:
     (suffix,) = (Path(a).suffix for a in COMMANDS[name] if a.startswith("FILE"))
     command = tuple("FILE" if a.startswith("FILE") else a for a in COMMANDS[name])

@@ -8,13 +8,13 @@ from tests.sampling import sampled
 from tests.verify.drawn_programs import outlined, verdicts
 
 
-@pytest.mark.parametrize("seed", sampled(range(2, 42), every=10))
+@pytest.mark.parametrize("seed", sampled(range(2, 42), every=10, thorough=True))
 def test_drawn_traces_show_what_is_said_of_contracts(seed: int) -> None:
     _, findings = verdicts(seed)
     assert not findings
 
 
-@pytest.mark.parametrize("seed", sampled(range(40), every=5))
+@pytest.mark.parametrize("seed", sampled(range(40), every=5, thorough=True))
 def test_functions_and_inputs_change_nothing(seed: int) -> None:
     _, findings = outlined(seed)
     assert not findings

@@ -66,6 +66,6 @@ def _check(seed: int) -> Counter[str]:
     return robot.happened
 
 
-@pytest.mark.parametrize("seed", sampled(tuple(range(200)), every=8))
+@pytest.mark.parametrize("seed", sampled(tuple(range(200)), every=8, thorough=True))
 def test_a_lift_is_told_what_was_decided_or_is_idle(seed: int) -> None:
     _check(seed)

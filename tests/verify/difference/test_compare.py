@@ -341,7 +341,7 @@ MUTANTS = [
 ]
 
 
-@pytest.mark.parametrize("mutant", sampled(MUTANTS, every=6), ids=" ".join)
+@pytest.mark.parametrize("mutant", sampled(MUTANTS, every=6, thorough=True), ids=" ".join)
 def test_a_behavior_with_one_constant_changed(mutant: tuple[str, str, str]) -> None:
     name, old, new = mutant
     path = ROOT / "behaviors" / f"{name}.colony"

@@ -42,7 +42,7 @@ def test_all_forms_of_shipped_behaviors_are_proved(path: Path) -> None:
     assert result.forms == ("clients", "JSON", "lowered code", "generated Python")
 
 
-@pytest.mark.parametrize("seed", sampled(range(60), every=3))
+@pytest.mark.parametrize("seed", sampled(range(60), every=3, thorough=True))
 @pytest.mark.parametrize("network", [True, False], ids=["network", "whole"])
 def test_all_forms_of_drawn_programs_are_proved(seed: int, network: bool) -> None:
     program, _ = run_of_seed(seed, network=network)

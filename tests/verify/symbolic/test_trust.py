@@ -255,7 +255,7 @@ def _reasons(expression: str) -> tuple[Reason, ...]:
     return reasons_of(system, *terms)
 
 
-@pytest.mark.parametrize("path", sampled(BEHAVIORS, every=4), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sampled(BEHAVIORS, every=4, thorough=True), ids=lambda p: p.stem)
 def test_examples_of_behaviors(path: Path) -> None:
     program = load_file(path)
     trust = Trust(program)
@@ -266,7 +266,7 @@ def test_examples_of_behaviors(path: Path) -> None:
         assert tally.exact + tally.within > tally.open
 
 
-@pytest.mark.parametrize("start", sampled([0, 12, 24], every=3))
+@pytest.mark.parametrize("start", sampled([0, 12, 24], every=3, thorough=True))
 def test_drawn_programs(start: int) -> None:
     for seed in range(start, start + 12):
         tally = held_against(*run_of_seed(seed, max_frames=4))
