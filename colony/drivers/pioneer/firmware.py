@@ -183,7 +183,7 @@ class Firmware:
 
     @property
     def set_points(self) -> tuple[float, float]:
-        """The speeds that it was told last, in mm/s and deg/s, and goes on with once it may."""
+        """The latched speeds, in mm/s and deg/s, which it resumes once it may."""
         return self._velocity, self._rate
 
     @property

@@ -118,7 +118,7 @@ class Pioneer(Dialect[bytes]):
         self._registers.restart()
 
     def opening(self) -> Opening[bytes]:
-        """Return the handshake, the check of who answers, and the settings."""
+        """Return the handshake, the check of the model, and the settings."""
         yield Send(b"", SETTLE_S)
         _expect_model((yield from _synchronized(self.baud)), self._row.model)
         if (yield Ask(command(Command.OPEN), lambda data: data[0] in STANDARD)) is None:
@@ -199,7 +199,7 @@ def _fields(sip: StandardSip) -> dict[str, Value]:
 
 
 def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, Identity]:
-    """Return who the robot is, after SYNC0, SYNC1 and SYNC2; a wrong answer begins again."""
+    """Return the identity of the robot, after SYNC0, SYNC1 and SYNC2; a wrong answer begins again."""
     for _ in range(ATTEMPTS):
         for number in (0, 1, 2):
             answer = yield Ask(command(number), _any)

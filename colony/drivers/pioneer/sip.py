@@ -70,7 +70,7 @@ class EncoderSip:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """Who a robot is: the answer to SYNC2."""
+    """The identity of a robot: the answer to SYNC2."""
 
     name: str
     type: str
