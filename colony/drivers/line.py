@@ -72,8 +72,8 @@ class Line(Generic[Packet]):
 
     @property
     def problem(self) -> str | None:
-        """Why the device does not work now; None while it does."""
-        return self._problem
+        """Why the device does not work, from its first failure until it works again; else None."""
+        return None if self._problems is None else self._problem
 
     def decide(self, data: bytes) -> None:
         """Send bytes that carry out the frame that is being decided, in the thread that decides it.
