@@ -56,6 +56,7 @@ def test_there_are_behaviors_and_maps() -> None:
         "follow_wall",
         "warehouse",
         "omni",
+        "pioneer",
         "shelves",
         "recharge",
     }

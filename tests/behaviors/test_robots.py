@@ -35,7 +35,7 @@ def program_of(behavior: str, robot: str) -> Program:
 
 
 def test_there_are_robots() -> None:
-    assert {robot for _, robot in PAIRS} == {"amr", "omni", "rome"}
+    assert {robot for _, robot in PAIRS} == {"amr", "omni", "pioneer", "rome"}
 
 
 @each_pair

@@ -1,0 +1,317 @@
+"""What runs in an emulated Pioneer: the session, the base with its motors, sonars, bumpers and battery. Pure.
+
+Bytes go in and packets come out; time passes in steps of 5 ms, as in the robot. What is around the robot is a
+function. The robot stands at first in the middle of its registers, x ahead, y to the left.
+
+It does what the manuals say, and what others met: positions wrap at 15 bits, a standard packet has only the
+sonars that fired since the last one, the watchdog stops the motors and the next command lets them go on.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+
+from colony.drivers.pioneer.codec import Command, argument_of, decoder, encoded
+from colony.drivers.pioneer.parameters import Parameters, SonarPose
+
+STEP_S = 0.005
+"""The cycle of the motors' controller."""
+
+FIRE_S = 0.04
+"""Time between two sonars of one array: 25 Hz."""
+
+ARRAY = 8
+"""Number of sonars of an array, which fire in turn."""
+
+SONAR_MAX_MM = 5000.0
+HALF_BEAM_DEG = 10.0
+RADIUS_MM = 250.0
+TOUCH_MM = 8.0
+ESTOP_DECELERATION = 4000.0
+FULL_V, DRAIN_V_PER_S = 12.8, 0.0001
+
+Surroundings = Callable[[float, float, float], float]
+"""The range in mm from a point (mm) into a direction (degrees counterclockwise); infinite for nothing."""
+
+
+def room(width: float, depth: float) -> Surroundings:
+    """Return an empty room around the start, `depth` mm from front to back, `width` from side to side."""
+
+    def range_from(x: float, y: float, bearing: float) -> float:
+        ahead, left = math.cos(math.radians(bearing)), math.sin(math.radians(bearing))
+        walls = (
+            (depth / 2.0 - math.copysign(x, x * ahead), ahead),
+            (width / 2.0 - math.copysign(y, y * left), left),
+        )
+        return max(0.0, min((gap / abs(part) for gap, part in walls if abs(part) > 1e-9), default=math.inf))
+
+    return range_from
+
+
+def open_field(x: float, y: float, bearing: float) -> float:
+    """Return infinity: there is nothing."""
+    return math.inf
+
+
+class Firmware:
+    """The robot. Mutable.
+
+    Attributes:
+        pose: x and y in mm, and the heading in degrees, as it is; the registers show it in their units.
+        speed, turn: speeds as they are, in mm/s and deg/s.
+        stop_button: whether its button is pressed; pressed, it switches the motors off.
+        volts: the voltage of its battery.
+    """
+
+    def __init__(
+        self,
+        row: Parameters,
+        *,
+        around: Surroundings = open_field,
+        watchdog_ms: int = 2000,
+        cycle_ms: int = 100,
+        bumpers: int = 5,
+    ) -> None:
+        self._row, self._around = row, around
+        self._watchdog_ms, self._cycle_s, self._bumpers = watchdog_ms, cycle_ms / 1000.0, bumpers
+        self._decoder = decoder()
+        self._out: list[bytes] = []
+        self.pose = (0.0, 0.0, 0.0)
+        self.speed = self.turn = 0.0
+        self.stop_button = False
+        self.volts = FULL_V
+        self._encoders = [0.0, 0.0]
+        self._time_s = 0.0
+        self._reset()
+
+    def _reset(self) -> None:
+        """Begin without a session."""
+        self._synced, self.is_open = 0, False
+        self.motors = self._is_estopped = self._sonar_on = False
+        self._velocity = self._rate = 0.0  # the set points, which are kept
+        self._origin = (0.0, 0.0, 0.0)
+        self._acceleration, self._deceleration = 300.0, 300.0
+        self._turn_acceleration = self._turn_deceleration = 100.0
+        self._silent_s = self._packet_s = 0.0
+        self._fired: list[tuple[int, int]] = []
+        self._fire_s, self._next = 0.0, 0
+        self._streams_encoders = False
+
+    # --- the line ------------------------------------------------------------------------------------
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the host."""
+        for packet in self._decoder.feed(data):
+            self._silent_s = 0.0
+            if self.is_open:
+                self._obey(packet[0], argument_of(packet))
+            else:
+                self._greet(packet[0])
+
+    def packets(self) -> list[bytes]:
+        """Return what is to be sent, oldest first, and forget it."""
+        out, self._out = self._out, []
+        return out
+
+    def _greet(self, number: int) -> None:
+        if self._synced == 3 and number == Command.OPEN:
+            self.is_open = True
+            self._origin = self.pose
+        elif number == self._synced:
+            names = b"Emulated\0Pioneer\0" + self._row.model.encode() + b"\0" if number == 2 else b""
+            self._out.append(encoded(bytes([number]) + names))
+            self._synced += 1
+        elif number in (0, 1, 2):
+            self._synced = 0
+            self._out.append(encoded(bytes([0xFF])))
+
+    def _obey(self, number: int, argument: int | bytes | None) -> None:
+        value = argument if isinstance(argument, int) else 0
+        match number:
+            case Command.CLOSE:
+                self._reset()
+            case Command.ENABLE:
+                self.motors = value != 0 and not self.stop_button
+                self._is_estopped = False
+            case Command.SETA if value > 0:
+                self._acceleration = value
+            case Command.SETA:
+                self._deceleration = -value
+            case Command.SETRA if value > 0:
+                self._turn_acceleration = value
+            case Command.SETRA:
+                self._turn_deceleration = -value
+            case Command.SETO:
+                self._origin = self.pose
+            case Command.VEL:
+                self._velocity, self._is_estopped = float(value), self._is_estopped and not value
+            case Command.RVEL:
+                self._rate, self._is_estopped = float(value), self._is_estopped and not value
+            case Command.STOP | Command.ESTOP:
+                self._velocity = self._rate = 0.0
+                self._is_estopped = number == Command.ESTOP
+            case Command.SONAR:
+                self._sonar_on = bool(value & 1)
+            case Command.CONFIG:
+                self._out.append(encoded(self._config()))
+            case Command.ENCODER:
+                self._streams_encoders = value > 1
+                self._out.append(encoded(self._encoder_packet()))
+            case _:
+                pass
+
+    # --- time ----------------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Let `STEP_S` pass."""
+        self._time_s += STEP_S
+        self._silent_s += STEP_S
+        self.volts = max(10.0, self.volts - DRAIN_V_PER_S * STEP_S)
+        if self.stop_button:
+            self.motors = False
+        self._move()
+        if self.is_open:
+            self._fire()
+            self._packet_s += STEP_S
+            if self._packet_s >= self._cycle_s - 1e-9:
+                self._packet_s = 0.0
+                self._out.append(encoded(self._standard()))
+                if self._streams_encoders:
+                    self._out.append(encoded(self._encoder_packet()))
+
+    @property
+    def set_points(self) -> tuple[float, float]:
+        """The latched speeds, in mm/s and deg/s, which it resumes once it may."""
+        return self._velocity, self._rate
+
+    @property
+    def is_timed_out(self) -> bool:
+        """Whether the watchdog holds the motors."""
+        return bool(self._watchdog_ms) and self._silent_s * 1000.0 > self._watchdog_ms
+
+    def _move(self) -> None:
+        drives = self.is_open and self.motors and not self.is_timed_out and not self._is_estopped
+        brakes = ESTOP_DECELERATION if self._is_estopped or not self.motors else self._deceleration
+        turn_brakes = ESTOP_DECELERATION if self._is_estopped or not self.motors else self._turn_deceleration
+        wanted, rate = (self._velocity, self._rate) if drives else (0.0, 0.0)
+        wanted = max(-self._row.max_speed, min(self._row.max_speed, wanted))
+        rate = max(-self._row.max_turn, min(self._row.max_turn, rate))
+        self.speed = _towards(self.speed, wanted, self._acceleration, brakes)
+        self.turn = _towards(self.turn, rate, self._turn_acceleration, turn_brakes)
+        if self.is_blocked:
+            self.speed = 0.0
+        x, y, heading = self.pose
+        middle = math.radians(heading + self.turn * STEP_S / 2.0)
+        x += self.speed * STEP_S * math.cos(middle)
+        y += self.speed * STEP_S * math.sin(middle)
+        self.pose = (x, y, heading + self.turn * STEP_S)
+        for i, wheel in enumerate(self._wheels()):
+            self._encoders[i] += wheel * STEP_S
+
+    def _wheels(self) -> tuple[float, float]:
+        half = math.radians(self.turn) / self._row.turn_per_speed
+        return self.speed - half, self.speed + half
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether something is in the way, so that the wheels stall."""
+        if not self.speed:
+            return False
+        ahead = 0.0 if self.speed > 0.0 else 180.0
+        return any(self._gap(ahead + side) <= 0.0 for side in range(-80, 81, 20))
+
+    def _gap(self, bearing: float) -> float:
+        """Return the way from the hull to what is there, in mm."""
+        x, y, heading = self.pose
+        return self._around(x, y, heading + bearing) - RADIUS_MM
+
+    def _pressed(self, middle: float) -> int:
+        """Return the pressed segments of the bumper whose middle is at this bearing."""
+        bearings = [middle + 30.0 * (i - (self._bumpers - 1) / 2.0) for i in range(self._bumpers)]
+        return sum(1 << i for i, bearing in enumerate(bearings) if self._gap(bearing) <= TOUCH_MM)
+
+    def _fire(self) -> None:
+        if not self._sonar_on or not self._row.sonars:
+            return
+        self._fire_s += STEP_S
+        if self._fire_s < FIRE_S - 1e-9:
+            return
+        self._fire_s = 0.0
+        for first in range(0, len(self._row.sonars), ARRAY):
+            number = first + self._next
+            if number < len(self._row.sonars):
+                self._fired.append((number, round(self._echo(self._row.sonars[number]) / self._row.range)))
+        self._next = (self._next + 1) % ARRAY
+
+    def _echo(self, sonar: SonarPose) -> float:
+        x, y, heading = self.pose
+        ahead, left = math.cos(math.radians(heading)), math.sin(math.radians(heading))
+        at = (x + sonar.x * ahead - sonar.y * left, y + sonar.x * left + sonar.y * ahead)
+        beam = (-HALF_BEAM_DEG, 0.0, HALF_BEAM_DEG)
+        return min(SONAR_MAX_MM, *(self._around(*at, heading + sonar.bearing + side) for side in beam))
+
+    # --- packets -------------------------------------------------------------------------------------
+
+    def _standard(self) -> bytes:
+        row = self._row
+        from_x, from_y, from_heading = (now - then for now, then in zip(self.pose, self._origin, strict=True))
+        angle = math.radians(self._origin[2])
+        x = from_x * math.cos(angle) + from_y * math.sin(angle)
+        y = from_y * math.cos(angle) - from_x * math.sin(angle)
+        half = row.turn_units // 2
+        stalled = int(self.is_blocked or (bool(self._velocity) and self.motors and self._touches()))
+        left, right = (round(wheel / row.speed) for wheel in self._wheels())
+        fired, self._fired = self._fired, []
+        return (
+            struct.pack(
+                "<BHHhhhBHhHBB",
+                0x33 if self.speed or self.turn else 0x32,
+                int(x // row.distance) & 0x7FFF,
+                int(y // row.distance) & 0x7FFF,
+                (round(from_heading * row.turn_units / 360.0) + half) % row.turn_units - half,
+                left,
+                right,
+                round(self.volts * 10.0),
+                (self._pressed(180.0) << 1 | stalled) | (self._pressed(0.0) << 1 | stalled) << 8,
+                0,
+                int(self.motors) | int(self._sonar_on) << 1 | int(self.stop_button) << 5,
+                0,
+                len(fired),
+            )
+            + b"".join(struct.pack("<BH", *one) for one in fired)
+            + struct.pack("<BBBBB", 0, 0, 0, 0, 0)
+            + struct.pack("<HBhH", round(self.volts * 10.0), 0, round(self.turn * 10.0), 0)
+        )
+
+    def _touches(self) -> bool:
+        return bool(self._pressed(0.0 if self._velocity > 0.0 else 180.0))
+
+    def _encoder_packet(self) -> bytes:
+        return b"\x90" + b"".join(
+            struct.pack("<I", round(count * 128.0) & 0xFFFFFFFF) for count in self._encoders
+        )
+
+    def _config(self) -> bytes:
+        row = self._row
+        names = (b"Pioneer", row.model.encode(), b"SERIAL")
+        tops = (row.max_turn, row.max_speed, 300, 2000, 500)
+        cycle_ms = round(self._cycle_s * 1000.0)
+        settings = struct.pack("<BBBHHBHHH", cycle_ms, 0, 0, 0, 1, 1, 115, 16570, self._watchdog_ms)
+        return (
+            b"\x20"
+            + b"".join(name + b"\0" for name in names)
+            + struct.pack("<BHHHHH", 0, *tops)
+            + b"Emulated\0"
+            + settings
+            + bytes(33)
+            + bytes([self._bumpers, self._bumpers, 0, 40, 1, 0])
+        )
+
+
+def _towards(now: float, wanted: float, acceleration: float, deceleration: float) -> float:
+    """Return the speed after a step toward the wanted one."""
+    slows = abs(wanted) < abs(now) or now * wanted < 0.0
+    most = (deceleration if slows else acceleration) * STEP_S
+    return now + max(-most, min(most, wanted - now))

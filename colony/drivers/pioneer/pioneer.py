@@ -1,0 +1,265 @@
+"""The dialect of Pioneer robots, and their drivers, for the bodies of robots.
+
+A Pioneer goes on moving as long as it hears a packet every 2 s. So the driver sends no PULSE: each decided
+frame sends VEL and RVEL; where no frame is decided, the guard stops the robot, and so does its watchdog.
+
+Source: Pioneer 3 operations manual, and what happened to others (docs/pioneer.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from dataclasses import replace
+
+from colony.drivers.decoder import Decoder
+from colony.drivers.dialect import (
+    NOTHING,
+    Ask,
+    Dialect,
+    ImplausibleError,
+    Opening,
+    OpeningError,
+    Readings,
+    Send,
+)
+from colony.drivers.odometry import Pose, Registers
+from colony.drivers.pioneer.codec import Command, command, decoder
+from colony.drivers.pioneer.parameters import MODELS, Parameters, parameters_of
+from colony.drivers.pioneer.sip import ConfigSip, Identity, StandardSip, read_sip
+from colony.drivers.serial_base import SerialBase, SerialFields
+from colony.ir.types import ScalarValue, Value
+from colony.runtime.servers.drivers import BaseState
+
+BAUD = 9600
+"""The baud rate of a robot that nobody has set otherwise."""
+
+CYCLE_NS = 100_000_000
+"""The period of standard packets: so old the oldest reading is when its packet is sent."""
+
+PACKET_BITS = 600
+"""Bits on the line of a standard packet with the readings of two arrays."""
+
+SETTLE_S = 0.5
+"""Pause before the handshake, in which the stop of a new guard is repeated, and its answers pass."""
+
+CLOSE_S = 0.4
+"""Pause after an older session was closed (Player)."""
+
+ATTEMPTS = 5
+
+NO_ECHO_MM = 5000.0
+"""Range from which on a sonar has heard nothing."""
+
+EMPTY_V, FULL_V = 11.0, 12.8
+"""Voltages of empty and full batteries of 12 V; the level between them is a rough guess."""
+
+STANDARD = (0x32, 0x33)
+CONFIG = 0x20
+
+
+class Pioneer(Dialect[bytes]):
+    """The dialect. Mutable: has the pose by dead reckoning.
+
+    Fields: battery (percent), volts, charging, motors_off, stop_button, stalled.
+    Ring: sonar (mm).
+
+    Args:
+        model: the subclass that the robot names, whose row says what its numbers mean.
+        sonars: number of sonars, the first of the model; 0 for all that it may have.
+        front_bumpers, rear_bumpers: number of segments; None for those of the model. Robots without bumpers
+            report pressed ones.
+        acceleration, turn_acceleration: with which it speeds up and brakes, in mm/s^2 and deg/s^2; 0 leaves
+            them as they are.
+    """
+
+    baud = BAUD
+    stop_bytes = command(Command.ESTOP) + command(Command.VEL, 0) + command(Command.RVEL, 0)
+    goodbye = command(Command.CLOSE)
+
+    def __init__(
+        self,
+        model: str = "p3dx-sh",
+        *,
+        baud: int = BAUD,
+        sonars: int = 0,
+        front_bumpers: int | None = None,
+        rear_bumpers: int | None = None,
+        acceleration: int = 0,
+        turn_acceleration: int = 0,
+    ) -> None:
+        self._row = _row(model)
+        own = len(self._row.sonars)
+        if not 0 <= sonars <= own:
+            raise ValueError(f"sonars is {sonars}; a {self._row.model} has up to {own}")
+        self._front = _mask(self._row.front_bumpers if front_bumpers is None else front_bumpers)
+        self._rear = _mask(self._row.rear_bumpers if rear_bumpers is None else rear_bumpers)
+        self._settings = [command(Command.ENABLE, 1), command(Command.SONAR, 1)]
+        if acceleration:
+            self._settings += [command(Command.SETA, sign * acceleration) for sign in (1, -1)]
+        if turn_acceleration:
+            self._settings += [command(Command.SETRA, sign * turn_acceleration) for sign in (1, -1)]
+        self.rings = {"sonar": sonars or own}
+        self.bounds = {"sonar": (0.0, NO_ECHO_MM), "volts": (0.0, 60.0)}
+        self.max_speed = 1.2 * self._row.max_speed
+        self.max_turn = 1.2 * self._row.max_turn
+        self.delay_ns = CYCLE_NS + PACKET_BITS * 1_000_000_000 // (baud or BAUD)
+        self._turn_bits = (self._row.turn_units - 1).bit_length()
+        units = max(self.max_speed / self._row.distance, self.max_turn * self._row.turn_units / 360.0)
+        self._registers = Registers(15, 15, self._turn_bits, max_rate=units)
+        self._pose = Pose()
+
+    def decoder(self) -> Decoder[bytes]:
+        """Return a decoder of the data of packets."""
+        return decoder()
+
+    def restart(self) -> None:
+        """Count from the next values of the registers on; keep the pose."""
+        self._registers.restart()
+
+    def opening(self) -> Opening[bytes]:
+        """Return the handshake, the check of the model, and the settings."""
+        yield Send(b"", SETTLE_S)
+        _expect_model((yield from _synchronized(self.baud)), self._row.model)
+        if (yield Ask(command(Command.OPEN), lambda data: data[0] in STANDARD)) is None:
+            raise OpeningError("the robot answers, but sends no state: switch it off and on")
+        answer = yield Ask(command(Command.CONFIG, 1), lambda data: data[0] == CONFIG)
+        config = None if answer is None else read_sip(answer)  # some robots send it with a wrong checksum
+        if isinstance(config, ConfigSip) and config.watchdog_ms == 0:
+            raise OpeningError("the robot's watchdog is off: set WatchDog to 2000 ms with ARCOScfg")
+        yield Send(b"".join(self._settings))
+
+    def read(self, packet: bytes, t_ns: int) -> Readings:
+        """Return what a standard packet measured.
+
+        Raises:
+            ImplausibleError: the registers moved farther than the robot can.
+        """
+        sip = read_sip(packet) if packet[0] in STANDARD else None
+        if not isinstance(sip, StandardSip):
+            if packet[0] in STANDARD:
+                raise ImplausibleError("a standard packet ends too early")
+            return NOTHING
+        return Readings(
+            base=self._base(sip, t_ns), fields=_fields(sip), elements={"sonar": self._ranges(sip)}
+        )
+
+    def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes:
+        """Return both set points, each of which the robot keeps until another is sent."""
+        if sideways:
+            raise ValueError("a Pioneer does not drive sideways")
+        return command(Command.VEL, round(velocity)) + command(Command.RVEL, round(turn))
+
+    def _base(self, sip: StandardSip, t_ns: int) -> BaseState:
+        row = self._row
+        (ahead, left, _), _ = self._registers.step((sip.x, sip.y, sip.heading), t_ns)
+        heading = sip.heading % row.turn_units * 360.0 / row.turn_units
+        self._pose = replace(
+            self._pose,
+            x=self._pose.x - left * row.distance,  # the robot's x axis is north at heading 0, its y axis west
+            y=self._pose.y + ahead * row.distance,
+            heading=heading,
+        )
+        left_speed, right_speed = sip.left_speed * row.speed, sip.right_speed * row.speed
+        rate = row.turn_rate(left_speed, right_speed) if sip.turn_rate is None else sip.turn_rate / 10.0
+        return BaseState(
+            t_ns=t_ns,
+            x=self._pose.x,
+            y=self._pose.y,
+            heading=heading,
+            front_bumper=bool(sip.front_bumpers & self._front),
+            rear_bumper=bool(sip.rear_bumpers & self._rear),
+            speed=(left_speed + right_speed) / 2.0,
+            turn_rate=rate,
+            wheel_speed=(abs(left_speed) + abs(right_speed)) / 2.0,
+        )
+
+    def _ranges(self, sip: StandardSip) -> dict[int, ScalarValue]:
+        """Return the new ranges of the sonars that are read, in mm."""
+        found: dict[int, ScalarValue] = {}
+        for number, units in sip.sonars:
+            if number < self.rings["sonar"]:
+                mm = units * self._row.range
+                found[number] = mm if mm < NO_ECHO_MM else math.inf
+        return found
+
+
+def _fields(sip: StandardSip) -> dict[str, Value]:
+    volts = (sip.battery if sip.battery_fine is None else sip.battery_fine) / 10.0
+    fields: dict[str, Value] = {
+        "volts": volts,
+        "battery": min(100.0, max(0.0, 100.0 * (volts - EMPTY_V) / (FULL_V - EMPTY_V))),
+        "stalled": sip.left_stalled or sip.right_stalled,
+    }
+    if sip.battery_fine is not None:  # older firmware has something else in its flags
+        fields |= {"motors_off": not sip.flags & 1, "stop_button": bool(sip.flags >> 5 & 1)}
+    if sip.charge is not None:
+        fields["charging"] = sip.charge > 0
+    return fields
+
+
+def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, Identity]:
+    """Return the identity of the robot, after SYNC0, SYNC1 and SYNC2; a wrong answer begins again."""
+    for _ in range(ATTEMPTS):
+        for number in (0, 1, 2):
+            answer = yield Ask(command(number), _any)
+            if answer is None or answer[0] != number:
+                break
+        if answer is not None and answer[0] in STANDARD:  # an older session is open
+            yield Send(command(Command.CLOSE), CLOSE_S)
+        elif answer is not None and isinstance(identity := read_sip(answer), Identity):
+            return identity
+    raise OpeningError(f"no Pioneer answers: is it switched on, its cable plugged in, its baud rate {baud}?")
+
+
+def _any(data: bytes) -> bool:
+    return True
+
+
+def _expect_model(identity: Identity, model: str) -> None:
+    if identity.model.casefold() != model.casefold():
+        known = " (no row of its model is known)" if parameters_of(identity.model) is None else ""
+        raise OpeningError(
+            f"the robot {identity.name} is a {identity.model}{known}, and the body says model = {model!r}"
+        )
+
+
+def _row(model: str) -> Parameters:
+    row = parameters_of(model)
+    if row is None:
+        raise ValueError(f"no model {model!r}; known are {', '.join(sorted(MODELS))}")
+    return row
+
+
+def _mask(segments: int) -> int:
+    if not 0 <= segments <= 7:
+        raise ValueError(f"{segments} segments of a bumper; up to 7 are possible")
+    return (1 << segments) - 1
+
+
+def base(port: str, *, frame_ns: int, baud: int = 0, **options: bool | float | str) -> SerialBase[bytes]:
+    """Return the driver of `RServer`; `options` are those of `Pioneer`."""
+    return SerialBase(_dialect(baud, options), port, baud=baud, frame_ns=frame_ns)
+
+
+def sonar(port: str, *, baud: int = 0, **options: bool | float | str) -> SerialFields[bytes]:
+    """Return the driver of a server with the field `range`."""
+    return SerialFields(_dialect(baud, options), port, {"range": "sonar"}, baud=baud)
+
+
+def battery(port: str, *, baud: int = 0, **options: bool | float | str) -> SerialFields[bytes]:
+    """Return the driver of a server with the fields `level` and `charging`."""
+    return SerialFields(
+        _dialect(baud, options), port, {"level": "battery", "charging": "charging"}, baud=baud
+    )
+
+
+def panel(port: str, *, baud: int = 0, **options: bool | float | str) -> SerialFields[bytes]:
+    """Return the driver of a server with the fields `estop`, `motors_off` and `stalled`."""
+    names = {"estop": "stop_button", "motors_off": "motors_off", "stalled": "stalled"}
+    return SerialFields(_dialect(baud, options), port, names, baud=baud)
+
+
+def _dialect(baud: int, options: dict[str, bool | float | str]) -> Pioneer:
+    whole = {name: round(value) if isinstance(value, float) else value for name, value in options.items()}
+    return Pioneer(baud=baud, **whole)  # type: ignore[arg-type]  # checked where they are used
