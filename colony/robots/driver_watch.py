@@ -18,16 +18,22 @@ WATCH_INTERVAL_S = 1.0
 
 
 class DriverReports:
-    """Reports which servers have a driver that fails. Mutable: remembers which do."""
+    """Reports which servers have a driver that fails. Mutable: remembers which do.
+
+    Attributes:
+        first: the first line about each server whose driver has failed, in order.
+    """
 
     def __init__(self, report: Callable[[str], None]) -> None:
         self._report = report
         self._failing: set[str] = set()
+        self.first: dict[str, str] = {}
 
     def update(self, server: str, failing: tuple[str, ...] | None) -> None:
         """Take the parts of a server that fail; None, which changes nothing, if it does not answer."""
         if failing and server not in self._failing:
             self._failing.add(server)
+            self.first.setdefault(server, failing[0])
             self._report(f"{server} fails: {failing[0]}")
         elif failing is not None and not failing and server in self._failing:
             self._failing.remove(server)
@@ -52,6 +58,11 @@ class DriverWatch:
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="drivers", daemon=True)
         self._thread.start()
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """One line for each server whose driver has failed."""
+        return tuple(f"{server} failed: {line}" for server, line in dict(self._reports.first).items())
 
     def close(self) -> None:
         """End the watch. Idempotent."""

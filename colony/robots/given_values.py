@@ -10,7 +10,7 @@ from colony.ir.program import Robot, Sensor
 from colony.ir.servers import DSERVER
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.text.units import Dimension, UnitError, parse_unit, readable_unit
-from colony.text.wording import shortened
+from colony.text.wording import counted, shortened
 
 _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
@@ -46,9 +46,9 @@ def parse_value(sensor: Sensor, text: str) -> Value:
     if isinstance(sensor.type, Array):
         if not (text.startswith("[") and text.endswith("]")):
             raise GivenValueError(f"found `{shortened(text)}`; expected a list of {sensor.type.size}")
-        parts = [part.strip() for part in text[1:-1].split(",")]
+        parts = [part.strip() for part in text[1:-1].split(",")] if text[1:-1].strip() else []
         if len(parts) != sensor.type.size:
-            raise GivenValueError(f"found {len(parts)} values; expected {sensor.type.size}")
+            raise GivenValueError(f"found {counted(len(parts), 'value')}; expected {sensor.type.size}")
         element = sensor.type.element
         return tuple(_scalar(sensor, element, part) for part in parts)
     return _scalar(sensor, sensor.type, text)
@@ -81,18 +81,18 @@ def _scalar(sensor: Sensor, type_: Scalar, text: str) -> ScalarValue:
 def parse_number(text: str, dimension: Dimension, factor: float) -> float | None:
     """Parse a number, with or without a unit of this dimension; return it in units of `factor` base units.
 
-    Returns None for any other text.
+    Returns None for any other text, and for a number that is too large in either unit.
     """
     parts = _QUANTITY.fullmatch(text.strip())
     if parts is None:
         return None
-    number = float(parts[1])
-    if not math.isfinite(number):
-        return None
-    if not parts[2]:
-        return number
-    try:
-        unit = parse_unit(parts[2])
-    except UnitError:
-        return None
-    return number * float(unit.factor) / factor if unit.dimension == dimension else None
+    value = float(parts[1])
+    if parts[2]:
+        try:
+            unit = parse_unit(parts[2])
+        except UnitError:
+            return None
+        if unit.dimension != dimension:
+            return None
+        value = value * float(unit.factor) / factor
+    return value if math.isfinite(value) and math.isfinite(value * factor) else None

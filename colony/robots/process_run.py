@@ -20,6 +20,7 @@ from colony.ir.types import Value
 from colony.os_errors import naming
 from colony.robots.described import DescribedRobot
 from colony.robots.discovery import running_robots, session_with
+from colony.robots.driver_watch import DriverWatch
 from colony.robots.field_giver import FieldGiver
 from colony.robots.recording import RunRecording, recording_into
 from colony.robots.request import (
@@ -158,7 +159,8 @@ def run_served(
 
         route = planned_route(request)
     run = _Run(compiled, described, robot_address, request, ui, route)
-    with run.supervised() as supervised_run, run.giving() as give:
+    drivers = DriverWatch(robot_address, _bound_servers(compiled.robot), ui.report)
+    with closing(drivers), run.supervised() as supervised_run, run.giving() as give:
         supervised_run.wait_for(
             give, run.stop, what="an answer of the simulator", timeout_s=PLANT_ANSWER_TIMEOUT_S
         )
@@ -168,7 +170,8 @@ def run_served(
         supervised_run.start(jobs)
         run.set_variables(supervised_run, request.pinned_variables)
         interrupted = run.follow(supervised_run, meanwhile=give)
-    return RunReport(run.summary(interrupted, None), run.mission_result(None))
+    summary = replace(run.summary(interrupted, None), driver_failures=drivers.failures)
+    return RunReport(summary, run.mission_result(None))
 
 
 def _expect_givable(robot_address: RobotAddress, request: RunRequest) -> None:

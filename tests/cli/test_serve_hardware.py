@@ -248,6 +248,8 @@ def test_drivers_that_fail_end_no_other_server(
     for one in (run, served):
         one.tell(signal.SIGINT)
         one.wait()
+    assert f"\n  Raising failed: {failure}\n" in run.out
+    assert "\n  Good failed" not in run.out
     assert _commands(tmp_path / "Good")[-1] == "False"
 
 

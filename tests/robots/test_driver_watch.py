@@ -14,5 +14,6 @@ def test_an_outage_and_its_end_are_one_line_each() -> None:
         drivers.update("Lidar", failing)
         drivers.update("Lift", ())
         drivers.update("Floor", None)
-    drivers.update("Lidar", ("no bus",))
-    assert reports == ["Lidar fails: no bus", "Lidar works again", "Lidar fails: no bus"]
+    drivers.update("Lidar", (power,))
+    assert reports == ["Lidar fails: no bus", "Lidar works again", "Lidar fails: no power"]
+    assert drivers.first == {"Lidar": bus}

@@ -63,7 +63,10 @@ def test_values_hold_until_the_next(tmp_path: Path) -> None:
         ("at 1 s estop =", "estop: found ``; expected true or false"),
         ("at 1 s stop = true", "no sensor reads `stop`; did you mean `estop`?"),
         ("at 1 s bumper = true", "`bumper` cannot be given: the simulated base measures it"),
-        ("at 1 s scan = [1]", "scan: found 1 values; expected 2"),
+        ("at 1 s scan = [1]", "scan: found 1 value; expected 2"),
+        ("at 1 s scan = []", "scan: found 0 values; expected 2"),
+        ("at 1 s pose_x = 1e308 km", "pose_x: found `1e308 km`; expected a number in mm"),
+        ("at 1 s scan = [1, 1e307]", "scan: found `1e307`; expected a number in mm"),  # of m
         ("at 1 s estop = true,", "found ``; expected NAME=VALUE"),
         (f"at 1 s estop = {'x' * 9999}", f"estop: found `{'x' * 60}...`; expected true or false"),
         (f"at 1 s scan = {'x' * 9999}", f"scan: found `{'x' * 60}...`; expected a list of 2"),

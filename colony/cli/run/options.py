@@ -179,6 +179,10 @@ def duration_ns(text: str, *, option: str = "--duration") -> int:
     return nanoseconds(seconds)
 
 
+_FARTHEST_MM = 1e8
+"""The largest coordinate of a start, as in maps."""
+
+
 def start_pose(text: str, *, option: str = "--start") -> tuple[float, float, float]:
     """Parse a pose `X,Y,HEADING`, in mm and degrees or with units: `1.5m, 2m, 90`.
 
@@ -189,9 +193,10 @@ def start_pose(text: str, *, option: str = "--start") -> tuple[float, float, flo
     if len(parts) == 3:
         x, y = (parse_number(part, LENGTH, 1.0) for part in parts[:2])
         heading = parse_number(parts[2], ANGLE, 1.0)
-        if x is not None and y is not None and heading is not None:
+        if x is not None and y is not None and heading is not None and max(abs(x), abs(y)) <= _FARTHEST_MM:
             return x, y, heading % 360.0
-    expected = "X,Y,HEADING, in mm and degrees counterclockwise from north: 1500,2000,90 or 1.5m,2m,90"
+    form = "X,Y,HEADING, in mm and degrees counterclockwise from north: 1500,2000,90 or 1.5m,2m,90"
+    expected = f"{form}, up to 100 km"
     raise OptionError(f"{option}: found `{text}`; expected {expected}")
 
 

@@ -13,6 +13,7 @@ from colony.nav.maps.grid.outlines import TooManySidesError, outlines
 from colony.nav.maps.grid.places import clearance_mm, nearest_place
 from colony.nav.maps.grid.reader import EAST_DEG, load_grid
 from colony.nav.maps.source import is_grid, no_building
+from colony.nav.maps.stickrep.geometry import corners, in_free_space
 from colony.nav.maps.stickrep.model import Map, Pose
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
@@ -57,14 +58,15 @@ class WorldMap:
         Args:
             radius_mm: the radius of the robot.
             wanted: x and y in mm and the heading in degrees, if another start is wanted. In a StickRep map,
-                whether it is free of walls is left to the world.
+                its distance from walls is left to the world.
 
         Raises:
-            ValueError: the robot would stand in unknown space, or there is no room for it.
+            ValueError: the robot would stand in unknown space, outside the building or in one of its blocks,
+                or there is no room for it.
         """
         match self.source:
             case Map():
-                return self.source.start if wanted is None else Pose(*wanted)
+                return self.source.start if wanted is None else _start_in_building(self.source, Pose(*wanted))
             case Grid():
                 return _start_in_grid(self.source, self.walls, radius_mm, wanted)
 
@@ -124,6 +126,13 @@ def load_world(path: str | os.PathLike[str]) -> WorldMap:
         return world_of(load_map(path), file)
     grid = load_grid(path)
     return world_of_grid(grid, file, grid.image)
+
+
+def _start_in_building(building: Map, wanted: Pose) -> Pose:
+    if not in_free_space(tuple(map(corners, building.rings)), wanted.x_mm, wanted.y_mm):
+        found = f"({wanted.x_mm:.0f}, {wanted.y_mm:.0f}) is not in free space"
+        raise ValueError(f"{found}; expected a place inside an outline and outside its blocks")
+    return wanted
 
 
 def _start_in_grid(

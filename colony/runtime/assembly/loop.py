@@ -11,7 +11,6 @@ does, within its limits.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from typing import Any
 
 import msgspec
@@ -19,7 +18,7 @@ import msgspec
 from colony.ir.frame import Executor, Frame, Outcome, Reading
 from colony.ir.program import Robot
 from colony.ir.servers import DSERVER, PROXIMITY, RSERVER, RUNTIME
-from colony.ir.types import Value
+from colony.ir.types import ScalarValue, Value
 from colony.runtime.frames.publishing import Fields
 from colony.runtime.kit.commands import CommandPerformer
 from colony.runtime.kit.devices import DeviceReader, device_commands
@@ -32,7 +31,7 @@ from colony.runtime.protocol.calls import CallId
 from colony.runtime.protocol.deployment import actuator_spec, variables_read
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.base import Base
-from colony.runtime.servers.base_actuator import speeds_of
+from colony.runtime.servers.base_actuator import speeds_of, values_of
 from colony.runtime.servers.commanding import NotSentError
 from colony.runtime.servers.cserver import Camera
 from colony.runtime.servers.data_methods import DataMethods, set_commanded_variable
@@ -201,24 +200,7 @@ class Loop:
         outcome = self._executor.step(frame)
         if self._watch is not None:
             self._watch(frame, outcome)
-        decisions = outcome.decisions
-        for binding, place, index in self._sent:
-            command = decisions[place].values
-            if command is not None:
-                self._given[binding.sensor] = binding.in_base_units(command[index])
-        for i, actuator in self._variable_actuators:
-            values = decisions[i].values
-            if values is not None:
-                set_commanded_variable(self.data.variables, actuator, values, now_ns)
-        for i, actuator in self._base_actuators:
-            values = decisions[i].values
-            if values is not None:
-                self.base.drive(speeds_of(actuator, values))
-        for i, actuator, performer in self._device_actuators:
-            values = decisions[i].values
-            if values is not None:
-                with suppress(NotSentError):  # it has been reported, and the idle command was performed
-                    performer.perform(actuator, values, stale=False)
+        self._command([decision.values for decision in outcome.decisions], now_ns)
         self.data.expire(now_ns)
         for camera in self._cameras:
             camera.poll(now_ns)
@@ -226,6 +208,30 @@ class Loop:
         self.k += 1
         self._clock.now_ns = now_ns + self._frame_ns
         self._advance()
+
+    def _command(self, commands: list[tuple[ScalarValue, ...] | None], now_ns: int) -> None:
+        """Carry out the commands of a frame, by actuator; the next frame reads what was sent of them."""
+        for i, actuator in self._variable_actuators:
+            values = commands[i]
+            if values is not None:
+                set_commanded_variable(self.data.variables, actuator, values, now_ns)
+        for i, actuator in self._base_actuators:
+            values = commands[i]
+            if values is not None:
+                speeds = speeds_of(actuator, values)
+                if self.base.drive(speeds) is not None:  # a bumper blocks the velocity
+                    commands[i] = values_of(actuator, speeds._replace(velocity=0.0))
+        for i, actuator, performer in self._device_actuators:
+            values = commands[i]
+            if values is not None:
+                try:
+                    performer.perform(actuator, values, stale=False)
+                except NotSentError as problem:  # it has been reported, and the idle command was performed
+                    commands[i] = problem.instead
+        for binding, place, index in self._sent:
+            command = commands[place]
+            if command is not None:
+                self._given[binding.sensor] = binding.in_base_units(command[index])
 
     def close(self) -> None:
         """Stop the robot and end all scripts."""

@@ -13,7 +13,7 @@ from colony.ir.site import Site
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Fate, Hold
 from colony.runtime.protocol.topics import client_address
-from colony.text.wording import counted
+from colony.text.wording import counted, printable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +132,8 @@ class RunSummary:
     `restarts` counts the restarts of all memory, `skipped` the frames that could not be observed, and
     `unknown` the frames that could not be checked because memory was unknown. On a real robot the travel is
     unknown: `bumps`, `distance_mm` and `mean_speed_mm_s` are None. `params` is None if no site set any.
-    `others` are the other robots of a simulated world.
+    `others` are the other robots of a simulated world. `driver_failures` has a line for each server of a real
+    robot whose driver failed.
     """
 
     robot: str
@@ -157,6 +158,7 @@ class RunSummary:
     unknown: int = 0
     params: ParamsSummary | None = None
     others: tuple[OtherSummary, ...] = ()
+    driver_failures: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """Return the summary as plain dicts and lists."""
@@ -322,6 +324,7 @@ def render(summary: RunSummary) -> str:
         f"  {i.actuator}: {_describe(i)} in {counted(i.frames, 'frame')}{_ignored_limits(i)}"
         for i in summary.interventions
     ]
+    lines += [f"  {printable(failure)}" for failure in summary.driver_failures]
     if summary.restarts:
         lines.append(f"  all memory restarted {counted(summary.restarts, 'time')}")
     if summary.skipped:

@@ -46,11 +46,16 @@ class BaseActuator:
 
     def values(self, speeds: Speeds) -> tuple[float, ...]:
         """Return the values of the actuator for these speeds; a speed without a field is dropped."""
-        values = [0.0] * len(self.spec.fields)
-        for i, speed in zip(_indices(self.spec), speeds, strict=True):
-            if i is not None:
-                values[i] = speed
-        return tuple(values)
+        return values_of(self.spec, speeds)
+
+
+def values_of(actuator: ActuatorSpec, speeds: Speeds) -> tuple[float, ...]:
+    """Return the values of an actuator's fields for these speeds; a speed without a field is dropped."""
+    values = [0.0] * len(actuator.fields)
+    for i, speed in zip(_indices(actuator), speeds, strict=True):
+        if i is not None:
+            values[i] = speed
+    return tuple(values)
 
 
 def speeds_of(actuator: ActuatorSpec, values: tuple[ScalarValue, ...]) -> Speeds:

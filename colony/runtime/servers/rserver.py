@@ -42,11 +42,17 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.servers.actuating import STALE_FRAMES
 from colony.runtime.servers.base import Base
-from colony.runtime.servers.base_actuator import base_actuator, mismatch, sent_speeds, speeds_of
-from colony.runtime.servers.commanding import ActuatorCounts, CommandDispatcher
+from colony.runtime.servers.base_actuator import (
+    base_actuator,
+    mismatch,
+    sent_speeds,
+    speeds_of,
+    values_of,
+)
+from colony.runtime.servers.commanding import ActuatorCounts, CommandDispatcher, NotSentError
 from colony.runtime.servers.drivers import BaseDriver, problems_of
 from colony.runtime.servers.outside_control import CLOCK_GRACE_NS
-from colony.runtime.servers.piloting import Bumper, Pilot
+from colony.runtime.servers.piloting import Pilot
 
 WATCHDOG_FRAMES = 2
 
@@ -206,10 +212,26 @@ class RServer:
         if speeds is not None and self._pilot.stops_immediately:
             self._base.stop()
         else:
-            bumper = self._base.drive(requested)
-            if bumper is not None:
-                self._on_bumper(requested, bumper, now_ns)
+            self._drive(actuator, requested, now_ns)
         self._commanded_ns = now_ns
+
+    def _drive(self, actuator: ActuatorSpec, requested: Speeds, now_ns: int) -> None:
+        """Send speeds to the base.
+
+        Raises:
+            NotSentError: the driver failed, and the base was stopped; or a bumper blocks the velocity.
+        """
+        try:
+            bumper = self._base.drive(requested)
+        except NotSentError as problem:
+            self._halt()
+            raise NotSentError(str(problem), instead=actuator.idle) from None
+        if bumper is not None:
+            self._commanded_ns = now_ns
+            if self._outside_speeds is not None and self._acting is not None:
+                self._pilot.on_bumper(self._acting, bumper, self._observation(now_ns))
+            why = f"{requested.velocity:g} mm/s was not sent, as the {bumper} bumper is pressed"
+            raise NotSentError(why, instead=values_of(actuator, requested._replace(velocity=0.0)))
 
     def _is_ticking(self, now_ns: int) -> bool:
         """Return True if the Clock ticked recently; always in lockstep, where ticks only count frames."""
@@ -219,12 +241,6 @@ class RServer:
     def _is_stale(self, now_ns: int) -> bool:
         """Return True if the current frame is long over; never in lockstep, where ticks only count frames."""
         return not self._actuator.lockstep and now_ns - self._tick_ns > STALE_FRAMES * self._actuator.frame_ns
-
-    def _on_bumper(self, requested: Speeds, bumper: Bumper, now_ns: int) -> None:
-        note = f"frame {self._k}: {requested.velocity:g} mm/s was not sent, as the {bumper} bumper is pressed"
-        self._commands.add_note(self._actuator.name, note)
-        if self._outside_speeds is not None and self._acting is not None:
-            self._pilot.on_bumper(self._acting, bumper, self._observation(now_ns))
 
     def _halt(self) -> None:
         self._commanded_ns = self._watchdog_due_ns = None

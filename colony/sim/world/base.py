@@ -4,8 +4,9 @@ A step is divided into slices of at most twenty milliseconds. In each slice the 
 within the acceleration limits, each for itself, and the robot drives an exact arc: its velocity, ahead and to
 the left, is constant in its own frame, which turns. A base with two wheels has no speed to the left. If the
 arc would end inside a wall or another robot, the base goes as far as possible and its wheels stall; it can
-still turn and drive away. The distance per slice is much shorter than the hull, so robots never jump over
-obstacles. Within a step the robots move one after the other.
+still turn and drive away. Robots never jump over obstacles: where the distance in a slice is longer than the
+hull's radius, the place nearest to each obstacle counts as well as the end. Within a step the robots move one
+after the other.
 
 Odometry integrates the wheels' reports with the same arcs. Each wheel has its own scale error, and random
 errors whose variance grows with the distance. With two wheels, w apart, a motion of `a` ahead that turns by
@@ -172,6 +173,24 @@ def _ground_speed(speeds: Floats2, robot: int) -> float:
 
 
 @inlined
+def _nearest_to_wall(x: float, y: float, dx: float, dy: float, walls: Floats2, wall: int) -> float:
+    """Return the fraction of (dx, dy) after which a point at (x, y) is nearest to a wall.
+
+    The distance of a point that moves straight to a segment is convex, so a ternary search finds it.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(2 * _BISECTIONS):
+        third = (high - low) / 3.0
+        first, second = low + third, high - third
+        near = _wall_distance(walls, wall, x + first * dx, y + first * dy)
+        if near <= _wall_distance(walls, wall, x + second * dx, y + second * dy):
+            high = second
+        else:
+            low = first
+    return (low + high) / 2.0
+
+
+@inlined
 def _free_of_wall(
     x: float, y: float, dx: float, dy: float, walls: Floats2, wall: int, radius: float
 ) -> float:
@@ -181,9 +200,12 @@ def _free_of_wall(
     """
     before = _wall_distance(walls, wall, x, y)
     after = _wall_distance(walls, wall, x + dx, y + dy)
-    free = 1.0
+    free = high = 1.0
+    if after >= radius and dx * dx + dy * dy > radius * radius:
+        high = _nearest_to_wall(x, y, dx, dy, walls, wall)
+        after = _wall_distance(walls, wall, x + high * dx, y + high * dy)
     if after < radius and after < before:
-        free, high = 0.0, 1.0
+        free = 0.0
         for _ in range(_BISECTIONS if before > radius else 0):
             middle = (free + high) / 2.0
             if _wall_distance(walls, wall, x + middle * dx, y + middle * dy) < radius:
@@ -197,9 +219,13 @@ def _free_of_wall(
 def _free_of_hull(ox: float, oy: float, dx: float, dy: float, min_distance: float) -> float:
     """Return the fraction of (dx, dy) that a hull can move before it touches another at (ox, oy)."""
     before, after = math.hypot(ox, oy), math.hypot(ox - dx, oy - dy)
-    free = 1.0
+    free = high = 1.0
+    squared = dx * dx + dy * dy
+    if after >= min_distance and squared > min_distance * min_distance:
+        high = min(max((ox * dx + oy * dy) / squared, 0.0), 1.0)
+        after = math.hypot(ox - high * dx, oy - high * dy)
     if after < min_distance and after < before:
-        free, high = 0.0, 1.0
+        free = 0.0
         for _ in range(_BISECTIONS if before > min_distance else 0):
             middle = (free + high) / 2.0
             if math.hypot(ox - middle * dx, oy - middle * dy) < min_distance:

@@ -147,7 +147,7 @@ class World:
         self._wheels = max(each.wheels for each in configs)
         self._noise = Noise(len(initial_poses), seed)
         errors = np.array([[each.wheel_scale] for each in configs]) * self._noise.peek(self._wheels)
-        radii = np.array([each.radius_mm for each in configs])
+        radii = np.array([each.radius_mm for each in configs], dtype=np.float64)
         self._bases = bases_at(initial_poses, scenery.encoder_scale * (1.0 + errors), radii)
         self._crossings = np.zeros(len(initial_poses), dtype=np.int64)
         self._build(scenery.walls, scenery.silent, outlines=scenery.outlines)

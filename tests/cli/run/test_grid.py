@@ -40,6 +40,7 @@ def test_processes_drive_in_a_grid_from_the_start_that_is_chosen(machine: Machin
         (("--start", "1,2"), "--start: found `1,2`; expected X,Y,HEADING, in mm and degrees"),
         (("--start", "1,2 deg,3"), "--start: found `1,2 deg,3`; expected X,Y,HEADING"),
         (("--start", "1,2,nan"), "--start: found `1,2,nan`; expected X,Y,HEADING"),
+        (("--start", "1e300,2,3"), "--start: found `1e300,2,3`; expected X,Y,HEADING"),
         (
             ("--start", "-3m,0,0"),
             "is 0 mm from a wall or from cells that are unknown; expected at least 400 mm",
@@ -64,6 +65,10 @@ def test_routes_require_a_building(colony: Colony) -> None:
 def test_a_start_in_a_building(colony: Colony) -> None:
     code, _, err = colony("run", "wander", "--map", "loop", "--duration", "1", "--start", "1m,1m,0")
     assert code == 0
+    for outside in ("-50m,-50m,0", "5m,5m,0"):
+        code, _, err = colony("run", "wander", "--map", "loop", "--duration", "1", "--start", outside)
+        assert code == 2
+        assert "is not in free space" in err
     code, _, err = colony("run", "wander", "--map", "loop", "--duration", "1", "--start", "0,0,0")
     assert code == 2
     assert "the robot cannot start there: robot 0 at (0, 0) is 0 mm from a wall" in err

@@ -85,9 +85,12 @@ def test_nothing_is_driven_into_a_pressed_bumper() -> None:
         speeds.append((yield from do("RServer", robot.bumper())))
         speeds.append((yield from do("RServer", robot.speed_setting())))
 
-    stage = Stage(push(), look(), x_mm=8450.0)
+    ramp = "\nlimit drive.velocity <= max(last.drive.velocity, 0 mm/s) + 100 mm/s\n"
+    stage = Stage(push(), look(), x_mm=8450.0, program=PROGRAM + ramp)
     stage.run(60)
     assert stage.world.bumper(0).front
+    assert 300.0 in stage.reading("last.drive.velocity")
+    assert stage.reading("last.drive.velocity")[-1] == 0.0
     assert speeds == [robot.Bumpers(front=True, rear=False), 0.0]
 
 

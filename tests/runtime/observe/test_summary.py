@@ -194,3 +194,11 @@ def test_what_kept_the_network_from_deciding() -> None:
     assert "all memory restarted 1 time\n  3 frames could not be observed" in told
     assert "drive: inspector, which holds the lock, commanded in 1 frame" in told
     assert summary.succeeded
+
+
+def test_drivers_that_failed_are_named() -> None:
+    tally = Tally(compile_program(roam()).compiled)
+    summary = tally.summary(seed=0, duration_s=0.0, interrupted=False, travel=None)
+    failed = replace(summary, driver_failures=("Lidar failed: \x1b[31mno bus",))
+    assert render(failed).splitlines()[-1] == r"  Lidar failed: \x1b[31mno bus"
+    assert failed.as_json()["driver_failures"] == failed.driver_failures

@@ -8,7 +8,25 @@ import pytest
 from colony.ir.servers import RSERVER
 from colony.runtime.library import emergency, robot
 from colony.runtime.protocol.messages import Malformed, Tick
-from tests.runtime.servers.base_stage import FRAME, MS, Stage, bid, deployed, silent, stage_in_run
+from colony.runtime.servers.commanding import NotSentError
+from tests.runtime.servers.base_stage import (
+    FRAME,
+    MS,
+    RollingBase,
+    Stage,
+    bid,
+    deployed,
+    silent,
+    stage_in_run,
+)
+
+
+class RefusingBase(RollingBase):
+    """A base whose driver fails at each command."""
+
+    def drive(self, velocity: float, turn: float) -> None:
+        super().drive(velocity, turn)
+        raise NotSentError("no power")
 
 
 @pytest.fixture
@@ -178,12 +196,33 @@ def test_a_pressed_bumper_lets_nothing_go_into_it_whoever_commands(stage: Stage)
     stage.frame(bid("cruise", 300.0, 20.0), *silent("cruise"))
     assert stage.base.told[-1] == (0, 0.0, 20.0)
     assert stage.verdicts[-1].values == (300.0, 20.0)
+    assert "300 mm/s was not sent, as the front bumper is pressed" in stage.verdicts[-1].notes[0]
     stage.frame(bid("back_off", -100.0, 0.0), *silent("back_off"))
     assert stage.base.told[-1][1:] == (-100.0, 0.0)
-    assert "300 mm/s was not sent, as the front bumper is pressed" in stage.verdicts[-1].notes[0]
     stage.base.front, stage.base.rear = False, True
     stage.frame(bid("back_off", -100.0, 0.0), *silent("back_off"))
     assert stage.base.told[-1][1:] == (0.0, 0.0)
+
+
+def test_what_a_bumper_blocks_was_not_given() -> None:
+    """So a ramp begins anew when the bumper is released."""
+    stage = Stage(run="r1", deployment=deployed(reported=(0, 1)))
+    stage.base.front = True
+    stage.frame(bid("cruise", 300.0, 20.0), *silent("cruise"))
+    stage.tick()
+    fields = stage.frames[-1].fields
+    assert [fields[f"last.drive.{n}"].value for n in ("velocity", "turn")] == [0.0, 20.0]  # type: ignore[union-attr]
+
+
+def test_a_command_that_the_driver_refuses_stops_the_base_and_was_not_given() -> None:
+    stage = Stage(RefusingBase(), run="r1", deployment=deployed(reported=(0,)))
+    stage.frame(bid("cruise", 300.0, 20.0), *silent("cruise"))
+    assert stage.base.velocity == 0.0
+    assert (stage.base.told[-1][0], stage.base.stops[-1]) == (0, 0)  # at once, not by its watchdog
+    assert stage.verdicts[-1].notes == ("frame 0: no power",)
+    stage.tick()
+    fields = stage.frames[-1].fields
+    assert [fields[n].value for n in ("last.drive.velocity", "speed_setting")] == [0.0, 0.0]  # type: ignore[union-attr]
 
 
 def test_bumpers_can_be_ignored(stage: Stage) -> None:

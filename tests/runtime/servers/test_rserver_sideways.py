@@ -87,13 +87,15 @@ def test_a_program_without_sideways_drives_it_as_any_base() -> None:
 
 
 def test_a_pressed_bumper_blocks_the_way_ahead_alone() -> None:
-    stage, base = stage_with()
+    stage, base = stage_with(reported=(0, 2))
     base.front = True
     stage.frame(bid("cruise", 100.0, 10.0, 200.0), *silent("cruise"))
     assert base.slid[-1] == (0.0, 10.0, 200.0)
-    stage.frame(*silent())
     note = "frame 0: 100 mm/s was not sent, as the front bumper is pressed"
     assert note in stage.verdicts[-1].notes
+    stage.tick()
+    fields = stage.frames[-1].fields
+    assert [fields[f"last.drive.{n}"].value for n in ("velocity", "sideways")] == [0.0, 200.0]  # type: ignore[union-attr]
 
 
 def test_a_connection_drives_it_sideways_and_stops_it_gradually() -> None:

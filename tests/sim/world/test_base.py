@@ -162,6 +162,29 @@ def test_no_robot_gets_through_a_wall_or_another_robot(
                 assert np.hypot(*(places[i] - places[j])) >= 2 * RADIUS - 1e-6
 
 
+@pytest.mark.parametrize("radius", [15.0, 125.0])
+@pytest.mark.parametrize("obstacle", ["wall", "tip of a wall", "robot"])
+def test_a_base_that_moves_farther_than_its_hull_in_a_slice_jumps_over_nothing(
+    obstacle: str, radius: float
+) -> None:
+    fast = replace(AGILE, ring=None, radius_mm=radius, max_velocity_mm_s=30_000.0)
+    tip = (0.6 * radius, 5_000.0, 50_000.0, 5_000.0)
+    walls = {"wall": [NORTH_WALL], "tip of a wall": [tip], "robot": []}[obstacle]
+    poses = [(0.0, 0.0, 0.0), (0.0, 5_000.0, 0.0)][: 2 if obstacle == "robot" else 1]
+    reach = {"wall": radius, "tip of a wall": 0.8 * radius, "robot": 2.0 * radius}[obstacle]
+    world = World(walls=walls, poses=poses, config=fast)
+    world.command(0, 30_000.0, 0.0)
+    for _ in range(5):
+        world.advance(0.1)
+    assert world.true_pose(0).y_mm == pytest.approx(5_000.0 - reach, abs=1e-3)
+    assert world.bumps(0) == 1
+
+
+def test_parameters_may_be_whole_numbers() -> None:
+    whole = replace(AGILE, ring=None, radius_mm=300)
+    assert driven(100.0, 0.0, 1.0, walls=[NORTH_WALL], config=whole).true_pose(0) == (0.0, 100.0, 0.0)
+
+
 def test_robots_stop_each_other_and_both_feel_it() -> None:
     world = World(walls=[], poses=[(0.0, 0.0, 0.0), (0.0, 2_000.0, 90.0)], config=AGILE)
     world.command(0, 600.0, 0.0)

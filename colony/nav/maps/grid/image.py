@@ -52,14 +52,16 @@ def load_image(path: str | os.PathLike[str], named: Span) -> Shades:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the limit here is lower
             image = Image.open(io.BytesIO(data), formats=list(FORMATS))
     except UnidentifiedImageError:
-        formats = " or ".join(FORMATS.values())
-        raise _failure(named, f"`{shown}` is no image of a map; expected {formats}") from None
+        raise _unknown(named, shown) from None
+    except Image.DecompressionBombError:
+        raise _too_large(named, "too many cells") from None
     except Exception as failure:  # decoders raise exceptions of many kinds
         raise _failure(named, f"cannot read the image `{shown}`: {failure}") from None
     columns, rows = image.size
     if columns * rows > MAX_CELLS:
-        message = f"the image has {columns} x {rows} cells; expected at most {MAX_CELLS:,} of them"
-        raise DiagnosticError([error("M023", named, message)])
+        raise _too_large(named, f"{columns} x {rows} cells")
+    if image.mode == "F":  # a PFM, which Pillow takes for a kind of PGM
+        raise _unknown(named, shown)
     try:
         return _shades(image)
     except Exception as failure:  # as above
@@ -75,6 +77,15 @@ def _shades(image: Image) -> Shades:
     if image.mode.startswith("I"):
         return Shades(np.rint(np.asarray(image).astype(np.float64) / 257.0).astype(np.uint8), is_opaque)
     return Shades(np.asarray(image.convert("L")), is_opaque)
+
+
+def _unknown(named: Span, shown: str) -> DiagnosticError:
+    return _failure(named, f"`{shown}` is no image of a map; expected {' or '.join(FORMATS.values())}")
+
+
+def _too_large(named: Span, found: str) -> DiagnosticError:
+    message = f"the image has {found}; expected at most {MAX_CELLS:,} of them"
+    return DiagnosticError([error("M023", named, message)])
 
 
 def _failure(named: Span, message: str) -> DiagnosticError:

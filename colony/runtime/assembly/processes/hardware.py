@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import reprlib
 import sys
 import time
 import traceback
@@ -19,6 +20,7 @@ from typing import Any
 from colony.runtime.assembly.processes.driver_factory import DriverError
 from colony.runtime.assembly.processes.spec import Hardware
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
+from colony.runtime.servers.commanding import NotSentError
 from colony.runtime.servers.drivers import BaseLimits, BaseState, DeviceDriver, problems_of
 from colony.text.suggestions import did_you_mean
 from colony.text.wording import listed
@@ -123,13 +125,18 @@ class HardwareBase:
         return "; ".join((*problems_of(self._driver), *self._problems.failing)) or None
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:
-        """Drive, or stop if the driver fails."""
+        """Drive.
+
+        Raises:
+            NotSentError: the driver failed.
+        """
         speeds = (velocity, turn, sideways) if self.limits.sideways > 0.0 else (velocity, turn)
         try:
             self._driver.drive(*speeds)
         except (Exception, SystemExit) as problem:
             self._note("drive", problem)
-            self.stop()
+            why = f"{type(problem).__name__}: {reprlib.repr(exception_text(problem))}"
+            raise NotSentError(f"{self._name} failed to drive: {why}") from None
 
     def stop(self) -> None:
         """Stop."""

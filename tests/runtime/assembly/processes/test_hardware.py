@@ -17,6 +17,7 @@ from colony.runtime.assembly.processes.hardware import HardwareBase, close_drive
 from colony.runtime.assembly.processes.restarts import MAX_PAUSE_NS, MAX_QUICK_DEATHS, Restarts
 from colony.runtime.assembly.processes.spec import Hardware
 from colony.runtime.kit.once import RECOVERED_AFTER
+from colony.runtime.servers.commanding import NotSentError
 from colony.runtime.servers.drivers import BaseState
 from tests.runtime.scripted import LIMITS
 
@@ -181,14 +182,15 @@ def test_a_state_that_is_none_is_no_value_and_is_reported_once(found: object, pr
     assert made.state() is not None
 
 
-def test_a_base_that_does_not_drive_is_stopped() -> None:
+def test_a_command_that_fails_was_not_sent_and_is_reported_once() -> None:
     driver = Motors()
     made, reports = base(driver)
     driver.failing = {"drive", "stop"}
-    made.drive(100.0, 5.0)
-    made.drive(100.0, 5.0)
-    made.stop()
-    assert driver.sent == [("drive", 100.0, 5.0), ("stop",)] * 2 + [("stop",)]
+    for _ in range(2):
+        with pytest.raises(NotSentError, match="d:Motors failed to drive: OSError: 'drive failed'"):
+            made.drive(100.0, 5.0)
+        made.stop()
+    assert driver.sent == [("drive", 100.0, 5.0), ("stop",)] * 2
     assert reports == [
         "drive of d:Motors failed: OSError: drive failed",
         "stop of d:Motors failed: OSError: stop failed",
