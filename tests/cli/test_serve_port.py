@@ -10,6 +10,7 @@ import pytest
 
 from tests.cli.conftest import Colony
 from tests.cli.machine import Machine
+from tests.drivers.test_guard import guard_runs
 from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny
 from tests.drivers.tiny_robot import TinyRobot
 from tests.test_drivers_page import write_files
@@ -40,6 +41,7 @@ def test_the_robot_of_the_page(machine: Machine, tmp_path: Path) -> None:
         until(lambda: rover.heard[-1][0][0] == GOODBYE, "the guard says goodbye")
         assert [data for data, _ in rover.heard if data[0] == SPEEDS][-1] == stop
     finally:
+        until(lambda: not guard_runs(rover), "the guard ends after its drivers")
         rover.close()
 
 
