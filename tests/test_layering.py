@@ -24,6 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "compile": {"ir", "execute"},
     "verify": {"ir", "execute", "compile", "dsl"},
     "runtime": {"ir", "execute"},
+    "drivers": {"ir", "runtime"},
     "nav": {"body", "runtime", "shipped"},
     "vision": {"body", "runtime", "nav"},
     "sim": {"ir", "body", "runtime", "nav"},
@@ -43,7 +44,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "experiment": {"shipped", "ir", "verify", "runtime", "nav", "vision", "sim", "robots"},
 }
-ALLOWED["cli"] = set(ALLOWED)
+ALLOWED["cli"] = set(ALLOWED) - {"drivers"}
 """The packages that a package may import, besides itself, `text` and the base."""
 
 THIRD_PARTY: dict[str, set[str]] = {
@@ -66,6 +67,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "mcap": {"runtime"},
     "lz4": {"runtime"},
     "zstandard": {"runtime"},
+    "serial": {"drivers"},
 }
 """The only packages that may import these; an experiment finds dask by its name, where it is installed."""
 

@@ -66,6 +66,19 @@ def disagreements(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnost
         yield from _actuator(actuator, servers, body, file)
     yield from shared_commands(robot.actuators)
     yield from _unread(robot, body, file)
+    yield from unwatched_devices(body, file)
+
+
+def unwatched_devices(
+    body: Body, file: BodyFile, servers: Sequence[str] | None = None
+) -> Iterator[Diagnostic]:
+    """Yield a warning for each device, of these servers or all, that stops by itself in no case."""
+    for name, server in body.servers.items():
+        is_asked = servers is None or name in servers
+        if is_asked and server.hardware is not None and server.hardware.watchdog == "none":
+            message = f"nothing stops `{name}` when its computer fails or its cable is pulled"
+            place = file.value("server", name, "hardware", "watchdog")
+            yield warning("B019", place, message, "the guard of a port ends with its computer")
 
 
 def _identity(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:

@@ -222,6 +222,12 @@ class Hardware:
     driver: str = entry(
         "driver", Text(rf"{NAME}(\.{NAME})*:{NAME}", "`module:Class`"), "the driver's class: `module:Class`"
     )
+    watchdog: str | None = entry(
+        "watchdog",
+        Text(r"none|[0-9]+(\.[0-9]+)? m?s", '"none", or a time such as "2 s"'),
+        "after what time the device stops by itself when its computer falls silent",
+        default=None,
+    )
     options: Mapping[str, str | float | bool] = entry(
         "", Options(), "what the driver is given, such as `port`", default={}
     )

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from colony.robots.described import DescribedRobot
     from colony.robots.serving import Settings
     from colony.runtime.protocol.interface import Interface
+    from colony.text.diagnostics import Diagnostic
 
 ALL = "all"
 
@@ -55,6 +56,14 @@ class Folder(click.Path):
     "--hardware",
     is_flag=True,
     help="Serve real devices, by the drivers that the robot's body names; with --map simulate all others.",
+)
+@click.option(
+    "--port",
+    metavar="PORT",
+    help="Serve real devices at this serial port, or tcp:HOST:PORT, in place of the one in the robot's body.",
+)
+@click.option(
+    "--baud", type=click.IntRange(min=50), help="With --port: the baud rate, in place of the driver's."
 )
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="The seed of the sensors' noise."
@@ -107,6 +116,9 @@ def command(server: str, **arguments: Any) -> None:
 
     A server stops its hardware when it ends. A server that already runs under the same name is not started.
 
+    With --port, which includes --hardware, all drivers whose table in the body has a `port` get this one
+    (docs/drivers.md).
+
     \b
     Example:
       colony serve all --robot rome --map loop
@@ -116,6 +128,7 @@ def command(server: str, **arguments: Any) -> None:
       colony serve RServer --robot rome
       colony serve all --robot s1=scout --hardware
       colony serve all --robot s1=scout --hardware --map loop
+      colony serve all --robot s1=scout --port /dev/ttyUSB0
     """
     from colony.cli.interruption import interruptible
     from colony.cli.run.options import OptionError, cameras, start_pose
@@ -125,6 +138,7 @@ def command(server: str, **arguments: Any) -> None:
     from colony.text.diagnostics import DiagnosticError
 
     robot, texts, start = (arguments.pop(name) for name in ("robot", "camera_texts", "start"))
+    arguments["hardware"] = arguments["hardware"] or arguments["port"] is not None
     described, interface, limits = _description()
     try:
         directions = cameras(texts)
@@ -147,6 +161,8 @@ def command(server: str, **arguments: Any) -> None:
         raise click.UsageError(objection_text, click.get_current_context())
     if settings.map_path is not None:
         expect_extras("sim")
+    if settings.hardware:
+        report(_unwatched(settings, server))
     try:
         with reporting_connection_errors():
             robot_address = local(robot, os.environ)
@@ -168,18 +184,12 @@ def command(server: str, **arguments: Any) -> None:
 def objection(server: str, settings: Settings) -> str | None:
     """Return the reason why the settings do not fit this server; None if they do."""
     if settings.hardware:
-        if server == "Simulator" or (server != ALL and settings.map_path is not None):
-            return "--hardware is for real devices: with a map it requires `all`, which simulates the others"
-        if settings.map_path is None and settings.simulates:
-            options = "--camera, --hazards, --movers, --start"
-            return f"--hardware without --map is for real devices alone: leave out {options}"
-        if not settings.devices.hardware:
-            name = settings.described.body.robot.name
-            return f"--hardware: the body of `{name}` names no driver: `hardware = {{ driver = ... }}`"
-        if server in settings.devices.absent:
-            return f"--hardware: the body names no driver for {server}: `hardware = {{ driver = ... }}`"
+        if (text := _hardware_objection(server, settings)) is not None:
+            return text
     elif server == ALL and settings.map_path is None:
         return "all requires --map MAP, the building of the robot, or --hardware, for its real devices"
+    if settings.baud is not None and settings.port is None:
+        return "--baud requires --port; the body may give its driver a `baud` as well"
     if server == "Simulator" and settings.map_path is None:
         return f"{server} requires --map MAP, the building of the robot"
     world_options = {
@@ -201,6 +211,44 @@ def objection(server: str, settings: Settings) -> str | None:
     if settings.listen is not None and server not in ("Gateway", ALL):
         return f"--listen requires Gateway or all; found {server}"
     return None
+
+
+def _hardware_objection(server: str, settings: Settings) -> str | None:
+    if server == "Simulator" or (server != ALL and settings.map_path is not None):
+        return "--hardware is for real devices: with a map it requires `all`, which simulates the others"
+    if settings.map_path is None and settings.simulates:
+        options = "--camera, --hazards, --movers, --start"
+        return f"--hardware without --map is for real devices alone: leave out {options}"
+    if not settings.devices.hardware:
+        name = settings.described.body.robot.name
+        return f"--hardware: the body of `{name}` names no driver: `hardware = {{ driver = ... }}`"
+    if server in settings.devices.absent:
+        return f"--hardware: the body names no driver for {server}: `hardware = {{ driver = ... }}`"
+    return None if settings.port is None else _port_objection(settings)
+
+
+def _port_objection(settings: Settings) -> str | None:
+    from colony.robots.robot_devices import ports, real_devices
+
+    found = ports(real_devices(settings.described))
+    if len(found) == 1:
+        return None
+    body = f"the body of `{settings.described.body.robot.name}`"
+    if not found:
+        return f"--port: {body} gives no driver a port: `hardware = {{ driver = ..., port = ... }}`"
+    return f"--port: {body} has the ports {', '.join(found)}: write there which driver has which"
+
+
+def _unwatched(settings: Settings, server: str) -> tuple[Diagnostic, ...]:
+    """Return the warnings of served devices that nothing stops when their computer fails."""
+    from colony.body.disagreements import unwatched_devices
+    from colony.body.reader import read_body
+
+    path = settings.described.path
+    if path is None:
+        return ()
+    file = read_body(path)
+    return tuple(unwatched_devices(settings.described.body, file, (server,) if server != ALL else None))
 
 
 def server_named(text: str, settings: Settings) -> str:

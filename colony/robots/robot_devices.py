@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
+
+from msgspec import structs
 
 from colony.body.devices import Base, Camera, CeilingCamera, Proximity
 from colony.body.model import Body, Server
 from colony.body.servers import in_declared_units
+from colony.ir.program import DEFAULT_FRAME_NS
 from colony.ir.servers import COMMON_SERVERS, PROXIMITY, RSERVER
 from colony.robots.described import DescribedRobot
 from colony.runtime.assembly.processes.jobs import RobotDevices
 from colony.runtime.assembly.processes.spec import Hardware
 from colony.runtime.servers.drivers import BaseLimits
+
+PORT = "port"
+"""The option of drivers that says where their device is."""
 
 
 def simulated_devices(robot: DescribedRobot) -> RobotDevices:
@@ -97,4 +104,22 @@ def _hardware(robot: DescribedRobot, name: str, server: Server) -> Hardware:
         options=dict(server.hardware.options),
         search_path=tuple(dict.fromkeys([*folders, os.getcwd()])),
         origin=f"{where}server.{name}.hardware",
+        frame_ns=DEFAULT_FRAME_NS if robot.interface is None else robot.interface.frame_ns,
     )
+
+
+def ports(devices: RobotDevices) -> tuple[str, ...]:
+    """Return the ports that drivers have by the body, each once."""
+    return tuple(dict.fromkeys(str(d.options[PORT]) for d in devices.hardware.values() if PORT in d.options))
+
+
+def with_port(devices: RobotDevices, port: str, baud: int | None) -> RobotDevices:
+    """Return the devices with this port, and baud rate if one is given, for each driver that has a `port`."""
+    given = {"port": port} if baud is None else {"port": port, "baud": baud}
+    hardware = {
+        name: structs.replace(driver, options={**driver.options, **given})
+        if PORT in driver.options
+        else driver
+        for name, driver in devices.hardware.items()
+    }
+    return replace(devices, hardware=hardware)

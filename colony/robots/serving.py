@@ -12,7 +12,7 @@ from colony.execute.compiled import Compiled
 from colony.robots.described import DescribedRobot
 from colony.robots.driver_watch import DriverWatch
 from colony.robots.request import MisuseError, RunAbortedError
-from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices
+from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices, with_port
 from colony.robots.simulated import (
     PLANT_SERVERS,
     CompilationNotice,
@@ -68,7 +68,7 @@ class Settings:
     the pose where a simulated robot starts, x and y in mm and the heading in degrees, or None for that of the
     map. `interface` is that of the robot's description, if it has one, and `limits` are its limits, compiled,
     if it has any. With `hardware`, real devices are served by their drivers; with a map besides, all others
-    are simulated.
+    are simulated. `port` and `baud` replace those that the body gives to drivers.
     """
 
     described: DescribedRobot
@@ -85,6 +85,8 @@ class Settings:
     interface: Interface | None = None
     limits: Compiled | None = None
     hardware: bool = False
+    port: str | None = None
+    baud: int | None = None
 
     @property
     def simulates(self) -> bool:
@@ -96,7 +98,8 @@ class Settings:
         """The devices of the robot."""
         if not self.hardware:
             return simulated_devices(self.described)
-        return real_devices(self.described) if self.map_path is None else mixed_devices(self.described)
+        devices = real_devices(self.described) if self.map_path is None else mixed_devices(self.described)
+        return devices if self.port is None else with_port(devices, self.port, self.baud)
 
 
 def serve_one(server: str, robot_address: Local, settings: Settings, report: Report) -> None:

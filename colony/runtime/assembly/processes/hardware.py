@@ -7,6 +7,7 @@ what it raises later is reported, and counts as no value or as a command that wa
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
 import time
 import traceback
@@ -51,9 +52,18 @@ def load_driver(hardware: Hardware) -> Any:
         why = f"`{module.__file__}` has no class `{name}`" + (f"; {hint}" if hint else "")
         raise _error(hardware, "cannot be imported", why, is_final=True)
     try:
-        return make(**hardware.options)
+        return make(**_frame(make, hardware), **hardware.options)
     except (Exception, SystemExit) as problem:
         raise _error(hardware, "cannot be made", _why(problem, hardware), is_final=False) from None
+
+
+def _frame(make: Callable[..., Any], hardware: Hardware) -> dict[str, int]:
+    """Return the length of a frame, for a driver with a parameter `frame_ns` that the body does not give."""
+    try:
+        is_asked = "frame_ns" in inspect.signature(make).parameters
+    except (TypeError, ValueError):  # of something without a signature
+        is_asked = False
+    return {"frame_ns": hardware.frame_ns} if is_asked and "frame_ns" not in hardware.options else {}
 
 
 def device_driver(driver: Any, hardware: Hardware) -> DeviceDriver:

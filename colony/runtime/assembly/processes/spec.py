@@ -14,6 +14,7 @@ import msgspec
 
 from colony.execute.shapes import from_shape, shape, to_shape
 from colony.files import read_file
+from colony.ir.program import DEFAULT_FRAME_NS
 from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
 from colony.os_errors import naming
@@ -58,12 +59,14 @@ class Hardware(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
     """A driver of a real device: the class `driver`, as `module:Class`, which is called with `options`.
 
     `search_path` are additional folders of its module; `origin` is the place that names it, for messages.
+    `frame_ns` is the length of the robot's frames, which is given to a driver that has such a parameter.
     """
 
     driver: str
     options: dict[str, str | int | float | bool] = {}
     search_path: tuple[str, ...] = msgspec.field(default=(), name="search")
     origin: str = ""
+    frame_ns: int = DEFAULT_FRAME_NS
 
 
 class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):

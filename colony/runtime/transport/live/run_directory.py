@@ -3,6 +3,7 @@
     <run directory>/<robot>/RServer.sock     the socket on which RServer listens
     <run directory>/<robot>/RServer.claim    locked by the process that runs RServer; contains its process id
     <run directory>/<robot>/base             the origin of the robot's time
+    <run directory>/ttyUSB0-<hash>.guard     the socket of the guard of a port (`colony.drivers.guard`)
 
 A process that can open the sockets has full control of the robot, so only its owner may enter the folder.
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import hashlib
 import os
 import stat
 import time
@@ -75,6 +77,20 @@ class RunDirectory:
         except ValueError as problem:
             raise RunDirectoryError(str(problem)) from None
 
+    def guard(self, port: str) -> Path:
+        """Return the path of the socket of a serial port's guard, in a folder that this user alone can enter.
+
+        Raises:
+            RunDirectoryError: the folder is another user's or open to others, or its path is too long.
+        """
+        _make_private(self.path)
+        word = "".join(c for c in port.rpartition("/")[2] if c.isascii() and c.isalnum())[-20:]
+        path = self.path / f"{word}-{hashlib.sha256(port.encode()).hexdigest()[:8]}.guard"
+        size = len(os.fsencode(path))
+        if size > MAX_SOCKET_PATH_BYTES:
+            raise RunDirectoryError(_too_long(path, size))
+        return path
+
     def robots(self) -> tuple[str, ...]:
         """Return the robots that have a folder, whether or not one of their servers runs.
 
@@ -122,10 +138,7 @@ class RobotDirectory:
             )
         size = len(os.fsencode(path))
         if size > MAX_SOCKET_PATH_BYTES:
-            raise RunDirectoryError(
-                f"{path} is {size} bytes long, and the path of a socket can have {MAX_SOCKET_PATH_BYTES}: "
-                "set COLONY_RUN_DIR to a shorter folder"
-            )
+            raise RunDirectoryError(_too_long(path, size))
         return path
 
     def endpoint(self, server: str) -> str:
@@ -296,6 +309,13 @@ def _holder(path: Path) -> int | None:
         return None
     finally:
         os.close(descriptor)
+
+
+def _too_long(path: Path, size: int) -> str:
+    return (
+        f"{path} is {size} bytes long, and the path of a socket can have {MAX_SOCKET_PATH_BYTES}: "
+        "set COLONY_RUN_DIR to a shorter folder"
+    )
 
 
 def _is_utf8(path: Path) -> bool:

@@ -1,0 +1,162 @@
+"""Dialects: what one kind of device says and understands on its line. Pure: bytes, packets and times.
+
+A driver of a robot is a dialect; all else (threads, the guard, retries, ages, reconnection) is the kernel:
+
+    class Rover(Dialect[RoverPacket]):
+        baud = 57600
+        stop_bytes = encoded(SPEEDS, 0, 0)
+
+        def decoder(self) -> RoverDecoder: ...
+        def opening(self) -> Opening[RoverPacket]: ...
+        def read(self, packet: RoverPacket, t_ns: int) -> Readings: ...
+        def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes: ...
+
+    def base(port: str, frame_ns: int) -> SerialBase: return SerialBase(Rover(), port, frame_ns=frame_ns)
+    def battery(port: str) -> SerialFields: return SerialFields(Rover(), port, {"level": "battery"})
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Generic
+
+from colony.drivers.decoder import Decoder, Packet
+from colony.ir.types import ScalarValue, Value
+from colony.runtime.servers.drivers import BaseState
+
+
+class OpeningError(Exception):
+    """The device did not answer as its protocol says, or is not the expected one; the text says what to do.
+
+    The kernel reports the text once and tries the opening again, after pauses that double.
+    """
+
+
+class ImplausibleError(ValueError):
+    """A reading is outside the device's physics, although its checksum holds; the text says which."""
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """A step of an opening: send `data`, then ignore all that comes for `pause_s` seconds.
+
+    The generator is resumed with None. Without data it is a pause.
+    """
+
+    data: bytes
+    pause_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ask(Generic[Packet]):
+    """A step of an opening: send `data`, then wait for a packet that `accepts` accepts.
+
+    The generator is resumed with that packet, or with None after `timeout_s` seconds. Without data it goes on
+    listening.
+    """
+
+    data: bytes
+    accepts: Callable[[Packet], bool]
+    timeout_s: float = 1.0
+
+
+Opening = Generator[Send | Ask[Packet], Packet | None, None]
+"""The opening dialogue of a device: steps, each resumed with its answer. It returns when the device is ready.
+
+    def opening(self) -> Opening[RoverPacket]:
+        yield Send(RESET, 0.5)
+        if (yield Ask(VERSION, lambda packet: packet.kind == "version")) is None:
+            raise OpeningError("no answer: is the robot switched on, and its baud rate 57600?")
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """What one packet measured.
+
+    Attributes:
+        base: the state of the base, if the packet has all of it; its `t_ns` is that given to `read`.
+        fields: values of single measurements by name, in the units of the server's fields.
+        elements: new elements of rings by name, then by index: sonars that are fired in turn. A ring is
+            listed in `Dialect.rings`, and gets a value when each of its elements was heard.
+    """
+
+    base: BaseState | None = None
+    fields: Mapping[str, Value] = field(default_factory=dict)
+    elements: Mapping[str, Mapping[int, ScalarValue]] = field(default_factory=dict)
+
+
+NOTHING = Readings()
+"""Readings of a packet that measures nothing, such as an answer of the opening."""
+
+
+class Dialect(ABC, Generic[Packet]):
+    """The protocol of one kind of device. Mutable: may keep what `read` needs between packets.
+
+    One process has one dialect; the processes of other servers on the same port have their own, which hear
+    the same bytes, but neither run the opening nor send. So what `read` needs to know of the robot is given
+    to the constructor (by the body's options), and the opening only checks that it is so.
+
+    Attributes:
+        baud: the baud rate where neither the body nor the command line gives one; 0 if it does not matter.
+        delay_ns: age of a measurement when its packet has arrived: the device's cycle and transmission.
+        stop_bytes: a complete packet (or several) that stops the base whatever it was commanded, and is
+            harmless at any time, also before the opening and repeatedly.
+        goodbye: what ends the session: sent after the stop when no driver needs the port any more.
+        rings: number of elements of each ring.
+        bounds: least and greatest value of fields and of the elements of rings; a packet with another value
+            is refused as a whole. A ring's `math.inf`, no echo, is always in bounds.
+        max_speed, max_turn: greatest speeds in mm/s and deg/s that the base can physically have; a packet
+            with a greater one is refused as a whole.
+        silent_s: seconds without any packet after which the device counts as lost, and is opened again.
+    """
+
+    baud: int = 0
+    delay_ns: int = 0
+    stop_bytes: bytes = b""
+    goodbye: bytes = b""
+    rings: ClassVar[Mapping[str, int]] = {}
+    bounds: Mapping[str, tuple[float, float]] = {}
+    max_speed: float = 5_000.0
+    max_turn: float = 1_000.0
+    silent_s: float = 2.0
+
+    @abstractmethod
+    def decoder(self) -> Decoder[Packet]:
+        """Return a new decoder; called whenever the line begins again."""
+
+    def opening(self) -> Opening[Packet]:
+        """Return the dialogue that makes the device ready; by default there is none.
+
+        Called in the process of the base alone, whenever the line begins again. Packets that arrive during it
+        are answers first, and are read as well.
+        """
+        return
+        yield  # makes this a generator
+
+    def restart(self) -> None:  # a dialect without registers has nothing to forget
+        """Forget what counts from the device's last start, such as register values; keep the pose.
+
+        Called whenever the line begins again, before any packet of it is read.
+        """
+
+    @abstractmethod
+    def read(self, packet: Packet, t_ns: int) -> Readings:
+        """Return what a packet measured at `t_ns`, of `time.monotonic_ns`.
+
+        Raises:
+            ImplausibleError: a reading is outside the device's physics; the whole packet is refused.
+        """
+
+    def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes:
+        """Return the bytes that set these speeds (mm/s, deg/s counterclockwise, mm/s to the left).
+
+        They are complete: they set all that moves the base, because the guard sends only the newest of those
+        that wait. A keep-alive that the device needs to go on moving is among them, and is sent nowhere else.
+
+        Raises:
+            ValueError: the device cannot do that.
+        """
+        raise ValueError("the device does not drive")

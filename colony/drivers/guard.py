@@ -1,0 +1,220 @@
+"""The guard of a port: the one process that holds a serial port, and stops the base when its driver dies.
+
+Drivers connect over a unix socket of packets (`guard_packets.py`). What arrives from the port goes to all of
+them. At most one, which said hello, commands. The guard knows no protocol: the hello brings the bytes that
+stop the base, those that end the session, and the deadline.
+
+- Decided bytes carry out a frame that was decided now. Only the commanding driver sends them, a newer packet
+  replaces one that waits, and one that is older than the deadline is dropped.
+- When the deadline passes without another, when the commanding driver ends or says so, when the port opens
+  again, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly.
+- A packet that is half written is finished first, so that the stop is never part of another packet.
+- The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
+
+It ends 2 s after its last driver. Usage: python -m colony.drivers.guard SOCKET PORT BAUD
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import selectors
+import signal
+import socket
+import struct
+import sys
+import time
+from contextlib import suppress
+
+from colony.drivers.guard_packets import (
+    DATA,
+    DECIDED,
+    HELLO,
+    LOST,
+    MAX_PACKET_BYTES,
+    PLAIN,
+    REFUSED,
+    STOP,
+    UP,
+)
+from colony.drivers.guard_port import GuardedPort
+
+LINGER_NS = 2_000_000_000
+"""Time without drivers after which the guard ends."""
+
+GOODBYE_NS = 500_000_000
+"""Time that the stop and the goodbye may take at the end."""
+
+
+class Guard:
+    """The guard, over its listening socket. Mutable; one thread."""
+
+    def __init__(self, listener: socket.socket, port: str, baud: int) -> None:
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(listener, selectors.EVENT_READ, self._accept)
+        self._listener = listener
+        self._port = GuardedPort(port, baud, self._selector, self._on_data, self._on_status)
+        self._status = LOST + b"the port is not open yet"
+        self._drivers: list[socket.socket] = []
+        self._alone_since_ns = time.monotonic_ns()
+        self._commanding: socket.socket | None = None
+        self._stop = self._goodbye = b""
+        self._deadline_ns = 0
+        self._decided_ns: int | None = None  # time of the last decision, while the base may move
+        self.ending = False
+
+    def run(self) -> None:
+        """Guard until told to end, or until there was no driver for `LINGER_NS`."""
+        while not self.ending:
+            now_ns = time.monotonic_ns()
+            if not self._drivers and now_ns - self._alone_since_ns >= LINGER_NS:
+                break
+            if self._decided_ns is not None and now_ns - self._decided_ns >= self._deadline_ns:
+                self._halt()
+            self._port.do_what_is_due()
+            for key, _ in self._selector.select(max(0, self._due_ns() - time.monotonic_ns()) / 1e9):
+                key.data()
+        self._end()
+
+    def watch_signals(self) -> None:
+        """End at SIGTERM and SIGINT, which wake the selector."""
+        woken, wake = socket.socketpair()
+        woken.setblocking(False)
+        wake.setblocking(False)
+        self._selector.register(woken, selectors.EVENT_READ, lambda: woken.recv(64))
+        signal.set_wakeup_fd(wake.detach())
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: setattr(self, "ending", True))
+
+    def _due_ns(self) -> int:
+        alone_ns = None if self._drivers else self._alone_since_ns + LINGER_NS
+        dead_ns = None if self._decided_ns is None else self._decided_ns + self._deadline_ns
+        due = [t_ns for t_ns in (self._port.due_ns(), alone_ns, dead_ns) if t_ns is not None]
+        return min(due, default=time.monotonic_ns() + LINGER_NS)
+
+    def _halt(self) -> None:
+        """Drop what waits and send the stop."""
+        self._decided_ns = None
+        self._port.outbox.stop(self._stop, time.monotonic_ns())
+
+    def _end(self) -> None:
+        """Stop, say goodbye, and release the port."""
+        self._listener.close()
+        self._halt()
+        if self._goodbye:
+            self._port.outbox.add(self._goodbye)
+        until_ns = time.monotonic_ns() + GOODBYE_NS
+        while self._port.is_open and (due_ns := self._port.due_ns()) is not None and due_ns < until_ns:
+            time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
+            self._port.do_what_is_due()
+        self._port.close()
+
+    def _on_data(self, data: bytes) -> None:
+        self._send_all(DATA + struct.pack("<Q", time.monotonic_ns()) + data)
+
+    def _on_status(self, why_lost: str | None) -> None:
+        """Tell all drivers and the log; a port that is open again may have a base that moves."""
+        status = UP + str(self._port.baud).encode() if why_lost is None else LOST + why_lost.encode()
+        if status != self._status:
+            print(why_lost or f"{self._port.name} is open", flush=True)
+        self._status = status
+        self._send_all(status)
+        self._halt()
+
+    # --- drivers -------------------------------------------------------------------------------------
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            driver, _ = self._listener.accept()
+            driver.setblocking(False)
+            self._drivers.append(driver)
+            self._selector.register(driver, selectors.EVENT_READ, lambda: self._receive(driver))
+            self._send(driver, self._status)
+
+    def _receive(self, driver: socket.socket) -> None:
+        try:
+            packet = driver.recv(MAX_PACKET_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            packet = b""
+        kind, body = packet[:1], packet[1:]
+        if not kind:
+            self._drop(driver)
+        elif kind == PLAIN:
+            self._port.outbox.add(body)
+        elif kind == HELLO and len(body) >= 6:
+            self._greet(driver, body)
+        elif driver is self._commanding and kind == STOP:
+            self._halt()
+        elif driver is self._commanding and kind == DECIDED and len(body) > 8:
+            self._decide(struct.unpack_from("<Q", body)[0], body[8:])
+
+    def _greet(self, driver: socket.socket, body: bytes) -> None:
+        if self._commanding not in (None, driver):
+            self._send(
+                driver, REFUSED + f"another driver commands {self._port.name} already; end it first".encode()
+            )
+            self._drop(driver)
+            return
+        deadline_ms, size = struct.unpack_from("<IH", body)
+        self._commanding, self._deadline_ns = driver, deadline_ms * 1_000_000
+        self._stop, self._goodbye = body[6 : 6 + size], body[6 + size :]
+        self._halt()  # the guard does not know what the base was commanded before
+
+    def _decide(self, decided_ns: int, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        if self._port.is_open and now_ns - decided_ns < self._deadline_ns:
+            self._decided_ns = min(decided_ns, now_ns)
+            self._port.outbox.decide(data)
+
+    def _drop(self, driver: socket.socket) -> None:
+        if driver not in self._drivers:
+            return
+        self._drivers.remove(driver)
+        self._selector.unregister(driver)
+        driver.close()
+        self._alone_since_ns = time.monotonic_ns()
+        if driver is self._commanding:
+            self._commanding = None
+            self._halt()
+
+    def _send_all(self, packet: bytes) -> None:
+        for driver in tuple(self._drivers):
+            self._send(driver, packet)
+
+    def _send(self, driver: socket.socket, packet: bytes) -> None:
+        try:
+            driver.send(packet)
+        except BlockingIOError:
+            pass  # a driver that does not read misses this; its decoder gets in step again
+        except OSError:
+            self._drop(driver)
+
+
+def main() -> None:
+    """Run the guard of the command line, unless the port has one."""
+    path, port, baud = sys.argv[1:]
+    lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return
+    os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
+    with suppress(FileNotFoundError):
+        os.unlink(path)  # of a guard that was killed
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(path)
+    listener.setblocking(False)
+    listener.listen()
+    guard = Guard(listener, port, int(baud))
+    guard.watch_signals()
+    try:
+        guard.run()
+    finally:
+        with suppress(FileNotFoundError):
+            os.unlink(path)
+
+
+if __name__ == "__main__":
+    main()

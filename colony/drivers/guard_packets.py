@@ -1,0 +1,27 @@
+"""The packets between a guard and the drivers of its port: a kind of one byte, and a body."""
+
+HELLO = b"H"
+"""From a driver that commands: u32 deadline in ms, u16 length of the stop, the stop, the goodbye."""
+
+DECIDED = b"D"
+"""From the driver that commands: u64 time of the decision (CLOCK_MONOTONIC, ns), bytes that carry it out."""
+
+STOP = b"S"
+"""From the driver that commands: stop now."""
+
+PLAIN = b"P"
+"""From any driver: bytes of a handshake, a setting or a query, which keep no base moving."""
+
+DATA = b"B"
+"""To all drivers: u64 time of arrival (CLOCK_MONOTONIC, ns), bytes from the port."""
+
+UP = b"U"
+"""To all drivers: the port is open, and its device may have restarted; the baud rate as text."""
+
+LOST = b"L"
+"""To all drivers: why the port is not open, as text."""
+
+REFUSED = b"R"
+"""To a driver: why its connection is closed, as text."""
+
+MAX_PACKET_BYTES = 65_536

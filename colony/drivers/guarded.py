@@ -1,0 +1,188 @@
+"""The connection of a driver to the guard of its port, which it starts if there is none."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import struct
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from colony.drivers.guard_packets import (
+    DATA,
+    DECIDED,
+    HELLO,
+    LOST,
+    MAX_PACKET_BYTES,
+    PLAIN,
+    REFUSED,
+    STOP,
+    UP,
+)
+from colony.drivers.link import TCP, LinkError
+from colony.runtime.transport.live.run_directory import RunDirectory
+
+START_S = 10.0
+"""Seconds that a guard may take to start, on a loaded machine."""
+
+START_AGAIN_S = 1.0
+"""Seconds after which another guard is started: the first may have found one that was just ending."""
+
+CONNECT_PAUSE_S = 0.02
+
+_guards: list[subprocess.Popen[bytes]] = []
+"""The guards that this process has started, which outlive it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """What a driver that commands leaves with the guard: the stop, the goodbye, and the deadline in ns."""
+
+    stop: bytes
+    goodbye: bytes
+    deadline_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Up:
+    """The port is open, and its device may have restarted."""
+
+    baud: int
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The port is not open; `why` says the reason, and what to do."""
+
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    """Bytes that arrived from the port at `t_ns`, of `time.monotonic_ns`."""
+
+    data: bytes
+    t_ns: int
+
+
+Event = Up | Lost | Arrived
+
+
+class GuardConnection:
+    """A connection to a guard. `receive` is called by one thread, all else by any. Mutable: may be closed."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._socket = connection
+
+    def receive(self, timeout_s: float) -> Event | None:
+        """Wait for the next event; None if there is none in time.
+
+        Raises:
+            LinkError: the guard refuses this connection.
+            ConnectionError: the guard has ended.
+        """
+        if not select.select([self._socket], [], [], timeout_s)[0]:
+            return None
+        packet = self._socket.recv(MAX_PACKET_BYTES)
+        kind, body = packet[:1], packet[1:]
+        if kind == DATA:
+            return Arrived(body[8:], struct.unpack_from("<Q", body)[0])
+        if kind == UP:
+            return Up(int(body))
+        if kind == LOST:
+            return Lost(body.decode())
+        if kind == REFUSED:
+            raise LinkError(body.decode())
+        raise ConnectionResetError("the guard of the port has ended")
+
+    def decide(self, data: bytes, decided_ns: int) -> None:
+        """Have bytes sent that carry out a frame that was decided at `decided_ns`.
+
+        Raises:
+            OSError: the guard has ended, or does not read.
+        """
+        self._socket.send(DECIDED + struct.pack("<Q", decided_ns) + data, socket.MSG_DONTWAIT)
+
+    def send(self, data: bytes) -> None:
+        """Have bytes of a handshake, a setting or a query sent.
+
+        Raises:
+            OSError: the guard has ended, or does not read.
+        """
+        self._socket.send(PLAIN + data, socket.MSG_DONTWAIT)
+
+    def stop(self) -> None:
+        """Have the stop sent.
+
+        Raises:
+            OSError: the guard has ended, or does not read.
+        """
+        self._socket.send(STOP, socket.MSG_DONTWAIT)
+
+    def close(self) -> None:
+        """End the connection; if it commands, the guard stops the base. Idempotent."""
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)  # wakes a thread in `receive`
+        self._socket.close()
+
+
+def connect(port: str, baud: int, command: Command | None) -> GuardConnection:
+    """Connect to the guard of a port; start it if there is none.
+
+    Args:
+        port: what `link.open_link` opens.
+        baud: the baud rate of the port.
+        command: what a driver that commands leaves with the guard; None only to listen.
+
+    Raises:
+        LinkError: the guard does not start.
+        RunDirectoryError: the folder of its socket cannot be used.
+    """
+    port = port if port.startswith(TCP) else os.path.abspath(port)
+    path = RunDirectory.find(os.environ).guard(port)
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        _reach(connection, path, port, baud)
+        if command is not None:
+            head = struct.pack("<IH", command.deadline_ns // 1_000_000, len(command.stop))
+            connection.send(HELLO + head + command.stop + command.goodbye)
+    except BaseException:
+        connection.close()
+        raise
+    return GuardConnection(connection)
+
+
+def _reach(connection: socket.socket, path: Path, port: str, baud: int) -> None:
+    began = start_due = time.monotonic()
+    while (now := time.monotonic()) < began + START_S:
+        try:
+            connection.connect(os.fspath(path))
+        except (FileNotFoundError, ConnectionRefusedError):
+            if now >= start_due:
+                start_due = now + START_AGAIN_S
+                _guards[:] = [guard for guard in _guards if guard.poll() is None]
+                _guards.append(_start(path, port, baud))
+            time.sleep(CONNECT_PAUSE_S)
+        else:
+            return
+    raise LinkError(f"the guard of {port} does not start; its log is {path}.log")
+
+
+def _start(path: Path, port: str, baud: int) -> subprocess.Popen[bytes]:
+    """Start a guard in a session of its own, so that no signal to a group of processes reaches it."""
+    log = os.open(f"{path}.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+    try:
+        return subprocess.Popen(
+            [sys.executable, "-m", "colony.drivers.guard", os.fspath(path), port, str(baud)],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+    finally:
+        os.close(log)

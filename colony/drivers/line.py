@@ -1,0 +1,212 @@
+"""A line to a device: a thread that connects to the guard, opens the device, and takes what it measures."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from typing import Generic
+
+from colony.drivers.decoder import Packet
+from colony.drivers.dialect import Dialect, ImplausibleError, OpeningError
+from colony.drivers.guarded import Arrived, Command, Event, GuardConnection, Lost, Up, connect
+from colony.drivers.link import LinkError
+from colony.drivers.measurements import Measurements
+from colony.drivers.opening import OpeningRun
+from colony.runtime.kit.background import next_pause_s
+from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
+from colony.runtime.servers.drivers import BaseState, Reading
+
+WAKE_S = 0.02
+"""Seconds between two looks at the time while the device is being opened, and at most while it is silent."""
+
+CLOSE_S = 1.0
+"""Seconds that the thread has to end when the line is closed."""
+
+
+def to_stderr(problem: str) -> None:
+    """Write a problem into the log of the server."""
+    print(problem, file=sys.stderr, flush=True)
+
+
+class Line(Generic[Packet]):
+    """A line to one device. Mutable; shared by its thread and the server's.
+
+    Args:
+        dialect: the protocol; used by the thread alone, but for `drive`.
+        port: what `link.open_link` opens.
+        baud: the baud rate; 0 for that of the dialect.
+        command: what is left with the guard, for the line that opens and commands the device; else None.
+        report: takes each kind of problem once in each outage, and the end of the outage.
+    """
+
+    def __init__(
+        self, dialect: Dialect[Packet], port: str, baud: int, command: Command | None, report: Report
+    ) -> None:
+        self._dialect = dialect
+        self._port = port
+        self._baud = baud or dialect.baud
+        self._command = command
+        self._report = report
+        self._problems: OnceReporter | None = None
+        self._implausible = OnceReporter(report)
+        self._problem: str | None = "the port is not open yet"
+        self._lock = threading.Lock()
+        self._measured = Measurements(
+            rings=dialect.rings,
+            bounds=dialect.bounds,
+            max_speed=dialect.max_speed,
+            max_turn=dialect.max_turn,
+        )
+        self._decoder = dialect.decoder()
+        self._opening: OpeningRun[Packet] | None = None
+        self._is_ready = False
+        self._heard_ns = 0
+        self._connection: GuardConnection | None = None
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"line {port}", daemon=True)
+        self._thread.start()
+
+    # --- called by the server ------------------------------------------------------------------------
+
+    @property
+    def problem(self) -> str | None:
+        """Why the device does not work now; None while it does."""
+        return self._problem
+
+    def decide(self, data: bytes) -> None:
+        """Send bytes that carry out the frame that is being decided, in the thread that decides it.
+
+        Raises:
+            OSError: the device is not ready, or the guard has ended.
+        """
+        connection = self._connection
+        if connection is None or not self._is_ready:
+            raise ConnectionError(f"the base is not ready: {self._problem or 'it is being opened'}")
+        connection.decide(data, time.monotonic_ns())
+
+    def stop(self) -> None:
+        """Send the stop; without a guard there is no connection that could move the base.
+
+        Raises:
+            OSError: the guard has just ended.
+        """
+        if (connection := self._connection) is not None:
+            connection.stop()
+
+    def base(self) -> BaseState | None:
+        """Return the newest state of the base; None until the device is ready."""
+        with self._lock:
+            return self._measured.base if self._is_ready else None
+
+    def readings(self) -> Mapping[str, Reading]:
+        """Return the newest measurements with their ages."""
+        with self._lock:
+            return self._measured.readings(time.monotonic_ns())
+
+    def close(self) -> None:
+        """End the connection: the guard stops the base, if this line commands. Idempotent."""
+        self._closed.set()
+        if (connection := self._connection) is not None:
+            connection.close()
+        self._thread.join(CLOSE_S)
+
+    # --- the thread ----------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        pause_s = 0.0
+        while not self._closed.is_set():
+            began = time.monotonic()
+            try:
+                self._serve(connect(self._port, self._baud, self._command))
+            except (Exception, SystemExit) as problem:
+                self._lose(problem)
+            pause_s = next_pause_s(pause_s, time.monotonic() - began)
+            self._closed.wait(pause_s)
+
+    def _serve(self, connection: GuardConnection) -> None:
+        """Take what arrives, until the connection or the device is lost, which raises."""
+        self._connection = connection
+        try:
+            while not self._closed.is_set():
+                self._take(connection, connection.receive(WAKE_S if self._opening else 10 * WAKE_S))
+        finally:
+            self._connection, self._is_ready, self._opening = None, False, None
+            connection.close()
+
+    def _take(self, connection: GuardConnection, event: Event | None) -> None:
+        match event:
+            case Up(baud=baud):
+                self._begin(connection, baud)
+            case Lost(why=why):
+                self._is_ready, self._opening = False, None
+                self._lose(LinkError(why))
+            case Arrived(data=data, t_ns=t_ns):
+                for packet in self._decoder.feed(data):
+                    self._hear(packet, t_ns)
+            case None:
+                pass
+        now_ns = time.monotonic_ns()
+        if self._opening is not None:
+            self._opening.on_time(now_ns)
+            self._end_opening(now_ns)
+        elif self._is_ready and now_ns - self._heard_ns > self._dialect.silent_s * 1e9:
+            self._lose_silent()
+
+    def _begin(self, connection: GuardConnection, baud: int) -> None:
+        if baud != self._baud:
+            text = f"the guard of {self._port} runs at {baud} baud, and this driver needs {self._baud}"
+            raise LinkError(f"{text}: give all servers of the port the same `baud`, and end them first")
+        self._decoder = self._dialect.decoder()
+        self._dialect.restart()
+        self._is_ready, self._heard_ns = self._command is None, time.monotonic_ns()
+        if self._command is not None:
+            self._problem = "the device is being opened"
+            now_ns = time.monotonic_ns()
+            self._opening = OpeningRun(self._dialect.opening(), connection.send, now_ns)
+            self._end_opening(now_ns)
+
+    def _end_opening(self, now_ns: int) -> None:
+        if self._opening is not None and self._opening.is_done:
+            self._opening, self._is_ready, self._heard_ns = None, True, now_ns
+
+    def _lose_silent(self) -> None:
+        silence = f"nothing was heard for {self._dialect.silent_s:g} s"
+        if self._command is not None:
+            raise OpeningError(f"{silence}: the device is opened again")
+        self._lose(OpeningError(f"{silence}: does RServer run, whose driver opens the device?"))
+
+    def _hear(self, packet: Packet, t_ns: int) -> None:
+        """Take a packet: what it measures, and what it answers."""
+        self._heard_ns = t_ns
+        if self._opening is not None:
+            self._opening.on_packet(packet, time.monotonic_ns())
+        try:
+            measured_ns = t_ns - self._dialect.delay_ns
+            readings = self._dialect.read(packet, measured_ns)
+            with self._lock:
+                self._measured.take(readings, measured_ns)
+        except ImplausibleError as problem:
+            self._implausible.report("", "", f"a packet was refused: {problem}")
+        if self._is_ready:
+            self._note_success()
+
+    def _note_success(self) -> None:
+        self._problem = None
+        if self._problems is not None:
+            self._problems = None
+            self._report(f"the device at {self._port} works again")
+
+    def _lose(self, problem: BaseException) -> None:
+        """Forget what was measured, and report the problem, once in an outage."""
+        with self._lock:
+            self._measured.clear()
+        if self._closed.is_set():
+            return
+        is_known = isinstance(problem, LinkError | OpeningError)
+        text = exception_text(problem)
+        self._problem = text if is_known else f"{type(problem).__name__}: {text}"
+        self._problems = self._problems or OnceReporter(self._report)
+        full = text if is_known else failure_text(f"the line to {self._port}", problem)
+        self._problems.report("", text if is_known else type(problem).__name__, full)

@@ -1,0 +1,252 @@
+"""The guard on a pseudoterminal: the base stops when what drives it dies, stands still, or loses its line."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from colony.drivers import guarded
+from colony.drivers.guarded import Command, Lost, Up, connect
+from colony.drivers.link import LinkError
+from colony.runtime.transport.live.run_directory import RunDirectory
+from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny, base, battery
+from tests.drivers.tiny_robot import TinyRobot
+
+PATIENCE_S = 30.0
+"""Seconds after which a loaded machine counts as broken."""
+
+DRIVER = """
+import sys, time
+from tests.drivers.tiny import base
+driver = base(sys.argv[1])
+while True:
+    try:
+        driver.drive(300.0, 0.0)
+    except OSError:
+        pass
+    time.sleep(0.02)
+"""
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    """Wait until something holds."""
+    until = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < until, "waited in vain"
+        time.sleep(0.005)
+
+
+def guard_socket(robot: TinyRobot) -> Path:
+    return RunDirectory.find(os.environ).guard(os.fspath(robot.port))
+
+
+def guard_pid(robot: TinyRobot) -> int:
+    path = Path(f"{guard_socket(robot)}.lock")
+    wait_for(path.read_text)  # it has just begun
+    return int(path.read_text())
+
+
+def guard_runs(robot: TinyRobot) -> bool:
+    lock = Path(f"{guard_socket(robot)}.lock")
+    if not lock.exists():
+        return False
+    with lock.open() as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[TinyRobot]:
+    robot = TinyRobot(tmp_path / "port")
+    yield robot
+    if guard_runs(robot):
+        os.kill(guard_pid(robot), signal.SIGTERM)
+        wait_for(lambda: not guard_runs(robot))
+    robot.close()
+    for process in guarded._guards:
+        process.wait(PATIENCE_S)
+    guarded._guards.clear()
+    for path in guard_socket(robot).parent.glob(f"{guard_socket(robot).name}*"):
+        path.unlink()
+
+
+@pytest.fixture
+def driving(robot: TinyRobot) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that drives the robot."""
+    process = subprocess.Popen([sys.executable, "-c", DRIVER, os.fspath(robot.port)], start_new_session=True)
+    try:
+        wait_for(lambda: robot.speeds == (300, 0))
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def stopped_after(robot: TinyRobot) -> float:
+    """Return the seconds from the last command until the stop."""
+    wait_for(lambda: robot.speeds == (0, 0))
+    moved = [t for data, t in robot.heard if data[0] == SPEEDS and any(data[1:])]
+    return next(t for data, t in robot.heard if t > moved[-1] and data == Tiny.stop_bytes[2:-1]) - moved[-1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_base_stops_when_its_driver_does(
+    robot: TinyRobot, driving: subprocess.Popen[bytes], number: signal.Signals
+) -> None:
+    os.killpg(driving.pid, number)  # the guard is in no group of it
+    after_s = stopped_after(robot)
+    assert after_s < 5.0
+    if number == signal.SIGSTOP:
+        assert after_s > 0.1  # the deadline, less the way to the robot
+    wait_for(lambda: sum(data == Tiny.stop_bytes[2:-1] for data, _ in robot.heard[-8:]) > 1)  # repeated
+
+
+def test_a_driver_that_goes_on_after_a_pause_drives_again(
+    robot: TinyRobot, driving: subprocess.Popen[bytes]
+) -> None:
+    driving.send_signal(signal.SIGSTOP)
+    stopped_after(robot)
+    driving.send_signal(signal.SIGCONT)
+    wait_for(lambda: robot.speeds == (300, 0))
+
+
+def test_a_killed_guard_has_a_successor(robot: TinyRobot, driving: subprocess.Popen[bytes]) -> None:
+    first = guard_pid(robot)
+    os.kill(first, signal.SIGKILL)
+    wait_for(lambda: guard_runs(robot) and guard_pid(robot) != first)
+    robot.speeds = (0, 0)
+    wait_for(lambda: robot.speeds == (300, 0))
+
+
+def test_a_guard_that_is_ended_stops_the_base_and_the_session(
+    robot: TinyRobot, driving: subprocess.Popen[bytes]
+) -> None:
+    driving.send_signal(signal.SIGSTOP)
+    os.kill(guard_pid(robot), signal.SIGTERM)
+    wait_for(lambda: not guard_runs(robot))
+    stopped_after(robot)
+    wait_for(lambda: robot.count(GOODBYE))
+
+
+def test_a_guard_without_drivers_ends(robot: TinyRobot) -> None:
+    driver = base(os.fspath(robot.port))
+    wait_for(driver.state)
+    driver.close()
+    wait_for(lambda: not guard_runs(robot))
+    wait_for(lambda: robot.count(GOODBYE) == 1)
+
+
+def test_two_drivers_have_one_guard(robot: TinyRobot) -> None:
+    port = os.fspath(robot.port)
+    listener = battery(port)
+    driver = base(port)
+    try:
+        wait_for(lambda: listener.fields()["level"])
+        wait_for(driver.state)
+        reading = listener.fields()["level"]
+        assert reading is not None
+        assert reading.value == 12.4
+        assert reading.age_ns >= Tiny.delay_ns
+        assert listener.problem is driver.problem is None
+        driver.drive(100.0, 20.0)
+        wait_for(lambda: robot.speeds == (100, 20))
+        driver.stop()
+        wait_for(lambda: robot.speeds == (0, 0))
+        with pytest.raises(ValueError, match="700, 0 mm/s; at most 600"):
+            driver.drive(700.0, 0.0)
+    finally:
+        driver.close()
+        listener.close()
+
+
+def test_one_driver_alone_commands(robot: TinyRobot) -> None:
+    command = Command(stop=b"", goodbye=b"", deadline_ns=150_000_000)
+    first = connect(os.fspath(robot.port), 0, command)
+    second = connect(os.fspath(robot.port), 0, command)
+    try:
+        refusals = []
+        while not refusals:
+            try:
+                second.receive(PATIENCE_S)
+            except LinkError as refusal:
+                refusals.append(str(refusal))
+        assert refusals == [f"another driver commands {robot.port} already; end it first"]
+    finally:
+        first.close()
+        second.close()
+
+
+def test_a_pulled_cable(robot: TinyRobot) -> None:
+    driver = base(os.fspath(robot.port))
+    try:
+        wait_for(driver.state)
+        robot.pull_out()
+        wait_for(lambda: driver.state() is None)
+        wait_for(lambda: "there is no port" in (driver.problem or ""))
+        with pytest.raises(ConnectionError, match="the base is not ready: there is no port"):
+            driver.drive(100.0, 0.0)
+        robot.heard.clear()
+        robot.plug_in()
+        wait_for(driver.state)
+        assert robot.heard[0][0] == Tiny.stop_bytes[2:-1]  # it may have driven all the time
+        driver.drive(100.0, 0.0)
+        wait_for(lambda: robot.speeds == (100, 0))
+    finally:
+        driver.close()
+
+
+def test_a_busy_port(robot: TinyRobot) -> None:
+    with robot.port.open("rb", buffering=0) as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        connection = connect(os.fspath(robot.port), 0, None)
+        try:
+            event = connection.receive(PATIENCE_S)
+            while event == Lost("the port is not open yet"):
+                event = connection.receive(PATIENCE_S)
+            assert isinstance(event, Lost)
+            assert f"is busy: process {os.getpid()} (" in event.why
+            fcntl.flock(other, fcntl.LOCK_UN)
+            while not isinstance(event, Up):
+                event = connection.receive(PATIENCE_S)
+        finally:
+            connection.close()
+
+
+def test_decisions_that_are_too_old_move_nothing(robot: TinyRobot) -> None:
+    command = Command(stop=Tiny.stop_bytes, goodbye=b"", deadline_ns=150_000_000)
+    connection = connect(os.fspath(robot.port), 0, command)
+    try:
+        while not isinstance(connection.receive(PATIENCE_S), Up):
+            pass
+        dialect = Tiny()
+        connection.decide(dialect.drive(200.0, 0.0), time.monotonic_ns() - 200_000_000)
+        connection.send(dialect.goodbye)
+        wait_for(lambda: robot.count(GOODBYE))
+        assert all(data == Tiny.stop_bytes[2:-1] for data, _ in robot.heard if data[0] == SPEEDS)
+    finally:
+        connection.close()
+
+
+def test_garbage_from_a_driver_is_ignored(robot: TinyRobot) -> None:
+    connection = connect(os.fspath(robot.port), 0, None)
+    raw: socket.socket = connection._socket
+    try:
+        for packet in (b"H", b"D", b"?", b"H" + bytes(3), b"D" + struct.pack("<Q", 0) + b"x"):
+            raw.send(packet)
+        while not isinstance(connection.receive(PATIENCE_S), Up):
+            pass
+    finally:
+        connection.close()

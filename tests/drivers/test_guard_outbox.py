@@ -1,0 +1,83 @@
+"""What a guard writes: whole packets in the order of their urgency, no faster than the line."""
+
+from __future__ import annotations
+
+import random
+
+from colony.drivers.guard_outbox import MAX_WAITING, REPEATS_NS, Outbox
+
+MS = 1_000_000
+
+
+def written(outbox: Outbox, now_ns: int) -> list[bytes]:
+    packets = []
+    while packet := outbox.next(now_ns):
+        packets.append(packet)
+        outbox.wrote(packet, len(packet), now_ns)
+    return packets
+
+
+def test_the_newest_decision_alone_is_sent_and_first() -> None:
+    outbox = Outbox(0)
+    outbox.add(b"query")
+    outbox.decide(b"old")
+    outbox.decide(b"new")
+    assert written(outbox, 0) == [b"new", b"query"]
+    assert outbox.due_ns() is None
+
+
+def test_a_stop_drops_what_waits_and_is_repeated() -> None:
+    outbox = Outbox(0)
+    outbox.add(b"query")
+    outbox.decide(b"go")
+    outbox.stop(b"stop", 0)
+    times = [t for t in range(0, 1000 * MS, MS) if written(outbox, t) == [b"stop"]]
+    assert times == list(REPEATS_NS)
+
+
+def test_a_decision_ends_the_repeats() -> None:
+    outbox = Outbox(0)
+    outbox.stop(b"stop", 0)
+    assert written(outbox, 0) == [b"stop"]
+    outbox.decide(b"go")
+    assert written(outbox, 1000 * MS) == [b"go"]
+
+
+def test_nothing_waits_where_it_cannot_be_dropped() -> None:
+    outbox = Outbox(9600)  # 9 bytes take 9.375 ms
+    outbox.add(b"nine byte")
+    outbox.add(b"dropped")
+    assert written(outbox, 0) == [b"nine byte"]
+    assert outbox.due_ns() == 9_375_000
+    outbox.stop(b"stop", 5 * MS)
+    assert written(outbox, 5 * MS) == []
+    assert written(outbox, 9_375_000) == [b"stop"]
+
+
+def test_no_packet_is_torn_whatever_the_port_takes() -> None:
+    rng = random.Random(1)
+    for _ in range(300):
+        outbox, wire, now_ns = Outbox(rng.choice((0, 9600))), b"", 0
+        for _ in range(60):
+            match rng.randrange(4):
+                case 0:
+                    outbox.add(b"<plain>")
+                case 1:
+                    outbox.decide(b"<decided>")
+                case 2:
+                    outbox.stop(b"<stop>", now_ns)
+                case _:
+                    now_ns += rng.randrange(20 * MS)
+            if packet := outbox.next(now_ns):
+                taken = rng.randrange(len(packet) + 1)
+                wire += packet[:taken]
+                outbox.wrote(packet, taken, now_ns)
+        frames = wire.replace(b"<plain>", b"").replace(b"<decided>", b"").replace(b"<stop>", b"")
+        assert any(whole.startswith(frames) for whole in (b"<plain>", b"<decided>", b"<stop>")), wire
+
+
+def test_plain_packets_are_limited() -> None:
+    outbox = Outbox(0)
+    for _ in range(2 * MAX_WAITING):
+        outbox.add(b"x")
+    assert len(written(outbox, 0)) == MAX_WAITING

@@ -1,0 +1,91 @@
+"""Links, and what is said of those that cannot be opened."""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from colony.drivers import link
+from colony.drivers.link import LinkError, open_link
+
+
+def test_a_serial_port_is_read_and_written_without_waiting() -> None:
+    master, slave = os.openpty()
+    opened = open_link(os.ttyname(slave), 57_600)
+    try:
+        assert opened.read() == b""
+        os.write(master, b"\x00\x03\x11\x13\r\n\xff")  # nothing is changed on the way
+        assert _read(opened, 7) == b"\x00\x03\x11\x13\r\n\xff"
+        assert opened.write(b"\n\x04") == 2
+        assert os.read(master, 10) == b"\n\x04"
+        while opened.write(bytes(4096)):
+            pass  # until there is no room
+    finally:
+        opened.close()
+        opened.close()
+        os.close(slave)
+        os.close(master)
+
+
+def test_a_second_program_cannot_have_the_port() -> None:
+    master, slave = os.openpty()
+    first = open_link(os.ttyname(slave), 9600)
+    try:
+        with pytest.raises(LinkError, match=rf"is busy: process {os.getpid()} \(.*\) holds it; end it first"):
+            open_link(os.ttyname(slave), 9600)
+    finally:
+        first.close()
+        os.close(slave)
+        os.close(master)
+
+
+def test_a_simulator_over_tcp() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp:127.0.0.1:{server.getsockname()[1]}"
+        opened = open_link(address, 0)
+        peer, _ = server.accept()
+        with peer:
+            peer.send(b"abc")
+            assert _read(opened, 3) == b"abc"
+        with pytest.raises(ConnectionResetError, match="the other end is closed"):
+            _read(opened, 1)
+        opened.close()
+    with pytest.raises(LinkError, match="does the simulator run, and listen on this port"):
+        open_link(address, 0)
+
+
+@pytest.mark.parametrize("text", ["tcp:", "tcp:host", "tcp:host:", "tcp::80", "tcp:host:port"])
+def test_a_wrong_address(text: str) -> None:
+    with pytest.raises(LinkError, match="is no link: write tcp:HOST:PORT"):
+        open_link(text, 0)
+
+
+def test_what_is_no_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "_existing", lambda: "Ports that exist: /dev/ttyUSB3")
+    with pytest.raises(LinkError, match=r"there is no port .*/absent: is its cable plugged in\? Ports that"):
+        open_link(str(tmp_path / "absent"), 0)
+    with pytest.raises(LinkError, match=r"is a folder; expected a serial port\. Ports that exist"):
+        open_link(str(tmp_path), 0)
+    (tmp_path / "file").touch()
+    with pytest.raises(LinkError, match="file is no device; expected a serial port"):
+        open_link(str(tmp_path / "file"), 0)
+    with pytest.raises(LinkError, match="/dev/null is no serial port, or does not take these settings"):
+        open_link("/dev/null", 9600)
+
+
+def test_a_port_that_is_not_permitted() -> None:
+    text = link._why_not("/dev/null", PermissionError(13, "Permission denied"))
+    assert text == (
+        "/dev/null may not be opened by this user: add yourself to the port's group, "
+        "`sudo usermod -aG dialout $USER`, and log in again"
+    )
+
+
+def _read(opened: link.Link, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        data += opened.read()
+    return data
