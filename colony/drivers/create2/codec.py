@@ -1,8 +1,8 @@
 """Frames of the Open Interface's stream, and its commands. Pure: bytes to frames, and commands to bytes.
 
 A frame is `19 N id data id data ... sum`. The sum of all its bytes, the 19 among them, is 0 modulo 256; the
-example of the Create 1 manual leaves the 19 out (182 for 163), and is wrong. 19 occurs in data as well, so that
-a frame counts only if it has exactly the packets that were asked for, in their order.
+example of the Create 1 manual leaves the 19 out (182 for 163). 19 occurs in data as well, so that a frame
+counts only if it has exactly the packets that were asked for, in their order.
 
 Commands have neither a frame nor a checksum: an opcode and data, big endian.
 """
@@ -13,7 +13,7 @@ import struct
 from dataclasses import dataclass
 from enum import IntEnum
 
-from colony.drivers.create2.sensors import PACKETS, STREAM, size_of, values_of
+from colony.drivers.create2.sensors import STREAM, size_of, values_of
 from colony.drivers.decoder import Need, SlidingDecoder
 
 HEADER = 19
@@ -176,8 +176,3 @@ class CommandReader:
         if opcode == Opcode.SONG:
             return 3 + 2 * self._data[2] if len(self._data) > 2 else 3
         return 1 + DATA_SIZES.get(opcode, 0)  # type: ignore[call-overload]
-
-
-def known(ids: bytes) -> tuple[int, ...]:
-    """Return the ids of a request that the robot knows."""
-    return tuple(number for number in ids if number in PACKETS)

@@ -1,8 +1,8 @@
 """What runs in an emulated Create 2: modes, wheels, bumpers, cliffs, battery and the stream. Pure.
 
 Bytes go in and come out; time passes in steps of 5 ms. What is around the robot are functions of its
-`World`. It has no watchdog: a speed holds until another one, a safety event, or another mode. Its pose is in mm,
-x ahead at the start, y to the left, and degrees counterclockwise.
+`World`. It has no watchdog: a speed holds until another one, a safety event, or another mode. Its pose is
+in mm, x ahead at the start, y to the left, and degrees counterclockwise.
 """
 
 from __future__ import annotations

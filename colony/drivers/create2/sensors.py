@@ -1,6 +1,6 @@
 """The sensor packets of the Open Interface as a table, and what they mean. Pure.
 
-All integers are big endian. Sides are those of the specification: bit 0 of packet 7 is the *right* bumper, and
+All integers are big endian. Sides are those of the specification: bit 0 of packet 7 is the *right* bumper;
 in packets 41 to 44 the encoders are left then right, the requested speeds right then left. pycreate2 0.8.0
 swaps the sides of packet 7, and gives packets 32 and 33 three bytes each, which have one and two.
 
@@ -146,7 +146,7 @@ def expanded(ids: bytes | tuple[int, ...]) -> tuple[int, ...]:
     Raises:
         KeyError: there is no such packet.
     """
-    return tuple(one for number in ids for one in (GROUPS[number] if number in GROUPS else (number,)))
+    return tuple(one for number in ids for one in GROUPS.get(number, (number,)))
 
 
 def size_of(number: int) -> int:

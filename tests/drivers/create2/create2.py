@@ -8,9 +8,9 @@ from colony.drivers.create2.codec import Frame, decoder, encoded
 from colony.drivers.create2.sensors import STREAM
 from tests.drivers.fuzz import Case
 
-WIDTHS = {number: 1 for number in (7, 9, 10, 11, 12, 14, 21, 34, 35, 45, 58)} | {
-    number: 2 for number in (22, 23, 25, 26, 41, 42, 43, 44, 46, 47, 48, 49, 50, 51)
-}
+WIDTHS = dict.fromkeys((7, 9, 10, 11, 12, 14, 21, 34, 35, 45, 58), 1) | dict.fromkeys(
+    (22, 23, 25, 26, 41, 42, 43, 44, 46, 47, 48, 49, 50, 51), 2
+)
 """Sizes of the packets of the stream, written down a second time."""
 
 COUNT = len(STREAM) + sum(WIDTHS[number] for number in STREAM)
