@@ -51,7 +51,7 @@ class Opcode(IntEnum):
     STOP = 173
 
 
-DATA_SIZES = {
+DATA_SIZES: dict[int, int] = {
     Opcode.BAUD: 1,
     Opcode.DRIVE: 4,
     Opcode.MOTORS: 1,
@@ -175,4 +175,4 @@ class CommandReader:
             return 2 + self._data[1] if len(self._data) > 1 else 2
         if opcode == Opcode.SONG:
             return 3 + 2 * self._data[2] if len(self._data) > 2 else 3
-        return 1 + DATA_SIZES.get(opcode, 0)  # type: ignore[call-overload]
+        return 1 + DATA_SIZES.get(opcode, 0)

@@ -42,13 +42,15 @@ MODE_S = 0.05
 
 ATTEMPTS = 4
 
+MAX_SIGNAL, LIGHT_DECAY_MM, LIGHT_REACH_MM = 4_095, 80.0, 300.0
+"""The strongest echo of the light bumper, how its strength is taken to fall, and how far it is looked at."""
+
 
 class Create2(Dialect[Frame]):
     """The dialect. Mutable: has the pose by dead reckoning, and why the robot may not drive any more.
 
-    Fields: battery (percent), volts, charging, docked, bump_left, bump_right, drop_left, drop_right,
-    cliff_left, cliff_front_left, cliff_front_right, cliff_right, stalled, mode; light, the signals from left
-    to right.
+    Fields: battery (percent), volts, charging, docked, wheel_drop, stalled, mode; bumper (left, right), cliff
+    (left, front left, front right, right), range (of the light bumper, from left to right, in mm).
 
     Args:
         mode_offset: what the firmware adds to the mode that it reports: 0 or 1.
@@ -180,21 +182,24 @@ def _reason(state: State) -> str:
 
 def _fields(state: State) -> dict[str, Value]:
     level = 100.0 * state.charge / state.capacity if state.capacity else 0.0
-    sides = ("left", "front_left", "front_right", "right")
     return {
         "battery": min(100.0, level),
         "volts": state.voltage,
         "charging": state.charging,
         "docked": state.on_dock,
-        "bump_left": state.bump_left,
-        "bump_right": state.bump_right,
-        "drop_left": state.drop_left,
-        "drop_right": state.drop_right,
+        "bumper": (state.bump_left, state.bump_right),
+        "wheel_drop": state.drop_left or state.drop_right,
         "stalled": state.overcurrent_left or state.overcurrent_right,
         "mode": float(state.mode),
-        "light": tuple(map(float, state.light_signals)),
-        **{f"cliff_{side}": cliff for side, cliff in zip(sides, state.cliffs, strict=True)},
+        "cliff": state.cliffs,
+        "range": tuple(map(_range, state.light_signals)),
     }
+
+
+def _range(signal: int) -> float:
+    """Return a rough range in mm of an echo; infinity for none. Dark things seem farther than they are."""
+    mm = LIGHT_DECAY_MM * math.log(MAX_SIGNAL / max(signal, 1))
+    return mm if mm < LIGHT_REACH_MM else math.inf
 
 
 def base(port: str, *, frame_ns: int, baud: int = 0, mode_offset: int = 0) -> SerialBase[Frame]:

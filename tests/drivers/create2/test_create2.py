@@ -147,7 +147,8 @@ def test_bumper_and_stall_at_a_wall_to_the_left() -> None:
     line.robot.pose = (0.0, 0.0, -20.0)  # the wall ahead is nearest to the left
     line.run(6.0, (200.0, 0.0))
     readings = line.measured.readings(line.now_ns)
-    assert (readings["bump_left"].value, readings["bump_right"].value) == (True, False)
+    assert readings["bumper"].value == (True, False)
+    assert readings["range"].value[1] < 40.0 < readings["range"].value[4]  # type: ignore[index, operator]
     assert readings["stalled"].value is True
     assert line.base.front_bumper
 
