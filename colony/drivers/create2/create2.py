@@ -1,9 +1,9 @@
 """The dialect of the Create 2, and its drivers, for the bodies of robots.
 
 The robot has no watchdog: a speed holds until the next one, so that the guard alone stops it when no frame is
-decided. It drives in safe mode, in which it stops by itself and falls back to passive mode when a wheel hangs,
-a cliff is ahead or its charger is plugged in. That is a fault: the driver reports it, and does not enter safe
-mode again until its server is started again.
+decided. It drives in safe mode, in which it stops by itself and falls back to passive mode when a wheel
+hangs, a cliff is ahead or its charger is plugged in. That is a fault: the driver reports it, and does not
+enter safe mode again until its server is started again.
 
 Source: iRobot Create 2 Open Interface specification (2018), and what happened to others (docs/create2.md).
 """

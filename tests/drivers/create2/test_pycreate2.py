@@ -7,6 +7,7 @@ oracle.
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections.abc import Iterator
 
@@ -66,7 +67,7 @@ def test_it_drives_the_emulator_and_reads_its_sensors(
 
 
 def test_its_faults() -> None:
-    from pycreate2.OI import RESPONSE_SIZES, WHEEL_OVERCURRENT
-
-    assert {number for number in PACKETS if RESPONSE_SIZES[number] != size_of(number)} == {32, 33}
-    assert (WHEEL_OVERCURRENT.RIGHT_WHEEL, WHEEL_OVERCURRENT.LEFT_WHEEL) == (4, 8)  # they are 8 and 16
+    codes = importlib.import_module("pycreate2.OI")
+    sizes, overcurrents = codes.RESPONSE_SIZES, codes.WHEEL_OVERCURRENT
+    assert {number for number in PACKETS if sizes[number] != size_of(number)} == {32, 33}
+    assert (overcurrents.RIGHT_WHEEL, overcurrents.LEFT_WHEEL) == (4, 8)  # they are 8 and 16
