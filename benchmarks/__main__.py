@@ -24,6 +24,7 @@ MODULES = (
     "data_limits",
     "processes",
     "load",
+    "stops_on_wire",
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 MARK = "<!-- results -->"

@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 
 import pytest
 
@@ -32,3 +33,10 @@ def typed(line: str, monkeypatch: pytest.MonkeyPatch, errors: bool = False) -> s
     with redirect_stdout(printed), redirect_stderr(said), pytest.raises(SystemExit):
         main()
     return printed.getvalue() + (said.getvalue() if errors else "")
+
+
+def is_same_picture(drawn: Path, kept: Path) -> bool:
+    """Whether two SVGs are the same, or of two versions of matplotlib, which may set text differently."""
+    texts = [path.read_text(encoding="utf-8") for path in (drawn, kept)]
+    versions = [re.findall(r"<dc:title>(Matplotlib [^<]*)</dc:title>", text) for text in texts]
+    return texts[0] == texts[1] or versions[0] != versions[1]

@@ -9,7 +9,7 @@ import pytest
 
 from colony.dsl.load import check_file
 from tests.body.keys_table import rows
-from tests.pages import COMMANDS, typed
+from tests.pages import COMMANDS, is_same_picture, typed
 from tests.paths import ROOT
 
 PAGE = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
@@ -53,6 +53,15 @@ def test_commands_print_what_is_shown(tmp_path: Path, monkeypatch: pytest.Monkey
     assert typed("colony test wander --robot scout", monkeypatch).endswith("5 passed, 0 failed\n")
     typed("colony new walk", monkeypatch)
     assert typed("colony test walk/walk.colony --robot scout", monkeypatch).endswith("1 passed, 0 failed\n")
+
+
+def test_the_picture_of_omni_is_what_the_command_draws(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "](omni.svg)" in PAGE
+    typed("colony robot show omni --picture omni.svg", monkeypatch)
+    assert is_same_picture(tmp_path / "omni.svg", ROOT / "docs" / "omni.svg")
 
 
 def test_the_page_has_every_key_of_a_body() -> None:

@@ -43,7 +43,7 @@ LINGER_NS = 2_000_000_000
 """Time without drivers after which the guard ends."""
 
 GOODBYE_NS = 500_000_000
-"""Time that the stop and the goodbye may take at the end."""
+"""Time that the stops, and then the goodbye, may take at the end."""
 
 
 class Guard:
@@ -64,7 +64,7 @@ class Guard:
         self.ending = False
 
     def run(self) -> None:
-        """Guard until told to end, or until there was no driver for `LINGER_NS`."""
+        """Guard until asked to end, or until there was no driver for `LINGER_NS`."""
         while not self.ending:
             now_ns = time.monotonic_ns()
             if not self._drivers and now_ns - self._alone_since_ns >= LINGER_NS:
@@ -101,13 +101,17 @@ class Guard:
         """Stop, say goodbye, and release the port."""
         self._listener.close()
         self._halt()
+        self._write_all()
         if self._goodbye:
             self._port.outbox.add(self._goodbye)
+            self._write_all()
+        self._port.close()
+
+    def _write_all(self) -> None:
         until_ns = time.monotonic_ns() + GOODBYE_NS
-        while self._port.is_open and (due_ns := self._port.due_ns()) is not None and due_ns < until_ns:
+        while self._port.is_open and (due_ns := self._port.outbox.due_ns()) is not None and due_ns < until_ns:
             time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
             self._port.do_what_is_due()
-        self._port.close()
 
     def _on_data(self, data: bytes) -> None:
         self._send_all(DATA + struct.pack("<Q", time.monotonic_ns()) + data)

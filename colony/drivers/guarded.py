@@ -78,6 +78,8 @@ class GuardConnection:
 
     def __init__(self, connection: socket.socket) -> None:
         self._socket = connection
+        self._readable = select.poll()
+        self._readable.register(connection, select.POLLIN)
 
     def receive(self, timeout_s: float) -> Event | None:
         """Wait for the next event; None if there is none in time.
@@ -86,7 +88,7 @@ class GuardConnection:
             LinkError: the guard refuses this connection.
             ConnectionError: the guard has ended.
         """
-        if not select.select([self._socket], [], [], timeout_s)[0]:
+        if not self._readable.poll(timeout_s * 1000):
             return None
         packet = self._socket.recv(MAX_PACKET_BYTES)
         kind, body = packet[:1], packet[1:]

@@ -72,8 +72,8 @@ class Line(Generic[Packet]):
 
     @property
     def problem(self) -> str | None:
-        """Why the device does not work now; None while it does."""
-        return self._problem
+        """Why the device does not work, from its first failure until it works again; else None."""
+        return None if self._problems is None else self._problem
 
     def decide(self, data: bytes) -> None:
         """Send bytes that carry out the frame that is being decided, in the thread that decides it.
@@ -170,6 +170,7 @@ class Line(Generic[Packet]):
     def _end_opening(self, now_ns: int) -> None:
         if self._opening is not None and self._opening.is_done:
             self._opening, self._is_ready, self._heard_ns = None, True, now_ns
+            self._note_success()
 
     def _lose_silent(self) -> None:
         silence = f"nothing was heard for {self._dialect.silent_s:g} s"

@@ -57,7 +57,7 @@ class SerialBase(Generic[Packet]):
 
     @property
     def problem(self) -> str | None:
-        """Why the base does not work now; None while it does."""
+        """Why the base does not work, from its first failure until it works again; else None."""
         return self._line.problem
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:

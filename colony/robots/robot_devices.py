@@ -6,8 +6,6 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from msgspec import structs
-
 from colony.body.devices import Base, Camera, CeilingCamera, Proximity
 from colony.body.model import Body, Server
 from colony.body.servers import in_declared_units
@@ -115,11 +113,9 @@ def ports(devices: RobotDevices) -> tuple[str, ...]:
 
 def with_port(devices: RobotDevices, port: str, baud: int | None) -> RobotDevices:
     """Return the devices with this port, and baud rate if one is given, for each driver that has a `port`."""
-    given = {"port": port} if baud is None else {"port": port, "baud": baud}
+    given: dict[str, str | int | float | bool] = {PORT: port} if baud is None else {PORT: port, "baud": baud}
     hardware = {
-        name: structs.replace(driver, options={**driver.options, **given})
-        if PORT in driver.options
-        else driver
+        name: driver.with_options(given) if PORT in driver.options else driver
         for name, driver in devices.hardware.items()
     }
     return replace(devices, hardware=hardware)

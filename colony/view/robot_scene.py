@@ -20,7 +20,7 @@ from colony.body.devices import (
     RangeFinder,
 )
 from colony.body.footprint import radius_mm
-from colony.body.model import Body, Circle, Field, Polygon
+from colony.body.model import Body, Circle, Drive, Field, Omnidirectional, Polygon
 from colony.ir.bearings import Bearings, between, sweep
 from colony.ir.program import Robot, Sensor
 from colony.ir.types import Array, bearings_of
@@ -94,15 +94,22 @@ class RobotScene:
 
 def robot_scene(robot: Robot, body: Body) -> RobotScene:
     """Return the scene of a robot, from its interface and its body."""
-    half_base = body.chassis.drive.wheel_base_mm / 2.0
     return RobotScene(
         title=robot.name,
         footprint=_footprint(body),
         radius_mm=radius_mm(body),
-        wheels=(Point(-half_base, 0.0), Point(half_base, 0.0)),
+        wheels=tuple(_wheels(body.chassis.drive)),
         sensors=(*_sensors(robot, body), *_dock_sensors(body), *_cameras(body)),
         lines=tuple(_lines(body)),
     )
+
+
+def _wheels(drive: Drive) -> Iterator[Point]:
+    """Yield the places of the driven wheels, from left to right on each axle."""
+    half_distance = drive.wheel_distance_mm / 2.0 if isinstance(drive, Omnidirectional) else 0.0
+    for y in dict.fromkeys((half_distance, -half_distance)):
+        for x in (-drive.wheel_base_mm / 2.0, drive.wheel_base_mm / 2.0):
+            yield Point(x, y)
 
 
 def _footprint(body: Body) -> tuple[Point, ...]:

@@ -57,6 +57,7 @@ def test_there_are_behaviors_and_maps() -> None:
         "warehouse",
         "omni",
         "shelves",
+        "recharge",
     }
     assert {m.stem for m in MAPS} >= {"loop", "hallway"}
 
@@ -246,6 +247,16 @@ def test_the_warehouse_robot_leaves_an_edge_and_goes_to_its_charger(run: Run, tm
     assert seconds_by(report, "leave_edge") == pytest.approx(2.0, abs=0.1)
     assert 4.0 < seconds_by(report, "to_charger") < 20.0
     assert seconds_by(report, None) > 15.0  # at the charger
+
+
+@pytest.mark.parametrize("start", ["4m,0,90", "2m,600mm,200", "11.5m,-12.5m,130"])
+def test_recharge_stands_at_a_dock_until_it_is_nearly_full(start: str, run: Run, tmp_path: Path) -> None:
+    (tmp_path / "charge.scenario").write_text("at 0 s battery = 15 percent\nat 40 s battery = 90 percent\n")
+    arguments = ("--start", start, "--scenario", str(tmp_path / "charge.scenario"))
+    report = run(ROOT / "behaviors" / "recharge.colony", ROOT / "maps" / "office.yaml", 45, *arguments)
+    assert 5.0 < seconds_by(report, "to_dock") < 20.0  # and once: where nothing charges it, it tries again
+    assert seconds_by(report, None) > 20.0
+    assert seconds_by(report, "wander.keep_middle") + seconds_by(report, "wander.avoid") > 4.0
 
 
 def test_hallway_turns_to_the_goal_and_stops_at_its_distance(run: Run) -> None:

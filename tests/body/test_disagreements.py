@@ -147,6 +147,13 @@ WHEELS = INTERFACE.replace("RServer", "Wheels")
 DRIVEN_WHEELS = DRIVEN.replace("RServer", "Wheels")
 
 
+@pytest.mark.parametrize(("watchdog", "count"), [("none", 1), ("2 s", 0), ("500 ms", 0)])
+def test_a_device_that_nothing_stops_is_a_warning(watchdog: str, count: int) -> None:
+    body = DRIVEN.replace('Base" }', f'Base", watchdog = "{watchdog}" }}')
+    text = "nothing stops `RServer` when its computer fails or its cable is pulled"
+    assert found(INTERFACE, body) == [("B019", f'"{watchdog}"', text)] * count
+
+
 def test_a_server_with_a_driver_alone_takes_any_command() -> None:
     assert [code for code, _, _ in found(WHEELS, DRIVEN_WHEELS)] == ["R002"]  # its fields are in no table
     assert found(WHEELS, DRIVEN_WHEELS + "fields.bumper = {}\n") == []

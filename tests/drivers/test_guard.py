@@ -208,6 +208,24 @@ def test_a_pulled_cable(robot: TinyRobot) -> None:
         driver.close()
 
 
+def test_a_robot_that_falls_silent_is_opened_again(robot: TinyRobot) -> None:
+    driver, listener = base(os.fspath(robot.port)), battery(os.fspath(robot.port))
+    try:
+        wait_for(driver.state)
+        wait_for(lambda: listener.fields()["level"])
+        robot.is_on = False
+        wait_for(lambda: driver.problem == "nothing was heard for 1 s: the device is opened again")
+        wait_for(lambda: "does RServer run" in (listener.problem or ""))
+        assert driver.state() is listener.fields()["level"] is None
+        robot.is_on = True
+        wait_for(driver.state)
+        wait_for(lambda: listener.fields()["level"])
+        assert driver.problem is listener.problem is None
+    finally:
+        driver.close()
+        listener.close()
+
+
 def test_a_busy_port(robot: TinyRobot) -> None:
     with robot.port.open("rb", buffering=0) as other:
         fcntl.flock(other, fcntl.LOCK_EX)

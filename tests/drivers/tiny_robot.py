@@ -23,6 +23,7 @@ class TinyRobot:
         self.port = port
         self.heard: list[tuple[bytes, float]] = []  # data of frames, `time.monotonic`
         self.speeds = (0, 0)
+        self.is_on = True
         self._master = -1
         self._plugged = threading.Event()
         self._closed = threading.Event()
@@ -67,7 +68,7 @@ class TinyRobot:
                 if select.select([self._master], [], [], PERIOD_S)[0]:
                     for data in reader.feed(os.read(self._master, 4096)):
                         self._hear(data)
-                if (now := time.monotonic()) >= due:
+                if self.is_on and (now := time.monotonic()) >= due:
                     due = now + PERIOD_S
                     x += round(self.speeds[0] * PERIOD_S)
                     self._send(x)
@@ -77,6 +78,8 @@ class TinyRobot:
                 time.sleep(0.005)  # nobody has the other end open, or the cable was pulled
 
     def _hear(self, data: bytes) -> None:
+        if not self.is_on:
+            return
         self.heard.append((data, time.monotonic()))
         if data[0] == SPEEDS:
             self.speeds = struct.unpack_from("<hh", data, 1)

@@ -9,7 +9,7 @@ import pytest
 from colony.dsl.load import load_file
 from colony.ir.servers import RSERVER
 from colony.robots.described import DescribedRobot, described_robot
-from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices
+from colony.robots.robot_devices import mixed_devices, ports, real_devices, simulated_devices, with_port
 from colony.runtime.assembly.processes.jobs import RobotDevices, server_parts
 from colony.runtime.assembly.processes.spec import Device, DevicePart, RServerPart
 from tests.body.test_disagreements import BASE, BODY, INTERFACE
@@ -45,6 +45,16 @@ def test_a_driver_of_rserver_drives_a_base_whether_or_not_it_is_simulated(tmp_pa
         assert isinstance(found, RServerPart)
         assert found.device == devices.hardware[RSERVER.name]
         assert found.limits.velocity == robot.body.chassis.limits.velocity_mm_s
+
+
+def test_a_port_is_given_to_the_drivers_that_have_one(tmp_path: Path) -> None:
+    devices = real_devices(described(tmp_path, DRIVEN.replace('Base"', 'Base", port = "/dev/x"')))
+    assert ports(devices) == ("/dev/ttyUSB1", "/dev/x")
+    options = with_port(devices, "/dev/y", 9600).hardware[RSERVER.name].options
+    assert options == {"port": "/dev/y", "baud": 9600}
+    without = real_devices(described(tmp_path, DRIVEN))
+    assert ports(without) == ("/dev/ttyUSB1",)
+    assert with_port(without, "/dev/y", None).hardware[RSERVER.name].options == {}
 
 
 def test_a_base_with_a_driver_alone_has_no_values_in_the_simulator(tmp_path: Path) -> None:

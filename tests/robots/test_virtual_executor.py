@@ -151,6 +151,9 @@ def fault_in_examples(name: str, robot: str, seed: int) -> str | None:
     [
         ("warehouse", "amr"),
         ("shelves", "omni"),
+        ("recharge", "omni"),
+        ("wander", "omni"),
+        ("follow_wall", "omni"),
         ("wander", "amr"),
         ("follow_wall", "amr"),
         ("wander", "rome"),

@@ -64,6 +64,14 @@ def test_cameras_reach_as_far_as_the_picture() -> None:
     assert rome().farthest_mm == 10_000.0
 
 
+def test_a_base_that_drives_sideways_is_drawn_with_four_wheels() -> None:
+    folder = ROOT / "robots" / "omni"
+    body = read_body(folder / "omni.toml").body
+    assert body is not None
+    omni = robot_scene(load_file(folder / "omni.colony").robot, body)
+    assert omni.wheels == tuple(Point(x, y) for y in (80.0, -80.0) for x in (-90.0, 90.0))
+
+
 def test_a_robot_is_drawn_with_ahead_up() -> None:
     small = scene()
     assert small.radius_mm == 200.0

@@ -7,6 +7,7 @@ its bindings are files in the same folder.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,10 @@ class Hardware(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
     search_path: tuple[str, ...] = msgspec.field(default=(), name="search")
     origin: str = ""
     frame_ns: int = DEFAULT_FRAME_NS
+
+    def with_options(self, options: Mapping[str, str | int | float | bool]) -> Hardware:
+        """Return this driver with options in place of its own, or besides them."""
+        return msgspec.structs.replace(self, options={**self.options, **options})
 
 
 class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):

@@ -97,6 +97,7 @@ origin: [-3.0, -14.4, 0.0]
 negate: 0
 occupied_thresh: 0.65
 free_thresh: 0.196
+docks: [[3.0, -0.75, -1.5708], [10.5, -13.25, -1.5708]]
 """
 
 

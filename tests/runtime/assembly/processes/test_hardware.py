@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import structs
 
 from colony.runtime.assembly.processes.driver_factory import DriverError
 from colony.runtime.assembly.processes.hardware import HardwareBase, close_driver, device_driver, load_driver
@@ -50,6 +51,16 @@ def test_a_class_beside_the_body_is_made_with_the_options(folder: Path) -> None:
     of = hardware(folder, "good_drivers:Scanner", port="/dev/x", baud=115200)
     driver = device_driver(load_driver(of), of)
     assert (driver.port, driver.baud) == ("/dev/x", 115200)  # type: ignore[attr-defined]
+
+
+FRAMED = GOOD.replace("baud=9600", "frame_ns").replace("baud", "frame_ns")
+
+
+def test_a_driver_that_asks_for_the_frame_period_gets_it(folder: Path) -> None:
+    (folder / "framed_drivers.py").write_text(FRAMED)
+    of = structs.replace(hardware(folder, "framed_drivers:Scanner", port="/dev/x"), frame_ns=7)
+    assert load_driver(of).frame_ns == 7
+    assert load_driver(of.with_options({"frame_ns": 8})).frame_ns == 8
 
 
 WRONG: list[tuple[str, str, bool, str]] = [

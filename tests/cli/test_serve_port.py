@@ -1,0 +1,73 @@
+"""`colony serve --port`: the robot of docs/drivers.md drives over a pseudoterminal."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Colony
+from tests.cli.machine import Machine
+from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny
+from tests.drivers.tiny_robot import TinyRobot
+from tests.test_drivers_page import write_files
+from tests.waiting import until
+
+
+def test_the_robot_of_the_page(machine: Machine, tmp_path: Path) -> None:
+    write_files(tmp_path)
+    stop = Tiny.stop_bytes[2:-1]
+    rover = TinyRobot(tmp_path / "port")
+    try:
+        robot = f"rome={tmp_path / 'robots' / 'rover'}"
+        served = machine.start("serve", "all", "--robot", robot, "--port", os.fspath(rover.port))
+        until(lambda: machine.pid("DServer") or served.ended(), "the robot runs")
+        run = machine.start("run", str(tmp_path / "cruise.colony"), "--robot", robot, "--connect")
+        until(lambda: rover.speeds == (300, 0) or served.ended() or run.ended(), "the robot drives")
+        assert not served.ended(), served.err
+        assert not run.ended(), run.err
+        os.kill(machine.pid("RServer"), signal.SIGKILL)
+        before = len(rover.heard)
+        until(lambda: stop in [data for data, _ in rover.heard[before:]], "the base stands")
+        until(lambda: rover.speeds == (300, 0) or served.ended(), "a new RServer drives it again")
+        assert "nothing stops `RServer`" in served.err
+        run.tell(signal.SIGINT)
+        assert run.wait() == 130
+        served.tell(signal.SIGINT)
+        assert served.wait() == 0
+        until(lambda: rover.heard[-1][0][0] == GOODBYE, "the guard says goodbye")
+        assert [data for data, _ in rover.heard if data[0] == SPEEDS][-1] == stop
+    finally:
+        rover.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ("all --robot rome --port /dev/ttyUSB0", "the body of `rome` names no driver"),
+        ("all --robot rover --hardware --baud 9600", "--baud requires --port"),
+        ("PServer --robot rover --port /dev/ttyUSB0", "`rover` has no server `PServer`"),
+    ],
+)
+def test_options_that_do_not_fit(
+    colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: str, text: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_files(tmp_path)
+    ran = colony("serve", *options.split())
+    assert ran.code == 2
+    assert text in " ".join(ran.err.split())
+
+
+def test_ports_that_differ(colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_files(tmp_path)
+    body = tmp_path / "robots" / "rover" / "rover.toml"
+    battery = 'battery", port = "/dev/ttyUSB'
+    body.write_text(body.read_text().replace(f"{battery}0", f"{battery}1"))
+    ran = colony("serve", "all", "--robot", "rover", "--port", "/dev/ttyUSB7")
+    text = "has the ports /dev/ttyUSB0, /dev/ttyUSB1: write there which driver has which"
+    assert ran.code == 2
+    assert text in " ".join(ran.err.split())
