@@ -20,7 +20,11 @@ from typing import Any
 
 from colony.drivers.decoder import Decoder
 
-CASES = ("tests.drivers.tiny:CASE", "tests.drivers.pioneer.pioneer:CASE")
+CASES = (
+    "tests.drivers.tiny:CASE",
+    "tests.drivers.pioneer.pioneer:CASE",
+    "tests.drivers.create2.create2:CASE",
+)
 """The cases of all codecs, as `module:name`; the codec of each is the last part of its module's name."""
 
 LOST_AT_MOST = 2

@@ -1,0 +1,1 @@
+"""iRobot Create 2 and Roomba 600: the Open Interface."""

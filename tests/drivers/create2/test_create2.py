@@ -1,0 +1,169 @@
+"""The dialect against the emulated robot, with counted time: opening, safe mode, odometry, the stop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from colony.drivers.create2.codec import CommandReader, Frame, Opcode, command, encoded
+from colony.drivers.create2.create2 import Create2
+from colony.drivers.create2.firmware import STEP_S, Firmware, World, room
+from colony.drivers.create2.sensors import STREAM, Mode, data_of
+from colony.drivers.dialect import ImplausibleError, OpeningError
+from colony.drivers.measurements import Measurements
+from colony.drivers.opening import OpeningRun
+from colony.runtime.servers.drivers import BaseState
+
+
+class Bench:
+    """A dialect and an emulated robot on one line without loss; time is counted. Mutable."""
+
+    def __init__(self, robot: Firmware) -> None:
+        self.dialect, self.robot = Create2(), robot
+        self.now_ns, self.sent = 0, bytearray()
+        self._decoder = self.dialect.decoder()
+        self.measured = Measurements(
+            rings={}, bounds={}, max_speed=self.dialect.max_speed, max_turn=self.dialect.max_turn
+        )
+        self.begin()
+
+    def begin(self) -> None:
+        """Open the line, as after a pulled cable."""
+        self.dialect.restart()
+        self.opening = OpeningRun(self.dialect.opening(), self.send, self.now_ns)
+
+    def send(self, data: bytes) -> None:
+        self.sent += data
+        self.robot.receive(data)
+
+    def run(self, seconds: float, drive: tuple[float, float] | None = None) -> Bench:
+        """Let time pass; with `drive`, each 50 ms a frame decides for it."""
+        for i in range(round(seconds / STEP_S)):
+            if drive and i % 10 == 0:
+                self.send(self.dialect.drive(*drive))
+            self.now_ns += round(STEP_S * 1e9)
+            self.robot.step()
+            for frame in self._decoder.feed(b"".join(self.robot.sent())):
+                self.opening.on_packet(frame, self.now_ns)
+                self.measured.take(self.dialect.read(frame, self.now_ns), self.now_ns)
+            self.opening.on_time(self.now_ns)
+        return self
+
+    def open(self) -> Bench:
+        self.run(1.5)
+        assert self.opening.is_done
+        assert self.robot.mode == Mode.SAFE
+        return self
+
+    @property
+    def base(self) -> BaseState:
+        assert self.measured.base is not None
+        return self.measured.base
+
+
+def test_the_opening_starts_streams_and_enters_safe_mode_once() -> None:
+    line = Bench(Firmware()).open()
+    opcodes = [opcode for opcode, _ in CommandReader().feed(bytes(line.sent))]
+    assert opcodes == [Opcode.START] * 6 + [Opcode.STREAM, Opcode.SAFE]
+
+
+def test_a_command_that_was_cut_off_before_does_not_matter() -> None:
+    robot = Firmware()
+    robot.receive(command(Opcode.START) + command(Opcode.SAFE) + bytes([Opcode.DRIVE_DIRECT, 0]))
+    Bench(robot).open()
+
+
+def test_nobody_answers() -> None:
+    line = Bench(Firmware())
+    line.robot.receive = lambda data: None  # type: ignore[method-assign]
+    with pytest.raises(OpeningError, match="no Create answers"):
+        line.run(8.0)
+
+
+def test_the_charger_keeps_it_from_safe_mode() -> None:
+    line = Bench(Firmware())
+    line.robot.plugged = True
+    with pytest.raises(OpeningError, match="does not enter safe mode: its charger"):
+        line.run(2.0)
+
+
+def test_leaving_safe_mode_is_a_fault_that_is_never_undone_silently() -> None:
+    line = Bench(Firmware()).open()
+    line.run(1.0, (200.0, 0.0))
+    line.robot.drops = (True, False)
+    with pytest.raises(OpeningError, match=r"left safe mode \(a wheel hangs\)"):
+        line.run(0.1)
+    line.robot.drops = (False, False)
+    before = len(line.sent)
+    with pytest.raises(OpeningError, match="start RServer again"):
+        line.begin()
+    line.robot.step()
+    assert len(line.sent) == before
+    assert line.robot.mode == Mode.PASSIVE
+
+
+def test_a_cliff_ahead_stops_it_and_is_a_fault() -> None:
+    line = Bench(Firmware(World(floor=lambda x, y: x < 500.0))).open()
+    with pytest.raises(OpeningError, match="a cliff"):
+        line.run(5.0, (200.0, 0.0))
+    assert line.robot.pose[0] < 400.0
+
+
+def test_a_listening_dialect_takes_no_fault() -> None:
+    values = {"mode": 1, "voltage": 15_000, "charge": 1_300, "capacity": 2_600}
+    frame = Frame(STREAM, data_of(STREAM, values))
+    assert Create2().read(frame, 0).fields["battery"] == 50.0
+
+
+@pytest.mark.parametrize("turn", [0.0, 20.0, -45.0])
+def test_dead_reckoning_follows_the_robot_beyond_the_wrap(turn: float) -> None:
+    line = Bench(Firmware()).open()
+    for _ in range(2 if turn else 8):
+        line.run(10.0, (450.0 if not turn else 300.0, turn))
+    x, y, heading = line.robot.pose
+    if not turn:
+        assert x > 65_536 * 0.4446
+    assert math.remainder(line.base.heading - heading, 360.0) == pytest.approx(0.0, abs=2.0)
+    assert line.base.x == pytest.approx(-y, abs=40.0)
+    assert line.base.y == pytest.approx(x, abs=40.0)
+    assert line.base.speed == pytest.approx(450.0 if not turn else 300.0, abs=10.0)
+    assert line.base.turn_rate == pytest.approx(turn, abs=4.0)
+
+
+def test_a_speed_holds_without_a_watchdog_and_the_stop_of_the_guard_ends_it() -> None:
+    line = Bench(Firmware()).open()
+    line.run(1.0, (300.0, 0.0))
+    line.run(10.0)
+    assert line.robot.wheels == (300.0, 300.0)
+    line.send(bytes([Opcode.DRIVE_DIRECT, 1]))  # a command that was cut off
+    line.send(line.dialect.stop_bytes)
+    line.run(0.4)
+    assert not any(line.robot.wheels)
+
+
+def test_bumper_and_stall_at_a_wall_to_the_left() -> None:
+    line = Bench(Firmware(room(4000.0, 2000.0))).open()
+    line.robot.pose = (0.0, 0.0, -20.0)  # the wall ahead is nearest to the left
+    line.run(6.0, (200.0, 0.0))
+    readings = line.measured.readings(line.now_ns)
+    assert readings["bumper"].value == (True, False)
+    assert readings["range"].value[1] < 40.0 < readings["range"].value[4]  # type: ignore[index, operator]
+    assert readings["stalled"].value is True
+    assert line.base.front_bumper
+
+
+def test_wheels_are_slowed_down_together() -> None:
+    (_, data), *_ = CommandReader().feed(Create2().drive(500.0, 90.0))
+    right, left = int.from_bytes(data[:2], "big", signed=True), int.from_bytes(data[2:], "big", signed=True)
+    assert right == 500
+    assert math.degrees((right - left) / 235.0) / ((right + left) / 2.0) == pytest.approx(90 / 500, rel=0.01)
+
+
+@pytest.mark.parametrize(("name", "value"), [("voltage", 40_000), ("light_bumper", 64), ("mode", 32)])
+def test_what_is_not_possible_is_refused(name: str, value: int) -> None:
+    frame = Frame(STREAM, data_of(STREAM, {"voltage": 15_000, name: value}))
+    assert Create2().decoder().feed(encoded(frame)) == [frame]
+    with pytest.raises(ImplausibleError, match=name):
+        Create2().read(replace(frame), 0)
