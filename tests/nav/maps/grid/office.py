@@ -97,15 +97,15 @@ origin: [-3.0, -14.4, 0.0]
 negate: 0
 occupied_thresh: 0.65
 free_thresh: 0.196
-docks: [[3.0, -0.75, -1.5708], [10.5, -13.25, -1.5708]]
 """
+DOCKS = "docks: [[3.0, -0.75, -1.5708], [10.5, -13.25, -1.5708]]\n"
 
 
 def write_office(folder: Path) -> None:
     """Write the office that comes with the project."""
     image = drawn_office(532, 430, seed=13)
     Image.fromarray(image).save(folder / "office.png", optimize=True)
-    (folder / "office.yaml").write_text(YAML, encoding="utf-8")
+    (folder / "office.yaml").write_text(YAML + DOCKS, encoding="utf-8")
 
 
 if __name__ == "__main__":
