@@ -59,6 +59,7 @@ def test_there_are_behaviors_and_maps() -> None:
         "pioneer",
         "shelves",
         "recharge",
+        "bounce",
     }
     assert {m.stem for m in MAPS} >= {"loop", "hallway"}
 

@@ -1,0 +1,41 @@
+"""`colony serve all --robot create2 --port`: bounce drives an emulated Create 2 through the real driver."""
+
+from __future__ import annotations
+
+import signal
+from contextlib import closing
+
+import pytest
+
+from colony.drivers.create2.emulator import Emulator
+from colony.drivers.create2.firmware import Firmware, room
+from colony.drivers.create2.sensors import Mode
+from tests.cli.machine import Machine, Started
+from tests.paths import ROOT
+from tests.waiting import until
+
+
+@pytest.mark.long
+def test_bounce_drives_until_the_robot_is_lifted(machine: Machine) -> None:
+    robot = Firmware(room(3000.0, 2000.0))
+    with closing(Emulator(robot)) as emulator:
+        emulator.start()
+        served = machine.start("serve", "all", "--robot", "create2", "--port", emulator.port)
+        until(lambda: robot.mode == Mode.SAFE or _failed(served), "the robot is ready")
+        bounce = str(ROOT / "behaviors" / "bounce.colony")
+        run = machine.start("run", bounce, "--robot", "create2", "--connect")
+        until(lambda: robot.pose[0] > 300.0 or _failed(served, run), "bounce drives")
+        robot.drops = (True, True)
+        until(lambda: robot.wheels == (0.0, 0.0), "it stands")
+        run.tell(signal.SIGINT)
+        assert run.wait() == 130
+        served.tell(signal.SIGINT)
+        assert served.wait() == 0
+    assert "left safe mode (a wheel hangs)" in served.err
+    assert "nothing stops `RServer` when its computer fails" in served.err
+
+
+def _failed(*started: Started) -> bool:
+    for one in started:
+        assert not one.ended(), one.err
+    return False
