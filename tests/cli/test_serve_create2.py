@@ -7,9 +7,9 @@ from contextlib import closing
 
 import pytest
 
-from colony.drivers.create2.emulator import Emulator
 from colony.drivers.create2.firmware import Firmware, room
 from colony.drivers.create2.sensors import Mode
+from colony.drivers.emulator import Emulator
 from tests.cli.machine import Machine, Started
 from tests.paths import ROOT
 from tests.waiting import until
@@ -18,7 +18,7 @@ from tests.waiting import until
 @pytest.mark.long
 def test_bounce_drives_until_the_robot_is_lifted(machine: Machine) -> None:
     robot = Firmware(room(3000.0, 2000.0))
-    with closing(Emulator(robot)) as emulator:
+    with closing(Emulator(robot, baud=115_200)) as emulator:
         emulator.start()
         served = machine.start("serve", "all", "--robot", "create2", "--port", emulator.port)
         until(lambda: robot.mode == Mode.SAFE or _failed(served), "the robot is ready")

@@ -7,7 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from colony.drivers.pioneer.emulator import Emulator
+from colony.drivers.emulator import Emulator
 from colony.drivers.pioneer.firmware import Firmware, room
 from colony.drivers.pioneer.parameters import MODELS
 from tests.cli.machine import WANDER, Machine, Started

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 from colony.drivers.create2.codec import CommandReader, Frame, Opcode, encoded
 from colony.drivers.create2.sensors import GROUPS, PACKETS, Mode, data_of
+from colony.drivers.emulator import STEP_S
 
-STEP_S = 0.005
 STREAM_S = 0.015
 SLEEP_S = 300.0
 COUNTS_PER_MM = 508.8 / (math.pi * 72.0)

@@ -13,10 +13,10 @@ import math
 import struct
 from collections.abc import Callable
 
+from colony.drivers.emulator import STEP_S
 from colony.drivers.pioneer.codec import Command, argument_of, decoder, encoded
 from colony.drivers.pioneer.parameters import Parameters, SonarPose
 
-STEP_S = 0.005
 """The cycle of the motors' controller."""
 
 FIRE_S = 0.04
@@ -110,7 +110,7 @@ class Firmware:
             else:
                 self._greet(packet[0])
 
-    def packets(self) -> list[bytes]:
+    def sent(self) -> list[bytes]:
         """Return what is to be sent, oldest first, and forget it."""
         out, self._out = self._out, []
         return out

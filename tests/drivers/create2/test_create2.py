@@ -9,9 +9,10 @@ import pytest
 
 from colony.drivers.create2.codec import CommandReader, Frame, Opcode, command, encoded
 from colony.drivers.create2.create2 import Create2
-from colony.drivers.create2.firmware import STEP_S, Firmware, World, room
+from colony.drivers.create2.firmware import Firmware, World, room
 from colony.drivers.create2.sensors import STREAM, Mode, data_of
 from colony.drivers.dialect import ImplausibleError, OpeningError
+from colony.drivers.emulator import STEP_S
 from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
 from colony.runtime.servers.drivers import BaseState

@@ -13,16 +13,16 @@ from collections.abc import Iterator
 
 import pytest
 
-from colony.drivers.create2.emulator import Emulator
 from colony.drivers.create2.firmware import COUNTS_PER_MM, Firmware, room
 from colony.drivers.create2.sensors import PACKETS, Mode, size_of
+from colony.drivers.emulator import Emulator
 
 pycreate2 = pytest.importorskip("pycreate2")
 
 
 @pytest.fixture
-def emulator() -> Iterator[Emulator]:
-    emulator = Emulator(Firmware(room(4000.0, 2000.0)))
+def emulator() -> Iterator[Emulator[Firmware]]:
+    emulator = Emulator(Firmware(room(4000.0, 2000.0)), baud=115_200)
     emulator.start()
     yield emulator
     emulator.close()
@@ -39,7 +39,7 @@ def _until(condition: object, robot: object, seconds: float = 20.0) -> object:
 
 
 def test_it_drives_the_emulator_and_reads_its_sensors(
-    emulator: Emulator, monkeypatch: pytest.MonkeyPatch
+    emulator: Emulator[Firmware], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pycreate2.Create2, "__del__", lambda self: None)  # it sleeps and sends when collected
     robot = pycreate2.Create2(emulator.port)

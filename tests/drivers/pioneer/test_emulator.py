@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from colony.drivers.emulator import Emulator
 from colony.drivers.pioneer.codec import Command, command, decoder
-from colony.drivers.pioneer.emulator import Emulator
 from colony.drivers.pioneer.firmware import Firmware, room
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import base
@@ -31,7 +31,7 @@ class Time:
 
 
 @contextmanager
-def line(emulator: Emulator) -> Iterator[int]:
+def line(emulator: Emulator[Firmware]) -> Iterator[int]:
     """Open the other end."""
     end = os.open(emulator.port, os.O_RDWR | os.O_NONBLOCK | os.O_NOCTTY)
     tty.setraw(end)
@@ -70,7 +70,7 @@ def test_a_slow_line_loses_packets_and_no_bytes_of_packets(baud: int, least: int
     emulator = Emulator(Firmware(P3DX, around=room(4000.0, 6000.0)), baud=baud, clock=now)
     for packet in (*map(command, (0, 1, 2, Command.OPEN)), command(Command.SONAR, 1)):
         emulator.firmware.receive(packet)
-    emulator.firmware.packets()
+    emulator.firmware.sent()
     with line(emulator) as end:
         stream = b""
         for _ in range(400):

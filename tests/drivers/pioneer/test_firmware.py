@@ -6,8 +6,9 @@ import math
 
 import pytest
 
+from colony.drivers.emulator import STEP_S
 from colony.drivers.pioneer.codec import Command, command, decoder
-from colony.drivers.pioneer.firmware import STEP_S, Firmware, room
+from colony.drivers.pioneer.firmware import Firmware, room
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.sip import ConfigSip, EncoderSip, Identity, Sip, StandardSip, read_sip
 
@@ -15,7 +16,7 @@ P3DX = MODELS["p3dx-sh"]
 
 
 def packets(robot: Firmware) -> list[Sip | None]:
-    return [read_sip(data) for data in decoder().feed(b"".join(robot.packets()))]
+    return [read_sip(data) for data in decoder().feed(b"".join(robot.sent()))]
 
 
 def wait(robot: Firmware, seconds: float, *keep: bytes) -> list[StandardSip]:
@@ -32,7 +33,7 @@ def opened(**options: object) -> Firmware:
     for number in (0, 1, 2, Command.OPEN):
         robot.receive(command(number))
     robot.receive(command(Command.ENABLE, 1))
-    robot.packets()
+    robot.sent()
     return robot
 
 
@@ -40,7 +41,7 @@ def test_the_handshake() -> None:
     robot = Firmware(P3DX)
     for number in (0, 1):
         robot.receive(command(number))
-        assert robot.packets() == [command(number)]
+        assert robot.sent() == [command(number)]
     robot.receive(command(2))
     assert packets(robot) == [Identity(name="Emulated", type="Pioneer", model="p3dx-sh")]
     assert wait(robot, 1.0) == []
@@ -51,9 +52,9 @@ def test_the_handshake() -> None:
 def test_a_wrong_number_begins_the_handshake_again() -> None:
     robot = Firmware(P3DX)
     robot.receive(command(0) + command(2))
-    assert [data[0] for data in decoder().feed(b"".join(robot.packets()))] == [0, 0xFF]
+    assert [data[0] for data in decoder().feed(b"".join(robot.sent()))] == [0, 0xFF]
     robot.receive(command(0))
-    assert robot.packets() == [command(0)]
+    assert robot.sent() == [command(0)]
 
 
 def test_it_speeds_up_drives_and_brakes() -> None:

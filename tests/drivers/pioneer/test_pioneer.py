@@ -8,10 +8,11 @@ from collections.abc import Callable
 import pytest
 
 from colony.drivers.dialect import OpeningError
+from colony.drivers.emulator import STEP_S
 from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
 from colony.drivers.pioneer.codec import Command, argument_of, command, decoder
-from colony.drivers.pioneer.firmware import STEP_S, Firmware, room
+from colony.drivers.pioneer.firmware import Firmware, room
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import Pioneer
 from colony.runtime.servers.drivers import BaseState
@@ -42,7 +43,7 @@ class Bench:
                 self.send(self.dialect.drive(*drive))
             self.now_ns += STEP_NS
             self.robot.step()
-            for data in self._decoder.feed(b"".join(self.robot.packets())):
+            for data in self._decoder.feed(b"".join(self.robot.sent())):
                 if self._hears(data):
                     self.opening.on_packet(data, self.now_ns)
                     self.measured.take(self.dialect.read(data, self.now_ns), self.now_ns)
