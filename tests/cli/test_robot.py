@@ -28,7 +28,13 @@ def small(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", Shipped.ROBOT.names())
 def test_robots_that_come_with_colony_agree(colony: Colony, name: str) -> None:
-    assert colony("robot", "check", name) == (0, f"{name}: ok\n", "")
+    checked = colony("robot", "check", name)
+    assert (checked.code, checked.out) == (0, f"{name}: ok\n")
+    if name == "create2":
+        assert "warning[B019]: nothing stops `RServer` when its computer fails" in checked.err
+        assert checked.err.count("warning") == 1
+    else:
+        assert checked.err == ""
 
 
 def test_robots_that_agree(colony: Colony, small: Path) -> None:

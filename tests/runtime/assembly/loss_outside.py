@@ -312,7 +312,8 @@ def after(robot: Robot, process: Process, one: Happened) -> Process:
         case "verdict" if one.what.actuator == "drive":
             check_told(robot, process, one)
             taken = process.told is None or not process.halted
-            given = {**process.given, "drive": one.what.values} if taken else process.given
+            sent = one.what.values if process.told is None else process.told  # what a bumper did not hold
+            given = {**process.given, "drive": sent} if taken else process.given
             return process._replace(told=None, unsure=process.told is None, given=given)
         case "verdict" if process.halted and one.what.actuator not in _holding(robot):
             t_ns, before = process.before_halt  # what it says was sent before the server halted
