@@ -24,7 +24,7 @@ SEEDS = 120
 GROUPS = 40
 
 
-@pytest.mark.parametrize("group", sampled(range(GROUPS), every=GROUPS))
+@pytest.mark.parametrize("group", sampled(range(GROUPS), every=GROUPS, thorough=True))
 def test_actuators(group: int) -> None:
     totals = Counter[str]()
     for seed in range(group * SEEDS // GROUPS, (group + 1) * SEEDS // GROUPS):
@@ -33,7 +33,7 @@ def test_actuators(group: int) -> None:
         assert totals[f"commands from outside at {actuator}"] > 5
 
 
-@pytest.mark.parametrize("number", sampled(range(VARIANTS), every=8))
+@pytest.mark.parametrize("number", sampled(range(VARIANTS), every=8, thorough=True))
 def test_what_must_hold_is_proved_with_operators(number: int) -> None:
     assert {"safe_slow", "safe_bump", "safe_lift", "safe_lamp"} <= proved(variant(number, 100))
 

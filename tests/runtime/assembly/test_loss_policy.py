@@ -23,7 +23,7 @@ SEEDS = 120
 GROUPS = 8
 
 
-@pytest.mark.parametrize("group", sampled(range(GROUPS), every=4))
+@pytest.mark.parametrize("group", sampled(range(GROUPS), every=4, thorough=True))
 def test_stop(group: int) -> None:
     totals = Counter[str]()
     for seed in range(group * SEEDS // GROUPS, (group + 1) * SEEDS // GROUPS):
@@ -31,7 +31,7 @@ def test_stop(group: int) -> None:
     assert totals["commands"] > 100
 
 
-@pytest.mark.parametrize("group", sampled(range(3), every=3))
+@pytest.mark.parametrize("group", sampled(range(3), every=3, thorough=True))
 def test_degrade(group: int) -> None:
     totals = Counter[str]()
     for seed in range(10 * group, 10 * (group + 1)):

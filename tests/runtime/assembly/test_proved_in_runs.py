@@ -18,7 +18,7 @@ SEEDS = 40
 GROUPS = 40
 
 
-@pytest.mark.parametrize("group", sampled(range(GROUPS), every=GROUPS))
+@pytest.mark.parametrize("group", sampled(range(GROUPS), every=GROUPS, thorough=True))
 def test_drawn_programs(group: int) -> None:
     totals = Counter[str]()
     for seed in range(group * SEEDS // GROUPS, (group + 1) * SEEDS // GROUPS):
