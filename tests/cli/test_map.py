@@ -103,10 +103,14 @@ def test_a_picture_that_cannot_be_written(colony: Colony) -> None:
 def test_a_grid_is_summarized_and_drawn_beside_its_image(colony: Colony, tmp_path: Path) -> None:
     code, out, err = colony("map", "office")
     assert (code, err) == (0, "")
-    first, areas, start, drawn = out.splitlines()
+    first, areas, start, *docks, drawn = out.splitlines()
     assert first == "office: 26.6 m by 21.5 m; 532 x 430 cells of 50 mm"
     assert areas.startswith("  free: 456.4 m2, occupied: 33.9 m2, unknown: 81.6 m2; walls: ")
     assert start == "  start of a robot with a radius of 400 mm at (0.00 m, 0.00 m), heading 270 degrees"
+    assert docks == [
+        "  dock at (3.00 m, -0.75 m), heading 180 degrees",
+        "  dock at (10.50 m, -13.25 m), heading 180 degrees",
+    ]
     assert drawn == "  drawn in office_map.png"
     assert (tmp_path / "office_map.png").read_bytes().startswith(b"\x89PNG")
 
