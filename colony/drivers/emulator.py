@@ -13,6 +13,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
+from colony.drivers.surroundings import Surroundings, open_field, room
+
 STEP_S = 0.005
 """Seconds of a step of a firmware."""
 
@@ -123,6 +125,7 @@ def emulator_options(prog: str, description: str, *, baud: int) -> argparse.Argu
     parser.add_argument(
         "--room",
         type=_room,
+        default=open_field,
         metavar="WIDTHxDEPTH",
         help="a room around the robot, in mm, such as 4000x6000; by default none",
     )
@@ -147,11 +150,11 @@ def run_emulator(emulator: Emulator[F], link: Path | None) -> None:
             link.unlink(missing_ok=True)
 
 
-def _room(text: str) -> tuple[float, float]:
+def _room(text: str) -> Surroundings:
     try:
         width, depth = map(float, text.split("x"))
         if width > 0.0 and depth > 0.0:
-            return width, depth
+            return room(width, depth)
     except ValueError:
         pass
     raise argparse.ArgumentTypeError(f"{text!r}; expected WIDTHxDEPTH in mm, such as 4000x6000")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 PhysicsName = Literal["kinematic", "mujoco"]
-"""What may move a simulated robot (docs/physics.md)."""
+"""The name of a physics that moves simulated robots (docs/physics.md)."""
 
 
 class MisuseError(Exception):

@@ -9,7 +9,7 @@ from typing import Literal
 from colony.ir.types import Value
 
 GivenValue = Value | Literal["missing"] | None
-"""What is given for a field, in base units: a value, that it has none, or None if nothing is given."""
+"""A given value of a field, in base units; `missing` if it is to have none, None if nothing is given."""
 
 Given = Callable[[str, str, int], GivenValue]
 """A function that returns what is given: server, field, time in ns."""

@@ -13,7 +13,7 @@ Measurement = Callable[[], T]
 """A measurement that was taken; its value is computed when it is needed."""
 
 Action = Callable[[], None]
-"""What carries out a command."""
+"""A function that carries out a command."""
 
 
 class Mechanism(Protocol):

@@ -181,6 +181,17 @@ class Machine:
         return Session.open(ROBOT, environment=self.environment)
 
 
+def failed(*started: Started) -> bool:
+    """False while none of them has ended.
+
+    Raises:
+        AssertionError: one has; the message is what it said.
+    """
+    for one in started:
+        assert not one.ended(), one.err
+    return False
+
+
 def status(session: Session) -> RunStatus | None:
     """How the run stands, None while its leader does not answer."""
     try:

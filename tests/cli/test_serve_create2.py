@@ -7,24 +7,25 @@ from contextlib import closing
 
 import pytest
 
-from colony.drivers.create2.firmware import Firmware, room
+from colony.drivers.create2.firmware import Firmware, World
 from colony.drivers.create2.sensors import Mode
 from colony.drivers.emulator import Emulator
-from tests.cli.machine import Machine, Started
+from colony.drivers.surroundings import room
+from tests.cli.machine import Machine, failed
 from tests.paths import ROOT
 from tests.waiting import until
 
 
 @pytest.mark.long
 def test_bounce_drives_until_the_robot_is_lifted(machine: Machine) -> None:
-    robot = Firmware(room(3000.0, 2000.0))
+    robot = Firmware(World(range=room(3000.0, 2000.0)))
     with closing(Emulator(robot, baud=115_200)) as emulator:
         emulator.start()
         served = machine.start("serve", "all", "--robot", "create2", "--port", emulator.port)
-        until(lambda: robot.mode == Mode.SAFE or _failed(served), "the robot is ready")
+        until(lambda: robot.mode == Mode.SAFE or failed(served), "the robot is ready")
         bounce = str(ROOT / "behaviors" / "bounce.colony")
         run = machine.start("run", bounce, "--robot", "create2", "--connect")
-        until(lambda: robot.pose[0] > 300.0 or _failed(served, run), "bounce drives")
+        until(lambda: robot.pose[0] > 300.0 or failed(served, run), "bounce drives")
         robot.drops = (True, True)
         until(lambda: robot.wheels == (0.0, 0.0), "it stands")
         run.tell(signal.SIGINT)
@@ -33,9 +34,3 @@ def test_bounce_drives_until_the_robot_is_lifted(machine: Machine) -> None:
         assert served.wait() == 0
     assert "left safe mode (a wheel hangs)" in served.err
     assert "nothing stops `RServer` when its computer fails" in served.err
-
-
-def _failed(*started: Started) -> bool:
-    for one in started:
-        assert not one.ended(), one.err
-    return False

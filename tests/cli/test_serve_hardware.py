@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Colony, server_states
-from tests.cli.machine import ROBOT, Machine, Started
+from tests.cli.machine import ROBOT, Machine, failed
 from tests.test_robots_page import FILES, PAGE
 from tests.waiting import until
 
@@ -98,25 +98,19 @@ def test_the_scout_of_the_page_drives_by_its_drivers_and_stands_when_its_scanner
             (tmp_path / name).write_text(text)
         robot = f"{ROBOT}={tmp_path / 'robots' / 'scout'}"
         served = machine.start("serve", "all", "--robot", robot, "--hardware")
-        until(lambda: machine.pid("DServer") or _failed(served), "the robot runs")
+        until(lambda: machine.pid("DServer") or failed(served), "the robot runs")
         run = machine.start("run", str(tmp_path / "patrol.colony"), "--robot", robot, "--connect")
-        until(lambda: "300" in _commands(commands)[-1:] or _failed(served, run), "the robot drives")
+        until(lambda: "300" in _commands(commands)[-1:] or failed(served, run), "the robot drives")
         lidar.on = False
         until(lambda: _commands(commands)[-1] != "300", "it stands")
         lidar.on = True
-        until(lambda: "300" in _commands(commands)[-1:] or _failed(served, run), "it drives again")
+        until(lambda: "300" in _commands(commands)[-1:] or failed(served, run), "it drives again")
         run.tell(signal.SIGINT)
         assert run.wait() == 130
         served.tell(signal.SIGINT)
         assert served.wait() == 0
         assert _commands(commands)[-1] == "stop"
     assert f"{ROBOT}: Clock, RServer, Lidar, DServer, Limits; Ctrl-C ends them" in served.err
-
-
-def _failed(*started: Started) -> bool:
-    for one in started:
-        assert not one.ended(), one.err
-    return False
 
 
 # --- drivers that fail -----------------------------------------------------------------------------------
@@ -213,31 +207,31 @@ def test_drivers_that_fail_end_no_other_server(
 ) -> None:
     robot = f"{ROBOT}={lab}"
     served = machine.start("serve", "all", "--robot", robot, "--hardware")
-    until(lambda: machine.pid("DServer") or _failed(served), "the robot runs")
+    until(lambda: machine.pid("DServer") or failed(served), "the robot runs")
     run = machine.start("run", str(tmp_path / "lighting.colony"), "--robot", robot, "--connect")
-    until(lambda: "True" in _commands(tmp_path / "Good") or _failed(served, run), "the light shines")
+    until(lambda: "True" in _commands(tmp_path / "Good") or failed(served, run), "the light shines")
     line = DRIVERS.splitlines().index("        open(file).close()") + 1
     late = f"{lab}/lab_drivers.py:{line}: FileNotFoundError"
-    until(lambda: late in served.err or _failed(served), "the late driver is tried again")
+    until(lambda: late in served.err or failed(served), "the late driver is tried again")
     assert "Late: " in served.err
     assert "; it is tried again until it works" in served.err
     broken = "the driver `no_drivers:Broken` cannot be imported: ModuleNotFoundError"
     assert f"Broken: {lab}/lab.toml: server.Broken.hardware: {broken}" in served.err
     assert "Absent: no driver: nothing serves it but a server of your own" in served.err
     (tmp_path / "Late").touch()
-    until(lambda: machine.pid("Late") or _failed(served), "the late driver works")
+    until(lambda: machine.pid("Late") or failed(served), "the late driver works")
     expected = {
         **dict.fromkeys(("Clock", "DServer", "Runtime", "Good", "Raising", "Garbage", "Late"), "up"),
         **dict.fromkeys(("Broken", "Absent"), "down"),
         **dict.fromkeys(("Leader", "Supervisor"), "up"),
         "Blocking": "silent",
     }
-    until(lambda: server_states(colony) == expected or _failed(served), "all answer but the one that blocks")
+    until(lambda: server_states(colony) == expected or failed(served), "all answer but the one that blocks")
     failure = "fields of Raising failed: RuntimeError: no bus"
     assert re.search(rf"Raising +up, process \d+, FAILS: {failure}", colony("ps").out)
     until(lambda: f"\nRaising fails: {failure}\n" in served.err, "one line")
     (tmp_path / "Raising").touch()
-    until(lambda: "\nRaising works again\n" in served.err or _failed(served), "it works again")
+    until(lambda: "\nRaising works again\n" in served.err or failed(served), "it works again")
     assert served.err.count("Raising fails") == 1
     folder = machine.directory.path / "served"
     assert "RuntimeError: no bus" in (folder / "Raising.log").read_text()

@@ -8,9 +8,10 @@ from contextlib import closing
 import pytest
 
 from colony.drivers.emulator import Emulator
-from colony.drivers.pioneer.firmware import Firmware, room
+from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
-from tests.cli.machine import WANDER, Machine, Started
+from colony.drivers.surroundings import room
+from tests.cli.machine import WANDER, Machine, failed
 from tests.waiting import until
 
 
@@ -21,9 +22,9 @@ def test_wander_drives_until_the_stop_button_is_pressed(machine: Machine) -> Non
         emulator.start()
         port = ("--port", emulator.port, "--baud", "38400")
         served = machine.start("serve", "all", "--robot", "pioneer", *port)
-        until(lambda: robot.motors or _failed(served), "the robot is ready")
+        until(lambda: robot.motors or failed(served), "the robot is ready")
         run = machine.start("run", WANDER, "--robot", "pioneer", "--connect")
-        until(lambda: robot.pose[0] > 500.0 or _failed(served, run), "wander drives")
+        until(lambda: robot.pose[0] > 500.0 or failed(served, run), "wander drives")
         robot.stop_button = True
         until(lambda: robot.speed == 0.0 and robot.set_points == (0.0, 0.0), "it stands, and is told to")
         robot.stop_button = False
@@ -33,9 +34,3 @@ def test_wander_drives_until_the_stop_button_is_pressed(machine: Machine) -> Non
         assert served.wait() == 0
         until(lambda: not robot.is_open, "the session has ended")
     assert "pioneer: Clock, RServer, Sonar, Panel, Battery, DServer, Limits" in served.err
-
-
-def _failed(*started: Started) -> bool:
-    for one in started:
-        assert not one.ended(), one.err
-    return False

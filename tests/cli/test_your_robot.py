@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.machine import Machine, Started
+from tests.cli.machine import Machine, failed
 from tests.pages import COMMANDS, typed
 from tests.paths import ROOT
 from tests.waiting import until
@@ -55,13 +55,13 @@ def test_the_robot_drives_with_its_drivers(machine: Machine, tmp_path: Path) -> 
     robot = f"t1={tmp_path / 'robots' / 'tugger' / 'tugger.colony'}"
     hitch = tmp_path / "hitch.txt"
     served = machine.start("serve", "all", "--robot", robot, "--hardware", "--map", "loop")
-    until(lambda: "safe\n" in _text(hitch) or _failed(served), "the hitch was made safe")
+    until(lambda: "safe\n" in _text(hitch) or failed(served), "the hitch was made safe")
     (tmp_path / "go").touch()
     run = machine.start("run", str(tmp_path / "tow.colony"), "--robot", robot, "--connect")
-    until(lambda: "drive by cruise" in run.err or _failed(served, run), "it drives")
+    until(lambda: "drive by cruise" in run.err or failed(served, run), "it drives")
     assert _text(hitch).startswith("safe\nclose\n")
     (tmp_path / "go").unlink()
-    until(lambda: "open\n" in _text(hitch) or _failed(served, run), "it opens the hitch")
+    until(lambda: "open\n" in _text(hitch) or failed(served, run), "it opens the hitch")
     run.tell(signal.SIGINT)
     assert run.wait() == 130
     served.tell(signal.SIGINT)
@@ -74,9 +74,3 @@ def test_the_robot_drives_with_its_drivers(machine: Machine, tmp_path: Path) -> 
 
 def _text(path: Path) -> str:
     return path.read_text() if path.exists() else ""
-
-
-def _failed(*started: Started) -> bool:
-    for one in started:
-        assert not one.ended(), one.err
-    return False

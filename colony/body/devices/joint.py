@@ -13,7 +13,7 @@ from colony.ir.types import BOOL, DISTANCE, Enum, Quantity, Scalar
 from colony.text.units import ANGLE, LENGTH, MASS, TIME
 
 Control = Literal["position", "velocity"]
-"""What a joint is commanded by."""
+"""The quantity by which a joint is commanded."""
 
 _CONTROL = Word(("position", "velocity"))
 _CONTROL_MEANING = "what it is commanded by: it goes to a position, or runs at a velocity [default: position]"

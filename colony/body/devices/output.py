@@ -11,7 +11,7 @@ from colony.ir.servers import CommandSpec, FieldSpec, ParameterSpec
 from colony.ir.types import BOOL, DIMENSIONLESS
 
 OutputKind = Literal["on", "level"]
-"""What an output can be set to: on or off, or a level from 0 to 1."""
+"""The kind of an output: it is on or off, or has a level from 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

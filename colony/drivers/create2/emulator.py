@@ -9,7 +9,7 @@ It prints its port, and runs until it is interrupted.
 from __future__ import annotations
 
 from colony.drivers.create2.create2 import Create2
-from colony.drivers.create2.firmware import Firmware, room
+from colony.drivers.create2.firmware import Firmware, World
 from colony.drivers.emulator import Emulator, emulator_options, run_emulator
 
 
@@ -19,8 +19,8 @@ def main() -> None:
     options = emulator_options(
         prog, "Emulate a Create 2 on a pseudoterminal.", baud=Create2.baud
     ).parse_args()
-    around = None if options.room is None else room(*options.room)
-    run_emulator(Emulator(Firmware(around), baud=options.baud), options.link)
+    robot = Firmware(World(range=options.room))
+    run_emulator(Emulator(robot, baud=options.baud), options.link)
 
 
 if __name__ == "__main__":

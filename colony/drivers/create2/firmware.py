@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from colony.drivers.create2.codec import CommandReader, Frame, Opcode, encoded
 from colony.drivers.create2.sensors import GROUPS, PACKETS, Mode, data_of
 from colony.drivers.emulator import STEP_S
+from colony.drivers.surroundings import Surroundings, moved, open_field
 
 STREAM_S = 0.015
 SLEEP_S = 300.0
@@ -27,10 +28,6 @@ NEAR_SIGNAL = 400
 CLIFF_BEARINGS = (60.0, 15.0, -15.0, -60.0)
 LIGHT_BEARINGS = (65.0, 38.0, 13.0, -13.0, -38.0, -65.0)
 FULL_MAH = 2_600.0
-
-
-def _nothing(x: float, y: float, bearing: float) -> float:
-    return math.inf
 
 
 def _floor(x: float, y: float) -> bool:
@@ -47,23 +44,9 @@ class World:
         dock: where the robot charges; None for nowhere.
     """
 
-    range: Callable[[float, float, float], float] = _nothing
+    range: Surroundings = open_field
     floor: Callable[[float, float], bool] = _floor
     dock: tuple[float, float] | None = None
-
-
-def room(width: float, depth: float) -> World:
-    """Return an empty room around the start, `depth` mm from front to back, `width` from side to side."""
-
-    def range_from(x: float, y: float, bearing: float) -> float:
-        ahead, left = math.cos(math.radians(bearing)), math.sin(math.radians(bearing))
-        walls = (
-            (depth / 2.0 - math.copysign(x, x * ahead), ahead),
-            (width / 2.0 - math.copysign(y, y * left), left),
-        )
-        return max(0.0, min((gap / abs(part) for gap, part in walls if abs(part) > 1e-9), default=math.inf))
-
-    return World(range=range_from)
 
 
 class Firmware:
@@ -185,13 +168,7 @@ class Firmware:
             left, right = half, -half
         self.wheels = (left, right)
         speed, turn = (left + right) / 2.0, math.degrees((right - left) / BASE_MM)
-        x, y, heading = self.pose
-        middle = math.radians(heading + turn * STEP_S / 2.0)
-        self.pose = (
-            x + speed * STEP_S * math.cos(middle),
-            y + speed * STEP_S * math.sin(middle),
-            heading + turn * STEP_S,
-        )
+        self.pose = moved(self.pose, speed, turn, STEP_S)
         self._travel[0] += left * STEP_S
         self._travel[1] += right * STEP_S
 

@@ -9,7 +9,7 @@ It prints its port, and runs until it is interrupted.
 from __future__ import annotations
 
 from colony.drivers.emulator import Emulator, emulator_options, run_emulator
-from colony.drivers.pioneer.firmware import Firmware, open_field, room
+from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import BAUD
 
@@ -20,8 +20,8 @@ def main() -> None:
     parser = emulator_options(prog, "Emulate a Pioneer on a pseudoterminal.", baud=BAUD)
     parser.add_argument("--model", choices=sorted(MODELS), default="p3dx-sh", metavar="MODEL")
     options = parser.parse_args()
-    around = open_field if options.room is None else room(*options.room)
-    run_emulator(Emulator(Firmware(MODELS[options.model], around=around), baud=options.baud), options.link)
+    robot = Firmware(MODELS[options.model], around=options.room)
+    run_emulator(Emulator(robot, baud=options.baud), options.link)
 
 
 if __name__ == "__main__":

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
 
 from colony.drivers.emulator import STEP_S
 from colony.drivers.pioneer.codec import Command, argument_of, decoder, encoded
 from colony.drivers.pioneer.parameters import Parameters, SonarPose
+from colony.drivers.surroundings import Surroundings, moved, open_field
 
 """The cycle of the motors' controller."""
 
@@ -31,28 +31,6 @@ RADIUS_MM = 250.0
 TOUCH_MM = 8.0
 ESTOP_DECELERATION = 4000.0
 FULL_V, DRAIN_V_PER_S = 12.8, 0.0001
-
-Surroundings = Callable[[float, float, float], float]
-"""The range in mm from a point (mm) into a direction (degrees counterclockwise); infinite for nothing."""
-
-
-def room(width: float, depth: float) -> Surroundings:
-    """Return an empty room around the start, `depth` mm from front to back, `width` from side to side."""
-
-    def range_from(x: float, y: float, bearing: float) -> float:
-        ahead, left = math.cos(math.radians(bearing)), math.sin(math.radians(bearing))
-        walls = (
-            (depth / 2.0 - math.copysign(x, x * ahead), ahead),
-            (width / 2.0 - math.copysign(y, y * left), left),
-        )
-        return max(0.0, min((gap / abs(part) for gap, part in walls if abs(part) > 1e-9), default=math.inf))
-
-    return range_from
-
-
-def open_field(x: float, y: float, bearing: float) -> float:
-    """Return infinity: there is nothing."""
-    return math.inf
 
 
 class Firmware:
@@ -202,11 +180,7 @@ class Firmware:
         self.turn = _towards(self.turn, rate, self._turn_acceleration, turn_brakes)
         if self.is_blocked:
             self.speed = 0.0
-        x, y, heading = self.pose
-        middle = math.radians(heading + self.turn * STEP_S / 2.0)
-        x += self.speed * STEP_S * math.cos(middle)
-        y += self.speed * STEP_S * math.sin(middle)
-        self.pose = (x, y, heading + self.turn * STEP_S)
+        self.pose = moved(self.pose, self.speed, self.turn, STEP_S)
         for i, wheel in enumerate(self._wheels()):
             self._encoders[i] += wheel * STEP_S
 

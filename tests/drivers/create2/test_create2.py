@@ -9,12 +9,13 @@ import pytest
 
 from colony.drivers.create2.codec import CommandReader, Frame, Opcode, command, encoded
 from colony.drivers.create2.create2 import Create2
-from colony.drivers.create2.firmware import Firmware, World, room
+from colony.drivers.create2.firmware import Firmware, World
 from colony.drivers.create2.sensors import STREAM, Mode, data_of
 from colony.drivers.dialect import ImplausibleError, OpeningError
 from colony.drivers.emulator import STEP_S
 from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
+from colony.drivers.surroundings import room
 from colony.runtime.servers.drivers import BaseState
 
 
@@ -145,7 +146,7 @@ def test_a_speed_holds_without_a_watchdog_and_the_stop_of_the_guard_ends_it() ->
 
 
 def test_bumper_and_stall_at_a_wall_to_the_left() -> None:
-    line = Bench(Firmware(room(4000.0, 2000.0))).open()
+    line = Bench(Firmware(World(range=room(4000.0, 2000.0)))).open()
     line.robot.pose = (0.0, 0.0, -20.0)  # the wall ahead is nearest to the left
     line.run(6.0, (200.0, 0.0))
     readings = line.measured.readings(line.now_ns)

@@ -13,16 +13,17 @@ from collections.abc import Iterator
 
 import pytest
 
-from colony.drivers.create2.firmware import COUNTS_PER_MM, Firmware, room
+from colony.drivers.create2.firmware import COUNTS_PER_MM, Firmware, World
 from colony.drivers.create2.sensors import PACKETS, Mode, size_of
 from colony.drivers.emulator import Emulator
+from colony.drivers.surroundings import room
 
 pycreate2 = pytest.importorskip("pycreate2")
 
 
 @pytest.fixture
 def emulator() -> Iterator[Emulator[Firmware]]:
-    emulator = Emulator(Firmware(room(4000.0, 2000.0)), baud=115_200)
+    emulator = Emulator(Firmware(World(range=room(4000.0, 2000.0))), baud=115_200)
     emulator.start()
     yield emulator
     emulator.close()

@@ -12,9 +12,10 @@ from colony.drivers.emulator import STEP_S
 from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
 from colony.drivers.pioneer.codec import Command, argument_of, command, decoder
-from colony.drivers.pioneer.firmware import Firmware, room
+from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import Pioneer
+from colony.drivers.surroundings import room
 from colony.runtime.servers.drivers import BaseState
 
 STEP_NS = round(STEP_S * 1e9)
