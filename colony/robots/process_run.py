@@ -5,24 +5,23 @@ from __future__ import annotations
 import math
 import os
 import shutil
-import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
 from colony.execute.compiled import Compiled
-from colony.ir.program import Robot
-from colony.ir.servers import COMMON_SERVERS, DSERVER, ServerSpec
+from colony.ir.servers import DSERVER
 from colony.ir.types import Value
 from colony.os_errors import naming
+from colony.robots.bound_servers import additional_servers, bound_servers, expect_running
 from colony.robots.described import DescribedRobot
-from colony.robots.discovery import running_robots, session_with
+from colony.robots.discovery import session_with
 from colony.robots.driver_watch import DriverWatch
 from colony.robots.field_giver import FieldGiver
-from colony.robots.recording import RunRecording, recording_into
+from colony.robots.recording import LiveRun, RunRecording, new_run_name, recording_into
 from colony.robots.request import (
     MissionResult,
     MisuseError,
@@ -145,13 +144,7 @@ def run_served(
             what only a simulator on this machine can give.
         DiagnosticError, LiveError, RunAbortedError: see `run_simulated`.
     """
-    if isinstance(robot_address, Local) and not robot_address.directory.running():
-        robots = ", ".join(running_robots()) or "none"
-        raise MisuseError(
-            f"colony: error: no process of `{robot_address.robot}` runs on this machine "
-            f"(running robots: {robots}); "
-            f"start it with `colony serve all --robot {robot_address.robot} --map MAP`"
-        )
+    expect_running(robot_address)
     _expect_givable(robot_address, request)
     route = None
     if request.goal is not None:
@@ -159,7 +152,7 @@ def run_served(
 
         route = planned_route(request)
     run = _Run(compiled, described, robot_address, request, ui, route)
-    drivers = DriverWatch(robot_address, _bound_servers(compiled.robot), ui.report)
+    drivers = DriverWatch(robot_address, bound_servers(compiled.robot), ui.report)
     with closing(drivers), run.supervised() as supervised_run, run.giving() as give:
         supervised_run.wait_for(
             give, run.stop, what="an answer of the simulator", timeout_s=PLANT_ANSWER_TIMEOUT_S
@@ -221,14 +214,14 @@ class _Run:
         self._scenario = request.scenario or Scenario()
         self._mission: LiveMission | None = None
         self._compiled = compiled
-        additional_servers = _additional_servers(compiled.robot, described, robot_address)
-        self._bindings = bind(compiled.robot, (*described.servers, *additional_servers))
+        additional = additional_servers(compiled.robot, described, robot_address)
+        self._bindings = bind(compiled.robot, (*described.servers, *additional))
         self._deployed = deployment(
             compiled,
             self._bindings,
-            run=f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
+            run=new_run_name(),
             seed=request.seed,
-            servers=_bound_servers(compiled.robot),
+            servers=bound_servers(compiled.robot),
         )
         self._tally = Tally(compiled)
         self._status_tracker = RunStatusTracker(
@@ -395,39 +388,9 @@ class _Run:
                 shutil.rmtree(self._folder, ignore_errors=True)
 
     def _begin_recording(self, path: str) -> RunRecording:
-        run, started = self._deployed.run, time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        return recording_into(path, self._compiled, seed=self._request.seed, run=run, started=started)
+        return recording_into(path, self._compiled, seed=self._request.seed, live=LiveRun(self._deployed.run))
 
 
 def _in_folder(robot_address: RobotAddress, folder: Path) -> AbstractContextManager[None]:
     """Return a context that adds advice about a run's folder to an OSError."""
     return in_run_directory(folder) if isinstance(robot_address, Local) else naming(folder)
-
-
-def _bound_servers(robot: Robot) -> tuple[str, ...]:
-    """Return the servers of sensors and actuators that not every robot has."""
-    common = {server.name for server in COMMON_SERVERS}
-    bound = (*(s.server for s in robot.sensors), *(a.server for a in robot.actuators))
-    return tuple(dict.fromkeys(server for server in bound if server not in common))
-
-
-def _additional_servers(
-    robot: Robot, described: DescribedRobot, robot_address: RobotAddress
-) -> tuple[ServerSpec, ...]:
-    """Return the servers of sensors and actuators that the description lacks, as they describe themselves.
-
-    Servers that do not run, or have no valid description, are left out.
-    """
-    known_servers = {server.name for server in described.servers}
-    additional_names = [name for name in _bound_servers(robot) if name not in known_servers]
-    if not additional_names:
-        return ()
-    from colony.runtime.kit.description import describe, server_spec
-    from colony.runtime.kit.errors import RobotConnectionError
-
-    specs = []
-    with suppress(RobotConnectionError), session_with(robot_address) as session:
-        for name in additional_names:
-            with suppress(RobotConnectionError, ValueError), session.connect(name) as connection:
-                specs.append(server_spec(connection.do(describe())))
-    return tuple(specs)

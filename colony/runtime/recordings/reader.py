@@ -17,7 +17,7 @@ from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
 from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.recorded import RecordedFrame
-from colony.runtime.recordings.replay import LINE_BYTES, Row, Rows, line_error
+from colony.runtime.recordings.replay import LINE_BYTES, SHADOW, Row, Rows, line_error
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
@@ -37,6 +37,7 @@ class _Lines:
         self._name = name
         self.truncation: str | None = None
         self.damaged = False
+        self.shadow = False
 
     def _finish(self, rows: Rows) -> None:
         self.damaged = rows.damaged
@@ -71,6 +72,7 @@ class LinesReader(_Lines):
                 raise DiagnosticError(
                     [line_error("A004", self._name, row.number, row.text, 0, message)]
                 ) from None
+            self.shadow = self.shadow or members.shadow
             yield recorded
         self._finish(rows)
 
@@ -98,6 +100,7 @@ class FramesReader(_Lines):
         rows = Rows(bounded_lines(self._file, LINE_BYTES), self._name, program)
         for index, row in enumerate(rows):
             k = row.values.get("@tick")
+            self.shadow = self.shadow or row.values.get(SHADOW) is True
             yield RecordedFrame(
                 tick=Tick(k=k if type(k) is int else index, t_ns=row.frame.t_ns),
                 frame=row.frame,
@@ -133,6 +136,7 @@ class _Row(
     skipped: int | None = None
     keyframe: dict[str, Any] | None = None
     python: dict[str, AnswerMessage] = {}
+    shadow: bool = False
 
 
 class _Decision(
