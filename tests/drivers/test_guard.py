@@ -226,6 +226,24 @@ def test_a_robot_that_falls_silent_is_opened_again(robot: TinyRobot) -> None:
         listener.close()
 
 
+def test_a_wrong_baud_rate(robot: TinyRobot) -> None:
+    robot.is_on = False
+    driver = base(os.fspath(robot.port))
+
+    def is_noticed() -> bool:
+        if driver.problem:  # the port is open
+            robot.send(b"\x00\xe0\x00")
+        return "bytes arrive, and no packet is among them: is its baud rate" in (driver.problem or "")
+
+    try:
+        wait_for(is_noticed)
+        robot.is_on = True
+        wait_for(driver.state)
+        wait_for(lambda: driver.problem is None)
+    finally:
+        driver.close()
+
+
 def test_a_busy_port(robot: TinyRobot) -> None:
     with robot.port.open("rb", buffering=0) as other:
         fcntl.flock(other, fcntl.LOCK_EX)

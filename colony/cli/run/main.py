@@ -148,7 +148,7 @@ def command(**arguments: Any) -> None:
     `colony stop`). With --connect only the clients are started, for a robot that `colony serve` serves;
     without --duration they run until Ctrl-C.
 
-    With --shadow the program runs in the shadow of a robot that is already running, whoever drives it: it
+    With --shadow the program runs in the shadow of a robot that is already running, also beside a driver: it
     reads what the robot measures, sends nothing, and prints what it would have sent each second and whenever
     another client wins. A recording is marked as that of a shadow. It is the first thing to do with a new
     behavior on a real robot (docs/your-robot.md).

@@ -121,8 +121,8 @@ class HardwareBase:
 
     @property
     def problem(self) -> str | None:
-        """What fails at the base now, or None: methods of the driver, and what it says itself."""
-        return "; ".join((*problems_of(self._driver), *self._problems.failing)) or None
+        """What fails at the base now, or None: what the driver says itself, or else which methods fail."""
+        return "; ".join(problems_of(self._driver) or self._problems.failing) or None
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:
         """Drive.
