@@ -213,7 +213,7 @@ class Line(Generic[Packet]):
         is_known = isinstance(problem, LinkError | OpeningError)
         text = exception_text(problem)
         if isinstance(problem, OpeningError) and self._heard_bytes and not self._heard_packets:
-            rate = "" if self._port.startswith(TCP) else f": is its baud rate {self._baud}?"
+            rate = "" if self._port.startswith(TCP) else f": it may not speak at {self._baud} baud"
             text += f" (bytes arrive, and no packet is among them{rate})"
         self._problem = text if is_known else f"{type(problem).__name__}: {text}"
         self._problems = self._problems or OnceReporter(self._report)

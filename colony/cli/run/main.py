@@ -242,9 +242,8 @@ def _drive(compiled: Compiled, described: DescribedRobot, request: RunRequest, o
             from colony.cli.run.shadow_interface import shadow_interface
             from colony.robots.shadow_run import run_shadow
 
-            return run_shadow(
-                compiled, described, robot_address, request, shadow_interface(compiled.robot.actuators)
-            )
+            ui = shadow_interface(compiled.robot.actuators)
+            return run_shadow(compiled, described, robot_address, request, ui)
         from colony.robots.process_run import run_served, run_simulated
         from colony.runtime.transport.live.robot_address import Local
 

@@ -1,65 +1,23 @@
-"""A program in the shadow of a robot decides as a run would, says so in its recording, and sends nothing."""
+"""A program in the shadow of a robot decides as a run would, and sends nothing."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-import pytest
-
-from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_text
-from colony.ir.program import Program
-from colony.robots.recording import LiveRun
-from colony.runtime.assembly.shadow import MIN_SILENCE_NS, Shadow
+from colony.runtime.assembly.shadow import MIN_SILENCE_NS
 from colony.runtime.observe.observer import FrameLog
-from colony.runtime.observe.summary import Tally, render
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.bindings import bind
-from colony.runtime.protocol.deployment import deployment
-from colony.runtime.protocol.messages import Message, Sample, ServerFrame, Tick
+from colony.runtime.protocol.messages import Sample
 from colony.verify.audit.audit import audit
-from tests.robot_servers import ROME_SERVERS
+from tests.runtime.assembly.shadow_stage import MS, RAMP, READINGS, ROBOT, Stage, program, shadow
 from tests.runtime.scripted import FAR, Log, Script, session
 
-MS = 1_000_000
 S = 1000 * MS
-
-ROBOT = """language 2
-robot rome {
-  sensor sonar[24] : mm  bearing -180 deg  range 0 .. 10000  from PServer.sonar  within 300 ms
-  sensor bumper    : bool                  from RServer.bumper within 300 ms
-  sensor wish      : mm/s  default 0       from DServer.Wish
-  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s range -90 .. 90 }
-           to RServer.drive  idle drive(velocity = 0, turn = 0)
-}
-"""
-
-RAMP = f"""{ROBOT}
-let before = value_or(last.drive.velocity, 0 mm/s)
-module cruise {{ when true  do drive(velocity = before + 7 mm/s, turn = 0) }}
-module avoid  {{ when recently(min(sonar) < 900 mm, 400 ms)  do drive(velocity = 60 mm/s, turn = 30 deg/s) }}
-module blind  {{ when not fresh(bumper)  do drive(velocity = 0, turn = 5 deg/s) }}
-network {{ drive = blind suppresses avoid suppresses cruise }}
-limit drive.velocity <= 300 mm/s
-contract slow: drive.velocity <= 300 mm/s
-"""
 
 OTHER = f"""{ROBOT}
 module spin {{ when true  do drive(velocity = 0, turn = 45 deg/s) }}
 network {{ drive = spin }}
 """
-
-
-def program(text: str) -> Program:
-    return load_text(text, "test.colony")
-
-
-def shadow(text: str, *sinks: object) -> Shadow:
-    compiled = compile_program(program(text)).compiled
-    bindings = bind(compiled.robot, ROME_SERVERS)
-    deployed = deployment(compiled, bindings, run="shadow", seed=0)
-    return Shadow(compiled, bindings, deployed, sinks)  # type: ignore[arg-type]
 
 
 def surroundings() -> Script:
@@ -125,52 +83,7 @@ def test_modules_in_python_run_beside_it() -> None:
     assert list(map(decided, beside.frames)) == list(map(decided, run.frames))
 
 
-# --- on a stage --------------------------------------------------------------------------------------
-
-READINGS: Mapping[str, Mapping[str, object]] = {
-    "PServer": {"sonar": FAR},
-    "RServer": {"bumper": False},
-    "DServer": {"Wish": 0.0},
-}
-
-
-class Stage:
-    """Ticks of 50 ms from frame 1000 on, and the servers that answer them."""
-
-    def __init__(self, text: str = RAMP) -> None:
-        self.log = Log()
-        self.shadow = shadow(text, self.log)
-        self.effects: list[object] = list(self.shadow.start(0))
-
-    def take(self, message: Message) -> None:
-        self.effects += self.shadow.handle(message, 0)
-
-    def tick(self, k: int, **members: object) -> None:
-        settings = {"start": 17, "run": "another", **members}
-        self.take(Tick(k=1000 + k, t_ns=(1000 + k) * 50 * MS, **settings))  # type: ignore[arg-type]
-
-    def answer(self, k: int, *servers: str) -> None:
-        t_ns = (1000 + k) * 50 * MS
-        for server in servers or READINGS:
-            fields = {name: Sample(value, t_ns) for name, value in READINGS[server].items()}  # type: ignore[arg-type]
-            self.take(ServerFrame(server=server, k=1000 + k, fields=fields))
-
-    def frames(self, ks: range, *servers: str, **members: object) -> None:
-        for k in ks:
-            self.tick(k, **members)
-            self.answer(k, *servers)
-
-    def ks(self) -> list[int]:
-        return [log.tick.k - 1000 for log in self.log.frames]
-
-    def restarts(self) -> list[int]:
-        return [log.tick.k - 1000 for log in self.log.frames if log.restart]
-
-    def close(self) -> None:
-        self.shadow.close()
-        assert self.effects == []
-        assert audit(program(RAMP), self.log.frames).agrees
-        assert not any(log.disagreements for log in self.log.frames)
+# --- on a stage ---------------------------------------------------------------------------------------
 
 
 def test_it_goes_on_through_runs_and_epochs_of_others() -> None:
@@ -267,90 +180,6 @@ def test_a_frame_that_never_comes_costs_the_memory_and_no_more() -> None:
     assert stage.ks()[-1] == 59
     assert len(stage.restarts()) == 1
     stage.close()
-
-
-# --- what it leaves ----------------------------------------------------------------------------------
-
-
-def _lines(log: Log, file: io.BytesIO) -> None:
-    from colony.runtime.recordings.lines import Recording
-
-    _write(Recording(compile_program(program(RAMP)).compiled, file, shadow=True), log)
-
-
-def _mcap(log: Log, file: io.BytesIO) -> None:
-    from dataclasses import replace
-
-    from colony.runtime.recordings.mcap_writer import McapRecording
-    from tests.verify.audit.recorded_runs import run_info
-
-    info = replace(run_info(program(RAMP)), shadow=True)
-    _write(McapRecording(compile_program(program(RAMP)).compiled, info, file), log)
-
-
-def _write(sink: object, log: Log) -> None:
-    for frame in log.frames:
-        sink.take(frame)  # type: ignore[attr-defined]
-    sink.close()  # type: ignore[attr-defined]
-
-
-class Kept(io.BytesIO):
-    """A file whose content outlives it."""
-
-    def close(self) -> None:
-        self.seek(0)
-
-
-@pytest.mark.parametrize("write", [_lines, _mcap])
-def test_its_recording_says_that_nothing_was_sent(write: Callable[[Log, io.BytesIO], None]) -> None:
-    from colony.cli.audit_text import render as audit_text
-    from colony.runtime.recordings.opening import read_recording
-    from colony.verify.audit.audit import audit_recording
-
-    stage, file = Stage(), Kept()
-    stage.frames(range(4))
-    stage.frames(range(6, 20))
-    write(stage.log, file)
-    file.seek(0)
-    reader = read_recording(file, "run")
-    report = audit_recording(program(RAMP), reader)
-    assert report.agrees
-    assert (report.frames, report.compared, report.restarts) == (18, 18, 1)
-    assert reader.shadow
-    text = audit_text("run", reader, program(RAMP), report, file=None)
-    assert "SHADOW: this is what it would have sent; it commanded nothing" in text
-
-
-def test_other_tools_find_its_verdicts_under_another_topic() -> None:
-    stage, file = Stage(), Kept()
-    stage.frames(range(3))
-    _mcap(stage.log, file)
-    from mcap.reader import NonSeekingReader
-
-    file.seek(0)
-    topics_ = {channel.topic for _, channel, _ in NonSeekingReader(file).iter_messages()}
-    assert topics_ == {"/frames", "/keyframes", "/shadow/verdicts/drive", "/shadow/requests/drive"}
-
-
-def test_its_summary_says_that_nothing_was_sent() -> None:
-    from dataclasses import replace
-
-    stage = Stage()
-    stage.frames(range(3))
-    tally = Tally(compile_program(program(RAMP)).compiled)
-    for log in stage.log.frames:
-        tally.take(log)
-    summary = replace(tally.summary(seed=0, duration_s=0.15, interrupted=False, travel=None), shadow=True)
-    text = render(summary)
-    assert "SHADOW: this is what it would have sent; it commanded nothing" in text
-    assert "drive would have been commanded by" in text
-    assert summary.as_json()["shadow"] is True
-
-
-def test_a_live_run_has_a_name_and_a_time() -> None:
-    live = LiveRun("20260101-120000-7", shadow=True)
-    assert (live.name, live.shadow) == ("20260101-120000-7", True)
-    assert live.started[:2] == "20"
 
 
 def test_it_listens_to_measurements_alone() -> None:

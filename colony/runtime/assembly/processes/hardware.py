@@ -172,6 +172,8 @@ class HardwareBase:
         close_driver(self._driver, self._report)
 
     def _note(self, method: str, problem: BaseException) -> None:
+        if isinstance(problem, OSError) and problems_of(self._driver):
+            return  # the driver says itself why its device does not work
         text = failure_text(f"{method} of {self._name}", problem)
         self._problems.report(method, type(problem).__name__, text)
 
