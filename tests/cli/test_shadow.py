@@ -17,6 +17,7 @@ from colony.runtime.kit.connection import Session
 from tests.cli.conftest import Colony, server_states
 from tests.cli.machine import MAP, WANDER, Machine, Started, failed, status
 from tests.paths import ROOT
+from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.waiting import until
 
 BOUNCE, TELEOP = (str(ROOT / "behaviors" / f"{name}.colony") for name in ("bounce", "teleop"))
@@ -79,6 +80,29 @@ def test_whoever_drives_never_notices(machine: Machine, colony: Colony) -> None:
     result = colony("audit", shadow.folder / "shadow.jsonl", TELEOP)
     assert result.code == 0, result.out + result.err
     assert "SHADOW" in result.out
+
+
+@pytest.mark.long
+def test_behind_a_gateway_the_right_to_read_is_enough(
+    machine: Machine, colony: Colony, tmp_path: Path
+) -> None:
+    authority, port = Authority(tmp_path), free_port()
+    table, ada = authority.table({"ada": ("read",)}), authority.user("ada")
+    login = tmp_path / "login.toml"
+    names = ("certificate", "key", "authority")
+    login.write_text("\n".join(['user = "ada"', *(f'{name} = "{getattr(ada, name)}"' for name in names)]))
+    gateway = f"tls/127.0.0.1:{port}"
+    served = machine.start(
+        "serve", "all", "--robot", "rome", "--map", MAP, "--listen", gateway, "--security", str(table)
+    )
+    until(lambda: (machine.pid("Gateway") and machine.truth()) or failed(served), "the robot runs")
+    connected = ("--robot", "rome", "--connect", gateway, "--security", str(login))
+    shadow = machine.start("run", WANDER, *connected, "--shadow", "--duration", "3", "--record", "s.mcap")
+    assert shadow.wait() == 0, shadow.err
+    assert lines(shadow)
+    assert audited(colony, shadow.folder / "s.mcap")["shadow"] is True
+    served.tell(signal.SIGINT)
+    assert served.wait() == 0
 
 
 def goes_on(machine: Machine, session: Session, what: str, *started: Started) -> None:
