@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import replace
 
 import pytest
@@ -25,6 +26,8 @@ class Bench:
     def __init__(self, robot: Firmware) -> None:
         self.dialect, self.robot = Create2(), robot
         self.now_ns, self.sent = 0, bytearray()
+        self.latency_s = 0.0
+        self._late: deque[tuple[int, bytes]] = deque()
         self._decoder = self.dialect.decoder()
         self.measured = Measurements(
             rings={}, bounds={}, max_speed=self.dialect.max_speed, max_turn=self.dialect.max_turn
@@ -47,11 +50,18 @@ class Bench:
                 self.send(self.dialect.drive(*drive))
             self.now_ns += round(STEP_S * 1e9)
             self.robot.step()
-            for frame in self._decoder.feed(b"".join(self.robot.sent())):
+            self._late.append((self.now_ns + round(self.latency_s * 1e9), b"".join(self.robot.sent())))
+            for frame in self._decoder.feed(self._arrived()):
                 self.opening.on_packet(frame, self.now_ns)
                 self.measured.take(self.dialect.read(frame, self.now_ns), self.now_ns)
             self.opening.on_time(self.now_ns)
         return self
+
+    def _arrived(self) -> bytes:
+        data = b""
+        while self._late and self._late[0][0] <= self.now_ns:
+            data += self._late.popleft()[1]
+        return data
 
     def open(self) -> Bench:
         self.run(1.5)
@@ -88,7 +98,16 @@ def test_the_charger_keeps_it_from_safe_mode() -> None:
     line = Bench(Firmware())
     line.robot.plugged = True
     with pytest.raises(OpeningError, match="does not enter safe mode: its charger"):
-        line.run(2.0)
+        line.run(3.0)
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 0.1, 0.5, 0.9])
+def test_frames_of_before_do_not_matter_where_the_computer_is_slow(latency_s: float) -> None:
+    line = Bench(Firmware())
+    line.latency_s = latency_s
+    line.run(4.0).open()
+    line.begin()
+    line.run(4.0, (100.0, 0.0)).open()
 
 
 def test_leaving_safe_mode_is_a_fault_that_is_never_undone_silently() -> None:
