@@ -7,7 +7,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
@@ -51,9 +51,14 @@ from colony.runtime.transport.live.robot_address import Local, RobotAddress
 from colony.runtime.transport.live.run_directory import in_run_directory
 from colony.sim.plant.child import SIMULATOR
 
-if TYPE_CHECKING:  # imported only for a run with a mission
+if TYPE_CHECKING:  # imported only for runs that need them
+    from colony.nav.maps.building import Building
+    from colony.nav.maps.world_map import WorldMap
     from colony.robots.live_mission import LiveMission
     from colony.robots.route import Route
+    from colony.runtime.kit.script import Script
+    from colony.sim.plant.child import ViewDirection
+    from colony.sim.plant.protocol import Truth
 
 PLANT_START_TIMEOUT_S = 120.0
 """Timeout in seconds for the simulator to start; without a cache it is compiled first."""
@@ -78,30 +83,37 @@ def run_simulated(
         LiveError: the robot cannot be used; for example, another run of it is in progress.
         RunAbortedError: the run could not begin, or broke off.
     """
-    from colony.nav.maps.world_map import load_world
-    from colony.robots.simulated import CompilationNotice, SimulatedRobot, TruthLog, jobs_of
+    from colony.robots.simulated import (
+        CompilationNotice,
+        SimulatedRobot,
+        TruthLog,
+        jobs_of,
+        simulated_operator,
+    )
 
     assert request.map_path is not None
-    route = _single_floor_route(request) if request.goal is not None else None
-    run = _Run(compiled, described, robot_address, request, ui, route)
-    cameras = dict(request.cameras)
-    if route is not None:
-        from colony.robots.variants import CEILING_CAMERA
+    route = None
+    if request.goal is not None:
+        from colony.robots.route import expect_rome, planned_route
 
-        cameras = {CEILING_CAMERA: "up", **cameras}
-    world = load_world(request.map_path)
+        expect_rome(described.body)
+        route = planned_route(request)
+    run = _Run(compiled, described, robot_address, request, ui, route)
+    floors = _floors(request.map_path, route)
+    cameras = {**_mission_cameras(route), **request.cameras}
     if cameras:
-        world.building("a camera")
+        floors[0].building("a camera")
     truth = TruthLog(robot_address)
     with run.supervised() as supervised_run, run.giving() as give:
         robot = SimulatedRobot(
             described=described,
             map_path=request.map_path,
+            floors=() if route is None else route.plan.floors,
             seed=request.seed,
             state=run.folder,
             cameras=cameras,
             fsync=request.fsync,
-            start=request.start if route is None else route.start,
+            start=request.start if route is None else route.plan.start,
             hazards=request.hazards,
             movers=request.movers,
             pinned_variables=request.pinned_variables,
@@ -124,11 +136,33 @@ def run_simulated(
             simulated, run.stop, what="the start of the simulator", timeout_s=PLANT_START_TIMEOUT_S
         )
         run.set_variables(supervised_run, {})
-        interrupted = not has_begun or run.follow(supervised_run, meanwhile=follow_plant)
+        interrupted = not has_begun or run.follow(
+            supervised_run,
+            lambda building: simulated_operator(robot_address, robot, building),
+            meanwhile=follow_plant,
+        )
         travel = truth.travel
         truth.close()
-    mission_result = run.mission_result(truth.points[-1] if truth.points else None)
-    return RunReport(run.summary(interrupted, travel), mission_result, (world,), {world.name: truth.points})
+    return RunReport(run.summary(interrupted, travel), run.mission_result(truth.last), floors, truth.paths)
+
+
+def _floors(map_path: str, route: Route | None) -> tuple[WorldMap, ...]:
+    """Return the floors of a simulated run, the robot's one first."""
+    from colony.nav.maps.world_map import load_world, world_of
+
+    if route is None:
+        return (load_world(map_path),)
+    return tuple(world_of(route.building.map_named(name)) for name in route.plan.floors)
+
+
+def _mission_cameras(route: Route | None) -> Mapping[str, ViewDirection]:
+    """Return the viewing directions of the cameras that a simulated robot needs for a route."""
+    if route is None:
+        return {}
+    from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA
+
+    ahead = {FRONT_CAMERA: 0.0} if len(route.plan.floors) > 1 else {}  # for the markers of elevators
+    return {CEILING_CAMERA: "up", **ahead}
 
 
 def run_served(
@@ -169,7 +203,9 @@ def run_served(
             check_disk_space(run.folder, len(jobs))
         supervised_run.start(jobs)
         run.set_variables(supervised_run, request.pinned_variables)
-        interrupted = run.follow(supervised_run, meanwhile=give)
+        interrupted = run.follow(
+            supervised_run, lambda building: nullcontext(ui.operator(building)), meanwhile=give
+        )
     summary = replace(run.summary(interrupted, None), driver_failures=drivers.failures)
     return RunReport(summary, run.mission_result(None))
 
@@ -186,20 +222,6 @@ def _expect_givable(robot_address: RobotAddress, request: RunRequest) -> None:
             f"colony: error: `{fields[0].sensor.name}` cannot be given: no {SIMULATOR} of "
             f"`{robot_address.robot}` runs on this machine"
         )
-
-
-def _single_floor_route(request: RunRequest) -> Route:
-    """Return the route to drive; with processes the simulator has a single floor."""
-    from colony.robots.route import planned_route
-
-    route = planned_route(request)
-    if len(route.plan.floors) > 1:
-        floors = " to ".join(route.plan.floors)
-        raise MisuseError(
-            f"{request.map_path}: error: the route leads from {floors}, but with --processes the simulated "
-            "robot stays on its floor; leave out --processes to ride elevators"
-        )
-    return route
 
 
 class _Run:
@@ -310,46 +332,57 @@ class _Run:
             supervised_run.play("scenario", lambda: player(changes, lambda: self._window.begin_ns, held))
 
     def follow(
-        self, supervised_run: SupervisedRun, *, meanwhile: Callable[[], object] = lambda: None
+        self,
+        supervised_run: SupervisedRun,
+        operator: Callable[[Building], AbstractContextManager[Script]],
+        *,
+        meanwhile: Callable[[], object],
     ) -> bool:
-        """Lead the run to its end, or to the end of its route; return True if it was stopped before."""
+        """Lead the run to its end, or to the end of its route; return True if it was stopped before.
+
+        Args:
+            supervised_run: the run.
+            operator: function that returns the operator of a building's elevators, for routes that take some.
+            meanwhile: callback that is called repeatedly.
+        """
         if self._route is None:
             return not supervised_run.follow(self.stop, meanwhile=meanwhile)
         from colony.robots.live_mission import LiveMission
 
-        route, operator = self._route, None
-        if len(route.plan.floors) > 1:
-            operator = self._ui.operator(route.building)
-        with session_with(self._robot_address) as session:
-            self._mission = LiveMission(session, route.building, route.plan, operator=operator)
+        route = self._route
+        with ExitStack() as resources:
+            operating = None
+            if len(route.plan.floors) > 1:
+                operating = resources.enter_context(operator(route.building))
+            session = resources.enter_context(session_with(self._robot_address))
+            self._mission = LiveMission(session, route.building, route.plan, operator=operating)
             with self._mission as mission:
                 supervised_run.follow(lambda: self.stop() or mission.over, meanwhile=meanwhile)
                 return self.stop() and not mission.over
 
-    def mission_result(self, position: tuple[float, float] | None) -> MissionResult | None:
+    def mission_result(self, truth: Truth | None) -> MissionResult | None:
         """Return the result of the mission, None for a run without one.
 
-        `position` is the robot's true position, if it is known.
+        `truth` is the robot's true state, if it is known.
         """
         if self._route is None or self._mission is None:
             return None
-        from colony.robots.route import PLATE_TEXTS
+        from colony.robots.mission_result import Ending, mission_result
 
-        mission, name = self._mission, self._route.name
-        goal_error_mm, method = mission.goal_error_mm, " by its odometry"
-        if position is not None:
-            goal = self._route.plan.segments[-1].end
-            goal_error_mm, method = math.hypot(position[0] - goal.x_mm, position[1] - goal.y_mm), ""
-        when, where = (
-            f"after {mission.duration_s:.1f} s",
-            f"{goal_error_mm / 1000:.2f} m from the goal{method}",
+        mission, goal = self._mission, self._route.plan.segments[-1].end
+        ending = Ending(
+            is_done=mission.arrived,
+            problem=mission.problem,
+            duration_s=mission.duration_s,
+            floor=mission.floor,
+            goal_error_mm=mission.goal_error_mm,
+            source="its odometry",
+            verdict=mission.verdict,
         )
-        if mission.problem:
-            text = f"{name}: broke off {when}, {where}: {mission.problem}"
-        else:
-            text = f"{name}: {'arrived' if mission.arrived else 'not done'} {when}, {where}"
-            text += PLATE_TEXTS[mission.verdict]
-        return MissionResult(arrived=mission.arrived, text=text)
+        if truth is not None:
+            error_mm = math.hypot(truth.x - goal.x_mm, truth.y - goal.y_mm)
+            ending = replace(ending, floor=truth.floor, goal_error_mm=error_mm, source="")
+        return mission_result(self._route, ending)
 
     def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:
         """Return the summary of the run."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Colony
+from tests.cli.machine import Machine
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
 
@@ -69,11 +70,26 @@ def test_rooms_that_are_not_there_and_half_a_way_are_refused(colony: Colony) -> 
     assert "--hazards requires --from and --to" in alone.err
 
 
-def test_a_simulated_robot_of_processes_stays_on_its_floor(colony: Colony) -> None:
-    result = colony("run", NAVIGATOR, "--map", MAP, "--processes", "--from", "350R", "--to", "2:250R")
-    assert result.code == 2
-    assert "msu_engineering_3 to msu_engineering_2, but with --processes the simulated robot" in result.err
-    assert "leave out --processes" in result.err
+@pytest.mark.long
+def test_a_robot_of_processes_rides_to_another_floor_and_its_decisions_are_the_interpreter_s(
+    machine: Machine, colony: Colony, tmp_path: Path
+) -> None:
+    """It ends when it has arrived, which takes a minute, or is late by the time of its robot."""
+    two_floors(tmp_path)
+    ground = str(tmp_path / "ground.stickrep")
+    way = ("--from", "liftR", "--to", "upper:liftR", "--duration", "8min")
+    options = ("--processes", "--record", "run.mcap", "--seed", "31", "--format", "json")
+    run = machine.start("run", NAVIGATOR, "--map", ground, *way, *options)
+    assert run.wait(900.0) == 0, run.err
+    report = json.loads(run.out)
+    assert report["disagreements"] == []
+    assert report["arrival"]["arrived"] is True
+    assert "from liftR to liftR of upper (dvd): arrived after" in report["arrival"]["text"]
+    assert (run.folder / "run.png").stat().st_size > 1000
+    assert report["arrival"]["pictures"] == ["run.upper.png"]
+    audited = colony("audit", run.folder / "run.mcap", "--format", "json")
+    assert audited.code == 0, audited.out + audited.err
+    assert json.loads(audited.out)["agrees"] is True
 
 
 def test_a_robot_that_is_there_is_led_through_a_map_and_has_its_own_hazards(colony: Colony) -> None:
