@@ -1,4 +1,4 @@
-"""The result of a mission, for people and for the exit code, whoever drove it."""
+"""The result of a mission, for people and for the exit code, in virtual time and over live connections."""
 
 from __future__ import annotations
 

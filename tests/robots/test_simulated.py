@@ -76,6 +76,9 @@ def test_the_way_of_a_plant_that_was_frozen_is_counted_once(
     seen(log, second)
     log.close()
     assert log.travel == second
+    assert log.last is not None
+    assert log.last.floor == "hallway"
+    assert {floor: path[-1] for floor, path in log.paths.items()} == {"hallway": (log.last.x, log.last.y)}
 
 
 def test_the_way_of_a_plant_that_died_is_added_to_that_of_the_next(
