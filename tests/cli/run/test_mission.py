@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.cli.conftest import Colony
-from tests.cli.machine import Machine
+from tests.cli.machine import Machine, Started
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
 
@@ -70,18 +71,30 @@ def test_rooms_that_are_not_there_and_half_a_way_are_refused(colony: Colony) -> 
     assert "--hazards requires --from and --to" in alone.err
 
 
+def ridden(machine: Machine, ground: Path) -> tuple[Started, dict[str, Any]]:
+    """A run to the other floor by processes, and its report.
+
+    Where the machine is so busy that clients are lost, the program's memory begins again, also that of where
+    the robot is on its ride: such a run says nothing, and there is another one.
+    """
+    way = ("--map", str(ground), "--from", "liftR", "--to", "upper:liftR", "--duration", "4min")
+    options = ("--processes", "--record", "run.mcap", "--seed", "31", "--format", "json")
+    for _ in range(3):
+        run = machine.start("run", NAVIGATOR, *way, *options)
+        code = run.wait(600.0)
+        report = json.loads(run.out)
+        if code == 0 or report["restarts"] == 0:
+            break
+    assert code == 0, run.out + run.err
+    return run, report
+
+
 @pytest.mark.long
 def test_a_robot_of_processes_rides_to_another_floor_and_its_decisions_are_the_interpreter_s(
     machine: Machine, colony: Colony, tmp_path: Path
 ) -> None:
-    """It ends when it has arrived, which takes a minute, or is late by the time of its robot."""
     two_floors(tmp_path)
-    ground = str(tmp_path / "ground.stickrep")
-    way = ("--from", "liftR", "--to", "upper:liftR", "--duration", "8min")
-    options = ("--processes", "--record", "run.mcap", "--seed", "31", "--format", "json")
-    run = machine.start("run", NAVIGATOR, "--map", ground, *way, *options)
-    assert run.wait(900.0) == 0, run.err
-    report = json.loads(run.out)
+    run, report = ridden(machine, tmp_path / "ground.stickrep")
     assert report["disagreements"] == []
     assert report["arrival"]["arrived"] is True
     assert "from liftR to liftR of upper (dvd): arrived after" in report["arrival"]["text"]
