@@ -12,6 +12,7 @@ from pathlib import Path
 from colony.execute.compiled import Compiled
 from colony.ir.types import Value
 from colony.nav.maps.building import Building
+from colony.os_errors import describe
 from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath
 from colony.robots.request import MisuseError, RunAbortedError
@@ -20,6 +21,7 @@ from colony.runtime.assembly.limits import limit_deployment
 from colony.runtime.assembly.processes.children import Job, last_lines
 from colony.runtime.assembly.processes.jobs import HARDWARE, limits_part, server_jobs, server_parts
 from colony.runtime.assembly.processes.spec import Device, write_spec
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.summary import Travel
 from colony.runtime.protocol.interface import Interface
@@ -151,7 +153,7 @@ def jobs_of(robot_address: Local, robot: SimulatedRobot, folder: Path) -> tuple[
     return (plant, *server_jobs(robot_address, parts, folder, simulator=PLANT_SERVERS))
 
 
-OPERATOR_TIMEOUT_S = 30.0
+OPERATOR_TIMEOUT_S = 10.0
 """Timeout in seconds for the plant to answer the operator of its elevators."""
 
 
@@ -166,10 +168,22 @@ def simulated_operator(robot_address: Local, robot: SimulatedRobot, building: Bu
     try:
         control = PlantControl(plant_socket(robot_address.directory.path), timeout_s=OPERATOR_TIMEOUT_S)
     except OSError as problem:
-        raise RunAbortedError(f"the simulator does not answer: {problem}") from None
+        raise RunAbortedError(f"the simulator does not answer: {describe(problem)}") from None
     with control:
         elevators = RemoteElevators(control, robot_address.robot, building, radius_mm)
-        yield operator(elevators, seed=robot.seed)
+        yield _watched(operator(elevators, seed=robot.seed))
+
+
+def _watched(script: Script) -> Script:
+    """Run the operator's script; what it does over a connection to the plant is lost with the plant.
+
+    Raises:
+        RobotConnectionError: the plant does not answer any more.
+    """
+    try:
+        yield from script
+    except OSError as problem:
+        raise RobotConnectionError(f"lost the simulator: {describe(problem)}") from None
 
 
 POLL_INTERVAL_NS = 100_000_000

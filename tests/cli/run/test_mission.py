@@ -71,6 +71,14 @@ def test_rooms_that_are_not_there_and_half_a_way_are_refused(colony: Colony) -> 
     assert "--hazards requires --from and --to" in alone.err
 
 
+@pytest.mark.parametrize("options", [(), ("--processes",)], ids=["in one process", "processes"])
+def test_missions_are_for_the_body_of_rome(colony: Colony, options: tuple[str, ...]) -> None:
+    way = ("--map", str(ROOT / "maps" / "loop.stickrep"), "--from", "201", "--to", "216")
+    result = colony("run", "wander", "--robot", "amr", *way, *options, "--no-picture")
+    assert result.code == 2
+    assert "--from and --to: error: `amr` has another body" in result.err
+
+
 def ridden(machine: Machine, ground: Path) -> tuple[Started, dict[str, Any]]:
     """A run to the other floor by processes, and its report.
 
