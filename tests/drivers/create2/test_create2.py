@@ -10,9 +10,9 @@ import pytest
 from colony.drivers.create2.codec import CommandReader, Frame, Opcode, command, encoded
 from colony.drivers.create2.create2 import Create2
 from colony.drivers.create2.firmware import Firmware, World
-from colony.drivers.create2.sensors import STREAM, Mode, data_of
+from colony.drivers.create2.sensors import STREAM, Mode, beam_heard, data_of
 from colony.drivers.dialect import ImplausibleError, OpeningError
-from colony.drivers.surroundings import room
+from colony.drivers.surroundings import Pose, room
 from tests.drivers.bench import Bench
 
 
@@ -132,6 +132,49 @@ def test_bumper_and_stall_at_a_wall_to_the_left() -> None:
     assert readings["range"].value[1] < 40.0 < readings["range"].value[4]  # type: ignore[index, operator]
     assert readings["stalled"].value is True
     assert line.base.front_bumper
+
+
+@pytest.mark.parametrize(
+    ("pose", "red", "green", "field"),
+    [
+        ((1000.0, 0.0, 0.0), (True, True, True), (True, True, True), (False, False, False)),
+        ((1000.0, 400.0, 0.0), (False, True, True), (False,) * 3, (False,) * 3),
+        ((1000.0, -400.0, -50.0), (False,) * 3, (False, True, False), (False,) * 3),
+        ((1600.0, 0.0, 0.0), (True, True, True), (True, True, True), (True, True, True)),
+        ((1600.0, 0.0, 180.0), (False, True, False), (False, True, False), (False, True, False)),
+        ((-2000.0, 0.0, 0.0), (False,) * 3, (False,) * 3, (False,) * 3),
+    ],
+)
+def test_the_receivers_hear_the_beams_of_a_dock(
+    pose: Pose, red: tuple[bool, ...], green: tuple[bool, ...], field: tuple[bool, ...]
+) -> None:
+    line = opened(Firmware(World(dock=(2000.0, 0.0, 0.0))))
+    line.robot.pose = pose
+    line.run(0.1)
+    readings = line.measured.readings(line.now_ns)
+    assert [readings[name].value for name in ("dock_red", "dock_green", "dock_field")] == [red, green, field]
+
+
+def test_a_robot_at_its_dock_charges() -> None:
+    line = opened(Firmware(World(dock=(100.0, 0.0, 0.0))))
+    assert line.measured.readings(line.now_ns)["docked"].value is False
+    line.robot.pose = (90.0, 0.0, 0.0)
+    line.run(0.1)
+    readings = line.measured.readings(line.now_ns)
+    assert (readings["docked"].value, readings["charging"].value) == (True, True)
+
+
+@pytest.mark.parametrize(
+    ("character", "beams"),
+    [(0, 0), (160, 0), (161, 1), (164, 4), (165, 5), (168, 8), (169, 9), (172, 12), (173, 13)],
+)
+def test_characters_of_the_dock_in_the_specification(character: int, beams: int) -> None:
+    assert sum(beam for beam in (1, 4, 8) if beam_heard(character, beam)) == beams
+
+
+@pytest.mark.parametrize("character", [129, 130, 136, 162, 255])  # remote controls, a virtual wall
+def test_what_others_send_is_no_dock(character: int) -> None:
+    assert not any(beam_heard(character, beam) for beam in (1, 4, 8))
 
 
 def test_wheels_are_slowed_down_together() -> None:
