@@ -63,8 +63,6 @@ class Explanation:
         holds: True if the claim holds.
         formula: The conditions of the claim.
         changes: Sets of conditions that had to change for the opposite; empty if no change would do.
-        is_certain: False if the claim could not be evaluated with the conditions changed, because a value was
-            missing: then these had to change, and others perhaps too.
         module: The module that the question is about, or the winner, with its status and since when.
         sent: What the actuator was sent, if the question is about one.
     """
@@ -76,7 +74,6 @@ class Explanation:
     holds: bool
     formula: Formula
     changes: Changes
-    is_certain: bool
     module: tuple[str, Since] | None = None
     sent: Sent | None = None
 
@@ -100,19 +97,20 @@ def explain(moment: Moment, question: Question) -> Explanation:
     if name in actuators:
         winner = moment.winner(name)
         if isinstance(question, Why) and winner is not None:
-            return _answer(moment, question, f"{name} is by {winner}", network.is_by(name, winner), name)
-        return _answer(moment, question, f"{name} is commanded", network.is_commanded(name), name)
+            return _answer(network, question, f"{name} is by {winner}", network.is_by(name, winner), name)
+        return _answer(network, question, f"{name} is commanded", network.is_commanded(name), name)
     if module is not None and isinstance(question, WhyNot) and module.actuator is not None:
         formula = network.is_by(module.actuator, name)
-        return _answer(moment, question, f"{module.actuator} is by {name}", formula, module.actuator)
+        return _answer(network, question, f"{module.actuator} is by {name}", formula, module.actuator)
     return _answer(
-        moment, question, f"{name} is active", network.active(name), module.actuator if module else None
+        network, question, f"{name} is active", network.active(name), module.actuator if module else None
     )
 
 
 def _answer(
-    moment: Moment, question: Question, claim: str, formula: Formula, actuator: str | None
+    network: Network, question: Question, claim: str, formula: Formula, actuator: str | None
 ) -> Explanation:
+    moment = network.moment
     sent = None if actuator is None else sent_to(moment, actuator)
     names = {m.name for m in moment.program.modules}
     module = question.subject if question.subject in names else sent.decision.by if sent else None
@@ -124,8 +122,7 @@ def _answer(
         claim=claim,
         holds=formula.holds,
         formula=formula,
-        changes=changes(formula),
-        is_certain=not (moment.silent or moment.blind),
+        changes=changes(formula, network.conditions.entangled(formula)),
         module=None if module is None or since is None else (module, since),
         sent=sent,
     )

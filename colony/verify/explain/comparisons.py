@@ -70,11 +70,11 @@ def _inputs(e: ir.Expression, value: Values, *, top: bool = False) -> Iterator[s
             array.type, Array
         ):
             yield f"{source_text(e)} is that at {_deciding_element(f, array, value)}"
-        case ir.Reduce() | ir.LoopElement() | ir.LoopIndex():
+        case ir.Reduce():
             if not top:
                 yield f"{source_text(e)} = {value_text(value(e), e.type)}"
             else:
-                for _, array in e.arrays if isinstance(e, ir.Reduce) else ():
+                for _, array in e.arrays:
                     yield from _inputs(array, value)
         case ir.Element(array=ir.SensorValue() | ir.DerivedValue() | ir.LocalValue()):
             yield f"{source_text(e)} = {value_text(value(e), e.type)}"
@@ -94,7 +94,7 @@ def _deciding_element(f: ir.Function, array: ir.Expression, value: Values) -> st
 
 def _memory_text(moment: Moment, e: ir.Expression, value: Values) -> Iterator[str]:
     """Yield what the memory functions in a comparison remember, and since when."""
-    for node in ir.subexpressions(e):
+    for node in _outside_loops(e):
         if not isinstance(node, ir.MemoryCall) or isinstance(node.type, Array):
             continue
         since = moment.history.cells.get((node.cell, (), 0))
@@ -102,3 +102,11 @@ def _memory_text(moment: Moment, e: ir.Expression, value: Values) -> Iterator[st
         if since is not None and not since.first:
             text += f", set {duration_text(moment.t_ns - since.t_ns)} ago"
         yield text
+
+
+def _outside_loops(e: ir.Expression) -> Iterator[ir.Expression]:
+    """Yield the subexpressions that have one value in a frame, whatever the round of a reduction."""
+    yield e
+    inner = [array for _, array in e.arrays] if isinstance(e, ir.Reduce) else ir.children(e)
+    for child in inner:
+        yield from _outside_loops(child)

@@ -12,10 +12,10 @@ from typing import Any
 
 from colony.ir import expression as ir
 from colony.ir.program import Let, Module
-from colony.ir.types import Array
+from colony.ir.types import Array, Bool
 from colony.verify.explain.causes import Constant, Past, Present, Reading, Remembered, Unknown
 from colony.verify.explain.comparisons import comparison, inputs_text
-from colony.verify.explain.formula import Formula, Key, Leaf, group, negation
+from colony.verify.explain.formula import Formula, Key, Leaf, all_leaves, group, negation
 from colony.verify.explain.moment import Moment
 from colony.verify.explain.values import value_text
 from colony.verify.reference.boundary import default_of
@@ -133,6 +133,31 @@ class Conditions:
     def _key(self, e: ir.Expression) -> Key:
         """Return the identity of an expression: equal ones have one value, and change together."""
         return "expression", self._numbers.setdefault(e, len(self._numbers))
+
+    def entangled(self, formula: Formula) -> frozenset[Key]:
+        """Return the conditions on which others of a formula depend, and those about missing sensors."""
+        found = all_leaves(formula)
+        read = [(key, self._reads(leaf.node)) for key, leaf in found.items() if leaf.node is not None]
+        nodes = {key: leaf.node for key, leaf in found.items() if leaf.node is not None}
+        depended_on = {
+            key for key, node in nodes.items() if any(other != key and node in reads for other, reads in read)
+        }
+        return frozenset(depended_on | {key for key in found if key[0] == "present"})
+
+    def _reads(self, root: ir.Expression) -> set[ir.Expression]:
+        """Return the boolean expressions within one, also by way of lets."""
+        found: set[ir.Expression] = set()
+        lets: set[str] = set()
+        work = [] if _rests_on_past_alone(root) else [*ir.children(root)]
+        while work:
+            e = work.pop()
+            if isinstance(e.type, Bool):
+                found.add(e)
+            if isinstance(e, ir.DerivedValue | ir.LocalValue) and e.name not in lets:
+                lets.add(e.name)
+                work.append((self._file_lets | self._local_lets)[e.name].expression)
+            work.extend(ir.children(e))
+        return found
 
     # --- leaves ----------------------------------------------------------------------------------
 
@@ -254,7 +279,9 @@ class Conditions:
             elapsed_ns=elapsed,
         )
         holds = elapsed is not None and elapsed < e.duration_ns
-        return Leaf(holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e)
+        return Leaf(
+            holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e, fixed=self._moment.is_first
+        )
 
     def _past_sustained(self, e: ir.MemoryCall, last: tuple[int, int] | None) -> Leaf:
         unbroken = last is not None and last[1] == self._moment.values.number - 1
@@ -269,7 +296,9 @@ class Conditions:
             elapsed_ns=elapsed,
         )
         holds = elapsed is not None and elapsed >= e.duration_ns
-        return Leaf(holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e)
+        return Leaf(
+            holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e, fixed=self._moment.is_first
+        )
 
     def _remembered(self, e: ir.MemoryCall, value: bool, condition: str = "") -> Leaf:
         since = self._moment.history.cells.get((e.cell, (), 0))
@@ -278,7 +307,17 @@ class Conditions:
             value="true" if value else "false",
             since_ns=None if since is None or since.first else since.t_ns,
         )
-        return Leaf(holds=value, cause=cause, key=("memory", e.cell), span=e.span, node=e)
+        return Leaf(
+            holds=value, cause=cause, key=("memory", e.cell), span=e.span, node=e, fixed=self._moment.is_first
+        )
+
+
+def _rests_on_past_alone(e: ir.Expression) -> bool:
+    """Return True for a memory function whose own condition is about earlier frames only."""
+    return isinstance(e, ir.MemoryCall) and e.function not in (
+        ir.MemoryFunction.CAPTURED,
+        ir.MemoryFunction.CHANGED,
+    )
 
 
 def _text(e: ir.Expression) -> str:

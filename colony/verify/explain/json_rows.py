@@ -35,10 +35,14 @@ def row(explanation: Explanation) -> dict[str, Any]:
         "sent": None if explanation.sent is None else _sent(explanation.sent),
         "because": _because(explanation.formula, explanation.t_ns, 0),
         "changes": [
-            [_cause(leaf.cause, leaf.holds, explanation.t_ns, leaf.span) for leaf in change]
+            {
+                "certain": change.is_certain,
+                "conditions": [
+                    _cause(leaf.cause, leaf.holds, explanation.t_ns, leaf.span) for leaf in change.leaves
+                ],
+            }
             for change in explanation.changes
         ],
-        "certain": explanation.is_certain,
         "lines": list(lines(explanation)),
     }
 
@@ -46,7 +50,7 @@ def row(explanation: Explanation) -> dict[str, Any]:
 def _because(formula: Formula, t_ns: int, depth: int) -> list[dict[str, Any]]:
     """Return an object for each condition that decided, with those that it rests on as `because`."""
     if isinstance(formula, Leaf):
-        return [_cause(formula.cause, formula.holds, t_ns, formula.span)]
+        return [] if formula.implied else [_cause(formula.cause, formula.holds, t_ns, formula.span)]
     if depth > MAX_DEPTH:
         return []
     below = [found for part in deciding_parts(formula) for found in _because(part, t_ns, depth + 1)]

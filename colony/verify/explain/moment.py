@@ -58,6 +58,11 @@ class Moment:
         """The time of the frame."""
         return self.frame.t_ns
 
+    @property
+    def is_first(self) -> bool:
+        """True if there is nothing to remember: memory was initial before the frame."""
+        return self.values.first_ns == self.values.t_ns
+
     def winner(self, actuator: str) -> str | None:
         """Return the module that the actuator was commanded by, of the runtime where it is known."""
         verdict = self.verdicts.get(actuator)

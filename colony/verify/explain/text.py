@@ -207,6 +207,8 @@ def _tree(formula: Formula, t_ns: int, depth: int, holds: bool) -> Iterator[str]
     """Yield a line for each condition that decided, indented by depth."""
     indent = "  " * depth
     if isinstance(formula, Leaf):
+        if formula.implied:
+            return
         yield indent + cause_text(formula.cause, formula.holds, t_ns)
         return
     head = head_text(formula)
@@ -260,13 +262,14 @@ def _changes_lines(explanation: Explanation) -> Iterator[str]:
     if not changes:
         yield "no other reading would have changed this"
         return
-    texts = [listed([_name(leaf.cause) for leaf in change]) for change in changes]
-    if len(changes) == 1 and len(changes[0]) == 1:
-        yield f"to change this: {texts[0]}"
+    texts = [listed([_name(leaf.cause) for leaf in change.leaves]) for change in changes]
+    least = "" if all(change.is_certain for change in changes) else ", at least"
+    if len(changes) == 1 and len(changes[0].leaves) == 1:
+        yield f"to change this{least}: {texts[0]}"
     elif len(changes) == 1:
-        yield f"to change this, all of these: {texts[0]}"
+        yield f"to change this{least}, all of these: {texts[0]}"
     else:
-        yield f"to change this, any of these: {'; '.join(texts)}"
+        yield f"to change this{least}, any of these: {'; '.join(texts)}"
 
 
 def _name(cause: Cause) -> str:
