@@ -67,8 +67,11 @@ class Replay:
 
     def facts(self, snapshots: Sequence[Snapshot]) -> BreachFacts:
         """Return the facts of the frame that breaks the contract."""
-        with_answers = [s._replace(readings=self._readings(s)) for s in snapshots]
-        return facts_of_breach(self.program, self._contract, with_answers)
+        return facts_of_breach(self.program, self._contract, self.with_answers(snapshots))
+
+    def with_answers(self, snapshots: Sequence[Snapshot]) -> tuple[Snapshot, ...]:
+        """Return snapshots for `program`, in which readings stand in for the answers of modules in Python."""
+        return tuple(s._replace(readings=self._readings(s)) for s in snapshots)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
         """Return the outcomes, and True if one of `uncalled` was called; its stand-in is active then."""

@@ -141,6 +141,14 @@ class Sendable:
     fault: str | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unwired:
+    """The wiring lets no command of `module`, or of any module, through to the actuator."""
+
+    actuator: str
+    module: str | None = None
+
+
 Cause = (
     Comparison
     | Reading
@@ -154,6 +162,7 @@ Cause = (
     | Heard
     | Undisturbed
     | Sendable
+    | Unwired
 )
 
 Subject = Literal["module", "predicate", "let", "wire", "winner", "dominated", "memory", "condition"]

@@ -7,8 +7,8 @@ or false is a leaf, with the values that it reads.
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
 
 from colony.ir import expression as ir
 from colony.ir.program import Let, Module
@@ -26,8 +26,21 @@ from colony.verify.source_text import source_text
 MAX_NESTED_LETS = 40
 """Maximum number of lets that are looked into, one within the other."""
 
-NetworkFormula = Callable[[str, str | None], Formula]
-"""The formula of "NAME is active" (a module or wire), or of "NAME is by MODULE" (an actuator)."""
+
+class NetworkFormulas(Protocol):
+    """The formulas of what contracts say about the network."""
+
+    def active(self, name: str) -> Formula:
+        """Return the formula of "this module or wire is active"."""
+        ...
+
+    def is_by(self, actuator: str, module: str) -> Formula:
+        """Return the formula of "the actuator is by this module"."""
+        ...
+
+    def is_commanded(self, actuator: str) -> Formula:
+        """Return the formula of "a module's command is sent to this actuator"."""
+        ...
 
 
 class Conditions:
@@ -36,7 +49,7 @@ class Conditions:
     `network` gives the formulas of what contracts say about the network.
     """
 
-    def __init__(self, moment: Moment, network: NetworkFormula) -> None:
+    def __init__(self, moment: Moment, network: NetworkFormulas) -> None:
         self._moment, self._network = moment, network
         self._lets: dict[str, Formula] = {}
         self._nested = 0
@@ -100,11 +113,19 @@ class Conditions:
                 let = self._file_lets[name]
                 return group("all", self.presence([let.expression]), subject="let", name=name, span=let.span)
             case ir.IsActive(name=name):
-                return self._network(name, None)
+                return self._agreeing(e, self._network.active(name))
             case ir.WonBy(actuator=actuator, module=module):
-                return self._network(actuator, module)
+                return self._agreeing(e, self._network.is_by(actuator, module))
+            case ir.IsCommanded(actuator=actuator):
+                return self._agreeing(e, self._network.is_commanded(actuator))
+            case ir.IsIdle(actuator=actuator):
+                return self._agreeing(e, negation(self._network.is_commanded(actuator)))
             case _:
                 return self._leaf(e)
+
+    def _agreeing(self, e: ir.Expression, formula: Formula) -> Formula:
+        """Return a formula, if it has the value that the interpreter found; else `e` without its parts."""
+        return formula if formula.holds == (self.value(e) is True) else self._leaf(e)
 
     def _flat(self, operator: ir.Binary, *operands: ir.Expression) -> list[Formula]:
         """Return the formulas of the operands of a chain `a and b and c`."""

@@ -9,7 +9,7 @@ from colony.ir.frame import Answer
 from colony.ir.given import MISSED
 from colony.ir.program import AnyModule, Chain, Module, PythonModule, Use, Wiring
 from colony.ir.walk import expressions_of
-from colony.verify.explain.causes import Answered, Constant, Heard, Sendable, TimeConstant, Undisturbed
+from colony.verify.explain.causes import Answered, Heard, Sendable, TimeConstant, Undisturbed, Unwired
 from colony.verify.explain.conditions import Conditions
 from colony.verify.explain.formula import Formula, Leaf, group, negation
 from colony.verify.explain.moment import Moment
@@ -17,22 +17,16 @@ from colony.verify.explain.moment import Moment
 Node = tuple[str | int, ...]
 """A suppressor or inhibitor: its wire, and the indices of operands that lead to it."""
 
-NEVER = Leaf(holds=False, cause=Constant(condition="false"), key=("never",), fixed=True)
-"""The formula of what the wiring makes impossible."""
-
 
 class Network:
     """Builds the formulas of the network in one moment. Stateful: remembers those of modules and wires."""
 
     def __init__(self, moment: Moment) -> None:
         self.moment = moment
-        self.conditions = Conditions(moment, self._named)
+        self.conditions = Conditions(moment, self)
         self._modules: dict[str, AnyModule] = {m.name: m for m in moment.program.modules}
         self._wiring = {w.actuator: w for w in moment.program.wires if w.actuator is not None}
         self._active: dict[str, Formula] = {}
-
-    def _named(self, name: str, module: str | None) -> Formula:
-        return self.active(name) if module is None else self.is_by(name, module)
 
     # --- activity --------------------------------------------------------------------------------
 
@@ -84,7 +78,7 @@ class Network:
         answer = self.moment.answers.get(module.name, Answer())
         is_blind = module.name in self.moment.blind
         cause = Answered(module=module.name, error=answer.error, blind=answer.blind)
-        holds = answer.values is not None or is_blind
+        holds = is_blind or module.name in self.moment.values.commands
         return Leaf(holds=holds, cause=cause, key=("answer", module.name), span=module.span)
 
     def _wiring_active(self, wiring: Wiring, node: Node) -> Formula:
@@ -134,7 +128,7 @@ class Network:
         """Return the formula of "a module's command is sent to this actuator"."""
         wire = self._wiring.get(actuator)
         if wire is None:
-            return NEVER
+            return _unwired(actuator, None)
         active = self._wiring_active(wire.wiring, (wire.name,))
         winner = self.moment.outcome.commands[actuator].by
         parts = [active, *self._runtime(actuator, winner), *self._sendable(actuator)]
@@ -143,8 +137,6 @@ class Network:
     def gets_through(self, actuator: str, module: str) -> Formula:
         """Return the formula of "the network lets this module's command through to the actuator"."""
         root = self._wiring.get(actuator)
-        if root is None:
-            return NEVER
         found: dict[str, Formula] = {module: self.active(module)}
         for wire in self.moment.program.wires:  # each comes after those that it uses
             through = self._through(wire.wiring, (wire.name,), found)
@@ -153,7 +145,7 @@ class Network:
                     return through
                 if wire.actuator is None:
                     found[wire.name] = through
-        return NEVER
+        return _unwired(actuator, module)
 
     def _through(self, wiring: Wiring, node: Node, found: dict[str, Formula]) -> Formula | None:
         """Return the formula of "the output is the module's", None if the wiring never lets it through."""
@@ -178,15 +170,20 @@ class Network:
     def _runtime(self, actuator: str, module: str | None) -> list[Formula]:
         """Return the conditions that the runtime heard the network, and let it decide."""
         verdict = self.moment.verdicts.get(actuator)
+        if verdict is None and actuator in self.moment.late:
+            late = Heard(module=module or actuator, fate="late")
+            return [Leaf(holds=False, cause=late, key=("heard", module or actuator))]
         if verdict is None:
             return []
         disturbed = verdict.outside is not None or verdict.hold is not None
         cause = Undisturbed(actuator=actuator, outside=verdict.outside, hold=verdict.hold)
-        found: list[Formula] = [Leaf(holds=not disturbed, cause=cause, key=("undisturbed", actuator))]
+        key = "undisturbed", actuator
+        found: list[Formula] = [Leaf(holds=not disturbed, cause=cause, key=key, implied=not disturbed)]
         missed = {client: fate for client, fate in verdict.fates if fate in MISSED}
         if module is not None:
             heard = Heard(module=module, fate=missed.get(module))
-            found.append(Leaf(holds=module not in missed, cause=heard, key=("heard", module)))
+            in_time = module not in missed
+            found.append(Leaf(holds=in_time, cause=heard, key=("heard", module), implied=in_time))
         return found
 
     def _sendable(self, actuator: str) -> list[Formula]:
@@ -195,7 +192,14 @@ class Network:
         if winner is None:
             return []
         cause = Sendable(actuator=actuator, module=winner, fault=fault)
-        return [Leaf(holds=fault is None, cause=cause, key=("sendable", actuator))]
+        sendable = fault is None
+        return [Leaf(holds=sendable, cause=cause, key=("sendable", actuator), implied=sendable)]
+
+
+def _unwired(actuator: str, module: str | None) -> Leaf:
+    """Return the formula of what the wiring makes impossible."""
+    cause = Unwired(actuator=actuator, module=module)
+    return Leaf(holds=False, cause=cause, key=("wired", actuator), fixed=True)
 
 
 def _alternatives(formula: Formula) -> tuple[Formula, ...]:

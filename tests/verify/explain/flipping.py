@@ -117,7 +117,7 @@ def findings(asked: Asked, counts: Counter[str]) -> Iterator[str]:
 def _readings_findings(asked: Asked, subject: str) -> Iterator[str]:
     """Yield what is wrong with an answer by which a sensor had to be there: is the module silent with it?"""
     changes = asked.explanation.changes
-    module = asked.explanation.question.subject
+    module = asked.explanation.claim.split()[0]
     absent = {leaf.key[1] for change in changes for leaf in change.leaves if not leaf.holds}
     if not absent or asked.explanation.claim != f"{module} is active":
         return
