@@ -88,9 +88,10 @@ class Present:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
-    """A condition that cannot be evaluated, because something that it reads is missing."""
+    """A condition that cannot be evaluated, because the sensors `missing`, or other values, are missing."""
 
     condition: str
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -190,9 +190,9 @@ class Conditions:
         return Leaf(holds=value is True, cause=cause, key=self._key(e), span=e.span, node=e)
 
     def _unknown(self, e: ir.Expression) -> Leaf:
-        return Leaf(
-            holds=False, cause=Unknown(condition=_text(e)), key=self._key(e), span=e.span, node=e, fixed=True
-        )
+        absent = tuple(str(leaf.key[1]) for leaf in self.presence([e]) if not leaf.holds)
+        cause = Unknown(condition=_text(e), missing=absent)
+        return Leaf(holds=False, cause=cause, key=self._key(e), span=e.span, node=e, fixed=True)
 
     def _leaf(self, e: ir.Expression) -> Leaf:
         """Return a condition without parts."""

@@ -122,7 +122,7 @@ class Network:
     def is_by(self, actuator: str, module: str) -> Formula:
         """Return the formula of "the actuator is by this module"."""
         parts: list[Formula] = [self.gets_through(actuator, module), *self._runtime(actuator, module)]
-        return group("all", parts, subject="winner", name=f"{actuator} by {module}")
+        return group("all", parts, subject="winner", name=f"{actuator} is by {module}")
 
     def is_commanded(self, actuator: str) -> Formula:
         """Return the formula of "a module's command is sent to this actuator"."""

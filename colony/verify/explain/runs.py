@@ -82,7 +82,7 @@ def explain_failure(program: Program, example: Example, failure: ExampleFailure)
 
 
 def explain_breach(program: Program, contract: str, snapshots: Sequence[Snapshot]) -> Explanation:
-    """Return why a contract is not true in the last frame of a run, which has readings for all of `program`."""
+    """Return why a contract is not true in the last frame of a run of `program`."""
     *_, last = moments(program, snapshots)
     expression = next(c.expression for c in program.contracts if c.name == contract)
     return explain_condition(last, contract, expression)

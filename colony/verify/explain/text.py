@@ -45,6 +45,37 @@ def lines(explanation: Explanation) -> tuple[str, ...]:
     )
 
 
+MAX_CAUSES = 4
+"""Maximum number of conditions that a short answer has."""
+
+
+def short(explanation: Explanation) -> str:
+    """Return the first conditions that decided, on one line."""
+    texts = list(dict.fromkeys(_short(explanation.formula, explanation.t_ns)))
+    more = [f"and {len(texts) - MAX_CAUSES} more"] if len(texts) > MAX_CAUSES else []
+    return "; ".join((*texts[:MAX_CAUSES], *more))
+
+
+def _short(formula: Formula, t_ns: int) -> Iterator[str]:
+    """Yield the conditions that decided; of modules, wires and winners no more than that they are active."""
+    if isinstance(formula, Leaf):
+        if not formula.implied:
+            yield cause_text(formula.cause, formula.holds, t_ns)
+        return
+    match formula.subject:
+        case "module" | "wire":
+            yield f"{formula.name} is {'' if formula.holds else 'not '}active"
+        case "winner":
+            subject, _, predicate = formula.name.partition(" is ")
+            yield f"{subject} is {'' if formula.holds else 'not '}{predicate}"
+            for part in shown_parts(formula):
+                if isinstance(part, Leaf):
+                    yield from _short(part, t_ns)
+        case _:
+            for part in shown_parts(formula):
+                yield from _short(part, t_ns)
+
+
 def time_text(t_ns: int) -> str:
     """Return the time of a frame in seconds."""
     return f"{t_ns / 1e9:.10g} s"
@@ -78,8 +109,9 @@ def cause_text(cause: Cause, holds: bool, t_ns: int) -> str:
             return _past_text(cause, holds, t_ns)
         case Present():
             return _present_text(cause, t_ns)
-        case Unknown(condition=condition):
-            return f"`{condition}` is unknown: it reads something missing"
+        case Unknown(condition=condition, missing=missing):
+            what = f"{listed(missing)} {'are' if len(missing) > 1 else 'is'}" if missing else "something is"
+            return f"`{condition}` is unknown: {what} missing"
         case _:
             return _runtime_text(cause, holds, t_ns)
 
@@ -114,10 +146,9 @@ def _runtime_text(
             if fault is None:
                 return f"the command of {module} could be sent to {actuator}"
             return f"the command of {module} could not be sent to {actuator}: {FAULTS.get(fault, fault)}"
-        case Unwired(actuator=actuator, module=None):
-            return f"no module is wired to {actuator}"
-        case Unwired(actuator=actuator, module=str(module)):
-            return f"no wire lets a command of {module} through to {actuator}"
+        case Unwired(actuator=actuator, module=module_or_none):
+            what = "no module is wired" if module_or_none is None else f"no wire leads from {module_or_none}"
+            return f"{what} to {actuator}"
         case _:
             assert_never(cause)
 
