@@ -41,7 +41,7 @@ PACKET_BITS = 600
 """Bits on the line of a standard packet with the readings of two arrays."""
 
 SETTLE_S = 0.5
-"""Pause before the handshake, in which the stop of a new guard is repeated, and its answers pass."""
+"""Time before the handshake, in which the stop of a new guard is repeated, and an open session is heard."""
 
 CLOSE_S = 0.4
 """Pause after an older session was closed (Player)."""
@@ -76,6 +76,7 @@ class Pioneer(Dialect[bytes]):
     baud = BAUD
     stop_bytes = command(Command.ESTOP) + command(Command.VEL, 0) + command(Command.RVEL, 0)
     goodbye = command(Command.CLOSE)
+    handshake_first = True  # AMRISim takes whatever comes first for SYNC0, and never answers that
 
     def __init__(
         self,
@@ -119,9 +120,10 @@ class Pioneer(Dialect[bytes]):
 
     def opening(self) -> Opening[bytes]:
         """Return the handshake, the check of the model, and the settings."""
-        yield Send(b"", SETTLE_S)
+        if (yield Ask(b"", _is_standard, SETTLE_S)) is not None:  # an older session is open: it may move
+            yield Send(command(Command.CLOSE), CLOSE_S)
         _expect_model((yield from _synchronized(self.baud)), self._row.model)
-        if (yield Ask(command(Command.OPEN), lambda data: data[0] in STANDARD)) is None:
+        if (yield Ask(command(Command.OPEN), _is_standard)) is None:
             raise OpeningError("the robot answers, but sends no state: switch it off and on")
         answer = yield Ask(command(Command.CONFIG, 1), lambda data: data[0] == CONFIG)
         config = None if answer is None else read_sip(answer)  # some robots send it with a wrong checksum
@@ -205,7 +207,7 @@ def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, Ident
             answer = yield Ask(command(number), _any)
             if answer is None or answer[0] != number:
                 break
-        if answer is not None and answer[0] in STANDARD:  # an older session is open
+        if answer is not None and _is_standard(answer):  # an older session is open
             yield Send(command(Command.CLOSE), CLOSE_S)
         elif answer is not None and isinstance(identity := read_sip(answer), Identity):
             return identity
@@ -214,6 +216,10 @@ def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, Ident
 
 def _any(data: bytes) -> bool:
     return True
+
+
+def _is_standard(data: bytes) -> bool:
+    return data[0] in STANDARD
 
 
 def _expect_model(identity: Identity, model: str) -> None:

@@ -78,7 +78,7 @@ def test_an_older_session_is_closed_first() -> None:
     for number in (0, 1, 2, Command.OPEN):
         line.robot.receive(command(number))
     line.open()
-    assert [data[0] for data in line.sent[:3]] == [0, Command.CLOSE, 0]
+    assert [data[0] for data in line.sent[:4]] == [Command.CLOSE, 0, 1, 2]
 
 
 def test_a_configuration_that_never_arrives_is_done_without() -> None:
