@@ -94,11 +94,11 @@ class Guard:
         due = [t_ns for t_ns in (self._port.due_ns(), alone_ns, dead_ns) if t_ns is not None]
         return min(due, default=time.monotonic_ns() + LINGER_NS)
 
-    def _halt(self) -> None:
+    def _halt(self, *, drops_plain: bool = True) -> None:
         """Drop what waits and send the stop, if the port is open."""
         self._decided_ns = None
         if self._port.is_open:
-            self._port.outbox.stop(self._stop, time.monotonic_ns())
+            self._port.outbox.stop(self._stop, time.monotonic_ns(), drops_plain=drops_plain)
 
     def _halt_unknown(self) -> None:
         """Stop a base of which the guard does not know what it was commanded before."""
@@ -158,7 +158,7 @@ class Guard:
         elif kind == HELLO and len(body) >= HELLO_HEAD.size:
             self._greet(driver, body)
         elif driver is self._commanding and kind == STOP:
-            self._halt()
+            self._halt(drops_plain=False)  # the last settings of its opening may wait
         elif driver is self._commanding and kind == DECIDED and len(body) > 8:
             self._decide(struct.unpack_from("<Q", body)[0], body[8:])
 

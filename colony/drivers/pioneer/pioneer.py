@@ -119,15 +119,20 @@ class Pioneer(Dialect[bytes]):
         self._registers.restart()
 
     def opening(self) -> Opening[bytes]:
-        """Return the handshake, the check of the model, and the settings."""
-        if (yield Ask(b"", _is_standard, SETTLE_S)) is not None:  # an older session is open: it may move
-            yield Send(command(Command.CLOSE), CLOSE_S)
-        _expect_model((yield from _synchronized(self.baud)), self._row.model)
-        if (yield Ask(command(Command.OPEN), _is_standard)) is None:
-            raise OpeningError("the robot answers, but sends no state: switch it off and on")
-        answer = yield Ask(command(Command.CONFIG, 1), lambda data: data[0] == CONFIG)
-        config = None if answer is None else read_sip(answer)  # some robots send it with a wrong checksum
-        if isinstance(config, ConfigSip) and config.watchdog_ms == 0:
+        """Return the handshake, the check of the model, and the settings; a session that is open goes on."""
+        config = None
+        if (yield Ask(b"", _is_standard, SETTLE_S)) is not None:
+            config = yield from _configuration(self.stop_bytes)  # it may move
+            if config is None:
+                yield Send(command(Command.CLOSE), CLOSE_S)
+        if config is not None:
+            _expect_model(config.identity, self._row.model)
+        else:
+            _expect_model((yield from _synchronized(self.baud)), self._row.model)
+            if (yield Ask(command(Command.OPEN), _is_standard)) is None:
+                raise OpeningError("the robot answers, but sends no state: switch it off and on")
+            config = yield from _configuration()
+        if config is not None and config.watchdog_ms == 0:
             raise OpeningError("the robot's watchdog is off: set WatchDog to 2000 ms with ARCOScfg")
         yield Send(b"".join(self._settings))
 
@@ -212,6 +217,16 @@ def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, Ident
         elif answer is not None and isinstance(identity := read_sip(answer), Identity):
             return identity
     raise OpeningError(f"no Pioneer answers: is it switched on, its cable plugged in, its baud rate {baud}?")
+
+
+def _configuration(before: bytes = b"") -> Generator[Send | Ask[bytes], bytes | None, ConfigSip | None]:
+    """Return the configuration of an open session, asked for after `before`.
+
+    It is None if none comes: some robots send it with a wrong checksum.
+    """
+    answer = yield Ask(before + command(Command.CONFIG, 1), lambda data: data[0] == CONFIG)
+    config = None if answer is None else read_sip(answer)
+    return config if isinstance(config, ConfigSip) else None
 
 
 def _any(data: bytes) -> bool:
