@@ -46,6 +46,9 @@ class Command(IntEnum):
     SONAR = 28
     STOP = 29
     VEL2 = 32
+    BUMPSTALL = 44
+    JOYDRIVE = 47
+    SONAR_CYCLE = 48
     ESTOP = 55
 
 

@@ -124,16 +124,21 @@ class Motors:
         self._rate, self._heading = float(rate), heading
         self.is_estopped = self.is_estopped and not rate and heading is None
 
-    def step(self, heading: float, *, drives: bool, is_off: bool) -> None:
+    def step(
+        self, heading: float, *, drives: bool, is_off: bool, joystick: tuple[float, float] | None = None
+    ) -> None:
         """Let `STEP_S` pass.
 
         Args:
             heading: the robot's, in degrees.
             drives: whether it may drive at all.
             is_off: whether the motors are off, so that it stops without a ramp.
+            joystick: speeds in place of the set points.
         """
         drives = drives and not self.is_estopped
         wanted, rate = (self._wanted_speed(), self._wanted_rate(heading)) if drives else (0.0, 0.0)
+        if joystick is not None:
+            wanted, rate = joystick
         is_abrupt = is_off or self.is_estopped
         brakes, turn_brakes = (ABRUPT, ABRUPT) if is_abrupt else (self.deceleration, self.turn_deceleration)
         self.speed = _towards(self.speed, _bounded(wanted, self._row.max_speed), self.acceleration, brakes)
