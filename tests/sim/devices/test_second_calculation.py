@@ -73,7 +73,7 @@ def test_two_wheels_roll_as_the_poses_say(seed: int) -> None:
 
 @SEEDS
 def test_four_wheels_roll_as_the_poses_say(seed: int) -> None:
-    """A roller at 45 degrees turns a way to the left into one ahead; wheels are 200 + 150 mm from the middle."""
+    """Rollers at 45 degrees turn a way to the left into one ahead; 350 mm is the lever of a turn."""
     stage = Stage(WHEELS + "wheels = 4\n", chassis=gentle(MECANUM))
     poses = list(driven(stage, seed, sideways=True))
     ahead, aside, turn = (
