@@ -198,8 +198,10 @@ def command(**arguments: Any) -> None:
     with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, draw
         from colony.nav.maps.world_map import load_world
+        from colony.robots.physics_choice import expect_simulable
 
         request = request_of(compiled.robot, options)
+        expect_simulable(request.physics, described.body, request.file)
         request = replace(request, others=other_robots(options.also, options.robot or compiled.name))
         inputs = [options.file]
         if options.map_path is not None:
