@@ -17,7 +17,13 @@ from colony.cli.interruption import interruptible
 from colony.cli.params_choice import choose_params, params_option
 from colony.cli.recorded import program_for
 from colony.cli.reporting import refuse, say
-from colony.cli.robot_choice import description_option
+from colony.cli.robot_choice import robot_and_description_option
+from colony.cli.robot_options import (
+    connect_option,
+    reporting_connection_errors,
+    robot_address_of,
+    security_option,
+)
 from colony.cli.shipped_files import BEHAVIOR, map_option
 from colony.extras import expect_extras
 
@@ -37,21 +43,36 @@ POLL_S = 0.1
     type=BEHAVIOR,
     help="The behavior of the recording; an MCAP recording contains it.",
 )
-@description_option()
 @params_option()
 @map_option
 @click.option(
     "--port", type=click.IntRange(0, 65535), help="The port of the page. [default: 7450, or any that is free]"
 )
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
+@robot_and_description_option(
+    "Watch this robot, which runs a program; for a recording, the description of its robot."
+)
+@connect_option()
+@security_option()
+@click.option("--allow-stop", is_flag=True, help="Let the page stop the robot in an emergency.")
 def command(
-    recording: str | None, behavior: str | None, map_path: str | None, port: int | None, opens: bool
+    recording: str | None,
+    behavior: str | None,
+    map_path: str | None,
+    port: int | None,
+    opens: bool,
+    robot: str | None,
+    connect: str | None,
+    security: Path | None,
+    allow_stop: bool,
 ) -> None:
     """Show a run in the browser: the network with its live wires, every module and its state, sensors,
     commands against their limits, the map and the path, contracts, and late or lost clients.
 
     A recording can be played at any speed, and searched for the next change of winner, broken contract,
-    fault, or late client.
+    fault, or late client. With --robot the page shows a robot that runs, as it runs, and lets you look back.
+    Watching is reading: the robot is sent nothing, unless --allow-stop is given and somebody presses the
+    button. Behind a gateway you need the right to read, and that to stop.
 
     The page listens on this machine alone, and its address ends in a token, without which it shows nothing.
     The token stays the same, so that a page reconnects to the next `colony watch`.
@@ -61,12 +82,25 @@ def command(
       colony watch run.mcap
       colony watch run.mcap --map loop --open
       colony watch run.jsonl --behavior wander
+      colony watch --robot rome --map loop --allow-stop
+      colony watch --robot rome --connect tls/rome.lab:7447 --security ada.toml
     """
-    if recording is None:
-        raise click.UsageError("give a RECORDING", click.get_current_context())
+    context = click.get_current_context()
+    if recording is None and robot is None:
+        raise click.UsageError("give a RECORDING, or --robot NAME", context)
+    live = {"--connect": connect, "--security": security, "--allow-stop": allow_stop or None}
+    given = [name for name, value in live.items() if value is not None]
+    if recording is not None and given:
+        raise click.UsageError(f"{given[0]} is for a robot that runs, not for a recording", context)
+    if recording is None and behavior is not None:
+        raise click.UsageError("--behavior is for a recording: a robot that runs gives its program", context)
     expect_extras("watch")
     with ExitStack() as resources:
-        watched = _recorded(recording, behavior, map_path, resources)
+        if recording is not None:
+            watched = _recorded(recording, behavior, map_path, resources)
+        else:
+            assert robot is not None
+            watched = _live(robot, connect, security, map_path, resources, may_stop=allow_stop)
         serve_page(watched, port=port, opens=opens)
 
 
@@ -76,6 +110,7 @@ def _recorded(recording: str, behavior: str | None, map_path: str | None, resour
     from colony.text.diagnostics import DiagnosticError
     from colony.watch.recorded import RecordingSource
     from colony.watch.store import SnapshotStore
+    from colony.watch.trail import Trail
     from colony.watch.watched import Watched
 
     choose_params(params_of(recorded_site(recording)))
@@ -88,8 +123,47 @@ def _recorded(recording: str, behavior: str | None, map_path: str | None, resour
         refuse(failure.diagnostics)
     store = SnapshotStore(scene.modules)
     resources.callback(store.close)
-    resources.enter_context(RecordingSource(reader, program, store))
-    return Watched(scene=scene, store=store, is_live=False)
+    trail = Trail(program)
+    resources.enter_context(RecordingSource(reader, program, store, trail))
+    return Watched(scene=scene, store=store, is_live=False, explain=trail.explain)
+
+
+def _live(
+    robot: str,
+    connect: str | None,
+    security: Path | None,
+    map_path: str | None,
+    resources: ExitStack,
+    *,
+    may_stop: bool,
+) -> Watched:
+    from colony.robots.discovery import session_with
+    from colony.text.diagnostics import DiagnosticError
+    from colony.watch.joining import joined_program, listening, read_program
+    from colony.watch.live import STORE_BYTES, LiveSource
+    from colony.watch.silence import noting_silence
+    from colony.watch.stopping import stop_button
+    from colony.watch.store import SnapshotStore
+    from colony.watch.trail import Trail
+    from colony.watch.watched import Watched
+
+    with reporting_connection_errors():
+        robot_address = robot_address_of(robot, connect, security)
+        session = resources.enter_context(session_with(robot_address))
+        found = read_program(session)
+        try:
+            program = resources.enter_context(joined_program(found, robot))
+            scene = scene_for(program, f"run {found.run}", map_path)
+            store, trail = SnapshotStore(scene.modules, max_bytes=STORE_BYTES), Trail(program)
+            resources.callback(store.close)
+            source = LiveSource(program, store, trail)
+            resources.callback(source.close)
+            listener = resources.enter_context(listening(robot_address, program, found.run, session, source))
+        except DiagnosticError as failure:
+            refuse(failure.diagnostics)
+        resources.enter_context(noting_silence(listener, store, robot))
+        stop = resources.enter_context(stop_button(session)) if may_stop else None
+    return Watched(scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop)
 
 
 def scene_for(program: Program, title: str, map_path: str | None) -> Scene:

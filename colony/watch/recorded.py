@@ -7,8 +7,9 @@ import threading
 from colony.ir.program import Program
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.diagnostics import DiagnosticError, headline
-from colony.watch.stepping import Stepper
+from colony.watch.following import RunFollower
 from colony.watch.store import SnapshotStore
+from colony.watch.trail import Trail
 
 
 class RecordingSource:
@@ -18,10 +19,12 @@ class RecordingSource:
         reader: the recording.
         program: its program.
         store: the store to fill; closing the source leaves it open.
+        trail: the trail to fill.
     """
 
-    def __init__(self, reader: RecordingReader, program: Program, store: SnapshotStore) -> None:
+    def __init__(self, reader: RecordingReader, program: Program, store: SnapshotStore, trail: Trail) -> None:
         self._reader, self._program, self._store = reader, program, store
+        self._follower = RunFollower(program, store, trail)
         self._closed = False
         self._thread = threading.Thread(target=self._read, name="recording", daemon=True)
         self._thread.start()
@@ -29,11 +32,10 @@ class RecordingSource:
     def _read(self) -> None:
         store = self._store
         try:
-            stepper = Stepper(self._program)
             for recorded in self._reader.frames(self._program):
                 if self._closed:
                     return
-                store.add(stepper.step(recorded))
+                self._follower.take(recorded)
             store.problem = self._reader.truncation
             if self._reader.damaged:
                 store.problem = "it is damaged at its end"

@@ -13,14 +13,14 @@ from typing import Literal, Protocol
 
 from colony.compile.network import ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
-from colony.ir.frame import Answer, Frame, Outcome, Reading
+from colony.ir.frame import Frame, Outcome, Reading
 from colony.ir.given import is_connection
 from colony.ir.memory import window_cell
 from colony.ir.program import Actuator, Program, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.ir.wiring import wiring_graph
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
-from colony.verify.audit.audit import RecordedMemory
+from colony.verify.explain.follower import Followed
 from colony.verify.reference.interpreter import Interpreter
 from colony.watch.scene import SensorScene, pose_sensors, scene_of, shown_sensors, shown_states
 
@@ -28,7 +28,7 @@ DECIMALS = 4
 """Decimals of values around the robot, which pages get by the hundreds."""
 
 
-class ObservedFrame(Protocol):
+class ObservedFrame(Followed, Protocol):
     """A frame of a robot that runs (`FrameLog`), or of a recording (`RecordedFrame`)."""
 
     @property
@@ -37,38 +37,8 @@ class ObservedFrame(Protocol):
         ...
 
     @property
-    def frame(self) -> Frame:
-        """The readings, in declared units."""
-        ...
-
-    @property
     def verdicts(self) -> Mapping[str, Verdict]:
         """The outcome of each actuator."""
-        ...
-
-    @property
-    def restart(self) -> bool:
-        """True if all memory restarted with this frame."""
-        ...
-
-    @property
-    def memory_unknown(self) -> bool:
-        """True if the memory before this frame is unknown."""
-        ...
-
-    @property
-    def keyframe(self) -> RecordedMemory | None:
-        """The memory before this frame, if it is a keyframe."""
-        ...
-
-    @property
-    def damaged(self) -> bool:
-        """True if frames before this one are missing."""
-        ...
-
-    @property
-    def answers(self) -> Mapping[str, Answer]:
-        """The answers of modules in Python."""
         ...
 
 
@@ -111,7 +81,7 @@ class Snapshot:
 
     Attributes:
         k: number of the frame.
-        t: time in seconds since the first frame that is shown.
+        t: time in seconds.
         sensors: the value of each sensor, None where it is missing.
         stale: indices of sensors that have a value which is too old, or faulty, so that it counts as missing.
         modules: the state of each module.
@@ -151,11 +121,10 @@ class SnapshotMaker:
 
     Args:
         program: the program.
-        first_ns: time that counts as 0.
     """
 
-    def __init__(self, program: Program, first_ns: int) -> None:
-        self._program, self._first_ns = program, first_ns
+    def __init__(self, program: Program) -> None:
+        self._program = program
         self._network = elaborate(program)
         self._paths = {window_cell(n.path[0], n.path[1:]): n.path for n in wiring_graph(program).nodes}
         self._sensors = scene_of(program, "", ()).sensors
@@ -189,7 +158,7 @@ class SnapshotMaker:
         holds = any(v.hold == "stopped" for v in verdicts.values())
         return Snapshot(
             k=tick.k,
-            t=(frame.t_ns - self._first_ns) / 1e9,
+            t=frame.t_ns / 1e9,
             sensors=tuple(_cell(s, x) for s, x in zip(self._sensors, readings, strict=True)),
             stale=stale,
             modules=tuple(self._module(m.name, verdicts, outcome, interpreter) for m in program.modules),
@@ -199,7 +168,7 @@ class SnapshotMaker:
             commands=tuple(_command(a, verdicts.get(a.name), interpreter) for a in program.robot.actuators),
             contracts=tuple(_contract(c.name, outcome, interpreter) for c in program.contracts),
             states=tuple(
-                None if interpreter is None else _number(interpreter.state(s.name))
+                None if interpreter is None else _number(interpreter.states[s.name])
                 for s in shown_states(program)
             ),
             pose=self._pose_in(frame),

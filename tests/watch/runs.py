@@ -18,13 +18,14 @@ from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.recordings.mcap_reader import McapReader
+from colony.watch.following import RunFollower
 from colony.watch.recorded import RecordingSource
 from colony.watch.scene import Scene, scene_of
 from colony.watch.security import PROTOCOL
 from colony.watch.serving import PageServer
 from colony.watch.snapshot import Snapshot
-from colony.watch.stepping import Stepper
 from colony.watch.store import SnapshotStore
+from colony.watch.trail import Trail
 from colony.watch.watched import StopAnswer, Watched
 from tests.verify.audit.recorded_runs import MS, as_mcap, logs
 from tests.waiting import until
@@ -95,8 +96,11 @@ def replace_verdict(verdict: Any, **changes: Any) -> Any:
 
 def snapshots(frames: list[FrameLog] | None = None) -> list[Snapshot]:
     """Return the snapshots of the run."""
-    stepper = Stepper(PROGRAM)
-    return [stepper.step(log) for log in (run() if frames is None else frames)]
+    store = SnapshotStore(scene().modules)
+    follower = RunFollower(PROGRAM, store, Trail(PROGRAM))
+    made = [follower.take(log) for log in (run() if frames is None else frames)]
+    store.close()
+    return made
 
 
 def scene(title: str = "run.mcap") -> Scene:
@@ -114,9 +118,10 @@ def recorded(stop: Callable[[], StopAnswer] | None = None) -> Iterator[Watched]:
     """Read the recording into a store, to the end."""
     store = SnapshotStore(scene().modules)
     reader = McapReader(io.BytesIO(recording()), "run.mcap")
-    with RecordingSource(reader, PROGRAM, store):
+    trail = Trail(PROGRAM)
+    with RecordingSource(reader, PROGRAM, store, trail):
         until(lambda: store.is_complete, "the recording is read")
-        yield Watched(scene=scene(), store=store, is_live=False, stop=stop)
+        yield Watched(scene=scene(), store=store, is_live=False, explain=trail.explain, stop=stop)
     store.close()
 
 

@@ -222,10 +222,6 @@ class Interpreter:
         assert moment is not None, "no frame yet"
         return 0 if last is None or last == moment.t_ns else max(0, last + window_ns - moment.t_ns)
 
-    def state(self, name: str) -> ScalarValue:
-        """Return the value that a state or machine has for the next frame."""
-        return self._states[name]
-
     def active_modules(self) -> tuple[str, ...]:
         """Return the modules that were active in the last frame, in the order declared."""
         return tuple(m.name for m in self.program.modules if self.is_active(m.name))

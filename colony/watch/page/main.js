@@ -12,7 +12,7 @@ const $ = (id) => document.getElementById(id);
 
 const page = { scene: null, views: [], snapshot: null, fresh: false, player: {}, isLive: false, isOpen: false };
 
-/** Counters for whoever measures the page. */
+/** Counters, for measurements of the page. */
 globalThis.colonyWatch = { received: 0, drawn: 0 };
 
 const timeline = new Timeline($("timeline"), (t) => send({ do: "seek", t }));
