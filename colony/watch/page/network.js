@@ -61,7 +61,7 @@ export class Network {
     state.setAttribute("class", "state");
     state.setAttribute("x", Number(rect.getAttribute("x")) + 2);
     state.setAttribute("y", Number(rect.getAttribute("y")) + Number(rect.getAttribute("height")) + 11);
-    group.append(state);
+    group.append(" ", state);
     group.setAttribute("tabindex", "0");
     group.setAttribute("role", "button");
     group.addEventListener("click", () => onChoose(name));
@@ -88,7 +88,7 @@ export class Network {
       setText(module.state, state);
       const chosen = module.name === this.chosen ? " chosen" : "";
       setClass(module.group, `module ${CLASSES[state] ?? "unknown"}${chosen}`);
-      module.group.setAttribute("aria-label", `${module.name}: ${state}`);
+      module.group.setAttribute("aria-label", `${module.name} ${state}`);
     }
     const active = new Set(snapshot.active);
     const live = new Set(snapshot.live.map(([from, to]) => `${from}>${to}`));
