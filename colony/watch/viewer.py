@@ -21,7 +21,7 @@ from colony.watch.requests import Ask, Follow, Jump, Pause, Play, Request, Seek,
 from colony.watch.timeline import history_to, path_to, timeline_of
 from colony.watch.watched import Watched
 
-PERIOD_S = 1.0 / 30.0
+PERIOD_S = 1.0 / 60.0
 """Seconds between two looks for something new: what a page can show."""
 
 GAP_S = 5.0

@@ -52,7 +52,7 @@ function setUp({ scene, live, may_stop, may_ask }) {
   document.title = `${scene.robot} – colony watch`;
   $("stop").hidden = !may_stop;
   $("follow").hidden = !live;
-  page.network = new Network($("network"), scene, choose);
+  page.network = new Network($("network"), $("zoom"), scene, choose);
   page.sensors = new Sensors({ polars: $("polars"), lamps: $("lamps"), strips: $("strips") }, scene);
   page.map = page.map ?? new WorldMap($("map"), scene);
   page.views = [

@@ -5,6 +5,7 @@ import { setClass, setText } from "./drawing.js";
 const SVG = "http://www.w3.org/2000/svg";
 const LARGE_HEIGHT = 1100;
 const LARGEST_SCALE = 1.4;
+const READABLE_SCALE = 0.8;
 const CLASSES = {
   won: "won", active: "active", suppressed: "active", inhibited: "active", overruled: "trouble",
   overridden: "active", "locked out": "active", stopped: "active", inactive: "inactive", silent: "silent",
@@ -12,7 +13,7 @@ const CLASSES = {
 };
 
 export class Network {
-  constructor(host, scene, onChoose) {
+  constructor(host, zoom, scene, onChoose) {
     this.scene = scene;
     this.chosen = null;
     const svg = document.importNode(
@@ -22,8 +23,12 @@ export class Network {
     host.replaceChildren(svg);
     const [, , width, height] = svg.getAttribute("viewBox").split(" ").map(Number);
     svg.style.maxWidth = `${width * LARGEST_SCALE}px`;
+    svg.style.setProperty("--width", `${width * READABLE_SCALE}px`);
     svg.style.margin = "0 auto";
-    host.classList.toggle("large", height > LARGE_HEIGHT);
+    const isLarge = height > LARGE_HEIGHT;
+    host.classList.toggle("large", isLarge);
+    zoom.hidden = !isLarge;
+    zoom.onclick = () => zoom.setAttribute("aria-pressed", host.classList.toggle("readable"));
     this.wires = [...svg.querySelectorAll(".wire")].map((wire) => {
       const kind = wire.getAttribute("class");
       return { wire, kind, from: Number(wire.dataset.from), key: `${wire.dataset.from}>${wire.dataset.to}` };
