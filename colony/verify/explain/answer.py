@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from colony.ir.expression import Expression
 from colony.ir.frame import Decision
 from colony.ir.program import Program
 from colony.verify.explain.command import Cut, cuts
@@ -21,19 +22,26 @@ from colony.verify.explain.network import Network
 
 @dataclass(frozen=True, slots=True)
 class Why:
-    """The question why a module or wire is active, or an actuator is commanded as it is."""
+    """The question why a module or wire is active, an actuator is commanded as it is, a sensor is there."""
 
     subject: str
 
 
 @dataclass(frozen=True, slots=True)
 class WhyNot:
-    """The question why a module does not command its actuator, or why a module, wire or actuator is idle."""
+    """The question why a module does not command its actuator, or why another name is idle or missing."""
 
     subject: str
 
 
-Question = Why | WhyNot
+@dataclass(frozen=True, slots=True)
+class Whether:
+    """The question why a contract or an expectation is true or false; `condition` is its name or its text."""
+
+    condition: str
+
+
+Question = Why | WhyNot | Whether
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,12 +67,11 @@ class Explanation:
         question: The question.
         k: Number of the frame.
         t_ns: Its time.
-        claim: What `formula` says, as a sentence without its verb's negation: `avoid is active`.
+        claim: What `formula` says: `drive is by avoid`.
         holds: True if the claim holds.
+        answer: The claim, or its opposite, whichever holds: `drive is not by avoid`.
         formula: The conditions of the claim.
         changes: Sets of conditions that had to change for the opposite; empty if no change would do.
-        is_certain: False if the claim could not be evaluated with the conditions changed, because a value was
-            missing: then these had to change, and others perhaps too.
         module: The module that the question is about, or the winner, with its status and since when.
         sent: What the actuator was sent, if the question is about one.
     """
@@ -74,58 +81,67 @@ class Explanation:
     t_ns: int
     claim: str
     holds: bool
+    answer: str
     formula: Formula
     changes: Changes
-    is_certain: bool
     module: tuple[str, Since] | None = None
     sent: Sent | None = None
 
 
 def subjects(program: Program) -> tuple[str, ...]:
-    """Return the names that questions may be about: actuators, modules and wires."""
+    """Return the names that questions may be about: actuators, modules, wires and sensors."""
     actuators = [a.name for a in program.robot.actuators]
     wires = [w.name for w in program.wires if w.actuator is None]
-    return tuple(dict.fromkeys((*actuators, *(m.name for m in program.modules), *wires)))
+    sensors = [s.name for s in program.robot.sensors if s.sent is None]
+    return tuple(dict.fromkeys((*actuators, *(m.name for m in program.modules), *wires, *sensors)))
 
 
-def explain(moment: Moment, question: Question) -> Explanation:
+def explain(moment: Moment, question: Why | WhyNot) -> Explanation:
     """Return the answer to a question about a moment.
 
     Raises:
-        KeyError: the program has no such actuator, module or wire.
+        KeyError: the program has no such actuator, module, wire or sensor.
     """
     name, network = question.subject, Network(moment)
-    actuators = {a.name for a in moment.program.robot.actuators}
-    module = next((m for m in moment.program.modules if m.name == name), None)
-    if name in actuators:
-        winner = moment.winner(name)
-        if isinstance(question, Why) and winner is not None:
-            return _answer(moment, question, f"{name} is by {winner}", network.is_by(name, winner), name)
-        return _answer(moment, question, f"{name} is commanded", network.is_commanded(name), name)
-    if module is not None and isinstance(question, WhyNot) and module.actuator is not None:
-        formula = network.is_by(module.actuator, name)
-        return _answer(moment, question, f"{module.actuator} is by {name}", formula, module.actuator)
-    return _answer(
-        moment, question, f"{name} is active", network.active(name), module.actuator if module else None
-    )
+    program = moment.program
+    module = next((m for m in program.modules if m.name == name), None)
+    winner = moment.winner(name) if any(a.name == name for a in program.robot.actuators) else None
+    if winner is not None and isinstance(question, Why):
+        return _answer(network, question, (name, f"by {winner}"), network.is_by(name, winner), name)
+    if any(a.name == name for a in program.robot.actuators):
+        return _answer(network, question, (name, "commanded"), network.is_commanded(name), name)
+    if any(s.name == name for s in program.robot.sensors):
+        return _answer(network, question, (name, "present"), network.conditions.present(name), None)
+    actuator = None if module is None else module.actuator
+    if actuator is not None and isinstance(question, WhyNot):
+        return _answer(network, question, (actuator, f"by {name}"), network.is_by(actuator, name), actuator)
+    return _answer(network, question, (name, "active"), network.active(name), actuator)
+
+
+def explain_condition(moment: Moment, name: str, expression: Expression) -> Explanation:
+    """Return why a contract or an expectation, called `name`, is true or false in a moment."""
+    network = Network(moment)
+    formula = network.conditions.formula(expression)
+    return _answer(network, Whether(name), (f"`{name}`", "true"), formula, None)
 
 
 def _answer(
-    moment: Moment, question: Question, claim: str, formula: Formula, actuator: str | None
+    network: Network, question: Question, claim: tuple[str, str], formula: Formula, actuator: str | None
 ) -> Explanation:
+    moment, (subject, predicate) = network.moment, claim
     sent = None if actuator is None else sent_to(moment, actuator)
-    names = {m.name for m in moment.program.modules}
-    module = question.subject if question.subject in names else sent.decision.by if sent else None
-    since = moment.history.modules.get(module) if module is not None else None
+    asked = None if isinstance(question, Whether) else question.subject
+    module = asked if asked in moment.history.modules else sent.decision.by if sent else None
+    since = None if module is None else moment.history.modules.get(module)
     return Explanation(
         question=question,
         k=moment.k,
         t_ns=moment.t_ns,
-        claim=claim,
+        claim=f"{subject} is {predicate}",
         holds=formula.holds,
+        answer=f"{subject} is {'' if formula.holds else 'not '}{predicate}",
         formula=formula,
-        changes=changes(formula),
-        is_certain=not (moment.silent or moment.blind),
+        changes=changes(formula, network.conditions.entangled(formula)),
         module=None if module is None or since is None else (module, since),
         sent=sent,
     )

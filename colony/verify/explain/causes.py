@@ -88,9 +88,10 @@ class Present:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
-    """A condition that cannot be evaluated, because something that it reads is missing."""
+    """A condition that cannot be evaluated, because the sensors `missing`, or other values, are missing."""
 
     condition: str
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +142,14 @@ class Sendable:
     fault: str | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unwired:
+    """The wiring lets no command of `module`, or of any module, through to the actuator."""
+
+    actuator: str
+    module: str | None = None
+
+
 Cause = (
     Comparison
     | Reading
@@ -154,6 +163,7 @@ Cause = (
     | Heard
     | Undisturbed
     | Sendable
+    | Unwired
 )
 
 Subject = Literal["module", "predicate", "let", "wire", "winner", "dominated", "memory", "condition"]

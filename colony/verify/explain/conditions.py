@@ -7,15 +7,15 @@ or false is a leaf, with the values that it reads.
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
 
 from colony.ir import expression as ir
 from colony.ir.program import Let, Module
-from colony.ir.types import Array
+from colony.ir.types import Array, Bool
 from colony.verify.explain.causes import Constant, Past, Present, Reading, Remembered, Unknown
 from colony.verify.explain.comparisons import comparison, inputs_text
-from colony.verify.explain.formula import Formula, Key, Leaf, group, negation
+from colony.verify.explain.formula import Formula, Key, Leaf, all_leaves, group, negation
 from colony.verify.explain.moment import Moment
 from colony.verify.explain.values import value_text
 from colony.verify.reference.boundary import default_of
@@ -26,8 +26,21 @@ from colony.verify.source_text import source_text
 MAX_NESTED_LETS = 40
 """Maximum number of lets that are looked into, one within the other."""
 
-NetworkFormula = Callable[[str, str | None], Formula]
-"""The formula of "NAME is active" (a module or wire), or of "NAME is by MODULE" (an actuator)."""
+
+class NetworkFormulas(Protocol):
+    """The formulas of what contracts say about the network."""
+
+    def active(self, name: str) -> Formula:
+        """Return the formula of "this module or wire is active"."""
+        ...
+
+    def is_by(self, actuator: str, module: str) -> Formula:
+        """Return the formula of "the actuator is by this module"."""
+        ...
+
+    def is_commanded(self, actuator: str) -> Formula:
+        """Return the formula of "a module's command is sent to this actuator"."""
+        ...
 
 
 class Conditions:
@@ -36,7 +49,7 @@ class Conditions:
     `network` gives the formulas of what contracts say about the network.
     """
 
-    def __init__(self, moment: Moment, network: NetworkFormula) -> None:
+    def __init__(self, moment: Moment, network: NetworkFormulas) -> None:
         self._moment, self._network = moment, network
         self._lets: dict[str, Formula] = {}
         self._nested = 0
@@ -100,11 +113,19 @@ class Conditions:
                 let = self._file_lets[name]
                 return group("all", self.presence([let.expression]), subject="let", name=name, span=let.span)
             case ir.IsActive(name=name):
-                return self._network(name, None)
+                return self._agreeing(e, self._network.active(name))
             case ir.WonBy(actuator=actuator, module=module):
-                return self._network(actuator, module)
+                return self._agreeing(e, self._network.is_by(actuator, module))
+            case ir.IsCommanded(actuator=actuator):
+                return self._agreeing(e, self._network.is_commanded(actuator))
+            case ir.IsIdle(actuator=actuator):
+                return self._agreeing(e, negation(self._network.is_commanded(actuator)))
             case _:
                 return self._leaf(e)
+
+    def _agreeing(self, e: ir.Expression, formula: Formula) -> Formula:
+        """Return a formula, if it has the value that the interpreter found; else `e` without its parts."""
+        return formula if formula.holds == (self.value(e) is True) else self._leaf(e)
 
     def _flat(self, operator: ir.Binary, *operands: ir.Expression) -> list[Formula]:
         """Return the formulas of the operands of a chain `a and b and c`."""
@@ -134,6 +155,31 @@ class Conditions:
         """Return the identity of an expression: equal ones have one value, and change together."""
         return "expression", self._numbers.setdefault(e, len(self._numbers))
 
+    def entangled(self, formula: Formula) -> frozenset[Key]:
+        """Return the conditions on which others of a formula depend, and those about missing sensors."""
+        found = all_leaves(formula)
+        read = [(key, self._reads(leaf.node)) for key, leaf in found.items() if leaf.node is not None]
+        nodes = {key: leaf.node for key, leaf in found.items() if leaf.node is not None}
+        depended_on = {
+            key for key, node in nodes.items() if any(other != key and node in reads for other, reads in read)
+        }
+        return frozenset(depended_on | {key for key in found if key[0] == "present"})
+
+    def _reads(self, root: ir.Expression) -> set[ir.Expression]:
+        """Return the boolean expressions within one, also by way of lets."""
+        found: set[ir.Expression] = set()
+        lets: set[str] = set()
+        work = [] if _rests_on_past_alone(root) else [*ir.children(root)]
+        while work:
+            e = work.pop()
+            if isinstance(e.type, Bool):
+                found.add(e)
+            if isinstance(e, ir.DerivedValue | ir.LocalValue) and e.name not in lets:
+                lets.add(e.name)
+                work.append((self._file_lets | self._local_lets)[e.name].expression)
+            work.extend(ir.children(e))
+        return found
+
     # --- leaves ----------------------------------------------------------------------------------
 
     def _compared(self, e: ir.BinaryOperation | ir.Within) -> Formula:
@@ -144,9 +190,9 @@ class Conditions:
         return Leaf(holds=value is True, cause=cause, key=self._key(e), span=e.span, node=e)
 
     def _unknown(self, e: ir.Expression) -> Leaf:
-        return Leaf(
-            holds=False, cause=Unknown(condition=_text(e)), key=self._key(e), span=e.span, node=e, fixed=True
-        )
+        absent = tuple(str(leaf.key[1]) for leaf in self.presence([e]) if not leaf.holds)
+        cause = Unknown(condition=_text(e), missing=absent)
+        return Leaf(holds=False, cause=cause, key=self._key(e), span=e.span, node=e, fixed=True)
 
     def _leaf(self, e: ir.Expression) -> Leaf:
         """Return a condition without parts."""
@@ -254,7 +300,9 @@ class Conditions:
             elapsed_ns=elapsed,
         )
         holds = elapsed is not None and elapsed < e.duration_ns
-        return Leaf(holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e)
+        return Leaf(
+            holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e, fixed=self._moment.is_first
+        )
 
     def _past_sustained(self, e: ir.MemoryCall, last: tuple[int, int] | None) -> Leaf:
         unbroken = last is not None and last[1] == self._moment.values.number - 1
@@ -269,7 +317,9 @@ class Conditions:
             elapsed_ns=elapsed,
         )
         holds = elapsed is not None and elapsed >= e.duration_ns
-        return Leaf(holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e)
+        return Leaf(
+            holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e, fixed=self._moment.is_first
+        )
 
     def _remembered(self, e: ir.MemoryCall, value: bool, condition: str = "") -> Leaf:
         since = self._moment.history.cells.get((e.cell, (), 0))
@@ -278,7 +328,17 @@ class Conditions:
             value="true" if value else "false",
             since_ns=None if since is None or since.first else since.t_ns,
         )
-        return Leaf(holds=value, cause=cause, key=("memory", e.cell), span=e.span, node=e)
+        return Leaf(
+            holds=value, cause=cause, key=("memory", e.cell), span=e.span, node=e, fixed=self._moment.is_first
+        )
+
+
+def _rests_on_past_alone(e: ir.Expression) -> bool:
+    """Return True for a memory function whose own condition is about earlier frames only."""
+    return isinstance(e, ir.MemoryCall) and e.function not in (
+        ir.MemoryFunction.CAPTURED,
+        ir.MemoryFunction.CHANGED,
+    )
 
 
 def _text(e: ir.Expression) -> str:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from colony.ir.frame import Outcome
 from colony.ir.given import given_in_frame
 from colony.ir.program import Program, PythonModule, Sensor
 from colony.verify.audit.audit import Recorded, RecordedTick
 from colony.verify.audit.resuming import Resuming
 from colony.verify.explain.causes import Absence
 from colony.verify.explain.history import NO_HISTORY, Historian, History
-from colony.verify.explain.moment import Moment
+from colony.verify.explain.moment import Moment, moment_of
 from colony.verify.reference.boundary import FUTURE, age_checked
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.memory import InterpreterState
@@ -131,35 +130,18 @@ class Follower:
         after = interpreter.state
         assert after is not None, "a frame was decided"
         history = self._historian.take(interpreter, after.memory.functions, winners, first=self._is_first)
-        return moment_of(self._program, interpreter, recorded, outcome, before, history)
-
-
-def moment_of(
-    program: Program,
-    interpreter: Interpreter,
-    recorded: Followed,
-    outcome: Outcome,
-    before: InterpreterState | None,
-    history: History,
-) -> Moment:
-    """Return the moment of a frame that the interpreter has decided; `before` is its state before that."""
-    names = [m.name for m in program.modules]
-    return Moment(
-        program=program,
-        k=recorded.tick.k,
-        frame=recorded.frame,
-        outcome=outcome,
-        values=interpreter.values,
-        memory={} if before is None else before.memory.functions,
-        last_active_ns={} if before is None else before.memory.last_active_ns,
-        silent=frozenset(n for n in names if interpreter.is_silent(n)),
-        blind=frozenset(n for n in names if interpreter.is_blind(n)),
-        limits=interpreter.limits,
-        absent=_absent(program, interpreter, recorded),
-        history=history,
-        answers=recorded.answers,
-        verdicts=recorded.verdicts,
-    )
+        return moment_of(
+            self._program,
+            interpreter,
+            before,
+            history,
+            k=recorded.tick.k,
+            frame=recorded.frame,
+            outcome=outcome,
+            absent=_absent(self._program, interpreter, recorded),
+            answers=recorded.answers,
+            verdicts=recorded.verdicts,
+        )
 
 
 def _absent(program: Program, interpreter: Interpreter, recorded: Followed) -> dict[str, Absence]:

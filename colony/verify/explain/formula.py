@@ -23,7 +23,8 @@ Key = tuple[str | int, ...]
 class Leaf:
     """A condition without parts, and its value.
 
-    `node` is the expression that it is about, if it is about one. A `fixed` condition cannot change.
+    `node` is the expression that it is about, if it is about one. A `fixed` condition cannot change. An
+    `implied` one goes without saying: that a module which is not silent has what it reads.
     """
 
     holds: bool
@@ -32,6 +33,7 @@ class Leaf:
     span: Span | None = None
     node: Expression | None = None
     fixed: bool = False
+    implied: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +102,7 @@ def leaves(formula: Formula) -> dict[Key, Leaf]:
             continue
         seen.add(id(node))
         if isinstance(node, Leaf):
-            found.setdefault(node.key, node)
+            found |= {} if node.implied or node.key in found else {node.key: node}
         else:
             work.extend(reversed(deciding_parts(node)))
     return found
@@ -140,30 +142,45 @@ MAX_CANDIDATES = 60
 MAX_CHANGES = 8
 """Maximum number of sets of conditions that an answer names."""
 
-Changes = tuple[tuple[Leaf, ...], ...]
-"""Sets of conditions: flipping all of one set, and no less of it, flips the outcome."""
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Conditions that had to change together for the opposite outcome; none of them can be left out.
+
+    It is certain unless other conditions depend on one of them, too, or on a reading that is missing: then
+    these had to change, and what would have come of it is not known.
+    """
+
+    leaves: tuple[Leaf, ...]
+    is_certain: bool = True
 
 
-def changes(formula: Formula) -> Changes:
+Changes = tuple[Change, ...]
+
+
+def changes(formula: Formula, entangled: Collection[Key] = ()) -> Changes:
     """Return the smallest sets of conditions that had to change for the opposite outcome.
 
     Sets of one if there are any; else pairs; else one set, from which nothing can be left out. None if no
-    change of conditions that can change flips the outcome.
+    change of conditions that can change flips the outcome. `entangled` are those on which others depend.
     """
     candidates = [leaf for leaf in leaves(formula).values() if not leaf.fixed]
-    singles = [(leaf,) for leaf in candidates if value_with(formula, {leaf.key}) != formula.holds]
-    if singles:
-        return tuple(singles[:MAX_CHANGES])
-    if len(candidates) <= MAX_CANDIDATES:
-        pairs = [
-            pair
-            for pair in combinations(candidates, 2)
-            if value_with(formula, {leaf.key for leaf in pair}) != formula.holds
+    found = _smallest(formula, candidates)
+    return tuple(Change(s, not any(leaf.key in entangled for leaf in s)) for s in found[:MAX_CHANGES])
+
+
+def _smallest(formula: Formula, candidates: list[Leaf]) -> list[tuple[Leaf, ...]]:
+    sizes = (1, 2) if len(candidates) <= MAX_CANDIDATES else (1,)
+    for size in sizes:
+        found = [
+            chosen
+            for chosen in combinations(candidates, size)
+            if value_with(formula, {leaf.key for leaf in chosen}) != formula.holds
         ]
-        if pairs:
-            return tuple(pairs[:MAX_CHANGES])
+        if found:
+            return found
     needed = _structural(formula, {leaf.key for leaf in candidates})
-    return () if needed is None else (needed,)
+    return [] if needed is None else [needed]
 
 
 def _structural(formula: Formula, allowed: set[Key]) -> tuple[Leaf, ...] | None:
@@ -194,3 +211,8 @@ def _chosen(formula: Formula, allowed: set[Key]) -> dict[Key, Leaf] | None:
         else:
             best[id(node)] = min(options, key=len, default=None)
     return best[id(formula)]
+
+
+def all_leaves(formula: Formula) -> dict[Key, Leaf]:
+    """Return all conditions of a formula, whether or not they decide its value."""
+    return {node.key: node for node in _bottom_up(formula) if isinstance(node, Leaf)}

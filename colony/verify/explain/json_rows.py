@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
+from typing import Any, assert_never
 
 from colony.text.source import Span
-from colony.verify.explain.answer import Explanation, Sent, Why
+from colony.text.wording import listed
+from colony.verify.explain.answer import Explanation, Question, Sent, Whether, Why, WhyNot
 from colony.verify.explain.causes import Cause
-from colony.verify.explain.formula import Formula, Leaf, deciding_parts
-from colony.verify.explain.text import MAX_DEPTH, cause_text, claim_text, head_text, lines
+from colony.verify.explain.formula import Formula, Leaf
+from colony.verify.explain.text import (
+    MAX_DEPTH,
+    cause_text,
+    change_text,
+    head_text,
+    lines,
+    shown_parts,
+)
 
 
 def row(explanation: Explanation) -> dict[str, Any]:
     """Return an answer as an object for JSON."""
     module = explanation.module
     return {
-        "question": {
-            "kind": "why" if isinstance(explanation.question, Why) else "why not",
-            "subject": explanation.question.subject,
-        },
+        "question": _question(explanation.question),
         "frame": explanation.k,
         "t": explanation.t_ns / 1e9,
         "claim": explanation.claim,
         "holds": explanation.holds,
-        "answer": claim_text(explanation),
+        "answer": explanation.answer,
         "module": None
         if module is None
         else {
@@ -35,21 +40,38 @@ def row(explanation: Explanation) -> dict[str, Any]:
         "sent": None if explanation.sent is None else _sent(explanation.sent),
         "because": _because(explanation.formula, explanation.t_ns, 0),
         "changes": [
-            [_cause(leaf.cause, leaf.holds, explanation.t_ns, leaf.span) for leaf in change]
+            {
+                "certain": change.is_certain,
+                "text": listed([change_text(leaf) for leaf in change.leaves]),
+                "conditions": [
+                    _cause(leaf.cause, leaf.holds, explanation.t_ns, leaf.span) for leaf in change.leaves
+                ],
+            }
             for change in explanation.changes
         ],
-        "certain": explanation.is_certain,
         "lines": list(lines(explanation)),
     }
+
+
+def _question(question: Question) -> dict[str, str]:
+    match question:
+        case Why(subject=subject):
+            return {"kind": "why", "subject": subject}
+        case WhyNot(subject=subject):
+            return {"kind": "why not", "subject": subject}
+        case Whether(condition=condition):
+            return {"kind": "condition", "subject": condition}
+        case _:
+            assert_never(question)
 
 
 def _because(formula: Formula, t_ns: int, depth: int) -> list[dict[str, Any]]:
     """Return an object for each condition that decided, with those that it rests on as `because`."""
     if isinstance(formula, Leaf):
-        return [_cause(formula.cause, formula.holds, t_ns, formula.span)]
+        return [] if formula.implied else [_cause(formula.cause, formula.holds, t_ns, formula.span)]
     if depth > MAX_DEPTH:
         return []
-    below = [found for part in deciding_parts(formula) for found in _because(part, t_ns, depth + 1)]
+    below = [found for part in shown_parts(formula) for found in _because(part, t_ns, depth + 1)]
     text = head_text(formula)
     if text is None:
         return below

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TypedDict, Unpack
 
 from colony.ir.frame import Answer, Frame, Outcome
 from colony.ir.program import Limit, Program
@@ -12,6 +13,8 @@ from colony.verify.audit.verdict import RecordedVerdict
 from colony.verify.explain.causes import Absence
 from colony.verify.explain.history import History
 from colony.verify.reference.expressions import FrameValues, Memory
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.reference.memory import InterpreterState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +36,7 @@ class Moment:
         absent: Missing sensors, each with the reason.
         answers: Answers of modules in Python.
         lost: Modules whose clients are lost, where others act in their place.
+        late: Actuators that are idle because a client is late, in a run without verdicts.
         verdicts: The verdicts of the runtime, by actuator; none for a run of the interpreter alone.
         history: Since when things are as they are after this frame.
     """
@@ -51,12 +55,18 @@ class Moment:
     history: History
     answers: Mapping[str, Answer] = field(default_factory=dict)
     lost: frozenset[str] = frozenset()
+    late: frozenset[str] = frozenset()
     verdicts: Mapping[str, RecordedVerdict] = field(default_factory=dict)
 
     @property
     def t_ns(self) -> int:
         """The time of the frame."""
         return self.frame.t_ns
+
+    @property
+    def is_first(self) -> bool:
+        """True if there is nothing to remember: memory was initial before the frame."""
+        return self.values.first_ns == self.values.t_ns
 
     def winner(self, actuator: str) -> str | None:
         """Return the module that the actuator was commanded by, of the runtime where it is known."""
@@ -72,3 +82,38 @@ class Moment:
         """Return why the idle command was sent in place of another, if it was."""
         verdict = self.verdicts.get(actuator)
         return self.outcome.commands[actuator].fault if verdict is None else verdict.fault
+
+
+class Seen(TypedDict, total=False):
+    """What is known of a frame besides the interpreter's state; see `Moment`."""
+
+    k: int
+    frame: Frame
+    outcome: Outcome
+    absent: Mapping[str, Absence]
+    answers: Mapping[str, Answer]
+    verdicts: Mapping[str, RecordedVerdict]
+    lost: frozenset[str]
+    late: frozenset[str]
+
+
+def moment_of(
+    program: Program,
+    interpreter: Interpreter,
+    before: InterpreterState | None,
+    history: History,
+    **seen: Unpack[Seen],
+) -> Moment:
+    """Return the moment of a frame that the interpreter has decided; `before` is its state before that."""
+    names = [m.name for m in program.modules]
+    return Moment(
+        program=program,
+        values=interpreter.values,
+        memory={} if before is None else before.memory.functions,
+        last_active_ns={} if before is None else before.memory.last_active_ns,
+        silent=frozenset(n for n in names if interpreter.is_silent(n)),
+        blind=frozenset(n for n in names if interpreter.is_blind(n)),
+        limits=interpreter.limits,
+        history=history,
+        **seen,
+    )

@@ -21,6 +21,7 @@ from colony.verify.explain.causes import (
     TimeConstant,
     Undisturbed,
     Unknown,
+    Unwired,
 )
 from colony.verify.explain.command import Cut
 from colony.verify.explain.formula import Formula, Group, Leaf, deciding_parts
@@ -31,12 +32,48 @@ MAX_DEPTH = 10
 
 def lines(explanation: Explanation) -> tuple[str, ...]:
     """Return an answer as lines of text: the claim, the conditions indented below it, what had to change."""
+    formula, t_ns = explanation.formula, explanation.t_ns
+    head, parts = _joined(formula)
+    answer = explanation.answer
+    is_joined = head is not None and head.startswith(answer)
+    first, below = (head, parts) if is_joined else (answer, (formula,))
     return (
-        f"{time_text(explanation.t_ns)}: {claim_text(explanation)}",
-        *(f"  {line}" for line in _sent_lines(explanation)),
-        *(f"  {line}" for line in _tree(explanation.formula, explanation.t_ns, 0, explanation.holds)),
+        f"{time_text(t_ns)}: {first}{_sent_text(explanation)}",
+        *(f"  {line}" for cut in _cuts(explanation) for line in (_cut_text(cut),)),
+        *(f"  {line}" for part in below for line in _tree(part, t_ns, 0)),
         *(f"  {line}" for line in _changes_lines(explanation)),
     )
+
+
+MAX_CAUSES = 4
+"""Maximum number of conditions that a short answer has."""
+
+
+def short(explanation: Explanation) -> str:
+    """Return the first conditions that decided, on one line."""
+    texts = list(dict.fromkeys(_short(explanation.formula, explanation.t_ns)))
+    more = [f"and {len(texts) - MAX_CAUSES} more"] if len(texts) > MAX_CAUSES else []
+    return "; ".join((*texts[:MAX_CAUSES], *more))
+
+
+def _short(formula: Formula, t_ns: int) -> Iterator[str]:
+    """Yield the conditions that decided; of modules, wires and winners no more than that they are active."""
+    if isinstance(formula, Leaf):
+        if not formula.implied:
+            yield cause_text(formula.cause, formula.holds, t_ns)
+        return
+    match formula.subject:
+        case "module" | "wire":
+            yield f"{formula.name} is {'' if formula.holds else 'not '}active"
+        case "winner":
+            subject, _, predicate = formula.name.partition(" is ")
+            yield f"{subject} is {'' if formula.holds else 'not '}{predicate}"
+            for part in shown_parts(formula):
+                if isinstance(part, Leaf):
+                    yield from _short(part, t_ns)
+        case _:
+            for part in shown_parts(formula):
+                yield from _short(part, t_ns)
 
 
 def time_text(t_ns: int) -> str:
@@ -44,12 +81,15 @@ def time_text(t_ns: int) -> str:
     return f"{t_ns / 1e9:.10g} s"
 
 
-def claim_text(explanation: Explanation) -> str:
-    """Return the claim as a sentence that holds: `drive is not by avoid`."""
-    if explanation.holds:
-        return explanation.claim
-    subject, verb, rest = explanation.claim.partition(" is ")
-    return f"{subject}{verb}not {rest}"
+def _sent_text(explanation: Explanation) -> str:
+    """Return who commands the actuator, where the claim does not say so."""
+    sent = explanation.sent
+    if sent is None or (explanation.holds and explanation.claim.startswith(sent.decision.actuator)):
+        return ""
+    actuator, by = sent.decision.actuator, sent.decision.by
+    if by is None:
+        return f"; {actuator} is idle" if sent.outside is None else f"; {actuator} is by {sent.outside}"
+    return f"; {actuator} is by {by}"
 
 
 def cause_text(cause: Cause, holds: bool, t_ns: int) -> str:
@@ -69,14 +109,15 @@ def cause_text(cause: Cause, holds: bool, t_ns: int) -> str:
             return _past_text(cause, holds, t_ns)
         case Present():
             return _present_text(cause, t_ns)
-        case Unknown(condition=condition):
-            return f"`{condition}` is unknown: it reads something missing"
+        case Unknown(condition=condition, missing=missing):
+            what = f"{listed(missing)} {'are' if len(missing) > 1 else 'is'}" if missing else "something is"
+            return f"`{condition}` is unknown: {what} missing"
         case _:
             return _runtime_text(cause, holds, t_ns)
 
 
 def _runtime_text(
-    cause: TimeConstant | Answered | Heard | Undisturbed | Sendable, holds: bool, t_ns: int
+    cause: TimeConstant | Answered | Heard | Undisturbed | Sendable | Unwired, holds: bool, t_ns: int
 ) -> str:
     match cause:
         case TimeConstant(dominant=dominant, window_ns=window_ns, at_ns=at_ns):
@@ -105,6 +146,9 @@ def _runtime_text(
             if fault is None:
                 return f"the command of {module} could be sent to {actuator}"
             return f"the command of {module} could not be sent to {actuator}: {FAULTS.get(fault, fault)}"
+        case Unwired(actuator=actuator, module=module_or_none):
+            what = "no module is wired" if module_or_none is None else f"no wire leads from {module_or_none}"
+            return f"{what} to {actuator}"
         case _:
             assert_never(cause)
 
@@ -145,9 +189,8 @@ def _past_text(past: Past, holds: bool, t_ns: int) -> str:
         case "recently", None:
             return f"`{past.condition}` has not been true before"
         case "recently", int(at_ns):
-            relation = "less" if holds else "not less"
-            when = _ago(at_ns, t_ns)
-            return f"`{past.condition}` was last true at {when}, which is {relation} than {duration}"
+            relation = "within" if holds else "longer ago than"
+            return f"`{past.condition}` was last true at {_ago(at_ns, t_ns)}: {relation} {duration}"
         case "sustained", None:
             return f"`{past.condition}` must have been true for {duration}"
         case "sustained", int(at_ns):
@@ -203,21 +246,39 @@ def _details(detail: tuple[str, ...]) -> str:
 # --- the tree of conditions ------------------------------------------------------------------------
 
 
-def _tree(formula: Formula, t_ns: int, depth: int, holds: bool) -> Iterator[str]:
+def _tree(formula: Formula, t_ns: int, depth: int) -> Iterator[str]:
     """Yield a line for each condition that decided, indented by depth."""
     indent = "  " * depth
     if isinstance(formula, Leaf):
-        yield indent + cause_text(formula.cause, formula.holds, t_ns)
+        if not formula.implied:
+            yield indent + cause_text(formula.cause, formula.holds, t_ns)
         return
-    head = head_text(formula)
-    if head:
+    head, parts = _joined(formula)
+    if depth >= MAX_DEPTH:
+        yield f"{indent}{head or 'and so on'}"
+        return
+    if head is not None:
         yield indent + head
-        depth += 1
-    if depth > MAX_DEPTH:
-        yield f"{'  ' * depth}and so on"
-        return
-    for part in deciding_parts(formula):
-        yield from _tree(part, t_ns, depth, holds)
+    for part in parts:
+        yield from _tree(part, t_ns, depth + (head is not None))
+
+
+def _joined(formula: Formula) -> tuple[str | None, tuple[Formula, ...]]:
+    """Return the line of a group, with that of its only part if both can be one line, and what is below."""
+    if isinstance(formula, Leaf):
+        return None, (formula,)
+    parts = shown_parts(formula)
+    head = head_text(formula)
+    if head is not None and len(parts) == 1:
+        [part] = parts
+        if isinstance(part, Group) and part.subject == "predicate":
+            return f"{head}: {head_text(part)}", shown_parts(part)
+    return head, parts
+
+
+def shown_parts(group: Group) -> tuple[Formula, ...]:
+    """Return the parts that decide the value of a group, without those that go without saying."""
+    return tuple(p for p in deciding_parts(group) if not (isinstance(p, Leaf) and p.implied))
 
 
 def head_text(group: Group) -> str | None:
@@ -233,7 +294,7 @@ def head_text(group: Group) -> str | None:
         case "let" | "condition" | "memory":
             return f"`{name}` is {_truth(holds)}"
         case "winner" | "dominated":
-            return None
+            return None  # the modules below say it
         case _:
             assert_never(group.subject)
 
@@ -241,12 +302,8 @@ def head_text(group: Group) -> str | None:
 # --- the command, and what had to change -----------------------------------------------------------
 
 
-def _sent_lines(explanation: Explanation) -> Iterator[str]:
-    sent = explanation.sent
-    if sent is None:
-        return
-    for cut in sent.cuts:
-        yield _cut_text(cut)
+def _cuts(explanation: Explanation) -> tuple[Cut, ...]:
+    return () if explanation.sent is None else explanation.sent.cuts
 
 
 def _cut_text(cut: Cut) -> str:
@@ -258,37 +315,55 @@ def _cut_text(cut: Cut) -> str:
 def _changes_lines(explanation: Explanation) -> Iterator[str]:
     changes = explanation.changes
     if not changes:
-        yield "no other reading would have changed this"
-        return
-    texts = [listed([_name(leaf.cause) for leaf in change]) for change in changes]
-    if len(changes) == 1 and len(changes[0]) == 1:
-        yield f"to change this: {texts[0]}"
-    elif len(changes) == 1:
-        yield f"to change this, all of these: {texts[0]}"
-    else:
-        yield f"to change this, any of these: {'; '.join(texts)}"
+        yield "nothing that was sensed or remembered would have changed this"
+    for is_certain, word in ((True, "would"), (False, "might")):
+        texts = [
+            listed([change_text(leaf) for leaf in change.leaves])
+            for change in changes
+            if change.is_certain == is_certain
+        ]
+        together = any(len(change.leaves) > 1 for change in changes if change.is_certain == is_certain)
+        only = "only " if together and is_certain else ""
+        if texts:
+            yield f"it {word} change {only}if {'; or if '.join(texts)}"
 
 
-def _name(cause: Cause) -> str:
-    """Return a few words that name a condition."""
+def change_text(leaf: Leaf) -> str:
+    """Return the opposite of a condition as a clause: what would have to be so."""
+    holds, cause = leaf.holds, leaf.cause
     match cause:
         case Comparison(condition=condition) | Reading(condition=condition) | Constant(condition=condition):
-            return f"`{condition}`"
+            return f"`{condition}` {'did not hold' if holds else 'held'}"
         case Remembered(condition=condition) | Unknown(condition=condition):
-            return f"`{condition}`"
-        case Past(function=function, condition=condition, duration_ns=duration_ns):
-            return f"the past of `{function}({condition}, {duration_text(duration_ns)})`"
+            return f"`{condition}` {'did not hold' if holds else 'held'}"
+        case Past(function="recently", condition=condition, duration_ns=duration_ns):
+            had = "had not been" if holds else "had been"
+            return f"`{condition}` {had} true in the {duration_text(duration_ns)} before"
+        case Past(condition=condition, duration_ns=duration_ns):
+            had = "had not been" if holds else "had been"
+            return f"`{condition}` {had} true for {duration_text(duration_ns)}"
+        case _:
+            return _change_of_runtime(cause, holds)
+
+
+def _change_of_runtime(
+    cause: Present | TimeConstant | Answered | Heard | Undisturbed | Sendable | Unwired, holds: bool
+) -> str:
+    match cause:
         case Present(sensor=sensor):
-            return f"a reading of {sensor}"
-        case TimeConstant(dominant=dominant):
-            return f"the time constant of {dominant}"
+            return f"{sensor} {'were missing' if holds else 'had a reading'}"
+        case TimeConstant(dominant=dominant, window_ns=window_ns):
+            had = "had not been" if holds else "had been"
+            return f"{dominant} {had} active in the {duration_text(window_ns)} before"
         case Answered(module=module):
-            return f"the answer of {module}"
+            return f"{module} answered {'with no command' if holds else 'with a command'}"
         case Heard(module=module):
-            return f"the client of {module}"
+            return f"the request of {module} had come in time"
         case Undisturbed(actuator=actuator):
-            return f"the command of {actuator} from outside"
+            return f"{actuator} had been left to the network"
         case Sendable(module=module):
-            return f"the command of {module}"
+            return f"the command of {module} could have been sent"
+        case Unwired(actuator=actuator):
+            return f"{actuator} were wired otherwise"
         case _:
             assert_never(cause)
