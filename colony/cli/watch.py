@@ -174,14 +174,16 @@ def scene_for(program: Program, title: str, map_path: str | None) -> Scene:
     """
     from colony.compile.pipeline import compile_program
     from colony.robots.described import described_robot
+    from colony.watch.footprint import footprint_of
     from colony.watch.scene import scene_of
-    from colony.watch.surroundings import footprint_of, map_scene
 
+    world = None
     if map_path is not None:
         expect_extras("sim")
-    from colony.nav.maps.world_map import load_world
+        from colony.nav.maps.world_map import load_world
+        from colony.watch.map import map_scene
 
-    world = None if map_path is None else map_scene(load_world(map_path))
+        world = map_scene(load_world(map_path))
     body = described_robot(program.robot).body
     clients = compile_program(program).compiled.clients
     return scene_of(program, title, clients, world, footprint_of(body))

@@ -1,4 +1,4 @@
-"""What a page shows besides the program: the map, and the robot's footprint."""
+"""The footprint of a robot, for a page."""
 
 from __future__ import annotations
 
@@ -6,17 +6,6 @@ import math
 
 from colony.body.footprint import radius_mm
 from colony.body.model import Body, Polygon
-from colony.nav.maps.world_map import WorldMap
-from colony.watch.scene import MapScene
-
-
-def map_scene(world: WorldMap) -> MapScene:
-    """Return a map for a page, to the millimeter."""
-    return MapScene(
-        name=world.name,
-        walls=tuple(tuple(round(float(x)) for x in wall) for wall in world.walls),
-        holes=tuple(tuple((round(float(x)), round(float(y))) for x, y in hole) for hole in world.holes),
-    )
 
 
 def footprint_of(body: Body) -> tuple[tuple[float, float], ...]:
