@@ -161,7 +161,7 @@ def _live(
             listener = resources.enter_context(listening(robot_address, program, found.run, session, source))
         except DiagnosticError as failure:
             refuse(failure.diagnostics)
-        resources.enter_context(noting_silence(listener, store, robot))
+        resources.enter_context(noting_silence(sink, store, robot))
         stop = resources.enter_context(stop_button(session)) if may_stop else None
     return Watched(scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop)
 

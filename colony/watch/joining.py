@@ -96,8 +96,6 @@ class Listener:
         self._observer = observer
         self.address = "watch"
         self.listens = observer.listens
-        self.heard_s = time.monotonic()
-        """Time at which the last message came, by this machine's monotonic clock."""
 
     @property
     def deferred(self) -> tuple[str, ...]:
@@ -110,7 +108,6 @@ class Listener:
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         """Observe a message."""
-        self.heard_s = time.monotonic()
         for _ in self._observer.handle(message, now_ns):
             pass
         return ()
@@ -137,12 +134,15 @@ class Joiner:
         self._max_held = max_held
         self._lock = threading.Lock()
         self._is_following = False
+        self.heard_s = time.monotonic()
+        """Time at which the last frame came, by this machine's monotonic clock."""
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._seek, name="joiner", daemon=True)
         self._thread.start()
 
     def take(self, log: FrameLog) -> None:
         """Take a frame."""
+        self.heard_s = time.monotonic()
         with self._lock:
             if log.restart or log.tick.k == log.tick.start:
                 self._is_following = True
@@ -190,8 +190,8 @@ class Joiner:
 @contextmanager
 def listening(
     robot_address: RobotAddress, program: Program, run: str, session: Session, source: LiveSource
-) -> Iterator[Listener]:
-    """Listen to a run of a program as long as the context lasts.
+) -> Iterator[Joiner]:
+    """Listen to a run of a program as long as the context lasts; its value is the sink that gets the frames.
 
     Raises:
         LiveError: the robot cannot be joined.
@@ -215,4 +215,4 @@ def listening(
         thread.start()
         resources.callback(thread.join)
         resources.callback(host.stop)
-        yield listener
+        yield joiner

@@ -11,31 +11,31 @@ from typing import Protocol
 from colony.watch.store import SnapshotStore
 
 SILENCE_S = 2.0
-"""Seconds without any message after which a robot counts as silent."""
+"""Seconds without a frame after which a robot counts as silent."""
 
 CHECK_INTERVAL_S = 0.5
 
 
 class Heard(Protocol):
-    """Something that hears messages."""
+    """A sink that gets the frames of a robot."""
 
     @property
     def heard_s(self) -> float:
-        """Time at which the last message came, by this machine's monotonic clock."""
+        """Time at which the last frame came, by this machine's monotonic clock."""
         ...
 
 
 @contextmanager
-def noting_silence(listener: Heard, store: SnapshotStore, robot: str) -> Iterator[None]:
+def noting_silence(sink: Heard, store: SnapshotStore, robot: str) -> Iterator[None]:
     """Say in the store, as long as the context lasts, whether a robot is silent."""
     ended = threading.Event()
 
     def check() -> None:
         said = None
         while not ended.wait(CHECK_INTERVAL_S):
-            is_silent = time.monotonic() - listener.heard_s > SILENCE_S
+            is_silent = time.monotonic() - sink.heard_s > SILENCE_S
             if is_silent and store.problem is None:
-                store.problem = said = f"nothing is heard from {robot}"
+                store.problem = said = f"no frames come from {robot}: its run has ended, or it is silent"
             elif not is_silent and said is not None and store.problem == said:
                 store.problem = said = None
 

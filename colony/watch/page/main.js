@@ -72,6 +72,7 @@ function draw() {
   $("play-shape").setAttribute("d", isMoving ? "M4 3h2.5v10H4zM9.5 3H12v10H9.5z" : "M4 2.5L13 8l-9 5.5z");
   $("play").setAttribute("aria-label", isMoving ? "pause" : "play");
   $("follow").disabled = player.following;
+  if (page.network.chosen && !isMoving && page.asked !== snapshot.k) ask(page.network.chosen);
   globalThis.colonyWatch.drawn += 1;
 }
 
@@ -112,6 +113,12 @@ function choose(module) {
   if (!page.snapshot) return;
   const state = page.snapshot.modules[page.scene.modules.indexOf(module)];
   setText($("reason-text"), page.mayAsk ? "…" : state);
+  ask(module);
+}
+
+/** Ask why of the frame that is shown; where the run rests, every frame that is shown is asked for. */
+function ask(module) {
+  page.asked = page.snapshot.k;
   if (page.mayAsk) send({ do: "ask", module, k: page.snapshot.k });
 }
 

@@ -58,7 +58,7 @@ export class Timeline {
       const to = i + 1 < times.length ? x(times[i + 1]) : x(last);
       if (winners[i] >= 0) {
         context.fillStyle = palette.winners[winners[i] % palette.winners.length];
-        context.fillRect(from, 14, Math.max(1, to - from), 10);
+        context.fillRect(Math.floor(from), 14, Math.max(1, Math.ceil(to) - Math.floor(from)), 10);
       }
       for (const [bit, color, shape] of MARKS) if (marks[i] & bit) mark(context, shape, palette[color], from);
     }

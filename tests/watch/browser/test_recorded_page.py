@@ -76,6 +76,9 @@ def test_a_module_says_why_not(browser: Browser, server: PageServer) -> None:
     browser.press(ENTER)
     until(lambda: "frame 3" in browser.text("#reason-title"), "an answer comes")
     assert "avoid" in browser.text("#reason-text")
+    browser.run("document.activeElement.blur()")
+    browser.press(RIGHT)
+    until(lambda: "frame 4" in browser.text("#reason-title"), "the next frame is asked for")
 
 
 def test_the_keyboard_alone_is_enough(browser: Browser, server: PageServer) -> None:
