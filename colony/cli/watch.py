@@ -158,7 +158,7 @@ def _live(
             resources.callback(store.close)
             source = LiveSource(program, store, trail)
             resources.callback(source.close)
-            listener = resources.enter_context(listening(robot_address, program, found.run, session, source))
+            sink = resources.enter_context(listening(robot_address, program, found.run, session, source))
         except DiagnosticError as failure:
             refuse(failure.diagnostics)
         resources.enter_context(noting_silence(sink, store, robot))
