@@ -145,14 +145,10 @@ class SnapshotMaker:
         program, frame = self._program, observed.frame
         outputs = () if interpreter is None else tuple(self._outputs(interpreter))
         readings = [frame.readings.get(s.name) for s in self._shown]
-        stale = (
-            ()
-            if interpreter is None
-            else tuple(
-                i
-                for i, (s, reading) in enumerate(zip(self._shown, readings, strict=True))
-                if reading is not None and not interpreter.is_read(s.name)
-            )
+        stale = tuple(
+            i
+            for i, (s, reading) in enumerate(zip(self._shown, readings, strict=True))
+            if reading is not None and interpreter is not None and not interpreter.is_read(s.name)
         )
         tick, verdicts = observed.tick, observed.verdicts
         holds = any(v.hold == "stopped" for v in verdicts.values())

@@ -25,6 +25,7 @@ from colony.cli.robot_options import (
     security_option,
 )
 from colony.cli.run.also import also_option, other_robots
+from colony.cli.run.interface import user_interface
 from colony.cli.run.options import DURATION, OptionError, Options, objection, request_of
 from colony.cli.shipped_files import BEHAVIOR, map_option, movers_option, start_option
 from colony.extras import expect_extras
@@ -217,26 +218,13 @@ def command(**arguments: Any) -> None:
         if options.map_path is not None:
             inputs += load_world(options.map_path).files  # before the simulator is imported, which takes long
         check_outputs(options.record, picture, inputs)
-        with _user_interface(compiled, options) as ui:
+        with user_interface(compiled, options) as ui:
             result = _drive(compiled, described, request, options, ui)
         if options.robot is not None:
             result = result._replace(summary=replace(result.summary, robot=options.robot))
         if picture is not None:
             result = draw(result, compiled.name, picture)
     _print_summary(result, options.record, picture, options.format_)
-
-
-@contextmanager
-def _user_interface(compiled: Compiled, options: Options) -> Iterator[UserInterface]:
-    from colony.cli.run.user_interface import TERMINAL_INTERFACE
-
-    if not options.watch:
-        yield TERMINAL_INTERFACE
-        return
-    from colony.cli.run.page import shown_in_browser
-
-    with shown_in_browser(compiled, options.map_path) as sink:
-        yield replace(TERMINAL_INTERFACE, sinks=(sink,))
 
 
 def _drive(

@@ -67,8 +67,8 @@ function draw() {
   for (const view of page.views) view.show(snapshot);
   timeline.show(snapshot.t);
   setText($("clock"), `${snapshot.t.toFixed(2)} s · frame ${snapshot.k}`);
-  showAlarms(snapshot.late);
   const isMoving = player.playing || player.following;
+  showAlarms(snapshot.late, isMoving);
   $("play-shape").setAttribute("d", isMoving ? "M4 3h2.5v10H4zM9.5 3H12v10H9.5z" : "M4 2.5L13 8l-9 5.5z");
   $("play").setAttribute("aria-label", isMoving ? "pause" : "play");
   $("follow").disabled = player.following;
@@ -96,7 +96,16 @@ function showConnection(state) {
   showMode();
 }
 
-function showAlarms(late) {
+const ALARM_MS = 2000;
+const alarms = new Map();
+
+/** Show who is late. In a run that moves an alarm stays for a while, so that nothing flickers. */
+function showAlarms(now, isMoving) {
+  const time = performance.now();
+  if (!isMoving) alarms.clear();
+  for (const alarm of now) alarms.set(alarm, time + ALARM_MS);
+  for (const [alarm, end] of alarms) if (end < time) alarms.delete(alarm);
+  const late = [...alarms.keys()].sort();
   const text = late.join("\n");
   if (text === page.alarms) return;
   page.alarms = text;
