@@ -147,7 +147,7 @@ class _Chosen:
 
 
 class _Asked:
-    """A recording that is asked about: its program and its index. Immutable once it is made."""
+    """A recording that is asked about: its program and its index. Mutable: a damaged index is built again."""
 
     def __init__(self, recording: str, file: str | None, folder: Path) -> None:
         from colony.dsl.site_reading import params_of
@@ -177,16 +177,17 @@ class _Asked:
 
         with open_recording(self.recording) as stream:
             path = index_path(stream, self.program, os.environ)
-        return cached_index(path) or self._built(path)
+        self._path = path
+        return cached_index(path) or self._built()
 
-    def _built(self, path: Path | None) -> Index:
+    def _built(self) -> Index:
         from colony.robots.moments.building import build_index, keep_index
         from colony.runtime.recordings.opening import open_recording, read_recording
 
         with open_recording(self.recording) as stream:
             reader = read_recording(stream, self.recording)
             index = build_index(self.program, reader, ReadingProgress(stream, "reading, once: "))
-        problem = keep_index(path, index)
+        problem = keep_index(self._path, index)
         if problem is not None:
             say(f"the index cannot be kept, so the next question will take as long: {problem}")
         return index
@@ -202,8 +203,8 @@ class _Asked:
         found = list(spans_of(self.index, wanted, from_ns))
         if len(found) < nth:
             since = "" if from_ns is None else f" from {from_ns / 1e9:.10g} s on"
-            often = counted(len(found), "time") if found else "never"
-            _misuse(f"{self.recording}: error: --when: `{when}` begins {often}{since}{self._extent()}")
+            begins = f"begins {counted(len(found), 'time')}" if found else "never begins"
+            _misuse(f"{self.recording}: error: --when: `{when}` {begins}{since}{self._extent()}")
         return _Chosen(when, wanted, found, nth)
 
     def _extent(self) -> str:
@@ -228,7 +229,7 @@ class _Asked:
                 with self._reading() as reader:
                     return moment_at(self.program, reader, self.index, t_ns)
             except StaleIndexError:
-                self.index = self._built(None)
+                self.index = self._built()
         raise AssertionError("an index that was just built has a wrong checksum")
 
     def answers(self, found: Found, questions: Sequence[Why | WhyNot]) -> list[Explanation]:

@@ -21,9 +21,15 @@ INTERVAL_NS = 5_000_000_000
 
 
 def build_index(
-    program: Program, reader: RecordingReader, progress: Callable[[], None] = lambda: None
+    program: Program,
+    reader: RecordingReader,
+    progress: Callable[[], None] = lambda: None,
+    *,
+    interval_ns: int = INTERVAL_NS,
 ) -> Index:
     """Follow a whole recording, and return its index; `progress` is called after each frame.
+
+    Marks are at least `interval_ns` apart.
 
     Raises:
         DiagnosticError: the recording is of another program, or cannot be read.
@@ -36,7 +42,7 @@ def build_index(
         t_ns = recorded.frame.t_ns
         if recorded.damaged:
             damaged.append(_span(last_ns if frames else None, t_ns))
-        is_due = not marks or t_ns - marks[-1].t_ns >= INTERVAL_NS
+        is_due = not marks or t_ns - marks[-1].t_ns >= interval_ns
         if recorded.place is not None and is_due and frames and not recorded.damaged:
             section, checksum = sections.add(follower.checkpoint)
             marks.append(

@@ -72,6 +72,8 @@ _IS = re.compile(r"(?P<subject>[\w.]+)\s+is\s+(?P<negated>not\s+)?(?P<value>\w+)
 _MODULE = ("active", "inactive", "silent", "blind")
 _CLIENT = ("late", "lost", "refused")
 _SENSOR = ("missing", "present")
+CONDITIONS = ("idle", "commanded", "outside", *_MODULE, *_CLIENT, *_SENSOR)
+"""The words after `is`."""
 
 
 class ConditionError(ValueError):

@@ -9,6 +9,7 @@ answer = explain(follower.moment, WhyNot("avoid"))
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from colony.ir.expression import Expression
 from colony.ir.frame import Decision
@@ -105,30 +106,52 @@ def explain(moment: Moment, question: Why | WhyNot) -> Explanation:
     name, network = question.subject, Network(moment)
     program = moment.program
     module = next((m for m in program.modules if m.name == name), None)
-    winner = moment.winner(name) if any(a.name == name for a in program.robot.actuators) else None
-    if winner is not None and isinstance(question, Why):
-        return _answer(network, question, (name, f"by {winner}"), network.is_by(name, winner), name)
     if any(a.name == name for a in program.robot.actuators):
-        return _answer(network, question, (name, "commanded"), network.is_commanded(name), name)
+        return _about_actuator(network, question)
     if any(s.name == name for s in program.robot.sensors):
-        return _answer(network, question, (name, "present"), network.conditions.present(name), None)
+        claim = _Claim(f"{name} is present", f"{name} is missing")
+        return _answer(network, question, claim, network.conditions.present(name), None)
     actuator = None if module is None else module.actuator
     if actuator is not None and isinstance(question, WhyNot):
-        return _answer(network, question, (actuator, f"by {name}"), network.is_by(actuator, name), actuator)
-    return _answer(network, question, (name, "active"), network.active(name), actuator)
+        return _answer(
+            network, question, _is(actuator, f"by {name}"), network.is_by(actuator, name), actuator
+        )
+    return _answer(network, question, _is(name, "active"), network.active(name), actuator)
+
+
+def _about_actuator(network: Network, question: Why | WhyNot) -> Explanation:
+    moment, name = network.moment, question.subject
+    winner, verdict = moment.winner(name), moment.verdicts.get(name)
+    if winner is not None and isinstance(question, Why):
+        return _answer(network, question, _is(name, f"by {winner}"), network.is_by(name, winner), name)
+    outside = None if verdict is None else verdict.outside
+    idle = f"{name} is idle" if outside is None else f"{name} is by {outside}, from outside the network"
+    claim = _Claim(f"{name} is commanded", idle)
+    return _answer(network, question, claim, network.is_commanded(name), name)
 
 
 def explain_condition(moment: Moment, name: str, expression: Expression) -> Explanation:
     """Return why a contract or an expectation, called `name`, is true or false in a moment."""
     network = Network(moment)
     formula = network.conditions.formula(expression)
-    return _answer(network, Whether(name), (f"`{name}`", "true"), formula, None)
+    return _answer(network, Whether(name), _is(f"`{name}`", "true"), formula, None)
+
+
+class _Claim(NamedTuple):
+    """A claim and its opposite, as sentences."""
+
+    text: str
+    opposite: str
+
+
+def _is(subject: str, predicate: str) -> _Claim:
+    return _Claim(f"{subject} is {predicate}", f"{subject} is not {predicate}")
 
 
 def _answer(
-    network: Network, question: Question, claim: tuple[str, str], formula: Formula, actuator: str | None
+    network: Network, question: Question, claim: _Claim, formula: Formula, actuator: str | None
 ) -> Explanation:
-    moment, (subject, predicate) = network.moment, claim
+    moment = network.moment
     sent = None if actuator is None else sent_to(moment, actuator)
     asked = None if isinstance(question, Whether) else question.subject
     module = asked if asked in moment.history.modules else sent.decision.by if sent else None
@@ -137,9 +160,9 @@ def _answer(
         question=question,
         k=moment.k,
         t_ns=moment.t_ns,
-        claim=f"{subject} is {predicate}",
+        claim=claim.text,
         holds=formula.holds,
-        answer=f"{subject} is {'' if formula.holds else 'not '}{predicate}",
+        answer=claim.text if formula.holds else claim.opposite,
         formula=formula,
         changes=changes(formula, network.conditions.entangled(formula)),
         module=None if module is None or since is None else (module, since),

@@ -24,7 +24,8 @@ class Leaf:
     """A condition without parts, and its value.
 
     `node` is the expression that it is about, if it is about one. A `fixed` condition cannot change. An
-    `implied` one goes without saying: that a module which is not silent has what it reads.
+    `implied` one goes without saying: that a module which is not silent has what it reads. A `free` one is
+    not known: what a module would decide if it were not silent.
     """
 
     holds: bool
@@ -34,6 +35,7 @@ class Leaf:
     node: Expression | None = None
     fixed: bool = False
     implied: bool = False
+    free: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,16 +173,25 @@ def changes(formula: Formula, entangled: Collection[Key] = ()) -> Changes:
 
 def _smallest(formula: Formula, candidates: list[Leaf]) -> list[tuple[Leaf, ...]]:
     sizes = (1, 2) if len(candidates) <= MAX_CANDIDATES else (1,)
+    free = {node.key for node in _bottom_up(formula) if isinstance(node, Leaf) and node.free}
     for size in sizes:
         found = [
             chosen
             for chosen in combinations(candidates, size)
-            if value_with(formula, {leaf.key for leaf in chosen}) != formula.holds
+            if _may_flip(formula, {leaf.key for leaf in chosen}, free)
         ]
         if found:
             return found
     needed = _structural(formula, {leaf.key for leaf in candidates})
     return [] if needed is None else [needed]
+
+
+def _may_flip(formula: Formula, flipped: set[Key], free: set[Key]) -> bool:
+    """Return True if the outcome changes, or may change because a silent module gets what it reads."""
+    if value_with(formula, flipped) != formula.holds:
+        return True
+    appears = free and any(key[0] == "present" for key in flipped)
+    return bool(appears) and value_with(formula, flipped | free) != formula.holds
 
 
 def _structural(formula: Formula, allowed: set[Key]) -> tuple[Leaf, ...] | None:

@@ -9,7 +9,15 @@ from colony.ir.frame import Answer
 from colony.ir.given import MISSED
 from colony.ir.program import AnyModule, Chain, Module, PythonModule, Use, Wiring
 from colony.ir.walk import expressions_of
-from colony.verify.explain.causes import Answered, Heard, Sendable, TimeConstant, Undisturbed, Unwired
+from colony.verify.explain.causes import (
+    Answered,
+    Heard,
+    Sendable,
+    TimeConstant,
+    Undisturbed,
+    Unknown,
+    Unwired,
+)
 from colony.verify.explain.conditions import Conditions
 from colony.verify.explain.formula import Formula, Leaf, group, negation
 from colony.verify.explain.moment import Moment
@@ -51,7 +59,11 @@ class Network:
         present = self.conditions.presence(expressions_of(module))
         is_missing = not all(leaf.holds for leaf in present)
         if is_missing:
-            parts: list[Formula] = [*present]
+            cause = Unknown(condition=f"the predicate of {name}")
+            decides = Leaf(
+                holds=True, cause=cause, key=("predicate", name), implied=True, free=True, fixed=True
+            )
+            parts: list[Formula] = [*present, decides]
         else:
             parts = [*(replace(leaf, implied=True) for leaf in present), self._applicable(module)]
         if module.failsafe:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import assert_never
 
 from colony.text.wording import duration_text, listed
-from colony.verify.explain.answer import Explanation
+from colony.verify.explain.answer import Explanation, Whether
 from colony.verify.explain.causes import (
     Answered,
     Cause,
@@ -39,7 +39,8 @@ def lines(explanation: Explanation) -> tuple[str, ...]:
     first, below = (head, parts) if is_joined else (answer, (formula,))
     return (
         f"{time_text(t_ns)}: {first}{_sent_text(explanation)}",
-        *(f"  {line}" for cut in _cuts(explanation) for line in (_cut_text(cut),)),
+        *(f"  {line}" for line in _since_lines(explanation)),
+        *(f"  {_cut_text(cut)}" for cut in _cuts(explanation)),
         *(f"  {line}" for part in below for line in _tree(part, t_ns, 0)),
         *(f"  {line}" for line in _changes_lines(explanation)),
     )
@@ -82,14 +83,22 @@ def time_text(t_ns: int) -> str:
 
 
 def _sent_text(explanation: Explanation) -> str:
-    """Return who commands the actuator, where the claim does not say so."""
-    sent = explanation.sent
-    if sent is None or (explanation.holds and explanation.claim.startswith(sent.decision.actuator)):
+    """Return who commands the actuator, where the answer does not say so."""
+    sent, question = explanation.sent, explanation.question
+    if sent is None or (not isinstance(question, Whether) and question.subject == sent.decision.actuator):
         return ""
     actuator, by = sent.decision.actuator, sent.decision.by
     if by is None:
         return f"; {actuator} is idle" if sent.outside is None else f"; {actuator} is by {sent.outside}"
-    return f"; {actuator} is by {by}"
+    return "" if explanation.answer == f"{actuator} is by {by}" else f"; {actuator} is by {by}"
+
+
+def _since_lines(explanation: Explanation) -> Iterator[str]:
+    """Yield since when the module is as it is, if the run shows it."""
+    if explanation.module is not None:
+        name, since = explanation.module
+        if not since.first and since.t_ns < explanation.t_ns:
+            yield f"{name} is {since.value} since {_ago(since.t_ns, explanation.t_ns)}"
 
 
 def cause_text(cause: Cause, holds: bool, t_ns: int) -> str:
@@ -272,7 +281,10 @@ def _joined(formula: Formula) -> tuple[str | None, tuple[Formula, ...]]:
     if head is not None and len(parts) == 1:
         [part] = parts
         if isinstance(part, Group) and part.subject == "predicate":
-            return f"{head}: {head_text(part)}", shown_parts(part)
+            below = shown_parts(part)
+            if len(below) == 1 and isinstance(below[0], Leaf) and isinstance(below[0].cause, Constant):
+                return f"{head}: its predicate is always {_truth(part.holds)}", ()
+            return f"{head}: {head_text(part)}", below
     return head, parts
 
 
