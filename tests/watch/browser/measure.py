@@ -112,7 +112,8 @@ def measure(seconds: float, folder: Path, picture: Path | None) -> None:
     source = LiveSource(of, store, trail)
     for log in frames:
         source.put(log)
-        time.sleep(0.01)
+        while store.span.end < log.tick.k - 50:
+            time.sleep(0.01)
     while store.span.end < len(frames) and store.problem is None:
         time.sleep(0.1)
     watched = Watched(scene=scene, store=store, is_live=True, explain=trail.explain)
@@ -129,8 +130,11 @@ def measure(seconds: float, folder: Path, picture: Path | None) -> None:
         before, began, used = drawn(browser), time.monotonic(), cpu_s(browser)
         time.sleep(12)
         frames_drawn = drawn(browser) - before
-        print(f"frames drawn: {frames_drawn / (time.monotonic() - began):.1f} per second")
-        print(f"time of all cores per frame drawn: {(cpu_s(browser) - used) / frames_drawn * 1e3:.1f} ms")
+        print(f"frames drawn: {frames_drawn / (time.monotonic() - began):.1f} per second", flush=True)
+        print(
+            f"time of all cores per frame drawn: {(cpu_s(browser) - used) / frames_drawn * 1e3:.1f} ms",
+            flush=True,
+        )
         if picture is not None:
             browser.picture(picture)
         browser.click("#follow")
