@@ -23,7 +23,7 @@ from colony.execute.compiled import SourceFile
 from colony.ir.program import Program
 from colony.ir.site import Site
 from colony.robots.described import described_robot
-from colony.robots.process_run import additional_servers
+from colony.robots.led_run import additional_servers
 from colony.robots.recorded_program import recorded_program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.frames.assembler import frames_to_keep
