@@ -78,6 +78,8 @@ def run_in_building(
         nodes=(*_players(request.scenario), *(() if mission is None else mission.nodes)),
         report=ui.report,
     )
+    for sink in ui.sinks:
+        session.add(sink)
     recording = None
     if request.record is not None:
         recording = recording_into(request.record, compiled, seed=request.seed)
