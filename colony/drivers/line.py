@@ -88,12 +88,15 @@ class Line(Generic[Packet]):
         connection.decide(data, time.monotonic_ns())
 
     def stop(self) -> None:
-        """Send the stop; without a guard there is no connection that could move the base.
+        """Send the stop, if the device is ready.
+
+        Until then nothing was decided since the stop of the guard, and without a guard nothing could move the
+        base. More stops would disturb the handshake of a device that takes each packet for a part of it.
 
         Raises:
             OSError: the guard has just ended.
         """
-        if (connection := self._connection) is not None:
+        if (connection := self._connection) is not None and self._is_ready:
             connection.stop()
 
     def base(self) -> BaseState | None:

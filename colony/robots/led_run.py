@@ -62,8 +62,8 @@ class LedRun:
         self._scenario = request.scenario or Scenario()
         self._mission: LiveMission | None = None
         self._compiled = compiled
-        additional = additional_servers(compiled.robot, described, robot_address)
-        self._bindings = bind(compiled.robot, (*described.servers, *additional))
+        more = additional_servers(compiled.robot, described, robot_address)
+        self._bindings = bind(compiled.robot, (*described.servers, *more))
         self._deployed = deployment(
             compiled,
             self._bindings,
@@ -76,12 +76,15 @@ class LedRun:
             self._deployed,
             file=os.path.abspath(request.file),
             params="" if compiled.site is None else os.path.abspath(compiled.site.file),
+            compiled=compiled,
         )
         self._window = Window(
             request.length_ns,
             frame_ns=compiled.frame_ns,
             sinks=(self._tally, self._status_tracker, ui.progress(request.length_ns)),
         )
+        for sink in ui.sinks:
+            self._window.record(sink)
         self._folder: Path | None = None
         self._recording: RunRecording | None = None
         self._interrupted: Callable[[], bool] = lambda: False
