@@ -62,8 +62,8 @@ class LedRun:
         self._scenario = request.scenario or Scenario()
         self._mission: LiveMission | None = None
         self._compiled = compiled
-        more = additional_servers(compiled.robot, described, robot_address)
-        self._bindings = bind(compiled.robot, (*described.servers, *more))
+        additional = additional_servers(compiled.robot, described, robot_address)
+        self._bindings = bind(compiled.robot, (*described.servers, *additional))
         self._deployed = deployment(
             compiled,
             self._bindings,

@@ -132,7 +132,7 @@ def _joined(
 ) -> Iterator[tuple[Host, list[BaseException]]]:
     """Run the node in a thread inside the `with`; the list gets the exception that ended it."""
     failed: list[BaseException] = []
-    with Host.open(robot_address, (shadow,), is_hidden=True, report=ui.report) as host:
+    with Host.open(robot_address, (shadow,), announces=False, report=ui.report) as host:
 
         def run() -> None:
             try:

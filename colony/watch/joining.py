@@ -210,7 +210,7 @@ def listening(
     listener = Listener(build_observer(compiled, bind(compiled.robot, servers), (joiner,), run))
     with ExitStack() as resources:
         resources.callback(joiner.close)
-        host = resources.enter_context(Host.open(robot_address, (listener,), is_hidden=True))
+        host = resources.enter_context(Host.open(robot_address, (listener,), announces=False))
         thread = threading.Thread(target=host.run, name="listener", daemon=True)
         thread.start()
         resources.callback(thread.join)

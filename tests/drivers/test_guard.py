@@ -226,6 +226,23 @@ def test_a_robot_that_falls_silent_is_opened_again(robot: TinyRobot) -> None:
         listener.close()
 
 
+def test_a_server_that_stops_in_each_frame_does_not_disturb_the_opening(robot: TinyRobot) -> None:
+    robot.greets = False
+    driver = base(os.fspath(robot.port))
+    try:
+        wait_for(lambda: robot.count(HELLO))
+        for _ in range(100):
+            driver.stop()
+            time.sleep(0.005)
+        asked = robot.count(HELLO)
+        wait_for(lambda: robot.count(HELLO) > asked)
+        assert robot.count(SPEEDS) <= 16  # those of the guard, which knows nothing yet
+        robot.greets = True
+        wait_for(driver.state)
+    finally:
+        driver.close()
+
+
 def test_a_wrong_baud_rate(robot: TinyRobot) -> None:
     robot.is_on = False
     driver = base(os.fspath(robot.port))
@@ -240,23 +257,6 @@ def test_a_wrong_baud_rate(robot: TinyRobot) -> None:
         robot.is_on = True
         wait_for(driver.state)
         wait_for(lambda: driver.problem is None)
-    finally:
-        driver.close()
-
-
-def test_a_server_that_stops_in_each_frame_does_not_disturb_the_opening(robot: TinyRobot) -> None:
-    robot.greets = False
-    driver = base(os.fspath(robot.port))
-    try:
-        wait_for(lambda: robot.count(HELLO))
-        for _ in range(100):
-            driver.stop()
-            time.sleep(0.005)
-        asked = robot.count(HELLO)
-        wait_for(lambda: robot.count(HELLO) > asked)
-        assert robot.count(SPEEDS) <= 16  # those of the guard, which knows nothing yet
-        robot.greets = True
-        wait_for(driver.state)
     finally:
         driver.close()
 

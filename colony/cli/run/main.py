@@ -255,10 +255,8 @@ def _drive(
         name = compiled.name if options.robot is None else options.robot
         robot_address = robot_address_of(name, options.connect, options.security)
         if options.shadow:
-            from colony.cli.run.shadow_interface import shadow_interface
             from colony.robots.shadow_run import run_shadow
 
-            ui = shadow_interface(compiled.robot.actuators)
             return run_shadow(compiled, described, robot_address, request, ui)
         from colony.robots.process_run import run_served, run_simulated
         from colony.runtime.transport.live.robot_address import Local

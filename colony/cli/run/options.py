@@ -154,6 +154,7 @@ _IN_SHADOW: tuple[tuple[str, str], ...] = (
     ("map_path", f"--map: {_RUNNING}"),
     ("processes", f"--processes: {_RUNNING}"),
     ("realtime", f"--realtime: {_RUNNING}"),
+    ("watch", "--watch: `colony watch --robot NAME` shows a robot that is running"),
     ("physics", f"--physics: {_RUNNING}"),
     ("cameras", f"--camera: {_RUNNING}"),
     ("fsync", f"--fsync: {_RUNNING}"),
