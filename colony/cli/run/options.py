@@ -166,7 +166,6 @@ _IN_SHADOW: tuple[tuple[str, str], ...] = (
     ("scenario", f"--scenario: {_COMMANDS}; `colony data set` sets a variable of the robot"),
     ("origin", f"--from: {_COMMANDS}, and a planner would"),
     ("goal", f"--to: {_COMMANDS}, and a planner would"),
-    ("watch", "--watch: it shows the run that drives"),
     ("isolate", "--isolate: the clients of --shadow are in this process, where they can disturb nobody"),
     ("picture", "--picture: the path is not that of this program; draw frames with `colony trace --picture`"),
 )
