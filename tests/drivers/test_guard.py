@@ -243,6 +243,24 @@ def test_a_server_that_stops_in_each_frame_does_not_disturb_the_opening(robot: T
         driver.close()
 
 
+def test_a_wrong_baud_rate(robot: TinyRobot) -> None:
+    robot.is_on = False
+    driver = base(os.fspath(robot.port))
+
+    def is_noticed() -> bool:
+        if driver.problem:  # the port is open
+            robot.send(b"\x00\xe0\x00")
+        return "bytes arrive, and no packet is among them: it may not speak at" in (driver.problem or "")
+
+    try:
+        wait_for(is_noticed)
+        robot.is_on = True
+        wait_for(driver.state)
+        wait_for(lambda: driver.problem is None)
+    finally:
+        driver.close()
+
+
 def test_a_busy_port(robot: TinyRobot) -> None:
     with robot.port.open("rb", buffering=0) as other:
         fcntl.flock(other, fcntl.LOCK_EX)

@@ -55,7 +55,18 @@ def test_the_charger_keeps_it_from_safe_mode() -> None:
     line = Line(Firmware())
     line.robot.plugged = True
     with pytest.raises(OpeningError, match="does not enter safe mode: its charger"):
-        line.run(2.0)
+        line.run(3.0)
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 0.1, 0.5, 0.9])
+def test_frames_of_before_do_not_matter_where_the_computer_is_slow(latency_s: float) -> None:
+    line = Line(Firmware())
+    line.latency_s = latency_s
+    line.open(5.5)
+    line.begin()
+    line.run(4.0, (100.0, 0.0))
+    line.open(1.5)
+    assert line.robot.mode == Mode.SAFE
 
 
 def test_leaving_safe_mode_is_a_fault_that_is_never_undone_silently() -> None:
