@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, assert_never
 
 from colony.body.footprint import radius_mm
 from colony.body.model import Body
-from colony.body.shipped import ROME, shipped_body
 from colony.execute.compiled import Compiled
 from colony.ir.servers import DSERVER
 from colony.nav.maps.world_map import WorldMap, load_world, world_of
@@ -17,6 +16,7 @@ from colony.robots.company import join_others, populated_world
 from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath
 from colony.robots.expected import time_limit_ns
+from colony.robots.physics_choice import expect_simulable
 from colony.robots.recording import RunRecording, is_mcap, recording_into
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.robots.scenario import Scenario, player
@@ -46,13 +46,14 @@ def run_in_building(
         DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
             robot lacks.
     """
+    expect_simulable(request.physics, described.body, request.file)
     bind(compiled.robot, described.servers)  # before the simulator is compiled, which takes long
     mission = None
     if request.goal is not None:
-        _expect_rome(described.body)
         from colony.robots.mission import Mission
-        from colony.robots.route import planned_route
+        from colony.robots.route import expect_rome, planned_route
 
+        expect_rome(described.body)
         mission = Mission(planned_route(request), request)
     clock = VirtualClock()
     floors, plant, path = _building(request, described.body, mission, clock)
@@ -77,6 +78,8 @@ def run_in_building(
         nodes=(*_players(request.scenario), *(() if mission is None else mission.nodes)),
         report=ui.report,
     )
+    for sink in ui.sinks:
+        session.add(sink)
     recording = None
     if request.record is not None:
         recording = recording_into(request.record, compiled, seed=request.seed)
@@ -98,14 +101,6 @@ def run_in_building(
         path.points,
         {name: sink.points[path.floor()] for name, sink in other_paths.items()},
     )
-
-
-def _expect_rome(body: Body) -> None:
-    """Raise MisuseError unless a robot has the body of RoME, which missions are made for."""
-    rome = shipped_body(ROME)
-    if (body.chassis, body.servers) != (rome.chassis, rome.servers):
-        problem = f"`{body.robot.name}` has another body: missions are for the sensors and cameras of RoME"
-        raise MisuseError(f"--from and --to: error: {problem}")
 
 
 def _building(
@@ -138,14 +133,8 @@ def _physics(request: RunRequest, body: Body, floor: WorldMap) -> Physics:
 
 
 def _mujoco_world(request: RunRequest, body: Body, floor: WorldMap) -> Physics:
-    from colony.sim.mujoco.model import build_of
     from colony.sim.mujoco.world import MujocoWorld
 
-    try:
-        build_of(body)
-    except ValueError as problem:
-        text = f"`{body.robot.name}` cannot be simulated: {problem}"
-        raise MisuseError(f"{request.file}: error: {text}") from None
     try:
         return MujocoWorld(
             body=body,

@@ -14,7 +14,17 @@ import math
 from collections import deque
 
 from colony.drivers.create2.codec import MAX_WHEEL, Frame, Opcode, command, decoder, drive_direct, stream
-from colony.drivers.create2.sensors import STREAM, Mode, State, implausible, state_of
+from colony.drivers.create2.sensors import (
+    FORCE_FIELD,
+    GREEN_BUOY,
+    RED_BUOY,
+    STREAM,
+    Mode,
+    State,
+    beam_heard,
+    implausible,
+    state_of,
+)
 from colony.drivers.decoder import Decoder
 from colony.drivers.dialect import Ask, Dialect, ImplausibleError, Opening, OpeningError, Readings, Send
 from colony.drivers.odometry import Pose, Registers, along_arc
@@ -25,7 +35,7 @@ from colony.runtime.servers.drivers import BaseState
 MM_PER_COUNT = math.pi * 72.0 / 508.8
 BASE_MM = 235.0
 
-FRAME_NS = 21_000_000
+FRAME_NS = 22_000_000
 """Period of the stream, and transmission of a frame at 115200 baud: so old its readings are at most."""
 
 WINDOW_NS = 100_000_000
@@ -42,6 +52,9 @@ MODE_S = 0.05
 
 ATTEMPTS = 4
 
+BEAMS = {"dock_red": RED_BUOY, "dock_green": GREEN_BUOY, "dock_field": FORCE_FIELD}
+"""The beams of a dock by the names of their fields."""
+
 MAX_SIGNAL, LIGHT_DECAY_MM, LIGHT_REACH_MM = 4_095, 80.0, 300.0
 """The strongest echo of the light bumper, how its strength is taken to fall, and how far it is looked at."""
 
@@ -50,7 +63,8 @@ class Create2(Dialect[Frame]):
     """The dialect. Mutable: has the pose by dead reckoning, and why the robot may not drive any more.
 
     Fields: battery (percent), volts, charging, docked, wheel_drop, stalled, mode; bumper (left, right), cliff
-    (left, front left, front right, right), range (of the light bumper, from left to right, in mm).
+    (left, front left, front right, right), range (of the light bumper, from left to right, in mm); dock_red,
+    dock_green, dock_field (whether the receivers to the left, all around and to the right hear that beam).
 
     Args:
         mode_offset: what the firmware adds to the mode that it reports: 0 or 1.
@@ -66,7 +80,7 @@ class Create2(Dialect[Frame]):
     def __init__(self, mode_offset: int = 0) -> None:
         if mode_offset not in (0, 1):
             raise ValueError(f"mode_offset is {mode_offset}; it is 0 or 1")
-        self._safe = Mode.SAFE + mode_offset
+        self._passive, self._safe = Mode.PASSIVE + mode_offset, Mode.SAFE + mode_offset
         self._registers = Registers(16, 16, max_rate=1.2 * MAX_WHEEL / MM_PER_COUNT)
         self._pose = Pose()
         self._travel = (0.0, 0.0)
@@ -97,13 +111,13 @@ class Create2(Dialect[Frame]):
             raise OpeningError(
                 "no Create answers: is it switched on and awake, its baud rate 115200? Press CLEAN to wake it"
             )
+        yield Ask(b"", self._is_passive)  # frames of before arrive late where the computer is slow
         yield Send(command(Opcode.SAFE), MODE_S)
-        frame = yield Ask(b"", _any)
-        if frame is None:
-            raise OpeningError("the stream of the Create has ended")
-        state = state_of(frame.values())
-        if state.mode != self._safe:
-            raise OpeningError(f"the Create does not enter safe mode: {_reason(state)}")
+        if (yield Ask(b"", self._is_safe)) is None:
+            frame = yield Ask(b"", _any)
+            if frame is None:
+                raise OpeningError("the stream of the Create has ended")
+            raise OpeningError(f"the Create does not enter safe mode: {_reason(state_of(frame.values()))}")
         self._drives = True
 
     def read(self, packet: Frame, t_ns: int) -> Readings:
@@ -118,10 +132,17 @@ class Create2(Dialect[Frame]):
             raise ImplausibleError(text)
         state = state_of(values)
         base = self._base(state, t_ns)
-        if self._drives and state.mode != self._safe:
+        if self._drives and not self._is_safe(packet):
             self._fault = f"the Create left safe mode ({_reason(state)}): see to it, then start RServer again"
             raise OpeningError(self._fault)
         return Readings(base=base, fields=_fields(state))
+
+    def _is_passive(self, frame: Frame) -> bool:
+        """Return True for a frame from after START; there is none where `mode_offset` is wrong."""
+        return state_of(frame.values()).mode == self._passive
+
+    def _is_safe(self, frame: Frame) -> bool:
+        return state_of(frame.values()).mode == self._safe
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes:
         """Return the speeds of both wheels, slowed down together where one would be too fast."""
@@ -193,6 +214,7 @@ def _fields(state: State) -> dict[str, Value]:
         "mode": float(state.mode),
         "cliff": state.cliffs,
         "range": tuple(map(_range, state.light_signals)),
+        **{name: tuple(beam_heard(one, beam) for one in state.infrared) for name, beam in BEAMS.items()},
     }
 
 

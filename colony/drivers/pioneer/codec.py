@@ -33,14 +33,22 @@ class Command(IntEnum):
     SETA = 5
     SETV = 6
     SETO = 7
+    MOVE = 8
+    ROTATE = 9
     SETRV = 10
     VEL = 11
+    HEAD = 12
+    DHEAD = 13
     CONFIG = 18
     ENCODER = 19
     RVEL = 21
     SETRA = 23
     SONAR = 28
     STOP = 29
+    VEL2 = 32
+    BUMPSTALL = 44
+    JOYDRIVE = 47
+    SONAR_CYCLE = 48
     ESTOP = 55
 
 

@@ -79,6 +79,11 @@ class Follower:
             self._historian.history,
         )
 
+    @property
+    def interpreter(self) -> Interpreter | None:
+        """The interpreter, which has stepped over the last frame; None if its memory is not known."""
+        return self._interpreter
+
     def take(self, recorded: Followed) -> Moment | None:
         """Take the next frame of the run; return it as a moment, None if its memory is not known."""
         tick = recorded.tick
