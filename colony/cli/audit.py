@@ -40,6 +40,8 @@ def command(recording: str, file: str | None, format_: str) -> None:
     from outside must be within the limits of its frame, unless the connection ignored them. A truncated
     recording is audited up to its end, a damaged one before and after the damage.
 
+    A recording of `colony run --shadow` has what would have been sent, and the result says so.
+
     Modules in Python are not run: the recording contains their answers.
 
     Exit code: 0 if every frame agrees, 1 if a frame differs or the recording is damaged, 2 for misuse, such
@@ -74,7 +76,7 @@ def command(recording: str, file: str | None, format_: str) -> None:
     else:
         from colony.cli.audit_text import render
 
-        click.echo(render(recording, reader.run, program, result, file=file, truncation=reader.truncation))
+        click.echo(render(recording, reader, program, result, file=file))
     if not result.agrees or result.damaged:
         raise click.exceptions.Exit(EXIT_ERRORS)
 
@@ -109,6 +111,7 @@ def _print_json(
         "robot": program.robot.name,
         "seed": run.seed if run else None,
         "run": run.run if run else None,
+        "shadow": reader.shadow,
         "truncated": reader.truncation,
         "params": None if program.site is None else dict(program.site.values),
         "params_hash": None if program.site is None else program.site.hash,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator, Program
 from colony.ir.site import Site
-from colony.runtime.recordings.recorded import RunInfo
+from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.wording import counted
 from colony.verify.audit.report import AuditReport, Difference
 
@@ -20,21 +20,17 @@ _PARTS = {
 
 
 def render(
-    name: str,
-    run: RunInfo | None,
-    program: Program,
-    report: AuditReport,
-    *,
-    file: str | None,
-    truncation: str | None,
+    name: str, reader: RecordingReader, program: Program, report: AuditReport, *, file: str | None
 ) -> str:
     """Return the result for the recording `name`, audited by `program`, which comes from `file`."""
+    run, truncation = reader.run, reader.truncation
     subject = f"{run.program or program.robot.name}, seed {run.seed}" if run else program.robot.name
     title = f"{subject}, run {run.run}" if run and run.run else subject
     by = f", by {file}" if file else ""
     lines = [
         f"{name}: {title}{by}, {counted(report.frames, 'frame')}"
         f" from {_seconds(report.first_ns)} to {_seconds(report.last_ns)}",
+        *(["  SHADOW: this is what it would have sent; it commanded nothing"] if reader.shadow else []),
         *_indented(_site(program.site, None if run is None else run.site)),
         *_indented(_counts(report)),
         *_indented(_contracts(report, program)),

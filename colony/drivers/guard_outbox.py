@@ -30,10 +30,11 @@ class Outbox:
         self._plain: deque[bytes] = deque()
         self._line_free_ns = 0
 
-    def stop(self, stop: bytes, now_ns: int) -> None:
-        """Drop all that waits, and send `stop` repeatedly from now on."""
+    def stop(self, stop: bytes, now_ns: int, *, drops_plain: bool = True) -> None:
+        """Drop the decision that waits, and plain packets if asked to; send `stop` repeatedly from now on."""
         self._decided, self._stop = b"", stop
-        self._plain.clear()
+        if drops_plain:
+            self._plain.clear()
         self._stops_due = [now_ns + after_ns for after_ns in REPEATS_NS] if stop else []
 
     def decide(self, packet: bytes) -> None:

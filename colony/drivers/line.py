@@ -11,7 +11,7 @@ from typing import Generic
 from colony.drivers.decoder import Packet
 from colony.drivers.dialect import Dialect, ImplausibleError, OpeningError
 from colony.drivers.guarded import Arrived, Command, Event, GuardConnection, Lost, Up, connect
-from colony.drivers.link import LinkError
+from colony.drivers.link import TCP, LinkError
 from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
 from colony.runtime.kit.background import next_pause_s
@@ -63,6 +63,7 @@ class Line(Generic[Packet]):
         self._opening: OpeningRun[Packet] | None = None
         self._is_ready = False
         self._heard_ns = 0
+        self._heard_bytes = self._heard_packets = 0
         self._connection: GuardConnection | None = None
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"line {port}", daemon=True)
@@ -72,8 +73,8 @@ class Line(Generic[Packet]):
 
     @property
     def problem(self) -> str | None:
-        """Why the device does not work, from its first failure until it works again; else None."""
-        return None if self._problems is None else self._problem
+        """Why the device does not work: while it is opened, and from a failure until it works again."""
+        return self._problem if self._problems is not None or self._opening is not None else None
 
     def decide(self, data: bytes) -> None:
         """Send bytes that carry out the frame that is being decided, in the thread that decides it.
@@ -87,12 +88,15 @@ class Line(Generic[Packet]):
         connection.decide(data, time.monotonic_ns())
 
     def stop(self) -> None:
-        """Send the stop; without a guard there is no connection that could move the base.
+        """Send the stop, if the device is ready.
+
+        Until then nothing was decided since the stop of the guard, and without a guard nothing could move the
+        base. More stops would disturb the handshake of a device that takes each packet for a part of it.
 
         Raises:
             OSError: the guard has just ended.
         """
-        if (connection := self._connection) is not None:
+        if (connection := self._connection) is not None and self._is_ready:
             connection.stop()
 
     def base(self) -> BaseState | None:
@@ -143,6 +147,7 @@ class Line(Generic[Packet]):
                 self._is_ready, self._opening = False, None
                 self._lose(LinkError(why))
             case Arrived(data=data, t_ns=t_ns):
+                self._heard_bytes += len(data)
                 for packet in self._decoder.feed(data):
                     self._hear(packet, t_ns)
             case None:
@@ -159,10 +164,12 @@ class Line(Generic[Packet]):
             text = f"the guard of {self._port} runs at {baud} baud, and this driver needs {self._baud}"
             raise LinkError(f"{text}: give all servers of the port the same `baud`, and end them first")
         self._decoder = self._dialect.decoder()
+        self._heard_bytes = self._heard_packets = 0
         self._dialect.restart()
         self._is_ready, self._heard_ns = self._command is None, time.monotonic_ns()
         if self._command is not None:
-            self._problem = "the device is being opened"
+            if self._problems is None:
+                self._problem = "the device is being opened"
             now_ns = time.monotonic_ns()
             self._opening = OpeningRun(self._dialect.opening(), connection.send, now_ns)
             self._end_opening(now_ns)
@@ -181,6 +188,7 @@ class Line(Generic[Packet]):
     def _hear(self, packet: Packet, t_ns: int) -> None:
         """Take a packet: what it measures, and what it answers."""
         self._heard_ns = t_ns
+        self._heard_packets += 1
         if self._opening is not None:
             self._opening.on_packet(packet, time.monotonic_ns())
         try:
@@ -207,6 +215,9 @@ class Line(Generic[Packet]):
             return
         is_known = isinstance(problem, LinkError | OpeningError)
         text = exception_text(problem)
+        if isinstance(problem, OpeningError) and self._heard_bytes and not self._heard_packets:
+            rate = "" if self._port.startswith(TCP) else f": it may not speak at {self._baud} baud"
+            text += f" (bytes arrive, and no packet is among them{rate})"
         self._problem = text if is_known else f"{type(problem).__name__}: {text}"
         self._problems = self._problems or OnceReporter(self._report)
         full = text if is_known else failure_text(f"the line to {self._port}", problem)

@@ -25,6 +25,8 @@ TCP = "tcp:"
 CONNECT_S = 2.0
 """Seconds that a TCP connection may take."""
 
+UDEV_RULE = "a rule of udev (docs/drivers.md)"
+
 READ_BYTES = 4096
 """Maximum number of bytes of one read."""
 
@@ -144,25 +146,36 @@ def _why_not(path: str, problem: Exception) -> str:
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return f"there is no port {path}: is its cable plugged in? {_existing()}"
     if number in (errno.EACCES, errno.EPERM):
-        return (
-            f"{path} may not be opened by this user: add yourself to the port's group, "
-            f"`sudo usermod -aG {_group(path)} $USER`, and log in again"
-        )
+        return f"{path} may not be opened by this user: {_permission_advice(path)}"
     if number in (errno.EBUSY, errno.EAGAIN):
-        holder = next(_holders(path), None)
-        return f"{path} is busy: {holder or 'a process of another user'} holds it; end it first"
+        return f"{path} is busy: {_holder_advice(path)}"
     if number in (errno.ENOTTY, errno.EINVAL) or number is None:
         return f"{path} is no serial port, or does not take these settings ({problem}). {_existing()}"
     return f"{path}: {os.strerror(number)}"
 
 
-def _group(path: str) -> str:
+def _permission_advice(path: str) -> str:
+    name = _group(path)
+    if name is None:
+        return f"it belongs to no group that you can join: give it `dialout` by {UDEV_RULE}"
+    return f"add yourself to the port's group, `sudo usermod -aG {name} $USER`, and log in again"
+
+
+def _group(path: str) -> str | None:
     import grp
 
     with suppress(OSError, KeyError):
-        if (name := grp.getgrgid(os.stat(path).st_gid).gr_name) != "root":
-            return name
-    return "dialout"
+        if group := os.stat(path).st_gid:
+            return grp.getgrgid(group).gr_name
+    return None
+
+
+def _holder_advice(path: str) -> str:
+    holder = next(_holders(path), None)
+    if holder is None:
+        return f"a process of another user holds it, which `sudo fuser -v {path}` names; end it first"
+    advice = f"; keep it away by {UDEV_RULE}" if "ModemManager" in holder else ""
+    return f"{holder} holds it; end it first{advice}"
 
 
 def _existing() -> str:

@@ -17,8 +17,15 @@ WATCH_INTERVAL_S = 1.0
 """Seconds between two looks at the drivers."""
 
 
+MAX_REASONS = 5
+"""Maximum number of reasons that are reported in one outage of a server."""
+
+
 class DriverReports:
     """Reports which servers have a driver that fails. Mutable: remembers which do.
+
+    Each reason is reported once in an outage. Of servers that fail for one reason, such as those of one port,
+    only the first has it spelled out.
 
     Attributes:
         first: the first line about each server whose driver has failed, in order.
@@ -26,18 +33,25 @@ class DriverReports:
 
     def __init__(self, report: Callable[[str], None]) -> None:
         self._report = report
-        self._failing: set[str] = set()
+        self._reasons: dict[str, list[str]] = {}  # of each outage that lasts, the newest one last
         self.first: dict[str, str] = {}
 
     def update(self, server: str, failing: tuple[str, ...] | None) -> None:
         """Take the parts of a server that fail; None, which changes nothing, if it does not answer."""
-        if failing and server not in self._failing:
-            self._failing.add(server)
+        if failing:
             self.first.setdefault(server, failing[0])
-            self._report(f"{server} fails: {failing[0]}")
-        elif failing is not None and not failing and server in self._failing:
-            self._failing.remove(server)
+            self._note(server, failing[0])
+        elif failing is not None and self._reasons.pop(server, None) is not None:
             self._report(f"{server} works again")
+
+    def _note(self, server: str, reason: str) -> None:
+        reported = self._reasons.setdefault(server, [])
+        if reason in reported or len(reported) >= MAX_REASONS:
+            return
+        others = (s for s, reasons in self._reasons.items() if s != server and reasons[-1:] == [reason])
+        likewise = next(others, None)
+        reported.append(reason)
+        self._report(f"{server} fails: {reason if likewise is None else f'as {likewise} does'}")
 
 
 class DriverWatch:

@@ -5,22 +5,21 @@ from __future__ import annotations
 import math
 import os
 import shutil
-import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
 from colony.execute.compiled import Compiled
-from colony.ir.program import Robot
-from colony.ir.servers import COMMON_SERVERS, DSERVER, ServerSpec
+from colony.ir.servers import DSERVER
 from colony.ir.types import Value
+from colony.robots.bound_servers import additional_servers, bound_servers
 from colony.robots.described import DescribedRobot
 from colony.robots.discovery import session_with
 from colony.robots.field_giver import FieldGiver
-from colony.robots.recording import RunRecording, recording_into
+from colony.robots.recording import LiveRun, RunRecording, new_run_name, recording_into
 from colony.robots.request import MissionResult, RunAbortedError, RunRequest, UserInterface
 from colony.robots.scenario import Scenario, player
 from colony.runtime.assembly.nodes import build_observer
@@ -63,12 +62,12 @@ class LedRun:
         self._scenario = request.scenario or Scenario()
         self._mission: LiveMission | None = None
         self._compiled = compiled
-        more = additional_servers(compiled.robot, described, robot_address)
-        self._bindings = bind(compiled.robot, (*described.servers, *more))
+        additional = additional_servers(compiled.robot, described, robot_address)
+        self._bindings = bind(compiled.robot, (*described.servers, *additional))
         self._deployed = deployment(
             compiled,
             self._bindings,
-            run=f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
+            run=new_run_name(),
             seed=request.seed,
             servers=bound_servers(compiled.robot),
         )
@@ -251,34 +250,4 @@ class LedRun:
                 shutil.rmtree(self._folder, ignore_errors=True)
 
     def _begin_recording(self, path: str) -> RunRecording:
-        run, started = self._deployed.run, time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        return recording_into(path, self._compiled, seed=self._request.seed, run=run, started=started)
-
-
-def bound_servers(robot: Robot) -> tuple[str, ...]:
-    """Return the servers of sensors and actuators that not every robot has."""
-    common = {server.name for server in COMMON_SERVERS}
-    bound = (*(s.server for s in robot.sensors), *(a.server for a in robot.actuators))
-    return tuple(dict.fromkeys(server for server in bound if server not in common))
-
-
-def additional_servers(
-    robot: Robot, described: DescribedRobot, robot_address: RobotAddress
-) -> tuple[ServerSpec, ...]:
-    """Return the servers of sensors and actuators that the description lacks, as they describe themselves.
-
-    Servers that do not run, or have no valid description, are left out.
-    """
-    known_servers = {server.name for server in described.servers}
-    additional_names = [name for name in bound_servers(robot) if name not in known_servers]
-    if not additional_names:
-        return ()
-    from colony.runtime.kit.description import describe, server_spec
-    from colony.runtime.kit.errors import RobotConnectionError
-
-    specs = []
-    with suppress(RobotConnectionError), session_with(robot_address) as session:
-        for name in additional_names:
-            with suppress(RobotConnectionError, ValueError), session.connect(name) as connection:
-                specs.append(server_spec(connection.do(describe())))
-    return tuple(specs)
+        return recording_into(path, self._compiled, seed=self._request.seed, live=LiveRun(self._deployed.run))

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from colony.execute.compiled import Compiled
 from colony.os_errors import naming
+from colony.robots.bound_servers import bound_servers, expect_running
 from colony.robots.described import DescribedRobot
-from colony.robots.discovery import running_robots
 from colony.robots.driver_watch import DriverWatch
-from colony.robots.led_run import LedRun, bound_servers
+from colony.robots.led_run import LedRun
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.runtime.assembly.processes.jobs import check_disk_space
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
@@ -144,13 +144,7 @@ def run_served(
             what only a simulator on this machine can give.
         DiagnosticError, LiveError, RunAbortedError: see `run_simulated`.
     """
-    if isinstance(robot_address, Local) and not robot_address.directory.running():
-        robots = ", ".join(running_robots()) or "none"
-        raise MisuseError(
-            f"colony: error: no process of `{robot_address.robot}` runs on this machine "
-            f"(running robots: {robots}); "
-            f"start it with `colony serve all --robot {robot_address.robot} --map MAP`"
-        )
+    expect_running(robot_address)
     _expect_givable(robot_address, request)
     route = None
     if request.goal is not None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import time
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +26,20 @@ SUFFIX = ".mcap"
 def is_mcap(path: str | None) -> bool:
     """Return True if a recording of this name is MCAP, which also contains the clients' requests."""
     return path is not None and Path(path).suffix == SUFFIX
+
+
+def new_run_name() -> str:
+    """Return a name for a run on a robot: the time, and the id of this process."""
+    return f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRun:
+    """A run on a robot, or in the `shadow` of one: its name, and its start time as text for users."""
+
+    name: str
+    shadow: bool = field(default=False, kw_only=True)
+    started: str = field(default_factory=lambda: time.strftime("%Y-%m-%dT%H:%M:%S%z"), kw_only=True)
 
 
 class RunRecording:
@@ -94,12 +111,9 @@ def recording_into(
     compiled: Compiled,
     *,
     seed: int,
-    run: str = "",
-    started: str = "",
+    live: LiveRun | None = None,
 ) -> RunRecording:
-    """Return a sink that records a run into `path`.
-
-    `run` is the name of a run on a real robot, `started` its start time.
+    """Return a sink that records a run into `path`; `live` is None for a run in virtual time.
 
     Raises:
         MisuseError: the file cannot be written, or another run is recording into it.
@@ -109,7 +123,8 @@ def recording_into(
         if not is_mcap(path):
             from colony.runtime.recordings.lines import Recording
 
-            return RunRecording(Recording(compiled, file), path)
+            is_shadow = live is not None and live.shadow
+            return RunRecording(Recording(compiled, file, shadow=is_shadow), path)
         from colony.runtime.recordings.mcap_writer import McapRecording
         from colony.runtime.recordings.recorded import RunInfo
 
@@ -121,8 +136,9 @@ def recording_into(
             clients=compiled.clients,
             program=compiled.root,
             sources=compiled.sources,
-            run=run,
-            started=started,
+            run="" if live is None else live.name,
+            started="" if live is None else live.started,
+            shadow=live is not None and live.shadow,
             site=compiled.site,
         )
         return RunRecording(McapRecording(compiled, info, file), path)

@@ -22,8 +22,8 @@ from colony.compile.pipeline import compile_program
 from colony.execute.compiled import SourceFile
 from colony.ir.program import Program
 from colony.ir.site import Site
+from colony.robots.bound_servers import additional_servers
 from colony.robots.described import described_robot
-from colony.robots.led_run import additional_servers
 from colony.robots.recorded_program import recorded_program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.frames.assembler import frames_to_keep
@@ -210,7 +210,7 @@ def listening(
     listener = Listener(build_observer(compiled, bind(compiled.robot, servers), (joiner,), run))
     with ExitStack() as resources:
         resources.callback(joiner.close)
-        host = resources.enter_context(Host.open(robot_address, (listener,), is_hidden=True))
+        host = resources.enter_context(Host.open(robot_address, (listener,), announces=False))
         thread = threading.Thread(target=host.run, name="listener", daemon=True)
         thread.start()
         resources.callback(thread.join)

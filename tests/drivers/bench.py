@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Generic
 
@@ -24,6 +25,9 @@ class Bench(Generic[Packet]):
         dialect: the dialect, which opens the line.
         robot: what runs in the robot.
         hears: whether a packet arrives; by default each does.
+
+    Attributes:
+        latency_s: seconds until what the robot sends arrives.
     """
 
     def __init__(
@@ -35,6 +39,8 @@ class Bench(Generic[Packet]):
     ) -> None:
         self._dialect, self._robot, self._hears = dialect, robot, hears
         self.now_ns, self.sent = 0, bytearray()
+        self.latency_s = 0.0
+        self._late: deque[tuple[int, bytes]] = deque()
         self.last: Packet | None = None
         self._decoder = dialect.decoder()
         self.measured = Measurements(
@@ -59,12 +65,19 @@ class Bench(Generic[Packet]):
                 self.send(self._dialect.drive(*drive))
             self.now_ns += STEP_NS
             self._robot.step()
-            for packet in self._decoder.feed(b"".join(self._robot.sent())):
+            self._late.append((self.now_ns + round(self.latency_s * 1e9), b"".join(self._robot.sent())))
+            for packet in self._decoder.feed(self._arrived()):
                 if self._hears(packet):
                     self.last = packet
                     self.opening.on_packet(packet, self.now_ns)
                     self.measured.take(self._dialect.read(packet, self.now_ns), self.now_ns)
             self.opening.on_time(self.now_ns)
+
+    def _arrived(self) -> bytes:
+        data = b""
+        while self._late and self._late[0][0] <= self.now_ns:
+            data += self._late.popleft()[1]
+        return data
 
     def open(self, seconds: float) -> None:
         """Let the opening end, which takes at most so long."""

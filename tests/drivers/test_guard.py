@@ -19,7 +19,7 @@ from colony.drivers import guarded
 from colony.drivers.guarded import Command, Lost, Up, connect
 from colony.drivers.link import LinkError
 from colony.runtime.transport.live.run_directory import RunDirectory
-from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny, base, battery
+from tests.drivers.tiny import GOODBYE, HELLO, SPEEDS, Tiny, base, battery
 from tests.drivers.tiny_robot import TinyRobot
 
 PATIENCE_S = 30.0
@@ -224,6 +224,41 @@ def test_a_robot_that_falls_silent_is_opened_again(robot: TinyRobot) -> None:
     finally:
         driver.close()
         listener.close()
+
+
+def test_a_server_that_stops_in_each_frame_does_not_disturb_the_opening(robot: TinyRobot) -> None:
+    robot.greets = False
+    driver = base(os.fspath(robot.port))
+    try:
+        wait_for(lambda: robot.count(HELLO))
+        for _ in range(100):
+            driver.stop()
+            time.sleep(0.005)
+        asked = robot.count(HELLO)
+        wait_for(lambda: robot.count(HELLO) > asked)
+        assert robot.count(SPEEDS) <= 16  # those of the guard, which knows nothing yet
+        robot.greets = True
+        wait_for(driver.state)
+    finally:
+        driver.close()
+
+
+def test_a_wrong_baud_rate(robot: TinyRobot) -> None:
+    robot.is_on = False
+    driver = base(os.fspath(robot.port))
+
+    def is_noticed() -> bool:
+        if driver.problem:  # the port is open
+            robot.send(b"\x00\xe0\x00")
+        return "bytes arrive, and no packet is among them: it may not speak at" in (driver.problem or "")
+
+    try:
+        wait_for(is_noticed)
+        robot.is_on = True
+        wait_for(driver.state)
+        wait_for(lambda: driver.problem is None)
+    finally:
+        driver.close()
 
 
 def test_a_busy_port(robot: TinyRobot) -> None:

@@ -35,6 +35,14 @@ def test_a_stop_drops_what_waits_and_is_repeated() -> None:
     assert times == list(REPEATS_NS)
 
 
+def test_a_stop_may_leave_the_last_settings_of_an_opening() -> None:
+    outbox = Outbox(0)
+    outbox.add(b"enable")
+    outbox.decide(b"go")
+    outbox.stop(b"stop", 0, drops_plain=False)
+    assert written(outbox, 0) == [b"stop", b"enable"]
+
+
 def test_a_decision_ends_the_repeats() -> None:
     outbox = Outbox(0)
     outbox.stop(b"stop", 0)

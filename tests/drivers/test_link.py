@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import grp
 import os
 import socket
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -76,11 +78,33 @@ def test_what_is_no_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         open_link("/dev/null", 9600)
 
 
-def test_a_port_that_is_not_permitted() -> None:
-    text = link._why_not("/dev/null", PermissionError(13, "Permission denied"))
-    assert text == (
-        "/dev/null may not be opened by this user: add yourself to the port's group, "
-        "`sudo usermod -aG dialout $USER`, and log in again"
+NOT_PERMITTED, BUSY = PermissionError(13, "Permission denied"), BlockingIOError(16, "Device or resource busy")
+
+
+def test_a_port_that_is_not_permitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "stat", lambda path: SimpleNamespace(st_gid=0))
+    assert link._why_not("/dev/ttyUSB0", NOT_PERMITTED) == (
+        "/dev/ttyUSB0 may not be opened by this user: it belongs to no group that you can join: give it "
+        "`dialout` by a rule of udev (docs/drivers.md)"
+    )
+    name = next(group for group in grp.getgrall() if group.gr_gid)
+    monkeypatch.setattr(os, "stat", lambda path: SimpleNamespace(st_gid=name.gr_gid))
+    assert link._why_not("/dev/ttyUSB0", NOT_PERMITTED) == (
+        "/dev/ttyUSB0 may not be opened by this user: add yourself to the port's group, "
+        f"`sudo usermod -aG {name.gr_name} $USER`, and log in again"
+    )
+
+
+def test_who_holds_a_busy_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "_holders", lambda path: iter(()))
+    assert link._why_not("/dev/ttyUSB0", BUSY) == (
+        "/dev/ttyUSB0 is busy: a process of another user holds it, which `sudo fuser -v /dev/ttyUSB0` names; "
+        "end it first"
+    )
+    monkeypatch.setattr(link, "_holders", lambda path: iter(("process 7 (ModemManager)",)))
+    assert link._why_not("/dev/ttyUSB0", BUSY) == (
+        "/dev/ttyUSB0 is busy: process 7 (ModemManager) holds it; end it first; keep it away by a rule of "
+        "udev (docs/drivers.md)"
     )
 
 

@@ -1,11 +1,11 @@
-"""What `colony serve all` prints of drivers that fail: one line for each outage, and one for its end."""
+"""What `colony serve all` prints of drivers that fail: one line for each reason, and one for the end."""
 
 from __future__ import annotations
 
-from colony.robots.driver_watch import DriverReports
+from colony.robots.driver_watch import MAX_REASONS, DriverReports
 
 
-def test_an_outage_and_its_end_are_one_line_each() -> None:
+def test_each_reason_of_an_outage_and_its_end_are_one_line() -> None:
     reports: list[str] = []
     drivers = DriverReports(reports.append)
     bus, power = "no bus", "no power"
@@ -15,5 +15,37 @@ def test_an_outage_and_its_end_are_one_line_each() -> None:
         drivers.update("Lift", ())
         drivers.update("Floor", None)
     drivers.update("Lidar", (power,))
-    assert reports == ["Lidar fails: no bus", "Lidar works again", "Lidar fails: no power"]
+    assert reports == [
+        "Lidar fails: no bus",
+        "Lidar fails: no power",
+        "Lidar works again",
+        "Lidar fails: no power",
+    ]
     assert drivers.first == {"Lidar": bus}
+
+
+def test_one_reason_of_several_servers_is_spelled_out_once() -> None:
+    reports: list[str] = []
+    drivers = DriverReports(reports.append)
+    for server in ("RServer", "Sonar", "Battery"):
+        drivers.update(server, ("no port",))
+    drivers.update("RServer", ())
+    drivers.update("Panel", ("no port",))
+    assert reports == [
+        "RServer fails: no port",
+        "Sonar fails: as RServer does",
+        "Battery fails: as RServer does",
+        "RServer works again",
+        "Panel fails: as Sonar does",
+    ]
+    assert set(drivers.first.values()) == {"no port"}
+
+
+def test_the_reasons_of_an_outage_are_limited() -> None:
+    reports: list[str] = []
+    drivers = DriverReports(reports.append)
+    for number in range(20):
+        drivers.update("Lidar", (f"error {number}",))
+    assert len(reports) == MAX_REASONS
+    drivers.update("Lidar", ())
+    assert reports[-1] == "Lidar works again"

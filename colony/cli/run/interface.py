@@ -23,10 +23,15 @@ def user_interface(compiled: Compiled, options: Options) -> Iterator[UserInterfa
     """
     from colony.cli.run.user_interface import TERMINAL_INTERFACE
 
+    interface = TERMINAL_INTERFACE
+    if options.shadow:
+        from colony.cli.run.shadow_interface import shadow_interface
+
+        interface = shadow_interface(compiled.robot.actuators)
     if not options.watch:
-        yield TERMINAL_INTERFACE
+        yield interface
         return
     from colony.cli.run.page import shown_in_browser
 
     with shown_in_browser(compiled, options.map_path) as sink:
-        yield replace(TERMINAL_INTERFACE, sinks=(sink,))
+        yield replace(interface, sinks=(sink,))

@@ -46,6 +46,12 @@ PICTURE = "run.png"
     "--processes", is_flag=True, help="Run servers, clients and simulator as processes, in real time."
 )
 @connect_option("Use a robot that is already running: on this machine, or behind a gateway, tls/HOST:PORT.")
+@click.option(
+    "--shadow",
+    is_flag=True,
+    help="Join a robot that is already running, as --connect does, and command nothing: show and record what "
+    "would have been sent.",
+)
 @security_option()
 @robot_and_description_option(
     "The name of the robot, if it differs from that in the program, and the description that `import robot` "
@@ -148,6 +154,11 @@ def command(**arguments: Any) -> None:
     `colony stop`). With --connect only the clients are started, for a robot that `colony serve` serves;
     without --duration they run until Ctrl-C.
 
+    With --shadow the program runs in the shadow of a robot that is already running, also beside a driver: it
+    reads what the robot measures, sends nothing, and prints what it would have sent each second and whenever
+    another client wins. A recording is marked as that of a shadow. It is the first thing to do with a new
+    behavior on a real robot (docs/your-robot.md).
+
     With --physics mujoco, MuJoCo moves a robot without sonars and cameras, such as amr: how closely it agrees
     with our simulator is in docs/physics.md.
 
@@ -189,6 +200,7 @@ def command(**arguments: Any) -> None:
       colony run wander --robot amr --map loop --physics mujoco
       colony run wander --map loop --params site.toml
       colony run wander --connect --robot rome
+      colony run wander --shadow --robot rome --record shadow.mcap
       colony run wander --connect tls/rome.lab:7447 --security ada.toml
     """
     options = Options(**arguments)
@@ -203,12 +215,15 @@ def command(**arguments: Any) -> None:
     if options.watch:
         expect_extras("watch")
     compiled, described = load_for_run(options.file, unproved=options.unproved)
-    picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
+    is_running = options.shadow or options.connect is not None
+    picture = None if options.no_picture or is_running else options.picture or PICTURE
     with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, draw
         from colony.nav.maps.world_map import load_world
+        from colony.robots.physics_choice import expect_simulable
 
         request = request_of(compiled.robot, options)
+        expect_simulable(request.physics, described.body, request.file)
         request = replace(
             request,
             others=other_robots(options.also, options.robot or compiled.name),
@@ -230,18 +245,22 @@ def command(**arguments: Any) -> None:
 def _drive(
     compiled: Compiled, described: DescribedRobot, request: RunRequest, options: Options, ui: UserInterface
 ) -> RunReport:
-    if not options.processes and options.connect is None:
+    if not (options.processes or options.shadow) and options.connect is None:
         from colony.sim.compiling import announcing_compilation
 
         with announcing_compilation(say):
             from colony.robots.building_run import run_in_building
         return run_in_building(compiled, described, request, ui)
     with reporting_connection_errors():
+        name = compiled.name if options.robot is None else options.robot
+        robot_address = robot_address_of(name, options.connect, options.security)
+        if options.shadow:
+            from colony.robots.shadow_run import run_shadow
+
+            return run_shadow(compiled, described, robot_address, request, ui)
         from colony.robots.process_run import run_served, run_simulated
         from colony.runtime.transport.live.robot_address import Local
 
-        name = compiled.name if options.robot is None else options.robot
-        robot_address = robot_address_of(name, options.connect, options.security)
         if options.connect is None and isinstance(robot_address, Local):
             return run_simulated(compiled, described, robot_address, request, ui)
         return run_served(compiled, described, robot_address, request, ui)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from colony.cli.robot_options import HERE
 from colony.ir.program import Robot
 from colony.ir.servers import DSERVER
 from colony.ir.types import Value
@@ -33,6 +34,7 @@ class Options:
     map_path: str | None
     processes: bool
     connect: str | None
+    shadow: bool
     security: Path | None
     robot: str | None
     physics: PhysicsName | None
@@ -70,7 +72,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
         scenario = () if options.scenario is None else read_scenario(options.scenario, robot).changes
     except ScenarioError as problem:
         raise MisuseError(str(problem)) from None
-    is_open_ended = options.connect is not None or options.goal is not None
+    is_open_ended = options.shadow or options.connect is not None or options.goal is not None
     duration = options.duration or (None if is_open_ended else DURATION)
     return RunRequest(
         file=options.file,
@@ -115,6 +117,8 @@ def held(robot: Robot, settings: tuple[str, ...]) -> tuple[dict[str, Value], lis
 
 def objection(options: Options) -> str | None:
     """Return the reason why the options cannot be combined; None if they can."""
+    if options.shadow:
+        return _objection_to_shadow(options)
     connected, mapped = options.connect is not None, options.map_path is not None
     has_goal = options.goal is not None
     if not connected and not mapped:
@@ -142,6 +146,39 @@ def objection(options: Options) -> str | None:
     if connected and options.hazards is not None:
         return "--hazards cannot be combined with --connect: give it to `colony serve`"
     return _objection_to_physics(options) or _objection_to_company(options)
+
+
+_RUNNING = "the robot is already running, and --shadow reads it as it is"
+_COMMANDS = "--shadow sets and commands nothing"
+_IN_SHADOW: tuple[tuple[str, str], ...] = (
+    ("map_path", f"--map: {_RUNNING}"),
+    ("processes", f"--processes: {_RUNNING}"),
+    ("realtime", f"--realtime: {_RUNNING}"),
+    ("watch", "--watch: `colony watch --robot NAME` shows a robot that is running"),
+    ("physics", f"--physics: {_RUNNING}"),
+    ("cameras", f"--camera: {_RUNNING}"),
+    ("fsync", f"--fsync: {_RUNNING}"),
+    ("hazards", f"--hazards: {_RUNNING}"),
+    ("start", f"--start: {_RUNNING}"),
+    ("movers", f"--movers: {_RUNNING}"),
+    ("also", f"--also: {_RUNNING}"),
+    ("settings", f"--set: {_COMMANDS}; `colony data set` sets a variable of the robot"),
+    ("scenario", f"--scenario: {_COMMANDS}; `colony data set` sets a variable of the robot"),
+    ("origin", f"--from: {_COMMANDS}, and a planner would"),
+    ("goal", f"--to: {_COMMANDS}, and a planner would"),
+    ("isolate", "--isolate: the clients of --shadow are in this process, where they can disturb nobody"),
+    ("picture", "--picture: the path is not that of this program; draw frames with `colony trace --picture`"),
+)
+"""Fields of `Options` that do not go with `--shadow`, and why not."""
+
+
+def _objection_to_shadow(options: Options) -> str | None:
+    for name, reason in _IN_SHADOW:
+        if getattr(options, name) not in (None, False, (), 0) or (name == "hazards" and options.hazards == 0):
+            return f"--shadow cannot be combined with {reason}"
+    if options.connect in (None, HERE) and options.security is not None:
+        return "--security requires --connect tls/HOST:PORT"
+    return None
 
 
 def _objection_to_physics(options: Options) -> str | None:

@@ -80,7 +80,7 @@ class Create2(Dialect[Frame]):
     def __init__(self, mode_offset: int = 0) -> None:
         if mode_offset not in (0, 1):
             raise ValueError(f"mode_offset is {mode_offset}; it is 0 or 1")
-        self._safe = Mode.SAFE + mode_offset
+        self._passive, self._safe = Mode.PASSIVE + mode_offset, Mode.SAFE + mode_offset
         self._registers = Registers(16, 16, max_rate=1.2 * MAX_WHEEL / MM_PER_COUNT)
         self._pose = Pose()
         self._travel = (0.0, 0.0)
@@ -111,13 +111,13 @@ class Create2(Dialect[Frame]):
             raise OpeningError(
                 "no Create answers: is it switched on and awake, its baud rate 115200? Press CLEAN to wake it"
             )
+        yield Ask(b"", self._is_passive)  # frames of before arrive late where the computer is slow
         yield Send(command(Opcode.SAFE), MODE_S)
-        frame = yield Ask(b"", _any)
-        if frame is None:
-            raise OpeningError("the stream of the Create has ended")
-        state = state_of(frame.values())
-        if state.mode != self._safe:
-            raise OpeningError(f"the Create does not enter safe mode: {_reason(state)}")
+        if (yield Ask(b"", self._is_safe)) is None:
+            frame = yield Ask(b"", _any)
+            if frame is None:
+                raise OpeningError("the stream of the Create has ended")
+            raise OpeningError(f"the Create does not enter safe mode: {_reason(state_of(frame.values()))}")
         self._drives = True
 
     def read(self, packet: Frame, t_ns: int) -> Readings:
@@ -132,10 +132,17 @@ class Create2(Dialect[Frame]):
             raise ImplausibleError(text)
         state = state_of(values)
         base = self._base(state, t_ns)
-        if self._drives and state.mode != self._safe:
+        if self._drives and not self._is_safe(packet):
             self._fault = f"the Create left safe mode ({_reason(state)}): see to it, then start RServer again"
             raise OpeningError(self._fault)
         return Readings(base=base, fields=_fields(state))
+
+    def _is_passive(self, frame: Frame) -> bool:
+        """Return True for a frame from after START; there is none where `mode_offset` is wrong."""
+        return state_of(frame.values()).mode == self._passive
+
+    def _is_safe(self, frame: Frame) -> bool:
+        return state_of(frame.values()).mode == self._safe
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes:
         """Return the speeds of both wheels, slowed down together where one would be too fast."""

@@ -122,6 +122,7 @@ class Clock:
             (
                 method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),
                 method("participants", NoArguments, self._participants, right="read"),
+                method("interface", NoArguments, self._read_interface, right="read"),
                 method("release", NoArguments, self._release),
             ),
             on_lost=self._lost,
@@ -406,6 +407,9 @@ class Clock:
             stopped=self._latch.stopped,
             trouble=self._latch.trouble,
         )
+
+    def _read_interface(self, call_id: CallId, arguments: object, now_ns: int) -> Interface:
+        return self._interface
 
     def _watched_servers(self) -> tuple[str, ...]:
         """Return the robot's servers, and any other servers that the program reads."""

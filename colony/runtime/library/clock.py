@@ -1,4 +1,4 @@
-"""Calls of the Clock: deploy a program, read the participants of the run, release an emergency stop."""
+"""Calls of the Clock: deploy a program, read who takes part in the run, release an emergency stop."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import msgspec
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.messages import Stopped
 
 
@@ -72,3 +73,8 @@ def deploy(deployment: Deployment) -> Ask[None]:
 def participants() -> Ask[Participants]:
     """Read the newest tick, and the servers and clients that take part in the run."""
     return Ask("participants", NoArguments(), Participants, "read", repeatable=True)
+
+
+def interface() -> Ask[Interface]:
+    """Read the interface of the robot's description; it has no parts if the robot is served without one."""
+    return Ask("interface", NoArguments(), Interface, "read", repeatable=True)

@@ -110,6 +110,22 @@ stays below half a second.
 """
 
 
+class KeyframeSchedule:
+    """The times of keyframes. Mutable: remembers the last one."""
+
+    def __init__(self, frame_ns: int) -> None:
+        self._frame_ns = frame_ns
+        self._last_ns: int | None = None
+
+    def is_due(self, t_ns: int, after_gap: bool) -> bool:
+        """Return True if the frame at `t_ns` has a keyframe, as it always has after missing frames."""
+        last_ns = self._last_ns
+        if last_ns is not None and t_ns + self._frame_ns - last_ns <= KEYFRAME_NS and not after_gap:
+            return False
+        self._last_ns = t_ns
+        return True
+
+
 class Observer:
     """The node that observes a run.
 
@@ -151,8 +167,7 @@ class Observer:
         self._answers: dict[int, dict[str, Answer]] = {}
         self._collects_requests = bool(request_servers)
         self._first = True
-        self._keyframe_ns: int | None = None
-        self._frame_ns = frame_ns
+        self._keyframes = KeyframeSchedule(frame_ns)
         self._servers_read = servers_read
         self._skipped, self._memory_unknown = 0, True
         self._contradicted_epoch: int | None = None
@@ -278,7 +293,8 @@ class Observer:
             self._monitor.restart()
         if disputed or (memory_unknown and not assembled.restart):
             self._monitor.lose_memory()
-        keyframe = self._keyframe(tick.t_ns, assembled.restart or memory_unknown or disputed)
+        after_gap = assembled.restart or memory_unknown or disputed
+        keyframe = self._monitor.keyframe() if self._keyframes.is_due(tick.t_ns, after_gap) else None
         expected, disagreements = self._monitor.check(frame, verdicts, tick.lost, answers)
         log = FrameLog(
             tick=tick,
@@ -307,14 +323,6 @@ class Observer:
             for actuator, verdict in (verdicts.items() if assembled.void else ())
             for party, fate in verdict.fates
         )
-
-    def _keyframe(self, t_ns: int, after_gap: bool) -> Keyframe | None:
-        """Return the memory before a frame if a keyframe is due, or after missing frames (`after_gap`)."""
-        previous_ns = self._keyframe_ns
-        if previous_ns is not None and t_ns + self._frame_ns - previous_ns <= KEYFRAME_NS and not after_gap:
-            return None
-        self._keyframe_ns = t_ns
-        return self._monitor.keyframe()
 
 
 K = TypeVar("K")

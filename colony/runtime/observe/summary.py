@@ -133,7 +133,8 @@ class RunSummary:
     `unknown` the frames that could not be checked because memory was unknown. On a real robot the travel is
     unknown: `bumps`, `distance_mm` and `mean_speed_mm_s` are None. `params` is None if no site set any.
     `others` are the other robots of a simulated world. `driver_failures` has a line for each server of a real
-    robot whose driver failed.
+    robot whose driver failed. `shadow` is True if the program ran in the shadow of a robot: it commanded
+    nothing, and all else is what it would have done.
     """
 
     robot: str
@@ -159,6 +160,7 @@ class RunSummary:
     params: ParamsSummary | None = None
     others: tuple[OtherSummary, ...] = ()
     driver_failures: tuple[str, ...] = ()
+    shadow: bool = False
 
     def as_json(self) -> dict[str, object]:
         """Return the summary as plain dicts and lists."""
@@ -307,11 +309,14 @@ def render(summary: RunSummary) -> str:
     length = f"{summary.duration_s:.1f} s, {counted(summary.frames, 'frame')}"
     head = f"{summary.robot}: {length}, seed {summary.seed}{end}"
     lines = [head]
+    if summary.shadow:
+        lines.append("  SHADOW: this is what it would have sent; it commanded nothing")
     if summary.params is not None:
         proved = "" if summary.params.proved else ", UNPROVED"
         lines.append(f"  with the params of {summary.params.file} ({summary.params.hash[:12]}){proved}")
     for actuator in summary.actuators:
-        lines += [f"  {actuator.actuator} was commanded by", *_shares(actuator)]
+        commanded = "would have been commanded" if summary.shadow else "was commanded"
+        lines += [f"  {actuator.actuator} {commanded} by", *_shares(actuator)]
     if summary.distance_mm is not None and summary.mean_speed_mm_s is not None:
         lines.append(
             f"  traveled {summary.distance_mm / 1000:.2f} m "

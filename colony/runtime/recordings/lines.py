@@ -13,9 +13,10 @@ command sent. If the network did not decide alone, the actuator also has `fault`
 that were late, lost, refused or overruled, `@outside` with the connection outside the network that commanded
 (and `@unlimited` if the limits of the program did not hold for it), or `@held_by` with the reason of a hold.
 Broken contracts are not written, because they follow from the rest. `@python` has the answers of modules in
-Python (`answers.py`). `@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least every
-half second, the memory from which a reader resumes after a damaged line (`keyframes.py`). Beside it,
-`@params` has the params that a site set (`site.py`).
+Python (`answers.py`). `@shadow` is true in each line of a program in the shadow of a robot, which sent
+nothing. `@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least every half second,
+the memory from which a reader resumes after a damaged line (`keyframes.py`). Beside it, `@params` has the
+params that a site set (`site.py`).
 
 MCAP recordings (`mcap_writer.py`) contain more.
 """
@@ -35,7 +36,7 @@ from colony.runtime.protocol.messages import Verdict
 from colony.runtime.recordings.answers import answers_text
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
 from colony.runtime.recordings.keyframes import keyframe_members
-from colony.runtime.recordings.replay import PARAMS
+from colony.runtime.recordings.replay import PARAMS, SHADOW
 from colony.runtime.recordings.site import site_text
 
 
@@ -65,8 +66,8 @@ def write_all(file: ByteFile, data: bytes) -> None:
 class Recording:
     """A sink that writes each frame immediately, in one write, so that a killed run leaves whole lines."""
 
-    def __init__(self, compiled: Compiled, file: ByteFile) -> None:
-        self._encode = encoder(compiled)
+    def __init__(self, compiled: Compiled, file: ByteFile, *, shadow: bool = False) -> None:
+        self._encode = encoder(compiled, shadow=shadow)
         self._file = file
         self.written_ns: int | None = None
         """Time of the last frame that is in the file."""
@@ -84,14 +85,19 @@ class Recording:
 _SEMANTICS = f'"@semantics": {SEMANTICS}'
 
 
-def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
-    """Return a function that encodes frames of a program: sensors, then actuators, in the order declared."""
+def encoder(compiled: Compiled, *, shadow: bool = False) -> Callable[[FrameLog], str]:
+    """Return a function that encodes frames of a program: sensors, then actuators, in the order declared.
+
+    With `shadow`, each says that nothing of it was sent.
+    """
     sensors = compiled.robot.sensors
     actuators = compiled.robot.actuators
     site_members = [] if compiled.site is None else [f'"{PARAMS}": {site_text(compiled.site)}']
 
     def encode(log: FrameLog) -> str:
         parts = [f'"t": {seconds_text(log.frame.t_ns)}', f'"@tick": {log.tick.k}', _SEMANTICS]
+        if shadow:
+            parts.append(f'"{SHADOW}": true')
         if log.tick.previous != log.tick.k - 1:
             parts.append(f'"@previous": {log.tick.previous}')
         if log.frame.restarted:

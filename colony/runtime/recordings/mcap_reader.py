@@ -45,7 +45,7 @@ from colony.runtime.recordings.mcap_writer import (
 from colony.runtime.recordings.reader import BREAKS_OFF, command_values, gaps
 from colony.runtime.recordings.recorded import Place, RecordedFrame, RunInfo
 from colony.runtime.recordings.replay import RECORD_AGAIN
-from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
+from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, SHADOW, VERDICTS
 from colony.runtime.recordings.site import read_site
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
@@ -85,6 +85,7 @@ class _RunText(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     run: str = ""
     started: str = ""
+    shadow: bool = False
 
 
 class McapReader:
@@ -104,6 +105,7 @@ class McapReader:
         self._actuators: frozenset[str] = frozenset()
         records = self._records(file)
         self.run, first_records = self._read_header(records)
+        self.shadow = self.run.shadow
         self._remaining = chain(first_records, records)
 
     def go_to(self, place: Place) -> None:
@@ -151,7 +153,7 @@ class McapReader:
         try:
             for record in read_records(file, start):
                 if isinstance(record, Channel):
-                    self._topics[record.id] = record.topic
+                    self._topics[record.id] = record.topic.removeprefix(SHADOW)
                 yield record
         except TruncatedError:
             self.truncation = BREAKS_OFF
@@ -221,6 +223,7 @@ class McapReader:
             sources=sources,
             run=run.run,
             started=run.started,
+            shadow=run.shadow,
             site=site,
         )
 

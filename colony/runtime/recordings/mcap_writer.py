@@ -45,6 +45,7 @@ from colony.runtime.recordings.schemas import (
     FRAMES,
     KEYFRAMES,
     REQUESTS,
+    SHADOW,
     VERDICTS,
     channel_schemas,
 )
@@ -198,14 +199,16 @@ class McapRecording:
                 create_time=0, log_time=0, name=name, media_type=media_type, data=source.data
             )
         self._channels: dict[str, int] = {}
-        for topic, name, schema in channel_schemas(self._compiled, clients):
+        for known_as, name, schema in channel_schemas(self._compiled, clients):
+            is_unsent = run.shadow and known_as.startswith((VERDICTS, REQUESTS))
+            topic = SHADOW + known_as if is_unsent else known_as
             text = json.dumps(schema).encode()
             schema_id: int = writer.register_schema(name, SchemaEncoding.JSONSchema, text)
-            self._channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, schema_id)
+            self._channels[known_as] = writer.register_channel(topic, MessageEncoding.JSON, schema_id)
             self._chunk.add_channel(
                 Schema(id=schema_id, data=text, encoding=SchemaEncoding.JSONSchema, name=name),
                 Channel(
-                    id=self._channels[topic],
+                    id=self._channels[known_as],
                     topic=topic,
                     message_encoding=MessageEncoding.JSON,
                     metadata={},
@@ -345,6 +348,7 @@ def _metadata(run: RunInfo) -> dict[str, str]:
         "seed": str(run.seed),
         "run": run.run,
         "started": run.started,
+        **({"shadow": "true"} if run.shadow else {}),
     }
 
 

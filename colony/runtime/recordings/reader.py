@@ -18,7 +18,7 @@ from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
 from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.recorded import Place, RecordedFrame
-from colony.runtime.recordings.replay import LINE_BYTES, Row, Rows, line_error
+from colony.runtime.recordings.replay import LINE_BYTES, SHADOW, Row, Rows, line_error
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
@@ -39,6 +39,7 @@ class _Lines:
         self._place: Place | None = None
         self.truncation: str | None = None
         self.damaged = False
+        self.shadow = False
 
     def go_to(self, place: Place) -> None:
         """Let the first frame be the one at a place in the file; call it before `frames`."""
@@ -80,6 +81,7 @@ class LinesReader(_Lines):
                 raise DiagnosticError(
                     [line_error("A004", self._name, row.number, row.text, 0, message)]
                 ) from None
+            self.shadow = self.shadow or members.shadow
             yield recorded
         self._finish(rows)
 
@@ -107,6 +109,7 @@ class FramesReader(_Lines):
         rows = Rows(bounded_lines(self._file, LINE_BYTES), self._name, program)
         for index, row in enumerate(rows):
             k = row.values.get("@tick")
+            self.shadow = self.shadow or row.values.get(SHADOW) is True
             yield RecordedFrame(
                 tick=Tick(k=k if type(k) is int else index, t_ns=row.frame.t_ns),
                 frame=row.frame,
@@ -142,6 +145,7 @@ class _Row(
     skipped: int | None = None
     keyframe: dict[str, Any] | None = None
     python: dict[str, AnswerMessage] = {}
+    shadow: bool = False
 
 
 class _Decision(

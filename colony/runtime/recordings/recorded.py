@@ -31,7 +31,8 @@ class RunInfo:
 
     `program` is the path in `sources` of the behavior that was run, "" if the sources are unknown. `run` is
     the name of a run on a real robot, and `started` its start time as text for users.
-    `site` has the params that a site set.
+    `shadow` is True if the program ran in the shadow of the robot and commanded nothing. `site` has the
+    params that a site set.
     """
 
     robot: str
@@ -43,6 +44,7 @@ class RunInfo:
     sources: tuple[SourceFile, ...] = ()
     run: str = ""
     started: str = ""
+    shadow: bool = False
     site: Site | None = None
 
 
@@ -80,6 +82,11 @@ class RecordingReader(Protocol):
     @property
     def truncation(self) -> str | None:
         """A text on how the recording breaks off, None if it is whole; valid after all frames were read."""
+        ...
+
+    @property
+    def shadow(self) -> bool:
+        """True if the program ran in the shadow of a robot; valid after all frames were read."""
         ...
 
     @property

@@ -117,10 +117,24 @@ def has_valid_checksum(line: bytes) -> bool:
 PARAMS = "@params"
 """Member of a line with the params that a site set."""
 
+SHADOW = "@shadow"
+"""Member of each line of a program in the shadow of a robot, which commanded nothing."""
+
 RESERVED = frozenset(
     {
         *("t", "restarted"),
-        *("@tick", "@previous", "@semantics", "@restart", "@skipped", "@keyframe", "@python", PARAMS, "@sum"),
+        *(
+            "@tick",
+            "@previous",
+            "@semantics",
+            "@restart",
+            "@skipped",
+            "@keyframe",
+            "@python",
+            PARAMS,
+            SHADOW,
+            "@sum",
+        ),
     }
 )
 """Members of a line that are not sensors or actuators; names in a program cannot contain `@`."""

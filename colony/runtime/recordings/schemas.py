@@ -19,6 +19,9 @@ VERDICTS = "/verdicts/"
 REQUESTS = "/requests/"
 """Topics; those that end in `/` are followed by the name of an actuator."""
 
+SHADOW = "/shadow"
+"""Prefix of verdicts and requests of a program in the shadow of a robot, which were not sent to it."""
+
 Schema = dict[str, object]
 
 

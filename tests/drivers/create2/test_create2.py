@@ -55,7 +55,18 @@ def test_the_charger_keeps_it_from_safe_mode() -> None:
     line = Line(Firmware())
     line.robot.plugged = True
     with pytest.raises(OpeningError, match="does not enter safe mode: its charger"):
-        line.run(2.0)
+        line.run(3.0)
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 0.1, 0.5, 0.9])
+def test_frames_of_before_do_not_matter_where_the_computer_is_slow(latency_s: float) -> None:
+    line = Line(Firmware())
+    line.latency_s = latency_s
+    line.open(5.5)
+    line.begin()
+    line.run(4.0, (100.0, 0.0))
+    line.open(1.5)
+    assert line.robot.mode == Mode.SAFE
 
 
 def test_leaving_safe_mode_is_a_fault_that_is_never_undone_silently() -> None:
@@ -121,6 +132,27 @@ def test_a_speed_holds_without_a_watchdog_and_the_stop_of_the_guard_ends_it() ->
     line.send(line.dialect.stop_bytes)
     line.run(0.4)
     assert not any(line.robot.wheels)
+
+
+def test_it_drives_by_duty_cycles() -> None:
+    line = opened(Firmware())
+    line.send(command(Opcode.DRIVE_PWM, 0, 128, 0xFF, 0x80))  # right, left
+    line.run(0.5)
+    assert line.robot.wheels == (-251.0, 251.0)
+
+
+def test_data_of_commands_are_no_opcodes() -> None:
+    line = opened(Firmware())
+    line.send(command(Opcode.PWM_MOTORS, Opcode.POWER, Opcode.POWER, 64))  # brushes that turn backward
+    line.send(command(Opcode.SCHEDULE, *[Opcode.STOP] * 15))
+    assert line.robot.mode == Mode.SAFE
+
+
+@pytest.mark.parametrize("opcode", [Opcode.SPOT, Opcode.CLEAN, Opcode.MAX, Opcode.DOCK, Opcode.POWER])
+def test_programs_of_the_robot_leave_safe_mode(opcode: Opcode) -> None:
+    line = opened(Firmware())
+    line.send(command(opcode))
+    assert line.robot.mode == Mode.PASSIVE
 
 
 def test_bumper_and_stall_at_a_wall_to_the_left() -> None:

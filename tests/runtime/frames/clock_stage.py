@@ -16,6 +16,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.library.clock import Participants
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import Deployment, deployment
+from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.messages import (
     Alive,
     Effect,
@@ -57,9 +58,14 @@ class Stage:
         servers: tuple[str, ...] = ("PServer", "RServer"),
         frames_kept: int = 40,
         stop_path: Path | None = None,
+        interface: Interface | None = None,
     ) -> None:
         self.clock = Clock(
-            servers=servers, frames_kept=frames_kept, deployment=deployment, stop_path=stop_path
+            servers=servers,
+            frames_kept=frames_kept,
+            deployment=deployment,
+            stop_path=stop_path,
+            interface=interface,
         )
         self.now_ns = now_ns
         self.ticks: list[Tick] = []

@@ -11,7 +11,9 @@ import pytest
 from colony.ir.frame import Answer
 from colony.runtime.frames.clock import IDLE_FRAME_NS, READY_TIMEOUT_NS
 from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
+from colony.runtime.library import clock as library
 from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.interface import Interface, interface_of
 from colony.runtime.protocol.messages import (
     Announcement,
     Fetch,
@@ -381,3 +383,11 @@ def test_a_tick_is_given_once_more_to_all_who_ask_between_two_ticks(stage: Stage
     assert sum(len(stage.fetched(k - back)) for back in range(1, 200)) < 100
     stage.until(stage.now_ns + 50 * MS)
     assert [tick.k for tick in stage.fetched(k)] == [k]
+
+
+def test_the_interface_of_the_robot_can_be_read() -> None:
+    served = interface_of(roam().robot)
+    leader = Leader(Stage(interface=served), "user/1")
+    assert msgspec.msgpack.decode(leader.ask(library.interface()).result, type=Interface) == served
+    plain = Leader(Stage(), "user/1")
+    assert msgspec.msgpack.decode(plain.ask(library.interface()).result, type=Interface) == Interface()

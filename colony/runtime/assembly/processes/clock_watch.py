@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from colony.runtime.assembly.processes.window import Window
+from colony.runtime.protocol.topics import CLOCK
+
 REPORT_AFTER_S = 2.0
 """Absence of the Clock in seconds after which it is reported; a Clock that is restarted is back before."""
 
@@ -61,3 +64,38 @@ class ClockWatch:
             self._report(f"{self._robot} answers again, after {now_s - self._reported_since_s:.1f} s")
             self._reported_since_s = None
         return None
+
+
+class WindowWatch:
+    """The watch over the Clock of a run that has begun, whose window its absence may end. Mutable.
+
+    Args:
+        robot: name of the robot, for messages.
+        window: the part of the run to show.
+        report: callback for one line about each change.
+    """
+
+    def __init__(self, robot: str, window: Window, report: Callable[[str], None]) -> None:
+        self._robot, self._window, self._report = robot, window, report
+        self._clock_watch = ClockWatch(robot, report)
+        self._shown_ns = 0
+
+    def note(self, address: str, present: bool, now_s: float) -> None:
+        """Record that a node joined or left the robot's processes; may be called from any thread."""
+        if address == CLOCK:
+            self._clock_watch.note(present, now_s)
+
+    def check(self, now_s: float) -> str | None:
+        """Return why the run must end, None if it may go on; shut the window if its length is over."""
+        window = self._window
+        if not window.begun:
+            return None
+        if window.shown_ns != self._shown_ns:
+            self._shown_ns = window.shown_ns
+            self._clock_watch.note_frame(now_s)
+        failure = self._clock_watch.check(now_s)
+        absent_s, remaining_ns = self._clock_watch.absent_s(now_s), window.remaining_ns
+        if failure is None and absent_s and remaining_ns is not None and absent_s * 1e9 >= remaining_ns:
+            self._report(f"{self._robot} did not answer in the last {absent_s:.1f} s of the run")
+            window.shut()
+        return failure

@@ -121,8 +121,8 @@ class HardwareBase:
 
     @property
     def problem(self) -> str | None:
-        """What fails at the base now, or None: methods of the driver, and what it says itself."""
-        return "; ".join((*problems_of(self._driver), *self._problems.failing)) or None
+        """What fails at the base now, or None: what the driver says itself, or else which methods fail."""
+        return "; ".join(problems_of(self._driver) or self._problems.failing) or None
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:
         """Drive.
@@ -172,6 +172,8 @@ class HardwareBase:
         close_driver(self._driver, self._report)
 
     def _note(self, method: str, problem: BaseException) -> None:
+        if isinstance(problem, OSError) and problems_of(self._driver):
+            return  # the driver says itself why its device does not work
         text = failure_text(f"{method} of {self._name}", problem)
         self._problems.report(method, type(problem).__name__, text)
 

@@ -15,7 +15,7 @@ from contextlib import ExitStack
 
 from colony.collector import gc_frozen
 from colony.runtime.assembly.processes.children import Children, Job, describe
-from colony.runtime.assembly.processes.clock_watch import ClockWatch
+from colony.runtime.assembly.processes.clock_watch import WindowWatch
 from colony.runtime.assembly.processes.deploying import ProgramDeployer
 from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
@@ -25,7 +25,6 @@ from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.script import Script
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Node
-from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
@@ -82,9 +81,7 @@ class SupervisedRun:
         self._window = window
         self._status_tracker = status_tracker
         self._report = report
-        self._robot = robot_address.robot
-        self._shown_ns = 0
-        self._clock_watch = ClockWatch(robot_address.robot, report)
+        self._clock_watch = WindowWatch(robot_address.robot, window, report)
         self._scripts: dict[str, Callable[[], Script]] = {}
         self._failure: BaseException | None = None
         self._resources = ExitStack()
@@ -166,7 +163,9 @@ class SupervisedRun:
                 return False
             self._check_children()
             self._check(deployer, late=time.monotonic() > begin_by)
-            self._check_clock(time.monotonic())
+            failure = self._clock_watch.check(time.monotonic())
+            if failure is not None:
+                raise RunFailedError(failure)
             meanwhile()
             self._window.changed.wait(HEALTH_CHECK_INTERVAL_S)
             if self._window.begun and not self._window.over:
@@ -238,23 +237,7 @@ class SupervisedRun:
     def _note_presence(self, address: str, present: bool) -> None:
         """Record the nodes that have joined the robot; called in a network thread."""
         self._joined.add(address)
-        if address == CLOCK:
-            self._clock_watch.note(present, time.monotonic())
-
-    def _check_clock(self, now_s: float) -> None:
-        """End a run that has begun when its Clock stays absent, or when its length is over meanwhile."""
-        if not self._window.begun:
-            return
-        if self._window.shown_ns != self._shown_ns:
-            self._shown_ns = self._window.shown_ns
-            self._clock_watch.note_frame(now_s)
-        failure = self._clock_watch.check(now_s)
-        if failure is not None:
-            raise RunFailedError(failure)
-        absent_s, remaining_ns = self._clock_watch.absent_s(now_s), self._window.remaining_ns
-        if absent_s and remaining_ns is not None and absent_s * 1e9 >= remaining_ns:
-            self._report(f"{self._robot} did not answer in the last {absent_s:.1f} s of the run")
-            self._window.shut()
+        self._clock_watch.note(address, present, time.monotonic())
 
     def _check(self, deployer: ProgramDeployer, *, late: bool) -> None:
         if deployer.refusal is not None:
