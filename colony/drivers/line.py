@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Generic
 
 from colony.drivers.decoder import Packet
-from colony.drivers.dialect import Dialect, ImplausibleError, OpeningError
+from colony.drivers.dialect import REFUSALS, Dialect, OpeningError
 from colony.drivers.guarded import Arrived, Command, Event, GuardConnection, Lost, Up, connect
 from colony.drivers.link import LinkError
 from colony.drivers.measurements import Measurements
@@ -188,7 +188,7 @@ class Line(Generic[Packet]):
             readings = self._dialect.read(packet, measured_ns)
             with self._lock:
                 self._measured.take(readings, measured_ns)
-        except ImplausibleError as problem:
+        except REFUSALS as problem:
             self._implausible.report("", "", f"a packet was refused: {problem}")
         if self._is_ready:
             self._note_success()

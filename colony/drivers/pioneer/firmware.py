@@ -40,6 +40,7 @@ class Firmware:
         pose: x and y in mm, and the heading in degrees, as it is; the registers show it in their units.
         speed, turn: speeds as they are, in mm/s and deg/s.
         stop_button: whether its button is pressed; pressed, it switches the motors off.
+        touched: whether something presses its front bumper, besides what is around.
         volts: the voltage of its battery.
     """
 
@@ -58,7 +59,7 @@ class Firmware:
         self._out: list[bytes] = []
         self.pose = (0.0, 0.0, 0.0)
         self.speed = self.turn = 0.0
-        self.stop_button = False
+        self.stop_button = self.touched = False
         self.volts = FULL_V
         self._encoders = [0.0, 0.0]
         self._time_s = 0.0
@@ -204,7 +205,8 @@ class Firmware:
     def _pressed(self, middle: float) -> int:
         """Return the pressed segments of the bumper whose middle is at this bearing."""
         bearings = [middle + 30.0 * (i - (self._bumpers - 1) / 2.0) for i in range(self._bumpers)]
-        return sum(1 << i for i, bearing in enumerate(bearings) if self._gap(bearing) <= TOUCH_MM)
+        touched = self.touched and middle == 0.0
+        return sum(1 << i for i, one in enumerate(bearings) if touched or self._gap(one) <= TOUCH_MM)
 
     def _fire(self) -> None:
         if not self._sonar_on or not self._row.sonars:

@@ -104,9 +104,9 @@ class Pioneer(Dialect[bytes]):
         self.max_speed = 1.2 * self._row.max_speed
         self.max_turn = 1.2 * self._row.max_turn
         self.delay_ns = CYCLE_NS + PACKET_BITS * 1_000_000_000 // (baud or BAUD)
-        self._turn_bits = (self._row.turn_units - 1).bit_length()
-        units = max(self.max_speed / self._row.distance, self.max_turn * self._row.turn_units / 360.0)
-        self._registers = Registers(15, 15, self._turn_bits, max_rate=units)
+        turn_bits = (self._row.turn_units - 1).bit_length()
+        self._position = Registers(15, 15, max_rate=self.max_speed / self._row.distance)
+        self._heading = Registers(turn_bits, max_rate=self.max_turn * self._row.turn_units / 360.0)
         self._pose = Pose()
 
     def decoder(self) -> Decoder[bytes]:
@@ -115,7 +115,8 @@ class Pioneer(Dialect[bytes]):
 
     def restart(self) -> None:
         """Count from the next values of the registers on; keep the pose."""
-        self._registers.restart()
+        self._position.restart()
+        self._heading.restart()
 
     def opening(self) -> Opening[bytes]:
         """Return the handshake, the check of the model, and the settings."""
@@ -152,7 +153,8 @@ class Pioneer(Dialect[bytes]):
 
     def _base(self, sip: StandardSip, t_ns: int) -> BaseState:
         row = self._row
-        (ahead, left, _), _ = self._registers.step((sip.x, sip.y, sip.heading), t_ns)
+        self._heading.step((sip.heading,), t_ns)  # only whether it can be
+        (ahead, left), _ = self._position.step((sip.x, sip.y), t_ns)
         heading = sip.heading % row.turn_units * 360.0 / row.turn_units
         self._pose = replace(
             self._pose,

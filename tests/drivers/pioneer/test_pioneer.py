@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable
 
 import pytest
 
-from colony.drivers.dialect import OpeningError
+from colony.drivers.dialect import ImplausibleError, OpeningError
 from colony.drivers.emulator import STEP_S
 from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
@@ -190,3 +191,11 @@ def test_options_that_no_robot_has() -> None:
         Pioneer(sonars=17)
     with pytest.raises(ValueError, match="8 segments"):
         Pioneer(front_bumpers=8)
+
+
+def test_registers_that_move_faster_than_the_robot_are_refused() -> None:
+    """Also where the heading's register, whose units are smaller, could count as fast."""
+    line = bench().open()
+    data = b"\x32" + struct.pack("<HH", 1500, 0) + bytes(19)
+    with pytest.raises(ImplausibleError, match=r"registers \(0, 0\) became \(1500, 0\)"):
+        line.dialect.read(data, line.now_ns + 200_000_000)
