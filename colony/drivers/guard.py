@@ -16,28 +16,17 @@ It ends 2 s after its last driver. Usage: python -m colony.drivers.guard SOCKET 
 
 from __future__ import annotations
 
-import fcntl
-import os
 import selectors
-import signal
 import socket
 import struct
 import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 
-from colony.drivers.guard_packets import (
-    DATA,
-    DECIDED,
-    HELLO,
-    LOST,
-    MAX_PACKET_BYTES,
-    PLAIN,
-    REFUSED,
-    STOP,
-    UP,
-)
+from colony.drivers import guard_packets as kinds
 from colony.drivers.guard_port import GuardedPort
+from colony.drivers.guard_process import claimed, on_signals
 
 LINGER_NS = 2_000_000_000
 """Time without drivers after which the guard ends."""
@@ -54,7 +43,7 @@ class Guard:
         self._selector.register(listener, selectors.EVENT_READ, self._accept)
         self._listener = listener
         self._port = GuardedPort(port, baud, self._selector, self._on_data, self._on_status)
-        self._status = LOST + b"the port is not open yet"
+        self._status = kinds.LOST + b"the port is not open yet"
         self._drivers: list[socket.socket] = []
         self._alone_since_ns = time.monotonic_ns()
         self._commanding: socket.socket | None = None
@@ -77,14 +66,8 @@ class Guard:
         self._end()
 
     def watch_signals(self) -> None:
-        """End at SIGTERM and SIGINT, which wake the selector."""
-        woken, wake = socket.socketpair()
-        woken.setblocking(False)
-        wake.setblocking(False)
-        self._selector.register(woken, selectors.EVENT_READ, lambda: woken.recv(64))
-        signal.set_wakeup_fd(wake.detach())
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: setattr(self, "ending", True))
+        """End at SIGTERM and SIGINT."""
+        on_signals(self._selector, lambda: setattr(self, "ending", True))
 
     def _due_ns(self) -> int:
         alone_ns = None if self._drivers else self._alone_since_ns + LINGER_NS
@@ -114,11 +97,13 @@ class Guard:
             self._port.do_what_is_due()
 
     def _on_data(self, data: bytes) -> None:
-        self._send_all(DATA + struct.pack("<Q", time.monotonic_ns()) + data)
+        self._send_all(kinds.DATA + struct.pack("<Q", time.monotonic_ns()) + data)
 
     def _on_status(self, why_lost: str | None) -> None:
         """Tell all drivers and the log; a port that is open again may have a base that moves."""
-        status = UP + str(self._port.baud).encode() if why_lost is None else LOST + why_lost.encode()
+        status = (
+            kinds.UP + str(self._port.baud).encode() if why_lost is None else kinds.LOST + why_lost.encode()
+        )
         if status != self._status:
             print(why_lost or f"{self._port.name} is open", flush=True)
         self._status = status
@@ -137,7 +122,7 @@ class Guard:
 
     def _receive(self, driver: socket.socket) -> None:
         try:
-            packet = driver.recv(MAX_PACKET_BYTES)
+            packet = driver.recv(kinds.MAX_PACKET_BYTES)
         except BlockingIOError:
             return
         except OSError:
@@ -145,19 +130,20 @@ class Guard:
         kind, body = packet[:1], packet[1:]
         if not kind:
             self._drop(driver)
-        elif kind == PLAIN:
+        elif kind == kinds.PLAIN:
             self._port.outbox.add(body)
-        elif kind == HELLO and len(body) >= 6:
+        elif kind == kinds.HELLO and len(body) >= 6:
             self._greet(driver, body)
-        elif driver is self._commanding and kind == STOP:
+        elif driver is self._commanding and kind == kinds.STOP:
             self._halt()
-        elif driver is self._commanding and kind == DECIDED and len(body) > 8:
+        elif driver is self._commanding and kind == kinds.DECIDED and len(body) > 8:
             self._decide(struct.unpack_from("<Q", body)[0], body[8:])
 
     def _greet(self, driver: socket.socket, body: bytes) -> None:
         if self._commanding not in (None, driver):
             self._send(
-                driver, REFUSED + f"another driver commands {self._port.name} already; end it first".encode()
+                driver,
+                kinds.REFUSED + f"another driver commands {self._port.name} already; end it first".encode(),
             )
             self._drop(driver)
             return
@@ -199,25 +185,14 @@ class Guard:
 def main() -> None:
     """Run the guard of the command line, unless the port has one."""
     path, port, baud = sys.argv[1:]
-    lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    if (listener := claimed(path)) is None:
         return
-    os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
-    with suppress(FileNotFoundError):
-        os.unlink(path)  # of a guard that was killed
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    listener.bind(path)
-    listener.setblocking(False)
-    listener.listen()
     guard = Guard(listener, port, int(baud))
     guard.watch_signals()
     try:
         guard.run()
     finally:
-        with suppress(FileNotFoundError):
-            os.unlink(path)
+        Path(path).unlink(missing_ok=True)
 
 
 if __name__ == "__main__":
