@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import random
 import signal
 import socket
 import struct
@@ -18,8 +19,9 @@ import pytest
 from colony.drivers import guarded
 from colony.drivers.guarded import Command, Lost, Up, connect
 from colony.drivers.link import LinkError
+from colony.drivers.serial_base import SerialBase
 from colony.runtime.transport.live.run_directory import RunDirectory
-from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny, base, battery
+from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny, base, battery, encoded
 from tests.drivers.tiny_robot import TinyRobot
 
 PATIENCE_S = 30.0
@@ -256,6 +258,23 @@ def test_decisions_that_are_too_old_move_nothing(robot: TinyRobot) -> None:
         assert all(data == Tiny.stop_bytes[2:-1] for data, _ in robot.heard if data[0] == SPEEDS)
     finally:
         connection.close()
+
+
+def test_garbage_from_the_line_moves_nothing_and_costs_no_line(robot: TinyRobot) -> None:
+    said: list[str] = []
+    driver = SerialBase(Tiny(), os.fspath(robot.port), report=said.append)
+    try:
+        wait_for(driver.state)
+        robot.write(encoded(b"\x01\x02") + random.Random(1).randbytes(3000))
+        wait_for(lambda: said)
+        assert said[0].startswith("a packet was refused: unpack_from requires a buffer of at least 7 bytes")
+        driver.drive(100.0, 0.0)
+        wait_for(lambda: robot.speeds == (100, 0))
+        assert driver.problem is None
+        moved = [data for data, _ in robot.heard if data[0] == SPEEDS and any(data[1:])]
+        assert moved == [struct.pack("<Bhh", SPEEDS, 100, 0)]
+    finally:
+        driver.close()
 
 
 def test_garbage_from_a_driver_is_ignored(robot: TinyRobot) -> None:
