@@ -11,7 +11,7 @@ stop the base, those that end the session, and the deadline.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
 - The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
 
-It ends 2 s after its last driver. Usage: python -m colony.drivers.guard SOCKET PORT BAUD
+It ends 2 s after its last driver.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ GOODBYE_NS = 500_000_000
 class Guard:
     """The guard, over its listening socket. Mutable; one thread."""
 
-    def __init__(self, listener: socket.socket, port: str, baud: int) -> None:
+    def __init__(self, listener: socket.socket, port: str, baud: int, stop: bytes) -> None:
         self._selector = selectors.DefaultSelector()
         self._selector.register(listener, selectors.EVENT_READ, self._accept)
         self._listener = listener
@@ -47,7 +47,7 @@ class Guard:
         self._drivers: list[socket.socket] = []
         self._alone_since_ns = time.monotonic_ns()
         self._commanding: socket.socket | None = None
-        self._stop = self._goodbye = b""
+        self._stop, self._goodbye = stop, b""
         self._deadline_ns = 0
         self._decided_ns: int | None = None  # time of the last decision, while the base may move
         self.ending = False
@@ -183,11 +183,11 @@ class Guard:
 
 
 def main() -> None:
-    """Run the guard of the command line, unless the port has one."""
-    path, port, baud = sys.argv[1:]
+    """Run the guard of `SOCKET PORT BAUD STOP`, the stop in hexadecimal, unless the port has one."""
+    path, port, baud, stop = sys.argv[1:]
     if (listener := claimed(path)) is None:
         return
-    guard = Guard(listener, port, int(baud))
+    guard = Guard(listener, port, int(baud), bytes.fromhex(stop))
     guard.watch_signals()
     try:
         guard.run()

@@ -133,12 +133,13 @@ class GuardConnection:
         self._socket.close()
 
 
-def connect(port: str, baud: int, command: Command | None) -> GuardConnection:
+def connect(port: str, baud: int, stop: bytes, command: Command | None) -> GuardConnection:
     """Connect to the guard of a port; start it if there is none.
 
     Args:
         port: what `link.open_link` opens.
         baud: the baud rate of the port.
+        stop: what a guard that is started sends first; the base may drive still, its guard having been killed.
         command: what a driver that commands leaves with the guard; None only to listen.
 
     Raises:
@@ -149,7 +150,7 @@ def connect(port: str, baud: int, command: Command | None) -> GuardConnection:
     path = RunDirectory.find(os.environ).guard(port)
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
-        _reach(connection, path, port, baud)
+        _reach(connection, path, port, baud, stop)
         if command is not None:
             head = struct.pack("<IH", command.deadline_ns // 1_000_000, len(command.stop))
             connection.send(HELLO + head + command.stop + command.goodbye)
@@ -159,7 +160,7 @@ def connect(port: str, baud: int, command: Command | None) -> GuardConnection:
     return GuardConnection(connection)
 
 
-def _reach(connection: socket.socket, path: Path, port: str, baud: int) -> None:
+def _reach(connection: socket.socket, path: Path, port: str, baud: int, stop: bytes) -> None:
     began = start_due = time.monotonic()
     while (now := time.monotonic()) < began + START_S:
         try:
@@ -168,19 +169,19 @@ def _reach(connection: socket.socket, path: Path, port: str, baud: int) -> None:
             if now >= start_due:
                 start_due = now + START_AGAIN_S
                 _guards[:] = [guard for guard in _guards if guard.poll() is None]
-                _guards.append(_start(path, port, baud))
+                _guards.append(_start(path, port, baud, stop))
             time.sleep(CONNECT_PAUSE_S)
         else:
             return
     raise LinkError(f"the guard of {port} does not start; its log is {path}.log")
 
 
-def _start(path: Path, port: str, baud: int) -> subprocess.Popen[bytes]:
+def _start(path: Path, port: str, baud: int, stop: bytes) -> subprocess.Popen[bytes]:
     """Start a guard in a session of its own, so that no signal to a group of processes reaches it."""
     log = os.open(f"{path}.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
     try:
         return subprocess.Popen(
-            [sys.executable, "-m", "colony.drivers.guard", os.fspath(path), port, str(baud)],
+            [sys.executable, "-m", "colony.drivers.guard", os.fspath(path), port, str(baud), stop.hex()],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,

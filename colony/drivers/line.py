@@ -119,7 +119,7 @@ class Line(Generic[Packet]):
         while not self._closed.is_set():
             began = time.monotonic()
             try:
-                self._serve(connect(self._port, self._baud, self._command))
+                self._serve(connect(self._port, self._baud, self._dialect.stop_bytes, self._command))
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
             pause_s = next_pause_s(pause_s, time.monotonic() - began)

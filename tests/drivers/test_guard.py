@@ -133,6 +133,21 @@ def test_a_killed_guard_has_a_successor(robot: TinyRobot, driving: subprocess.Po
     wait_for(lambda: robot.speeds == (300, 0))
 
 
+def test_the_successor_of_a_killed_guard_stops_the_base_for_one_that_only_listens(
+    robot: TinyRobot, driving: subprocess.Popen[bytes]
+) -> None:
+    listener = battery(os.fspath(robot.port))
+    try:
+        wait_for(lambda: listener.fields()["level"])
+        first = guard_pid(robot)
+        driving.send_signal(signal.SIGSTOP)  # it starts no other
+        os.kill(first, signal.SIGKILL)
+        wait_for(lambda: guard_runs(robot) and guard_pid(robot) != first)
+        stopped_after(robot)
+    finally:
+        listener.close()
+
+
 def test_a_guard_that_is_ended_stops_the_base_and_the_session(
     robot: TinyRobot, driving: subprocess.Popen[bytes]
 ) -> None:
@@ -176,8 +191,8 @@ def test_two_drivers_have_one_guard(robot: TinyRobot) -> None:
 
 def test_one_driver_alone_commands(robot: TinyRobot) -> None:
     command = Command(stop=b"", goodbye=b"", deadline_ns=150_000_000)
-    first = connect(os.fspath(robot.port), 0, command)
-    second = connect(os.fspath(robot.port), 0, command)
+    first = connect(os.fspath(robot.port), 0, b"", command)
+    second = connect(os.fspath(robot.port), 0, b"", command)
     try:
         refusals = []
         while not refusals:
@@ -231,7 +246,7 @@ def test_a_robot_that_falls_silent_is_opened_again(robot: TinyRobot) -> None:
 def test_a_busy_port(robot: TinyRobot) -> None:
     with robot.port.open("rb", buffering=0) as other:
         fcntl.flock(other, fcntl.LOCK_EX)
-        connection = connect(os.fspath(robot.port), 0, None)
+        connection = connect(os.fspath(robot.port), 0, b"", None)
         try:
             event = connection.receive(PATIENCE_S)
             while event == Lost("the port is not open yet"):
@@ -247,7 +262,7 @@ def test_a_busy_port(robot: TinyRobot) -> None:
 
 def test_decisions_that_are_too_old_move_nothing(robot: TinyRobot) -> None:
     command = Command(stop=Tiny.stop_bytes, goodbye=b"", deadline_ns=150_000_000)
-    connection = connect(os.fspath(robot.port), 0, command)
+    connection = connect(os.fspath(robot.port), 0, b"", command)
     try:
         while not isinstance(connection.receive(PATIENCE_S), Up):
             pass
@@ -278,7 +293,7 @@ def test_garbage_from_the_line_moves_nothing_and_costs_no_line(robot: TinyRobot)
 
 
 def test_garbage_from_a_driver_is_ignored(robot: TinyRobot) -> None:
-    connection = connect(os.fspath(robot.port), 0, None)
+    connection = connect(os.fspath(robot.port), 0, b"", None)
     raw: socket.socket = connection._socket
     try:
         for packet in (b"H", b"D", b"?", b"H" + bytes(3), b"D" + struct.pack("<Q", 0) + b"x"):
