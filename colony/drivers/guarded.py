@@ -90,7 +90,12 @@ class GuardConnection:
         """
         if not self._readable.poll(timeout_s * 1000):
             return None
-        packet = self._socket.recv(MAX_PACKET_BYTES)
+        try:
+            packet = self._socket.recv(MAX_PACKET_BYTES)
+        except (
+            ConnectionResetError
+        ):  # the guard closed it before it had read all; what it sent is still there
+            packet = self._socket.recv(MAX_PACKET_BYTES)
         kind, body = packet[:1], packet[1:]
         if kind == DATA:
             return Arrived(body[8:], struct.unpack_from("<Q", body)[0])
@@ -139,7 +144,7 @@ def connect(port: str, baud: int, stop: bytes, command: Command | None) -> Guard
     Args:
         port: what `link.open_link` opens.
         baud: the baud rate of the port.
-        stop: what a guard that is started sends first; the base may drive still, its guard having been killed.
+        stop: what a guard that is started here sends first, as the base may still drive.
         command: what a driver that commands leaves with the guard; None only to listen.
 
     Raises:
