@@ -16,6 +16,11 @@ def long(*values: object) -> ParameterSet:
     return pytest.param(*values, marks=pytest.mark.long)
 
 
+def thorough(*values: object) -> ParameterSet:
+    """Return parameters of a test that `make test-thorough` runs alone."""
+    return pytest.param(*values, marks=pytest.mark.thorough)
+
+
 def sampled(values: Sequence[T], *, every: int, thorough: bool = False) -> list[T | ParameterSet]:
     """Return parameters of which `make test` runs the first, and each that is `every` places after one.
 

@@ -105,7 +105,7 @@ def test_a_behavior_for_any_robot_is_for_rome_where_no_project_says_otherwise(
 def test_what_comes_with_colony_is_listed_for_a_name_like_none(colony: Colony) -> None:
     code, _, err = colony("check", "nosuch")
     assert code == 2
-    assert "behaviors that come with colony: allen, corridor, " in err
+    assert "behaviors that come with colony: allen, bounce, corridor, " in err
 
 
 def test_a_recording_has_files_of_ones_own_and_those_that_come_with_colony(

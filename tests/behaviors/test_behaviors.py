@@ -108,7 +108,7 @@ def test_is_written_like_the_others(file: Path) -> None:
 # --- any frames at all ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("file", sampled(BEHAVIORS, every=3), ids=lambda path: path.stem)
+@pytest.mark.parametrize("file", sampled(BEHAVIORS, every=3, thorough=True), ids=lambda path: path.stem)
 def test_contracts_hold_and_the_clients_agree_on_random_frames(file: Path) -> None:
     program = load_file(file)
     clients = compile_program(program).clients

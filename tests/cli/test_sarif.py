@@ -89,15 +89,15 @@ def test_a_note_has_its_level(colony: Colony, tmp_path: Path) -> None:
 
 def test_a_file_that_cannot_be_read_is_a_notification(colony: Colony, tmp_path: Path) -> None:
     (tmp_path / "bad.colony").write_text(TEXT)
-    code, out, _ = colony("check", "--format", "sarif", "none.colony", "bad.colony", tmp_path)
+    code, out, _ = colony("check", "--format", "sarif", "absent.colony", "bad.colony", tmp_path)
     assert code == 2
     run = run_of(out)
     assert [r["ruleId"] for r in run["results"]] == ["E101"]
     (invocation,) = run["invocations"]
     assert invocation["executionSuccessful"] is False
     missing, folder = invocation["toolExecutionNotifications"]
-    assert missing["message"]["text"] == "cannot read `none.colony`: No such file or directory"
-    assert missing["locations"][0]["physicalLocation"]["artifactLocation"]["uri"] == "none.colony"
+    assert missing["message"]["text"] == "cannot read `absent.colony`: No such file or directory"
+    assert missing["locations"][0]["physicalLocation"]["artifactLocation"]["uri"] == "absent.colony"
     assert missing["descriptor"] == {"id": "E001", "index": 0}
     assert "it is a directory" in folder["message"]["text"]
 

@@ -15,6 +15,8 @@ from tests.cli.machine import Machine, failed
 from tests.paths import ROOT
 from tests.waiting import until
 
+LEFT_SAFE_MODE = "left safe mode (a wheel hangs)"
+
 
 @pytest.mark.long
 def test_bounce_drives_until_the_robot_is_lifted(machine: Machine) -> None:
@@ -28,9 +30,10 @@ def test_bounce_drives_until_the_robot_is_lifted(machine: Machine) -> None:
         until(lambda: robot.pose[0] > 300.0 or failed(served, run), "bounce drives")
         robot.drops = (True, True)
         until(lambda: robot.wheels == (0.0, 0.0), "it stands")
+        until(lambda: LEFT_SAFE_MODE in served.err or failed(served, run), "the driver reports it")
         run.tell(signal.SIGINT)
         assert run.wait() == 130
         served.tell(signal.SIGINT)
         assert served.wait() == 0
-    assert "left safe mode (a wheel hangs)" in served.err
+    assert LEFT_SAFE_MODE in served.err
     assert "nothing stops `RServer` when its computer fails" in served.err

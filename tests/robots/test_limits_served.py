@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.kit.connection import Session
+from colony.runtime.kit.connection import Connection, Session
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import robot
 from colony.runtime.library.clock import participants
 from colony.runtime.protocol.deployment import LIMITS_RUN
@@ -38,9 +39,19 @@ def rome(tmp_path: Path) -> Iterator[Machine]:
         yield on
 
 
+def reports(base: Connection) -> bool:
+    """Return whether the base has reported its state: its simulator may start after its server."""
+    try:
+        base.do(robot.wheel_speed())
+    except CallRefusedError:
+        return False
+    return True
+
+
 def test_the_limits_hold_without_a_program_and_again_after_one(rome: Machine) -> None:
     with Session.open("lab", environment=rome.environment) as session:
         stick = session.connect("RServer", name="stick", priority=50)
+        until(lambda: reports(stick), "the base reports its state")
 
         def drives(velocity: float) -> float:
             stick.do(robot.drive(velocity, 0.0, lease=1.0))
@@ -86,6 +97,7 @@ def test_servers_that_are_served_alone_need_the_limits(tmp_path: Path) -> None:
         on.there("lab", "Clock", "RServer", "PServer", "DServer")
         with Session.open("lab", environment=on.environment) as session:
             stick = session.connect("RServer", name="stick", priority=50)
+            until(lambda: reports(stick), "the base reports its state")
 
             def drives() -> float:
                 stick.do(robot.drive(100.0, 0.0, lease=1.0))

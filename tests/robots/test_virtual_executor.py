@@ -26,7 +26,7 @@ from colony.verify.testing.strategies import run_of_seed
 from tests.paths import ROOT
 from tests.programs import program
 from tests.runtime.assembly.test_loss_policy import frames_invented
-from tests.sampling import long
+from tests.sampling import long, thorough
 
 RUNTIME = {"runtime": VirtualExecutor}
 
@@ -160,7 +160,9 @@ def fault_in_examples(name: str, robot: str, seed: int) -> str | None:
         ("follow_wall", "rome"),
     ],
 )
-@pytest.mark.parametrize("seeds", [range(3), long(range(3, 60))], ids=["few", "many"])
+@pytest.mark.parametrize(
+    "seeds", [range(3), long(range(3, 15)), thorough(range(15, 60))], ids=["few", "more", "many"]
+)
 def test_neither_in_behaviors_bound_to_each_robot(name: str, robot: str, seeds: range) -> None:
     for seed in seeds:
         assert fault_in_examples(name, robot, seed) is None

@@ -14,7 +14,7 @@ from tests.found_seeds import find_seed
 from tests.runtime.assembly.loss_outside import VARIANTS, proved, run
 from tests.runtime.assembly.outside_stage import variant
 from tests.runtime.assembly.seeds import fails
-from tests.sampling import long, sampled
+from tests.sampling import sampled, thorough
 
 SEEDS = 120
 GROUPS = 40
@@ -74,7 +74,7 @@ def halts_unnoticed(patch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(
     "bug",
-    [limits_ignored, bounds_of_another_frame, long(sent_after_the_frame), long(halts_unnoticed)],
+    [limits_ignored, bounds_of_another_frame, thorough(sent_after_the_frame), thorough(halts_unnoticed)],
 )
 def test_known_bugs_are_found(
     bug: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch

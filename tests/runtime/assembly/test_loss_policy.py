@@ -17,7 +17,7 @@ from colony.runtime.protocol.messages import Effect, Tick
 from tests.found_seeds import find_seed
 from tests.runtime.assembly.loss_policy import run
 from tests.runtime.assembly.seeds import fails
-from tests.sampling import long, sampled
+from tests.sampling import sampled, thorough
 
 SEEDS = 120
 GROUPS = 8
@@ -145,7 +145,7 @@ def liveness_forgotten(patch: pytest.MonkeyPatch) -> None:
         frames_given_up_by_guess,
         frames_invented,
         never_asked_for_again,
-        long(memory_of_the_first_client_alone),
+        thorough(memory_of_the_first_client_alone),
         liveness_forgotten,
     ],
 )
