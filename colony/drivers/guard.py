@@ -7,7 +7,7 @@ stop the base, those that end the session, and the deadline.
 - Decided bytes carry out a frame that was decided now. Only the commanding driver sends them, a newer packet
   replaces one that waits, and one that is older than the deadline is dropped.
 - When the deadline passes without another, when the commanding driver ends or says so, when the port opens
-  again, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly.
+  again, and when the guard ends, what was decided is dropped and the stop is sent, repeatedly.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
 - The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
 
@@ -75,15 +75,15 @@ class Guard:
         due = [t_ns for t_ns in (self._port.due_ns(), alone_ns, dead_ns) if t_ns is not None]
         return min(due, default=time.monotonic_ns() + LINGER_NS)
 
-    def _halt(self) -> None:
-        """Drop what waits and send the stop."""
+    def _halt(self, *, is_new: bool = False) -> None:
+        """Drop the decision that waits, with a new driver or line all that waits, and send the stop."""
         self._decided_ns = None
-        self._port.outbox.stop(self._stop, time.monotonic_ns())
+        self._port.outbox.stop(self._stop, time.monotonic_ns(), is_new=is_new)
 
     def _end(self) -> None:
         """Stop, say goodbye, and release the port."""
         self._listener.close()
-        self._halt()
+        self._halt(is_new=True)
         self._write_all()
         if self._goodbye:
             self._port.outbox.add(self._goodbye)
@@ -108,7 +108,7 @@ class Guard:
             print(why_lost or f"{self._port.name} is open", flush=True)
         self._status = status
         self._send_all(status)
-        self._halt()
+        self._halt(is_new=True)
 
     # --- drivers -------------------------------------------------------------------------------------
 
@@ -150,7 +150,7 @@ class Guard:
         deadline_ms, size = struct.unpack_from("<IH", body)
         self._commanding, self._deadline_ns = driver, deadline_ms * 1_000_000
         self._stop, self._goodbye = body[6 : 6 + size], body[6 + size :]
-        self._halt()  # the guard does not know what the base was commanded before
+        self._halt(is_new=True)  # the guard does not know what the base was commanded before
 
     def _decide(self, decided_ns: int, data: bytes) -> None:
         now_ns = time.monotonic_ns()
@@ -167,7 +167,7 @@ class Guard:
         self._alone_since_ns = time.monotonic_ns()
         if driver is self._commanding:
             self._commanding = None
-            self._halt()
+            self._halt(is_new=True)
 
     def _send_all(self, packet: bytes) -> None:
         for driver in tuple(self._drivers):

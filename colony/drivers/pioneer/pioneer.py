@@ -128,7 +128,9 @@ class Pioneer(Dialect[bytes]):
         config = None if answer is None else read_sip(answer)  # some robots send it with a wrong checksum
         if isinstance(config, ConfigSip) and config.watchdog_ms == 0:
             raise OpeningError("the robot's watchdog is off: set WatchDog to 2000 ms with ARCOScfg")
-        yield Send(b"".join(self._settings))
+        for _ in range(ATTEMPTS):  # commands are not acknowledged, and may be lost on the line
+            if (yield Ask(b"".join(self._settings), _may_drive)) is not None:
+                return  # else its stop button is pressed
 
     def read(self, packet: bytes, t_ns: int) -> Readings:
         """Return what a standard packet measured.
@@ -216,6 +218,12 @@ def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, Ident
 
 def _any(data: bytes) -> bool:
     return True
+
+
+def _may_drive(data: bytes) -> bool:
+    """Return True if a packet shows that the motors are on, or is of firmware that does not say so."""
+    sip = read_sip(data) if data[0] in STANDARD else None
+    return isinstance(sip, StandardSip) and (sip.battery_fine is None or bool(sip.flags & 1))
 
 
 def _expect_model(identity: Identity, model: str) -> None:

@@ -74,6 +74,30 @@ def test_the_handshake_ends_with_enabled_motors_and_sonars() -> None:
     assert line.robot.motors
 
 
+def test_settings_that_are_lost_are_sent_again() -> None:
+    line = bench()
+    send, lost = line.robot.receive, list[bytes]()
+
+    def loses_the_first_settings(data: bytes) -> None:
+        if not lost and command(Command.ENABLE, 1) in data:
+            lost.append(data)
+        else:
+            send(data)
+
+    line.robot.receive = loses_the_first_settings  # type: ignore[method-assign]
+    line.open()
+    assert lost
+    assert line.robot.motors
+
+
+def test_a_pressed_stop_button_is_no_reason_to_wait() -> None:
+    line = bench()
+    line.robot.stop_button = True
+    line.run(10.0)
+    assert line.opening.is_done
+    assert not line.robot.motors
+
+
 def test_an_older_session_is_closed_first() -> None:
     line = bench()
     for number in (0, 1, 2, Command.OPEN):
