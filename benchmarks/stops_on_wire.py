@@ -4,7 +4,8 @@ Emulated bases stand on pseudoterminals with the pace of their lines; servers, a
 and the guard are processes as on a real robot. One of them is killed, or frozen as by a debugger, at a random
 time in its frame, or the cable is pulled. Measured is the time from then until the base has heard a speed of
 0. Where the guard is frozen, or the cable out, nothing can arrive: then it is the time until the watchdog of
-the base holds it, and a base without one goes on.
+the base holds it, and a base without one goes on. In the case of nothing at all it drives on as well, unless
+the machine is so busy that frames are late, which are idle.
 
     python -m benchmarks.stops_on_wire --rounds 20
 """
@@ -78,6 +79,7 @@ def _cases() -> Iterator[Case]:
         yield _case("the leader of the program", _leader, number, 600.0)
         yield _case("the guard", lambda base: base.guard, number, 2100.0)
     yield _case("the supervisor of `serve all`", lambda base: base.supervisor.pid, signal.SIGSTOP, None)
+    yield Case("nothing at all", lambda base: None, lambda base: None, None)
     yield Case("a pulled cable", _pull_out, lambda base: base.emulator.plug_in(), None, is_cut_off=True)
 
 
