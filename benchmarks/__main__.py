@@ -16,6 +16,7 @@ MODULES = (
     "proof",
     "front_end",
     "functions",
+    "explain",
     "simulation",
     "physics",
     "vision",

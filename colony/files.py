@@ -11,7 +11,9 @@ import errno
 import os
 import stat
 import sys
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 from typing import BinaryIO
@@ -98,6 +100,36 @@ def bounded_lines(file: BinaryIO, max_bytes: int) -> Iterator[bytes]:
         if len(line) > max_bytes:
             raise UnsuitableFileError(errno.EFBIG, f"line {number} is longer than {size_text(max_bytes)}")
         yield line
+
+
+def user_cache(environment: Mapping[str, str], name: str) -> Path | None:
+    """Return a folder of the user's cache: `$XDG_CACHE_HOME/colony/NAME`, or `~/.cache/colony/NAME`.
+
+    None if the environment has neither.
+    """
+    home = environment.get("XDG_CACHE_HOME", "")
+    if os.path.isabs(home):
+        return Path(home) / "colony" / name
+    user = environment.get("HOME", "")
+    return Path(user) / ".cache" / "colony" / name if os.path.isabs(user) else None
+
+
+def keep_in_cache(path: Path, data: bytes) -> None:
+    """Write a file of the user's cache, whole or not at all.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with open(handle, "wb") as file:
+            file.write(data)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
 
 
 def size_text(size: int) -> str:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.params_choice import choose_params, params_option
+from colony.cli.progress import ReadingProgress
 from colony.cli.recorded import program_for
-from colony.cli.reporting import PROGRESS_DELAY_S, refuse, report, say
+from colony.cli.reporting import refuse, report
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.ir.version import SEMANTICS
@@ -62,7 +61,7 @@ def command(recording: str, file: str | None, format_: str) -> None:
             reader = read_recording(stream, recording)
             choose_params(params_of(recorded_site(recording)))
             program = program_for(reader, recording, file, Path(folder))
-            result = audit_recording(program, reader, _Progress(stream))
+            result = audit_recording(program, reader, ReadingProgress(stream))
             _refuse_empty(recording, reader, result)
     except DiagnosticError as failure:
         code = failure.diagnostics[0].code
@@ -115,21 +114,3 @@ def _print_json(
         "params_hash": None if program.site is None else program.site.hash,
     }
     click.echo(json.dumps(summary | result.as_json(), indent=2))
-
-
-class _Progress:
-    """Reports each tenth of a file that is read, if reading takes long. Stateful."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self._size = os.fstat(file.fileno()).st_size
-        self._since = time.monotonic()
-        self._tenths = 0
-
-    def __call__(self) -> None:
-        """Report the progress, if it has reached another tenth."""
-        tenths = 10 * self._file.tell() // max(self._size, 1)
-        if tenths > self._tenths:
-            self._tenths = tenths
-            if tenths < 10 and time.monotonic() - self._since > PROGRESS_DELAY_S:
-                say(f"{10 * tenths} %")

@@ -37,6 +37,7 @@ COMMANDS = {
     "ps": "show the running robots and their state",
     "stop": "stop robots immediately, in an emergency",
     "data": "list, read, set and delete shared variables",
+    "explain": "explain why the robot did what it did, or did not",
     "audit": "compare a recorded run with the reference interpreter",
     "map": "draw a map",
     "experiment": "simulate many runs, and report statistics",

@@ -21,6 +21,7 @@ from colony.text.wording import counted
 if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
+    from colony.verify.explain.answer import Explanation
     from colony.verify.testing.examples import ExampleResult
 
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     metavar="NAME",
     help="Run only the tests whose names contain NAME. May be repeated.",
 )
+@click.option("--explain", is_flag=True, help="Below each test that fails, show which conditions decided.")
 @click.option(
     "--picture",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -53,6 +55,7 @@ def command(
     files: tuple[str, ...],
     format_: str,
     only: tuple[str, ...],
+    explain: bool,
     picture: Path | None,
     frame_number: int | None,
 ) -> None:
@@ -65,19 +68,20 @@ def command(
     Example:
       colony test wander
       colony test wander --only bump
+      colony test patrol.colony --explain
       colony test wander --only middle --picture middle.png
     """
-    from colony.text.diagnostics import to_json
-
     drawing = _checked_drawing(files, picture, frame_number)
     passed = failed = 0
     unreadable = False
     diagnostics: list[Diagnostic] = []
+    answers: list[Explanation | None] = []
     for file in files:
-        tested = _test(file, only)
+        tested = _test(file, only, explain=explain)
         passed, failed = passed + tested.passed, failed + tested.failed
         unreadable = unreadable or is_unreadable(tested.diagnostics)
         diagnostics += tested.diagnostics
+        answers += tested.answers or [None] * len(tested.diagnostics)
         if format_ == "text":
             for line in tested.lines:
                 click.echo(line)
@@ -86,7 +90,7 @@ def command(
             else:
                 report(tested.diagnostics)
     if format_ == "json":
-        click.echo(to_json(diagnostics))
+        click.echo(_as_json(diagnostics, answers if explain else None))
     elif passed or failed or not (diagnostics or only):
         click.echo(f"{passed} passed, {failed} failed" + ("" if passed or failed else ": no tests found"))
     if only and not (passed or failed or diagnostics):
@@ -110,6 +114,7 @@ class _Tested(NamedTuple):
     failed: int = 0
     program: Program | None = None
     results: Sequence[ExampleResult] = ()
+    answers: Sequence[Explanation | None] = ()
 
 
 class _Drawing(NamedTuple):
@@ -134,8 +139,33 @@ def _checked_drawing(
     return _Drawing(picture, frame_number)
 
 
-def _test(file: str, only: tuple[str, ...]) -> _Tested:
+def _as_json(diagnostics: Sequence[Diagnostic], answers: Sequence[Explanation | None] | None) -> str:
+    """Return the diagnostics as JSON, each with its `explanation` if there are answers."""
+    import json
+
+    from colony.text.diagnostics import to_json
+    from colony.verify.explain.json_rows import row
+
+    text = to_json(diagnostics)
+    if answers is None:
+        return text
+    rows = json.loads(text)
+    for member, answer in zip(rows, answers, strict=True):
+        member["explanation"] = None if answer is None else row(answer)
+    return json.dumps(rows, indent=2)
+
+
+def _explained(program: Program, result: ExampleResult) -> list[Explanation | None]:
+    """Return an answer for each failure of a test."""
+    from colony.verify.explain.runs import explain_failure
+
+    example = next(e for e in program.tests if e.span == result.span)
+    return [explain_failure(program, example, failure) for failure in result.failures]
+
+
+def _test(file: str, only: tuple[str, ...], *, explain: bool) -> _Tested:
     from colony.text.diagnostics import DiagnosticError
+    from colony.verify.explain.text import lines as text_lines
     from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 
     checked = check_to_run(file)
@@ -144,13 +174,23 @@ def _test(file: str, only: tuple[str, ...]) -> _Tested:
     try:
         with redirect_stdout(sys.stderr):  # for prints of Python modules
             results = run_examples(checked.program, only)
+            answers = [_explained(checked.program, result) if explain else [] for result in results]
     except DiagnosticError as failure:
         return _Tested(failure.diagnostics)
     lines = []
-    for result in results:
+    for result, of_result in zip(results, answers, strict=True):
         verdict = "passed" if result.passed else "FAILED"
         frames = counted(result.frames, "frame")
         lines.append(f"{file}: {verdict}: {result.name} ({frames})")
+        lines += [f"  {line}" for answer in of_result if answer is not None for line in text_lines(answer)]
     passed = sum(result.passed for result in results)
     failed = len(results) - passed
-    return _Tested(failures_as_diagnostics(results), lines, passed, failed, checked.program, results)
+    return _Tested(
+        failures_as_diagnostics(results),
+        lines,
+        passed,
+        failed,
+        checked.program,
+        results,
+        [answer for of_result in answers for answer in of_result],
+    )

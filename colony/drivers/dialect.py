@@ -166,3 +166,10 @@ class Dialect(ABC, Generic[Packet]):
             ValueError: the device cannot do that.
         """
         raise ValueError("the device does not drive")
+
+    def watch_bumpers(self, watched: bool) -> None:
+        """Let the base itself stop at a bumper or not, from the next `drive` on, if it can stop by itself.
+
+        Nothing is sent: what it takes is among the bytes of `drive`. `RServer` stops at bumpers without it.
+        """
+        return

@@ -82,6 +82,10 @@ class SerialBase(Generic[Packet]):
         except OSError as problem:
             self._report(f"the stop was not sent: {exception_text(problem)}")
 
+    def watch_bumpers(self, watched: bool) -> None:
+        """Let the base itself stop at a bumper or not, if it can."""
+        self._dialect.watch_bumpers(watched)
+
     def state(self) -> BaseState | None:
         """Return the newest state; None while the base does not report one."""
         return self._line.base()

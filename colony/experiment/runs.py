@@ -116,9 +116,16 @@ class Run:
         self.building = building_at(spec.map_path)
         self.plan = plan_of(spec)
         seed = seed_of(spec.key)
-        self.site = Site(self.building, self.plan, spec.hazards, seed=seed, config=self.variant.robot)
+        self.site = Site(
+            self.building,
+            self.plan.floors,
+            spec.hazards,
+            poses=[self.plan.start],
+            seed=seed,
+            config=self.variant.robot,
+        )
         self.world = self.site.world
-        operator_script = {OPERATOR: operator(self.site.elevators, self.world, seed=seed)}
+        operator_script = {OPERATOR: operator(self.site.elevators, seed=seed)}
         begun_segments: list[int] = []
         clock = VirtualClock()
         plant = Plant(self.world, clock, [self.site.elevators.advance])

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, assert_never
 
 from colony.body.footprint import radius_mm
 from colony.body.model import Body
-from colony.body.shipped import ROME, shipped_body
 from colony.execute.compiled import Compiled
 from colony.ir.servers import DSERVER
 from colony.nav.maps.world_map import WorldMap, load_world, world_of
@@ -49,10 +48,10 @@ def run_in_building(
     bind(compiled.robot, described.servers)  # before the simulator is compiled, which takes long
     mission = None
     if request.goal is not None:
-        _expect_rome(described.body)
         from colony.robots.mission import Mission
-        from colony.robots.route import planned_route
+        from colony.robots.route import expect_rome, planned_route
 
+        expect_rome(described.body)
         mission = Mission(planned_route(request), request)
     clock = VirtualClock()
     floors, plant, path = _building(request, described.body, mission, clock)
@@ -98,14 +97,6 @@ def run_in_building(
         path.points,
         {name: sink.points[path.floor()] for name, sink in other_paths.items()},
     )
-
-
-def _expect_rome(body: Body) -> None:
-    """Raise MisuseError unless a robot has the body of RoME, which missions are made for."""
-    rome = shipped_body(ROME)
-    if (body.chassis, body.servers) != (rome.chassis, rome.servers):
-        problem = f"`{body.robot.name}` has another body: missions are for the sensors and cameras of RoME"
-        raise MisuseError(f"--from and --to: error: {problem}")
 
 
 def _building(

@@ -58,7 +58,7 @@ class LiveMission:
         self._scripts: LiveScripts | None = None
         self._began_s = time.monotonic()
         self.duration_s = 0.0
-        self.goal_error_mm = math.nan
+        self.goal_error_mm, self.floor = math.nan, plan.floors[0]
         self.verdict = Verdict.UNSEEN
 
     @property
@@ -109,13 +109,12 @@ class LiveMission:
             CameraMissingError: the camera is missing.
             RobotConnectionError: the base or the data server does not answer.
         """
-        first = self._plan.segments[0]
         # Before the scripts begin: stored values may come from a mission that ended on another floor.
         with self._session.connect("DServer", name=PLANNER) as store:
-            store.do(data.set_many({FLOOR: first.start.floor, ELEVATOR_CALL: []}))
+            store.do(data.set_many({FLOOR: self._plan.floors[0], ELEVATOR_CALL: []}))
         with self._session.connect("RServer", name=PLANNER) as base:
             _retry_until_available(base, robot.position())
-            base.do(robot.set_position(first.start.x_mm, first.start.y_mm, first.heading_deg))
+            base.do(robot.set_position(*self._plan.start))
         try:
             with self._session.connect(CEILING_CAMERA, name=PLANNER) as camera_server:
                 _retry_until_available(camera_server, camera.size())
@@ -137,9 +136,10 @@ class LiveMission:
         self.verdict = verdict
 
     def _end(self) -> None:
-        """Clear the goal, and compute the distance to it."""
+        """Clear the goal, and read where the robot believes to be."""
         with self._session.connect("DServer", name=PLANNER) as store:
             store.do(data.set(GOAL_TYPE, int(GoalKind.NONE)))
+            self.floor = store.do(data.get(FLOOR))
         with self._session.connect("RServer", name=PLANNER) as base:
             here, goal = base.do(robot.position()), self._plan.segments[-1].end
         self.goal_error_mm = math.hypot(here.x - goal.x_mm, here.y - goal.y_mm)

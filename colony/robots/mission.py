@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 from colony.ir.servers import DSERVER, PROXIMITY, RSERVER
 from colony.nav.missions.goal_verification import Verdict
-from colony.robots.expected import GOAL_RADIUS_MM
+from colony.robots.mission_result import Ending, mission_result
 from colony.robots.request import MissionResult, RunRequest
-from colony.robots.route import PLATE_TEXTS, Route
+from colony.robots.route import Route
 from colony.robots.run_cameras import run_cameras
 from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.runtime.kit.script_node import ScriptNode
@@ -33,8 +33,9 @@ class Mission:
         self._route, self.plan = route, route.plan
         self.site = Site(
             route.building,
-            route.plan,
+            route.plan.floors,
             Hazards.none() if request.hazards is None else Hazards(),
+            poses=[route.plan.start],
             seed=request.hazards or 0,
             noise_seed=request.seed,
         )
@@ -44,7 +45,7 @@ class Mission:
             **OURS.scripts(
                 route.plan, self.site.building, cameras=frozenset(_CAMERAS), on_verdict=self._on_verdict
             ),
-            "operator": operator(self.site.elevators, self.site.world, seed=request.seed),
+            "operator": operator(self.site.elevators, seed=request.seed),
         }
         self._scripts = {
             name: ScriptNode(name, script, _SERVERS, delay_ns=_DELAY_NS) for name, script in scripts.items()
@@ -73,38 +74,18 @@ class Mission:
 
     def mission_result(self, t_ns: int) -> MissionResult:
         """Return the result of the mission."""
-        where, when = self._location(), f"after {t_ns / 1e9:.1f} s"
-        if self.problem:
-            return MissionResult(
-                arrived=False, text=f"{self._route.name}: broke off {when}, {where}: {self.problem}"
-            )
-        if not self._scripts[PLANNER].ended:
-            return MissionResult(arrived=False, text=f"{self._route.name}: not done {when}, {where}")
-        if not self._is_at_goal():
-            return MissionResult(
-                arrived=False, text=f"{self._route.name}: the planner was done {when}, {where}"
-            )
-        speed = self.plan.distance_mm / (t_ns / 1e9) * 0.06
-        driven = f"{self.plan.distance_mm / 1000:.1f} m, {speed:.1f} m/min"
-        arrived = f"{self._route.name}: arrived {when}, {where}; {driven}{PLATE_TEXTS[self._verdict]}"
-        return MissionResult(arrived=True, text=arrived)
+        pose, goal = self.site.world.true_pose(0), self.plan.segments[-1].end
+        return mission_result(
+            self._route,
+            Ending(
+                is_done=self._scripts[PLANNER].ended,
+                problem=self.problem,
+                duration_s=t_ns / 1e9,
+                floor=self.site.floor,
+                goal_error_mm=math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm),
+                verdict=self._verdict,
+            ),
+        )
 
     def _on_verdict(self, verdict: Verdict) -> None:
         self._verdict = verdict
-
-    @property
-    def _goal_floor(self) -> str:
-        return self.plan.segments[-1].end.floor
-
-    def _goal_error_mm(self) -> float:
-        """Return the robot's true distance from the goal on its floor, in mm."""
-        pose, goal = self.site.world.true_pose(0), self.plan.segments[-1].end
-        return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
-
-    def _is_at_goal(self) -> bool:
-        return self.site.floor == self._goal_floor and self._goal_error_mm() <= GOAL_RADIUS_MM
-
-    def _location(self) -> str:
-        if self.site.floor != self._goal_floor:
-            return f"on {self.site.floor}, not on {self._goal_floor}"
-        return f"{self._goal_error_mm() / 1000:.2f} m from the goal"

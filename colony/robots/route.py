@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from colony.body.model import Body
+from colony.body.shipped import ROME, shipped_body
 from colony.nav.maps.building import Building, load_building
-from colony.nav.missions.goal_verification import Verdict
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import NoPlanError, plan
 from colony.robots.request import MisuseError, RunRequest
-
-PLATE_TEXTS = {
-    Verdict.UNSEEN: "",
-    Verdict.RIGHT: "; the goal's plate was read",
-    Verdict.WRONG: "; another plate was read at the goal",
-}
-"""Texts about the door plate at the goal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,12 +18,6 @@ class Route:
 
     building: Building
     plan: Plan
-
-    @property
-    def start(self) -> tuple[float, float, float]:
-        """The beginning of the route: x and y in mm, and the heading in degrees."""
-        first = self.plan.segments[0]
-        return first.start.x_mm, first.start.y_mm, first.heading_deg
 
     @property
     def name(self) -> str:
@@ -54,3 +42,11 @@ def planned_route(request: RunRequest) -> Route:
         return Route(building=building, plan=plan(building, request.origin, request.goal))
     except NoPlanError as problem:
         raise MisuseError(f"{request.map_path}: error: {problem}") from None
+
+
+def expect_rome(body: Body) -> None:
+    """Raise MisuseError unless a simulated robot has the body of RoME, which missions are made for."""
+    rome = shipped_body(ROME)
+    if (body.chassis, body.servers) != (rome.chassis, rome.servers):
+        problem = f"`{body.robot.name}` has another body: missions are for the sensors and cameras of RoME"
+        raise MisuseError(f"--from and --to: error: {problem}")

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from colony.execute.compiled import Compiled
 from colony.ir.types import Value
+from colony.nav.maps.building import Building
+from colony.os_errors import describe
 from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath
-from colony.robots.request import MisuseError
+from colony.robots.request import MisuseError, RunAbortedError
 from colony.robots.robot_devices import mixed_devices, simulated_devices
 from colony.runtime.assembly.limits import limit_deployment
 from colony.runtime.assembly.processes.children import Job, last_lines
 from colony.runtime.assembly.processes.jobs import HARDWARE, limits_part, server_jobs, server_parts
 from colony.runtime.assembly.processes.spec import Device, write_spec
+from colony.runtime.kit.errors import RobotConnectionError
+from colony.runtime.kit.script import Script
 from colony.runtime.observe.summary import Travel
 from colony.runtime.protocol.interface import Interface
 from colony.runtime.transport.live.robot_address import Local
@@ -25,6 +30,9 @@ from colony.sim.compiling import COMPILING
 from colony.sim.config import config_of
 from colony.sim.plant.child import SIMULATOR, PlantSpec, ViewDirection, plant_socket
 from colony.sim.plant.control import PlantControl
+from colony.sim.plant.elevators import RemoteElevators
+from colony.sim.plant.protocol import Truth
+from colony.sim.world.operator import operator
 
 PLANT = "colony.sim.plant.child"
 PLANT_SERVERS = "colony.sim.plant.servers"
@@ -55,6 +63,8 @@ class SimulatedRobot:
 
     Attributes:
         map_path: the map of the building.
+        floors: the names of the maps of the floors that the robot may get to by elevators, its own first;
+            none if it stays on the map.
         seed: the seed of the sensors' noise.
         state: the folder of data that survives a restart of a server.
         cameras: viewing directions of cameras by server name.
@@ -71,6 +81,7 @@ class SimulatedRobot:
 
     described: DescribedRobot
     map_path: str
+    floors: tuple[str, ...] = ()
     seed: int
     state: Path
     cameras: Mapping[str, ViewDirection] = field(default_factory=dict)
@@ -99,6 +110,7 @@ def plant_spec(robot_address: Local, robot: SimulatedRobot) -> PlantSpec:
         robot=robot_address.robot,
         folder=str(robot_address.directory.path),
         map=os.path.abspath(robot.map_path),
+        floors=robot.floors,
         seed=robot.seed,
         cameras=dict(robot.cameras),
         start=robot.start,
@@ -141,6 +153,39 @@ def jobs_of(robot_address: Local, robot: SimulatedRobot, folder: Path) -> tuple[
     return (plant, *server_jobs(robot_address, parts, folder, simulator=PLANT_SERVERS))
 
 
+OPERATOR_TIMEOUT_S = 10.0
+"""Timeout in seconds for the plant to answer the operator of its elevators."""
+
+
+@contextmanager
+def simulated_operator(robot_address: Local, robot: SimulatedRobot, building: Building) -> Iterator[Script]:
+    """Return the script that operates a simulated building's elevators, to be run inside the `with`.
+
+    Raises:
+        RunAbortedError: the plant does not answer.
+    """
+    radius_mm = config_of(robot.described.body).radius_mm
+    try:
+        control = PlantControl(plant_socket(robot_address.directory.path), timeout_s=OPERATOR_TIMEOUT_S)
+    except OSError as problem:
+        raise RunAbortedError(f"the simulator does not answer: {describe(problem)}") from None
+    with control:
+        elevators = RemoteElevators(control, robot_address.robot, building, radius_mm)
+        yield _watched(operator(elevators, seed=robot.seed))
+
+
+def _watched(script: Script) -> Script:
+    """Run the operator's script; what it does over a connection to the plant is lost with the plant.
+
+    Raises:
+        RobotConnectionError: the plant does not answer any more.
+    """
+    try:
+        yield from script
+    except OSError as problem:
+        raise RobotConnectionError(f"lost the simulator: {describe(problem)}") from None
+
+
 POLL_INTERVAL_NS = 100_000_000
 """Nanoseconds between two observations of the robot's true position."""
 
@@ -149,7 +194,8 @@ class TruthLog:
     """The true path of a simulated robot, read from the plant's control channel. Mutable.
 
     A restarted plant begins at the start of the map; its travel is added to that of the previous one. A
-    frozen plant that resumes continues its own count.
+    frozen plant that resumes continues its own count. The attribute `last` is the newest observation, None
+    before the first.
     """
 
     def __init__(self, robot_address: Local) -> None:
@@ -160,7 +206,8 @@ class TruthLog:
         self._previous_travel = Travel(bumps=0, distance_mm=0.0)
         self._current_travel = Travel(bumps=0, distance_mm=0.0)
         self._next_poll_ns = 0
-        self._path = DrivenPath()
+        self._paths: dict[str, DrivenPath] = {}
+        self.last: Truth | None = None
 
     def poll(self) -> bool:
         """Observe the robot's true position if it is time; return False while the plant does not answer."""
@@ -178,7 +225,8 @@ class TruthLog:
         except (OSError, ValueError):
             self.close()
             return False
-        self._path.add(truth.x, truth.y)
+        self.last = truth
+        self._paths.setdefault(truth.floor, DrivenPath()).add(truth.x, truth.y)
         self._current_travel = Travel(bumps=truth.bumps, distance_mm=truth.distance)
         return True
 
@@ -195,9 +243,9 @@ class TruthLog:
             self._previous_travel, self._current_travel = self.travel, Travel(bumps=0, distance_mm=0.0)
 
     @property
-    def points(self) -> Sequence[tuple[float, float]]:
-        """The path so far; the last point is the newest."""
-        return self._path.points
+    def paths(self) -> Mapping[str, Sequence[tuple[float, float]]]:
+        """The path so far on each floor, by the names of their maps; the last points are the newest."""
+        return {floor: path.points for floor, path in self._paths.items()}
 
     @property
     def travel(self) -> Travel:

@@ -17,8 +17,9 @@ from threading import Event
 
 from colony.nav.maps.world_map import load_world
 from colony.runtime.transport.live.robot_address import local
+from colony.sim.plant.assembly import PlantOptions
 from colony.sim.plant.child import SIMULATOR, plant_socket
-from colony.sim.plant.process import PlantOptions, serve_plant
+from colony.sim.plant.process import serve_plant
 
 Pose = tuple[float, float, float]
 

@@ -192,6 +192,19 @@ def failed(*started: Started) -> bool:
     return False
 
 
+def audited(machine: Machine, run: Started) -> bool:
+    """Whether what a run recorded into `run.mcap` is what the interpreter decides, wherever memory was known.
+
+    Raises:
+        AssertionError: it is not; the message is what was said.
+    """
+    audit = machine.run("audit", str(run.folder / "run.mcap"))
+    assert audit.wait() == 0, audit.out + audit.err
+    compared = re.search(r"(\d[\d,]*) decisions compared", audit.out)
+    assert compared is not None, audit.out
+    return int(compared[1].replace(",", "")) > 0 and "agrees: every decision" in audit.out
+
+
 def status(session: Session) -> RunStatus | None:
     """How the run stands, None while its leader does not answer."""
     try:

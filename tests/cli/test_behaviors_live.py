@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
 import pytest
 
 from colony.dsl.load import load_file
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, Machine
-from tests.paths import ROOT
+from tests.cli.machine import MAP, ROBOT, Machine
+from tests.paths import ROBOTS, ROOT
 from tests.sampling import sampled
+from tests.waiting import until
 
 DRIVING = [f for f in sorted((ROOT / "behaviors").glob("*.colony")) if load_file(f).wires]
 SETTINGS = {"teleop": ("--set", "TeleopVelocity=200")}
 SEED = 1
+ON_OTHERS = {"amr": "wander", "omni": "wander", "pioneer": "wander", "create2": "bounce"}
+"""What the other robots drive, by their names."""
+FAR_ENOUGH_MM = 200.0
 
 
 def test_most_of_them_drive() -> None:
@@ -35,3 +40,28 @@ def test_it_decides_as_the_interpreter_does(file: Path, machine: Machine, colony
     report = json.loads(audited.out)
     assert report["agrees"] is True
     assert report["compared"] >= 20  # decisions, of 40 frames or more; fewer where the machine is busy
+
+
+def test_all_other_robots_drive_something() -> None:
+    assert {ROBOT, *ON_OTHERS} == {path.stem for path in ROBOTS}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("robot", "behavior"), ON_OTHERS.items())
+def test_a_robot_of_another_kind_drives_and_decides_as_the_interpreter_does(
+    robot: str, behavior: str, machine: Machine, colony: Colony
+) -> None:
+    where = ("--robot", f"{ROBOT}={robot}", "--map", MAP, "--processes", "--duration", "1000")
+    run = machine.start("run", behavior, *where, "--seed", str(SEED), "--no-picture", "--record", "run.mcap")
+
+    def is_far_enough() -> bool:
+        truth = machine.truth()
+        return truth is not None and truth.distance > FAR_ENOUGH_MM
+
+    until(lambda: run.ended() or is_far_enough(), "the robot has driven")
+    assert not run.ended(), run.err
+    run.tell(signal.SIGINT)
+    assert run.wait() == 130, run.err
+    audited = colony("audit", run.folder / "run.mcap", "--format", "json")
+    assert audited.code == 0, audited.out + audited.err
+    assert json.loads(audited.out)["agrees"] is True

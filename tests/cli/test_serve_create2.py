@@ -11,7 +11,7 @@ from colony.drivers.create2.firmware import Firmware, World
 from colony.drivers.create2.sensors import Mode
 from colony.drivers.emulator import Emulator
 from colony.drivers.surroundings import room
-from tests.cli.machine import Machine, failed
+from tests.cli.machine import Machine, audited, failed
 from tests.paths import ROOT
 from tests.waiting import until
 
@@ -26,13 +26,14 @@ def test_bounce_drives_until_the_robot_is_lifted(machine: Machine) -> None:
         served = machine.start("serve", "all", "--robot", "create2", "--port", emulator.port)
         until(lambda: robot.mode == Mode.SAFE or failed(served), "the robot is ready")
         bounce = str(ROOT / "behaviors" / "bounce.colony")
-        run = machine.start("run", bounce, "--robot", "create2", "--connect")
+        run = machine.start("run", bounce, "--robot", "create2", "--connect", "--record", "run.mcap")
         until(lambda: robot.pose[0] > 300.0 or failed(served, run), "bounce drives")
         robot.drops = (True, True)
         until(lambda: robot.wheels == (0.0, 0.0), "it stands")
         until(lambda: LEFT_SAFE_MODE in served.err or failed(served, run), "the driver reports it")
         run.tell(signal.SIGINT)
         assert run.wait() == 130
+        assert audited(machine, run)
         served.tell(signal.SIGINT)
         assert served.wait() == 0
     assert LEFT_SAFE_MODE in served.err

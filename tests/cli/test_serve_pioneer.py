@@ -1,4 +1,4 @@
-"""`colony serve all --robot pioneer --port`: wander drives an emulated Pioneer through the real driver."""
+"""`colony serve all --robot pioneer --port`: wander and calls drive an emulated Pioneer, by its driver."""
 
 from __future__ import annotations
 
@@ -11,8 +11,24 @@ from colony.drivers.emulator import Emulator
 from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.surroundings import room
-from tests.cli.machine import WANDER, Machine, failed
+from colony.runtime.kit.connection import Session
+from colony.runtime.library import robot as library
+from tests.cli.machine import WANDER, Machine, Started, audited, failed
 from tests.waiting import until
+
+
+def call(machine: Machine, robot: Firmware, *started: Started) -> None:
+    """Hold calls of RServer to what they do in the robot."""
+    session = Session.open("pioneer", environment=machine.environment)
+    with session, session.connect("RServer", name="test", priority=1000) as base:
+        assert robot.bump_stall == 0
+        for setting, bumpers in ((1, 3), (0, 0)):
+            base.do(library.set_bumper(setting))
+            until(lambda at=bumpers: robot.bump_stall == at or failed(*started), "its bumpers are set")  # type: ignore[misc]
+        base.do(library.stop(1))
+        until(lambda: robot.is_estopped or failed(*started), "it brakes hard")
+        until(lambda: robot.speed == 0.0, "it stands")
+    until(lambda: robot.speed > 0.0 or failed(*started), "wander drives on")
 
 
 @pytest.mark.long
@@ -23,13 +39,15 @@ def test_wander_drives_until_the_stop_button_is_pressed(machine: Machine) -> Non
         port = ("--port", emulator.port, "--baud", "38400")
         served = machine.start("serve", "all", "--robot", "pioneer", *port)
         until(lambda: robot.motors or failed(served), "the robot is ready")
-        run = machine.start("run", WANDER, "--robot", "pioneer", "--connect")
+        run = machine.start("run", WANDER, "--robot", "pioneer", "--connect", "--record", "run.mcap")
         until(lambda: robot.pose[0] > 500.0 or failed(served, run), "wander drives")
+        call(machine, robot, served, run)
         robot.stop_button = True
         until(lambda: robot.speed == 0.0 and robot.set_points == (0.0, 0.0), "it stands, and is told to")
         robot.stop_button = False
         run.tell(signal.SIGINT)
         assert run.wait() == 130
+        assert audited(machine, run)
         served.tell(signal.SIGINT)
         assert served.wait() == 0
         until(lambda: not robot.is_open, "the session has ended")

@@ -15,7 +15,7 @@ def test_damaged_streams(codec: str) -> None:
     score, trial = fuzz(load(codec), 60_000, seed=1)
     assert score.damages > 100
     assert score.intact > 400
-    assert trial.read > 100
+    assert trial.read > 50
     assert trial.refused > 10
     assert trial.sent > 0
 

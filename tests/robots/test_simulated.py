@@ -12,14 +12,18 @@ import pytest
 from colony.body.model import Hardware
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
+from colony.nav.shared import ELEVATOR_CALL
 from colony.robots.described import DescribedRobot
-from colony.robots.simulated import SimulatedRobot, TruthLog, plant_spec
+from colony.robots.simulated import SimulatedRobot, TruthLog, plant_spec, simulated_operator
+from colony.runtime.kit.script_local import ScriptError
 from colony.runtime.observe.summary import Travel
 from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import AttachBase, Attached, BaseReading, DriveBase, pack
+from tests.nav.floors import two_floors
+from tests.nav.script_stage import Stage
 from tests.sim.plant.plants import PlantProcess, wait_for
 from tests.sim.plant.test_process import START, Line, is_frozen
 
@@ -76,6 +80,9 @@ def test_the_way_of_a_plant_that_was_frozen_is_counted_once(
     seen(log, second)
     log.close()
     assert log.travel == second
+    assert log.last is not None
+    assert log.last.floor == "hallway"
+    assert {floor: path[-1] for floor, path in log.paths.items()} == {"hallway": (log.last.x, log.last.y)}
 
 
 def test_the_way_of_a_plant_that_died_is_added_to_that_of_the_next(
@@ -106,6 +113,21 @@ def test_a_plant_that_is_asked_by_another_connection_is_the_same(
     seen(log, whole)
     log.close()
     assert log.travel == whole
+
+
+def test_an_operator_says_that_the_simulator_is_lost(
+    robot_address: Local, plant: PlantProcess, tmp_path: Path
+) -> None:
+    body = shipped_body("rome")
+    robot = SimulatedRobot(
+        described=DescribedRobot(body, servers_of(body)), map_path="", seed=1, state=tmp_path
+    )
+    with simulated_operator(robot_address, robot, two_floors(tmp_path)) as script:
+        stage = Stage(operator=script)
+        stage.tell(ELEVATOR_CALL, ["liftL", "ground", "upper"])
+        plant.kill()
+        with pytest.raises(ScriptError, match="`operator` raised RobotConnectionError: lost the simulator: "):
+            stage.run(1.0)
 
 
 @pytest.mark.parametrize(("hardware", "real"), [(True, ("Panel",)), (False, ())])

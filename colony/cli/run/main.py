@@ -147,9 +147,9 @@ def command(**arguments: Any) -> None:
 
     With --from and --to a planner and its helpers lead the robot from room to room, for a behavior that takes
     goals, such as navigator.colony. The run ends when the robot has arrived; the exit code is 1 if it has
-    not. A room on another floor that elevators lead to is written `2:250R` or `msu_engineering_2:250R`. In
-    one process an operator who presses the elevator buttons is simulated; with --connect you are asked at the
-    terminal to press them. With --connect the robot must stand before the room --from, on the map --map
+    not. A room on another floor that elevators lead to is written `2:250R` or `msu_engineering_2:250R`. An
+    operator who presses the elevator buttons is simulated; with --connect you are asked at the terminal to
+    press them. With --connect the robot must stand before the room --from, on the map --map
     (docs/missions.md).
 
     With --movers people walk around in the world, and with --also there are other robots in it, each with a

@@ -14,7 +14,17 @@ import math
 from collections import deque
 
 from colony.drivers.create2.codec import MAX_WHEEL, Frame, Opcode, command, decoder, drive_direct, stream
-from colony.drivers.create2.sensors import STREAM, Mode, State, implausible, state_of
+from colony.drivers.create2.sensors import (
+    FORCE_FIELD,
+    GREEN_BUOY,
+    RED_BUOY,
+    STREAM,
+    Mode,
+    State,
+    beam_heard,
+    implausible,
+    state_of,
+)
 from colony.drivers.decoder import Decoder
 from colony.drivers.dialect import Ask, Dialect, ImplausibleError, Opening, OpeningError, Readings, Send
 from colony.drivers.odometry import Pose, Registers, along_arc
@@ -25,7 +35,7 @@ from colony.runtime.servers.drivers import BaseState
 MM_PER_COUNT = math.pi * 72.0 / 508.8
 BASE_MM = 235.0
 
-FRAME_NS = 21_000_000
+FRAME_NS = 22_000_000
 """Period of the stream, and transmission of a frame at 115200 baud: so old its readings are at most."""
 
 WINDOW_NS = 100_000_000
@@ -42,6 +52,9 @@ MODE_S = 0.05
 
 ATTEMPTS = 4
 
+BEAMS = {"dock_red": RED_BUOY, "dock_green": GREEN_BUOY, "dock_field": FORCE_FIELD}
+"""The beams of a dock by the names of their fields."""
+
 MAX_SIGNAL, LIGHT_DECAY_MM, LIGHT_REACH_MM = 4_095, 80.0, 300.0
 """The strongest echo of the light bumper, how its strength is taken to fall, and how far it is looked at."""
 
@@ -50,7 +63,8 @@ class Create2(Dialect[Frame]):
     """The dialect. Mutable: has the pose by dead reckoning, and why the robot may not drive any more.
 
     Fields: battery (percent), volts, charging, docked, wheel_drop, stalled, mode; bumper (left, right), cliff
-    (left, front left, front right, right), range (of the light bumper, from left to right, in mm).
+    (left, front left, front right, right), range (of the light bumper, from left to right, in mm); dock_red,
+    dock_green, dock_field (whether the receivers to the left, all around and to the right hear that beam).
 
     Args:
         mode_offset: what the firmware adds to the mode that it reports: 0 or 1.
@@ -193,6 +207,7 @@ def _fields(state: State) -> dict[str, Value]:
         "mode": float(state.mode),
         "cliff": state.cliffs,
         "range": tuple(map(_range, state.light_signals)),
+        **{name: tuple(beam_heard(one, beam) for one in state.infrared) for name, beam in BEAMS.items()},
     }
 
 

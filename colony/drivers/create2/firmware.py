@@ -13,9 +13,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from colony.drivers.create2.codec import CommandReader, Frame, Opcode, encoded
-from colony.drivers.create2.sensors import GROUPS, PACKETS, Mode, data_of
+from colony.drivers.create2.sensors import (
+    DOCK,
+    FORCE_FIELD,
+    GREEN_BUOY,
+    GROUPS,
+    PACKETS,
+    RED_BUOY,
+    Mode,
+    data_of,
+)
 from colony.drivers.emulator import STEP_S
-from colony.drivers.surroundings import Surroundings, moved, open_field
+from colony.drivers.surroundings import Pose, Surroundings, moved, open_field
 
 STREAM_S = 0.015
 SLEEP_S = 300.0
@@ -28,6 +37,12 @@ NEAR_SIGNAL = 400
 CLIFF_BEARINGS = (60.0, 15.0, -15.0, -60.0)
 LIGHT_BEARINGS = (65.0, 38.0, 13.0, -13.0, -38.0, -65.0)
 FULL_MAH = 2_600.0
+BEAM_REACH_MM, FIELD_REACH_MM = 2_500.0, 600.0
+BUOYS = ((RED_BUOY, -30.0, 5.0), (GREEN_BUOY, -5.0, 30.0))
+"""The beams of a dock, and between which bearings from its axis they are heard; guessed."""
+
+RECEIVERS = (("left", -10.0, 60.0), ("omni", -180.0, 180.0), ("right", -60.0, 10.0))
+"""The receivers, and between which bearings they hear; guessed but for the one that hears all around."""
 
 
 def _floor(x: float, y: float) -> bool:
@@ -41,12 +56,12 @@ class World:
     Attributes:
         range: the range in mm from a point (mm) into a direction (degrees); infinite for nothing.
         floor: whether there is floor at a point.
-        dock: where the robot charges; None for nowhere.
+        dock: the pose of a robot that charges at it; None for no dock.
     """
 
     range: Surroundings = open_field
     floor: Callable[[float, float], bool] = _floor
-    dock: tuple[float, float] | None = None
+    dock: Pose | None = None
 
 
 class Firmware:
@@ -198,7 +213,23 @@ class Firmware:
 
     def _is_docked(self) -> bool:
         dock = self._world.dock
-        return dock is not None and math.dist(self.pose[:2], dock) < 50.0 and not any(self._wanted)
+        return dock is not None and math.dist(self.pose[:2], dock[:2]) < 50.0 and not any(self._wanted)
+
+    def _heard(self) -> dict[str, int]:
+        """Return the character that each receiver hears of the dock, 0 for none."""
+        if self._world.dock is None:
+            return {}
+        dock_x, dock_y, facing = self._world.dock
+        angle = math.radians(facing)
+        dock_x, dock_y = dock_x + RADIUS_MM * math.cos(angle), dock_y + RADIUS_MM * math.sin(angle)
+        x, y, heading = self.pose
+        way, seen_at = math.hypot(dock_x - x, dock_y - y), math.degrees(math.atan2(dock_y - y, dock_x - x))
+        bearing = math.remainder(seen_at - heading, 360.0)
+        aside = math.remainder(seen_at - facing, 360.0)
+        beams = sum(beam for beam, low, high in BUOYS if way < BEAM_REACH_MM and low <= aside <= high)
+        beams += FORCE_FIELD if way < FIELD_REACH_MM else 0
+        hears = {name for name, low, high in RECEIVERS if beams and low <= bearing <= high}
+        return {f"infrared_{name}": DOCK | beams for name in hears}
 
     def _values(self) -> dict[str, int]:
         left_bump = self.touched or any(self._gap(side) <= 3.0 for side in range(0, 91, 15))
@@ -228,6 +259,7 @@ class Firmware:
             "requested_left": wanted_left,
             "encoder_left": math.floor(self._travel[0] * COUNTS_PER_MM) & 0xFFFF,
             "encoder_right": math.floor(self._travel[1] * COUNTS_PER_MM) & 0xFFFF,
+            **self._heard(),
             "light_bumper": sum((light > NEAR_SIGNAL) << i for i, light in enumerate(lights)),
             **{f"cliff_{name}": int(is_cliff) for name, is_cliff in cliffs},
             **{f"light_{name}": light for name, light in zip(names, lights, strict=True)},

@@ -109,7 +109,7 @@ GROUPS = {
     107: range(54, 59),
 }
 
-STREAM = (7, 9, 10, 11, 12, 14, 21, 22, 23, 25, 26, 34, 35, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51, 58)
+STREAM = (7, *range(9, 13), 14, 17, *range(21, 24), 25, 26, 34, 35, *range(41, 54), 58)
 """The packets of the driver's stream: what its servers read, and no more than 15 ms carry."""
 
 BOUNDS = {
@@ -200,6 +200,8 @@ class State:
         mode: packet 35 as it is.
         voltage, current, charge, capacity: in V, A, and mAh.
         encoder_left, encoder_right: counts, which wrap at 16 bits.
+        infrared: characters that the receivers hear, from left to right; 0 for none. That of the middle one
+            hears all around.
         stasis_off: the stasis sensor is disabled, which most often means dirty.
     """
 
@@ -222,11 +224,25 @@ class State:
     capacity: int
     encoder_left: int
     encoder_right: int
+    infrared: tuple[int, ...]
     stasis_off: bool
 
 
+DOCK, FORCE_FIELD, GREEN_BUOY, RED_BUOY = 0xA0, 1, 4, 8
+"""The characters of a dock: `DOCK`, with a bit for each of its beams that is heard."""
+
 SIDES = ("left", "front_left", "front_right", "right")
 LIGHTS = ("left", "front_left", "center_left", "center_right", "front_right", "right")
+
+
+def beam_heard(character: int, beam: int) -> bool:
+    """Return whether a character is that of a dock whose `beam` is among those that are heard.
+
+    Example:
+        >>> beam_heard(164, GREEN_BUOY), beam_heard(164, RED_BUOY), beam_heard(136, RED_BUOY)
+        (True, False, False)
+    """
+    return character & ~(FORCE_FIELD | GREEN_BUOY | RED_BUOY) == DOCK and bool(character & beam)
 
 
 def implausible(values: dict[str, int]) -> str | None:
@@ -262,5 +278,6 @@ def state_of(values: dict[str, int]) -> State:
         capacity=value["capacity"],
         encoder_left=value["encoder_left"],
         encoder_right=value["encoder_right"],
+        infrared=tuple(value[f"infrared_{side}"] for side in ("left", "omni", "right")),
         stasis_off=bool(value["stasis"] & 2),
     )

@@ -41,6 +41,9 @@ class Command(IntEnum):
     SETRA = 23
     SONAR = 28
     STOP = 29
+    BUMPSTALL = 44
+    JOYDRIVE = 47
+    SONAR_CYCLE = 48
     ESTOP = 55
 
 

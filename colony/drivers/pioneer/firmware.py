@@ -17,17 +17,11 @@ from colony.drivers.pioneer.codec import Command, argument_of, decoder, encoded
 from colony.drivers.pioneer.parameters import Parameters, SonarPose
 from colony.drivers.surroundings import Surroundings, moved, open_field
 
-"""The cycle of the motors' controller."""
-
-FIRE_S = 0.04
-"""Time between two sonars of one array: 25 Hz."""
-
-ARRAY = 8
-"""Number of sonars of an array, which fire in turn."""
-
+FIRE_S = 0.04  # time between two sonars of one array, as delivered
+ARRAY = 8  # sonars of an array, which fire in turn
 SONAR_MAX_MM = 5000.0
-HALF_BEAM_DEG = 10.0
-RADIUS_MM = 250.0
+HALF_BEAM_DEG = 12.0
+RADIUS_MM = 300.0
 TOUCH_MM = 8.0
 ESTOP_DECELERATION = 4000.0
 FULL_V, DRAIN_V_PER_S = 12.8, 0.0001
@@ -39,9 +33,11 @@ class Firmware:
     Attributes:
         pose: x and y in mm, and the heading in degrees, as it is; the registers show it in their units.
         speed, turn: speeds as they are, in mm/s and deg/s.
-        stop_button: whether its button is pressed; pressed, it switches the motors off.
+        stop_button: whether its button is pressed, which switches the motors off; volts: its battery's.
+        joystick: speeds of a joystick at its own port, while its button is pressed.
+        is_estopped: whether it brakes hard, or stands after that, until it is commanded to move.
         touched: whether something presses its front bumper, besides what is around.
-        volts: the voltage of its battery.
+        bump_stall: bumpers at which it stalls by itself: 1 in front, 2 behind.
     """
 
     def __init__(
@@ -55,27 +51,24 @@ class Firmware:
     ) -> None:
         self._row, self._around = row, around
         self._watchdog_ms, self._cycle_s, self._bumpers = watchdog_ms, cycle_ms / 1000.0, bumpers
-        self._decoder = decoder()
-        self._out: list[bytes] = []
-        self.pose = (0.0, 0.0, 0.0)
-        self.speed = self.turn = 0.0
-        self.stop_button = self.touched = False
-        self.volts = FULL_V
-        self._encoders = [0.0, 0.0]
-        self._time_s = 0.0
+        self._decoder, self._out = decoder(), list[bytes]()
+        self.pose, self.speed, self.turn, self._encoders = (0.0, 0.0, 0.0), 0.0, 0.0, [0.0, 0.0]
+        self.stop_button, self.touched, self.volts = False, False, FULL_V
+        self.joystick: tuple[float, float] | None = None
         self._reset()
 
     def _reset(self) -> None:
         """Begin without a session."""
         self._synced, self.is_open = 0, False
-        self.motors = self._is_estopped = self._sonar_on = False
+        self.motors = self.is_estopped = self._sonar_on = False
         self._velocity = self._rate = 0.0  # the set points, which are kept
         self._origin = (0.0, 0.0, 0.0)
         self._acceleration, self._deceleration = 300.0, 300.0
         self._turn_acceleration = self._turn_deceleration = 100.0
         self._silent_s = self._packet_s = 0.0
         self._fired: list[tuple[int, int]] = []
-        self._fire_s, self._next = 0.0, 0
+        self._fire_s, self._next, self._cycle_of_sonars_s = 0.0, 0, FIRE_S
+        self.bump_stall, self._joystick_drives = 0, False
         self._streams_encoders = False
 
     # --- the line ------------------------------------------------------------------------------------
@@ -113,7 +106,7 @@ class Firmware:
                 self._reset()
             case Command.ENABLE:
                 self.motors = value != 0 and not self.stop_button
-                self._is_estopped = False
+                self.is_estopped = False
             case Command.SETA if value > 0:
                 self._acceleration = value
             case Command.SETA:
@@ -125,19 +118,30 @@ class Firmware:
             case Command.SETO:
                 self._origin = self.pose
             case Command.VEL:
-                self._velocity, self._is_estopped = float(value), self._is_estopped and not value
+                self._velocity, self.is_estopped = float(value), self.is_estopped and not value
             case Command.RVEL:
-                self._rate, self._is_estopped = float(value), self._is_estopped and not value
+                self._rate, self.is_estopped = float(value), self.is_estopped and not value
             case Command.STOP | Command.ESTOP:
                 self._velocity = self._rate = 0.0
-                self._is_estopped = number == Command.ESTOP
-            case Command.SONAR:
-                self._sonar_on = bool(value & 1)
+                self.is_estopped = number == Command.ESTOP
             case Command.CONFIG:
                 self._out.append(encoded(self._config()))
             case Command.ENCODER:
                 self._streams_encoders = value > 1
                 self._out.append(encoded(self._encoder_packet()))
+            case _:
+                self._set(number, value)
+
+    def _set(self, number: int, value: int) -> None:
+        match number:
+            case Command.SONAR:
+                self._sonar_on = bool(value & 1)
+            case Command.SONAR_CYCLE:
+                self._cycle_of_sonars_s = min(120, max(2, value)) / 1000.0
+            case Command.BUMPSTALL:
+                self.bump_stall = value
+            case Command.JOYDRIVE:
+                self._joystick_drives = value == 1
             case _:
                 pass
 
@@ -145,7 +149,6 @@ class Firmware:
 
     def step(self) -> None:
         """Let `STEP_S` pass."""
-        self._time_s += STEP_S
         self._silent_s += STEP_S
         self.volts = max(10.0, self.volts - DRAIN_V_PER_S * STEP_S)
         if self.stop_button:
@@ -171,10 +174,12 @@ class Firmware:
         return bool(self._watchdog_ms) and self._silent_s * 1000.0 > self._watchdog_ms
 
     def _move(self) -> None:
-        drives = self.is_open and self.motors and not self.is_timed_out and not self._is_estopped
-        brakes = ESTOP_DECELERATION if self._is_estopped or not self.motors else self._deceleration
-        turn_brakes = ESTOP_DECELERATION if self._is_estopped or not self.motors else self._turn_deceleration
+        drives = self.is_open and self.motors and not self.is_timed_out and not self.is_estopped
+        brakes = ESTOP_DECELERATION if self.is_estopped or not self.motors else self._deceleration
+        turn_brakes = ESTOP_DECELERATION if self.is_estopped or not self.motors else self._turn_deceleration
         wanted, rate = (self._velocity, self._rate) if drives else (0.0, 0.0)
+        if self.joystick is not None and self.motors and (self._joystick_drives or not self.is_open):
+            wanted, rate = self.joystick
         wanted = max(-self._row.max_speed, min(self._row.max_speed, wanted))
         rate = max(-self._row.max_turn, min(self._row.max_turn, rate))
         self.speed = _towards(self.speed, wanted, self._acceleration, brakes)
@@ -194,7 +199,9 @@ class Firmware:
         """Whether something is in the way, so that the wheels stall."""
         if not self.speed:
             return False
-        ahead = 0.0 if self.speed > 0.0 else 180.0
+        ahead, bumper = (0.0, 1) if self.speed > 0.0 else (180.0, 2)
+        if self.bump_stall & bumper and self._pressed(ahead):
+            return True
         return any(self._gap(ahead + side) <= 0.0 for side in range(-80, 81, 20))
 
     def _gap(self, bearing: float) -> float:
@@ -205,14 +212,14 @@ class Firmware:
     def _pressed(self, middle: float) -> int:
         """Return the pressed segments of the bumper whose middle is at this bearing."""
         bearings = [middle + 30.0 * (i - (self._bumpers - 1) / 2.0) for i in range(self._bumpers)]
-        touched = self.touched and middle == 0.0
-        return sum(1 << i for i, one in enumerate(bearings) if touched or self._gap(one) <= TOUCH_MM)
+        nearest = math.inf if self.touched and not middle else TOUCH_MM
+        return sum(1 << i for i, bearing in enumerate(bearings) if self._gap(bearing) <= nearest)
 
     def _fire(self) -> None:
         if not self._sonar_on or not self._row.sonars:
             return
         self._fire_s += STEP_S
-        if self._fire_s < FIRE_S - 1e-9:
+        if self._fire_s < self._cycle_of_sonars_s - 1e-9:
             return
         self._fire_s = 0.0
         for first in range(0, len(self._row.sonars), ARRAY):

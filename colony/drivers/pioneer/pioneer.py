@@ -26,7 +26,7 @@ from colony.drivers.dialect import (
 from colony.drivers.odometry import Pose, Registers
 from colony.drivers.pioneer.codec import Command, command, decoder
 from colony.drivers.pioneer.parameters import MODELS, Parameters, parameters_of
-from colony.drivers.pioneer.sip import ConfigSip, Identity, StandardSip, read_sip
+from colony.drivers.pioneer.sip import ConfigSip, Identity, StandardSip, mask_of, may_drive, read_sip
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.servers.drivers import BaseState
@@ -48,8 +48,13 @@ CLOSE_S = 0.4
 
 ATTEMPTS = 5
 
-NO_ECHO_MM = 5000.0
-"""Range from which on a sonar has heard nothing."""
+REPEATED_AFTER = 20
+"""Number of frames after which a setting is sent again: nothing says whether the robot has heard it."""
+
+SONAR_CYCLES_MS = (2, 120)
+"""Shortest and longest time from one sonar of an array to the next (manual)."""
+
+NO_ECHO_MM = 5000.0  # from here on a sonar has heard nothing
 
 EMPTY_V, FULL_V = 11.0, 12.8
 """Voltages of empty and full batteries of 12 V; the level between them is a rough guess."""
@@ -71,6 +76,8 @@ class Pioneer(Dialect[bytes]):
             report pressed ones.
         acceleration, turn_acceleration: with which it speeds up and brakes, in mm/s^2 and deg/s^2; 0 leaves
             them as they are.
+        sonar_cycle: time in ms that each sonar has for its echo, which is its time-out; 0 leaves it as it is.
+        joystick: whether a joystick at the robot's own port may drive it, too.
     """
 
     baud = BAUD
@@ -87,18 +94,26 @@ class Pioneer(Dialect[bytes]):
         rear_bumpers: int | None = None,
         acceleration: int = 0,
         turn_acceleration: int = 0,
+        sonar_cycle: int = 0,
+        joystick: bool = False,
     ) -> None:
         self._row = _row(model)
         own = len(self._row.sonars)
         if not 0 <= sonars <= own:
             raise ValueError(f"sonars is {sonars}; a {self._row.model} has up to {own}")
-        self._front = _mask(self._row.front_bumpers if front_bumpers is None else front_bumpers)
-        self._rear = _mask(self._row.rear_bumpers if rear_bumpers is None else rear_bumpers)
+        self._front = mask_of(self._row.front_bumpers if front_bumpers is None else front_bumpers)
+        self._rear = mask_of(self._row.rear_bumpers if rear_bumpers is None else rear_bumpers)
         self._settings = [command(Command.ENABLE, 1), command(Command.SONAR, 1)]
         if acceleration:
             self._settings += [command(Command.SETA, sign * acceleration) for sign in (1, -1)]
         if turn_acceleration:
             self._settings += [command(Command.SETRA, sign * turn_acceleration) for sign in (1, -1)]
+        if sonar_cycle:
+            self._settings.append(command(Command.SONAR_CYCLE, _cycle(sonar_cycle)))
+        if joystick:
+            self._settings.append(command(Command.JOYDRIVE, 1))
+        self._bump_stall = b""
+        self._frames_since_stall = 0
         self.rings = {"sonar": sonars or own}
         self.bounds = {"sonar": (0.0, NO_ECHO_MM), "volts": (0.0, 60.0)}
         self.max_speed = 1.2 * self._row.max_speed
@@ -129,7 +144,7 @@ class Pioneer(Dialect[bytes]):
         if isinstance(config, ConfigSip) and config.watchdog_ms == 0:
             raise OpeningError("the robot's watchdog is off: set WatchDog to 2000 ms with ARCOScfg")
         for _ in range(ATTEMPTS):  # commands are not acknowledged, and may be lost on the line
-            if (yield Ask(b"".join(self._settings), _may_drive)) is not None:
+            if (yield Ask(b"".join(self._settings), may_drive)) is not None:
                 return  # else its stop button is pressed
 
     def read(self, packet: bytes, t_ns: int) -> Readings:
@@ -151,7 +166,20 @@ class Pioneer(Dialect[bytes]):
         """Return both set points, each of which the robot keeps until another is sent."""
         if sideways:
             raise ValueError("a Pioneer does not drive sideways")
-        return command(Command.VEL, round(velocity)) + command(Command.RVEL, round(turn))
+        speeds = command(Command.VEL, round(velocity)) + command(Command.RVEL, round(turn))
+        return speeds + self._due_setting()
+
+    def watch_bumpers(self, watched: bool) -> None:
+        """Stall the robot where its front bumper meets something ahead, or its rear one behind, or not."""
+        bumpers = bool(self._front) | bool(self._rear) << 1
+        self._bump_stall = command(Command.BUMPSTALL, bumpers if watched else 0)
+        self._frames_since_stall = 0
+
+    def _due_setting(self) -> bytes:
+        """Return what `watch_bumpers` has set, in one of `REPEATED_AFTER` frames, the first among them."""
+        is_due = self._frames_since_stall % REPEATED_AFTER == 0
+        self._frames_since_stall += 1
+        return self._bump_stall if is_due else b""
 
     def _base(self, sip: StandardSip, t_ns: int) -> BaseState:
         row = self._row
@@ -220,12 +248,6 @@ def _any(data: bytes) -> bool:
     return True
 
 
-def _may_drive(data: bytes) -> bool:
-    """Return True if a packet shows that the motors are on, or is of firmware that does not say so."""
-    sip = read_sip(data) if data[0] in STANDARD else None
-    return isinstance(sip, StandardSip) and (sip.battery_fine is None or bool(sip.flags & 1))
-
-
 def _expect_model(identity: Identity, model: str) -> None:
     if identity.model.casefold() != model.casefold():
         known = " (no row of its model is known)" if parameters_of(identity.model) is None else ""
@@ -241,10 +263,11 @@ def _row(model: str) -> Parameters:
     return row
 
 
-def _mask(segments: int) -> int:
-    if not 0 <= segments <= 7:
-        raise ValueError(f"{segments} segments of a bumper; up to 7 are possible")
-    return (1 << segments) - 1
+def _cycle(cycle_ms: int) -> int:
+    low, high = SONAR_CYCLES_MS
+    if not low <= cycle_ms <= high:
+        raise ValueError(f"sonar_cycle is {cycle_ms} ms; {low} to {high} ms are possible")
+    return cycle_ms
 
 
 def base(port: str, *, frame_ns: int, baud: int = 0, **options: bool | float | str) -> SerialBase[bytes]:

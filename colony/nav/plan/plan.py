@@ -69,6 +69,12 @@ class Plan:
     modes: str
 
     @property
+    def start(self) -> tuple[float, float, float]:
+        """The pose where the path begins: x and y in mm, and the heading in degrees."""
+        first = self.segments[0]
+        return first.start.x_mm, first.start.y_mm, first.heading_deg
+
+    @property
     def floors(self) -> tuple[str, ...]:
         """The names of the maps on the path, without repetitions, in order."""
         points = (point for segment in self.segments for point in (segment.start, segment.end))

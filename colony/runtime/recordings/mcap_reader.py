@@ -43,7 +43,7 @@ from colony.runtime.recordings.mcap_writer import (
     VerdictMessage,
 )
 from colony.runtime.recordings.reader import BREAKS_OFF, command_values, gaps
-from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
+from colony.runtime.recordings.recorded import Place, RecordedFrame, RunInfo
 from colony.runtime.recordings.replay import RECORD_AGAIN
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
 from colony.runtime.recordings.site import read_site
@@ -96,7 +96,8 @@ class McapReader:
     """
 
     def __init__(self, file: BinaryIO, name: str) -> None:
-        self._name = name
+        self._name, self._file = name, file
+        self._is_at_start = True
         self.truncation: str | None = None
         self.damaged = False
         self._topics: dict[int, str] = {}
@@ -104,6 +105,12 @@ class McapReader:
         records = self._records(file)
         self.run, first_records = self._read_header(records)
         self._remaining = chain(first_records, records)
+
+    def go_to(self, place: Place) -> None:
+        """Let the first frame be the one at a place in the file; call it before `frames`."""
+        self._topics.update(place.topics)
+        self._remaining = chain((), self._records(self._file, place.offset))
+        self._is_at_start = False
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
         """Yield the frames, as frames of `program`.
@@ -114,7 +121,8 @@ class McapReader:
         for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
                 self._fail("A004", f"its robot lacks the actuator `{actuator.name}` of this program")
-        assembler, last_ns = _RecordedFrameAssembler(self._topics, program), None
+        assembler = _RecordedFrameAssembler(self._topics, program, at_start=self._is_at_start)
+        last_ns = None
         for record in self._remaining:
             match record:
                 case Damage():
@@ -138,10 +146,10 @@ class McapReader:
             text = f"the frame at {message.log_time} ns is not one of this program: {problem}"
             self._fail("A004", text)
 
-    def _records(self, file: BinaryIO) -> Iterator[Record]:
+    def _records(self, file: BinaryIO, start: int | None = None) -> Iterator[Record]:
         """Yield every record up to the end, and collect the topics of channels."""
         try:
-            for record in read_records(file):
+            for record in read_records(file, start):
                 if isinstance(record, Channel):
                     self._topics[record.id] = record.topic
                 yield record
@@ -238,20 +246,25 @@ def _source(attachment: Attachment) -> Iterator[SourceFile]:
 class _RecordedFrameAssembler:
     """Assembles messages into frames. Stateful: keeps the messages of the incomplete frame.
 
-    The `/frames` message is the last message of its frame; if it is missing, the others are dropped.
+    The `/frames` message is the last message of its frame; if it is missing, the others are dropped. Unless
+    `at_start`, the first keyframe may have any number.
     """
 
-    def __init__(self, topics: Mapping[int, str], program: Program) -> None:
+    def __init__(self, topics: Mapping[int, str], program: Program, *, at_start: bool) -> None:
         self._topics = topics
+        self._chunk = -1
+        self._begins_chunk = False
         self._actuators = {VERDICTS + a.name: a for a in program.robot.actuators}
         self.drop_messages()
-        self._next_number, self._gap = 0, False
+        self._next_number: int | None = 0 if at_start else None
+        self._gap = False
         self._decode_frame = msgspec.json.Decoder(FrameMessage).decode
         self._decode_verdict = msgspec.json.Decoder(VerdictMessage).decode
         self._decode_contracts = msgspec.json.Decoder(ContractsMessage).decode
 
     def drop_messages(self) -> None:
         """Drop the messages of an incomplete frame."""
+        self._is_empty = True
         self._verdicts: dict[str, VerdictMessage] = {}  # by topic
         self._broken: tuple[str, ...] = ()
         self._keyframe: Keyframe | None = None
@@ -263,6 +276,9 @@ class _RecordedFrameAssembler:
             msgspec.MsgspecError, ValueError: the message is malformed.
         """
         topic = self._topics.get(message.channel_id, "")
+        if message.chunk != self._chunk:
+            self._chunk, self._begins_chunk = message.chunk, self._is_empty
+        self._is_empty = False
         if topic == FRAMES:
             return self._complete(self._decode_frame(message.data), damaged)
         if topic == CONTRACTS:
@@ -279,7 +295,7 @@ class _RecordedFrameAssembler:
         """Take a keyframe. If the previous one is missing, another tool has removed damaged data."""
         self._keyframe = read_keyframe(members)
         number = members.get("n") if isinstance(members, dict) else None
-        self._gap = self._gap or number != self._next_number
+        self._gap = self._gap or number != (number if self._next_number is None else self._next_number)
         self._next_number = number + 1 if isinstance(number, int) else 0
 
     def _complete(self, message: FrameMessage, damaged: bool) -> RecordedFrame:
@@ -290,7 +306,8 @@ class _RecordedFrameAssembler:
             if verdict.k == message.k
         ]
         damaged = damaged or self._gap
-        self._gap = False
+        place = Place(self._chunk, message.start, tuple(self._topics.items())) if self._begins_chunk else None
+        self._gap = self._begins_chunk = False
         self.drop_messages()
         return RecordedFrame(
             tick=Tick(
@@ -310,6 +327,7 @@ class _RecordedFrameAssembler:
             keyframe=keyframe,
             damaged=damaged,
             answers=read_answers(message.python),
+            place=place,
         )
 
 

@@ -52,11 +52,12 @@ class Damage:
 
 
 class ChunkMessage(NamedTuple):
-    """A message of a chunk whose checksum is correct."""
+    """A message of a chunk whose checksum is correct. `chunk` is the offset of the chunk in the file."""
 
     channel_id: int
     log_time: int
     data: bytes
+    chunk: int = 0
 
 
 Record = Metadata | Attachment | Channel | ChunkMessage | Damage
@@ -70,8 +71,10 @@ class RecordTooLargeError(Exception):
     """The file unpacks to more data than any recording."""
 
 
-def read_records(file: BinaryIO) -> Iterator[Record]:
+def read_records(file: BinaryIO, start: int | None = None) -> Iterator[Record]:
     """Yield the records of a file that begins with `MAGIC`, to the end of its data.
+
+    With `start`, the offset of a chunk, yield them from there on.
 
     Raises:
         TruncatedError: after the last record, if the file breaks off.
@@ -81,7 +84,7 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
     size = file.seek(0, 2)
     bytes_left = UNPACKED_BASE_BYTES + MAX_UNPACKED_RATIO * size
     messages_left = MESSAGES_BASE + size // MESSAGE_BYTES
-    offset, seen_chunk = len(MAGIC), False
+    offset, seen_chunk = len(MAGIC) if start is None else start, start is not None
     while True:
         file.seek(offset)
         head = file.read(_MAX_HEAD_BYTES)
@@ -96,7 +99,7 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
             if bytes_left < 0:
                 raise RecordTooLargeError
             file.seek(end - chunk_head.packed_size)
-            for record in _read_chunk(chunk_head, file.read(chunk_head.packed_size)):
+            for record in _read_chunk(chunk_head, file.read(chunk_head.packed_size), offset):
                 messages_left -= isinstance(record, ChunkMessage)
                 if messages_left < 0:
                     raise RecordTooLargeError
@@ -192,8 +195,8 @@ def _find_chunk(file: BinaryIO, offset: int, size: int) -> int | None:
     return None
 
 
-def _read_chunk(chunk_head: _ChunkHead, packed: bytes) -> Iterator[Record]:
-    """Yield the records in a chunk."""
+def _read_chunk(chunk_head: _ChunkHead, packed: bytes, chunk: int) -> Iterator[Record]:
+    """Yield the records in the chunk at offset `chunk`."""
     records = _decompress(chunk_head, packed)
     if isinstance(records, Damage):
         yield records
@@ -206,7 +209,7 @@ def _read_chunk(chunk_head: _ChunkHead, packed: bytes) -> Iterator[Record]:
             len(records) - offset, MAX_MESSAGE_BYTES
         ):
             channel_id, _, log_time, _ = _MESSAGE.unpack_from(records, offset)
-            yield ChunkMessage(channel_id, log_time, records[offset + _MESSAGE.size : end])
+            yield ChunkMessage(channel_id, log_time, records[offset + _MESSAGE.size : end], chunk)
         elif opcode == Opcode.CHANNEL:
             try:
                 yield Channel.read(ReadDataStream(BytesIO(records[offset:end])))

@@ -7,6 +7,7 @@ the previous frame, and reports that.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, BinaryIO
 
 import msgspec
@@ -16,7 +17,7 @@ from colony.ir.program import Actuator, Program
 from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
 from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.keyframes import read_keyframe
-from colony.runtime.recordings.recorded import RecordedFrame
+from colony.runtime.recordings.recorded import Place, RecordedFrame
 from colony.runtime.recordings.replay import LINE_BYTES, Row, Rows, line_error
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
@@ -35,8 +36,14 @@ class _Lines:
     def __init__(self, file: BinaryIO, name: str) -> None:
         self._file = file
         self._name = name
+        self._place: Place | None = None
         self.truncation: str | None = None
         self.damaged = False
+
+    def go_to(self, place: Place) -> None:
+        """Let the first frame be the one at a place in the file; call it before `frames`."""
+        self._place = place
+        self._file.seek(place.offset)
 
     def _finish(self, rows: Rows) -> None:
         self.damaged = rows.damaged
@@ -56,7 +63,8 @@ class LinesReader(_Lines):
             DiagnosticError: at the first bad line. Codes: those of `Rows`, A004 for a malformed decision, and
                 A001 if the file cannot be read or a line is too long.
         """
-        actuators, start = program.robot.actuators, None
+        actuators, place = program.robot.actuators, self._place or Place(0, _UNKNOWN_START)
+        start = None if self._place is None else self._place.start
         rows = Rows(self._bounded(), self._name, program)
         for index, row in enumerate(rows):
             try:
@@ -66,6 +74,7 @@ class LinesReader(_Lines):
                     start = _UNKNOWN_START if row.damaged and not members.restart else k
                 tick = Tick(k=k, t_ns=row.frame.t_ns, start=start, gaps=gaps(members.previous, k))
                 recorded = _recorded_frame(tick, row, actuators, members)
+                recorded = replace(recorded, place=Place(place.offset + row.offset, start))
             except msgspec.ValidationError as problem:
                 message = f"this is not a decision of this program: {problem}"
                 raise DiagnosticError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Answer, Frame
@@ -12,6 +12,17 @@ from colony.ir.program import Program
 from colony.ir.site import Site
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.protocol.messages import Tick, Verdict
+
+
+class Place(NamedTuple):
+    """A place in the file of a recording: an offset, and what a reader must know that starts there.
+
+    `start` is the first frame of the epoch, and `topics` are the channels of an MCAP file, by number.
+    """
+
+    offset: int
+    start: int
+    topics: tuple[tuple[int, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +52,8 @@ class RecordedFrame:
 
     A verdict is absent if none was received. Fields of ticks and verdicts that the format omits have their
     defaults; JSON lines contain only unusual fates. `damaged` is True if damaged data between the previous
-    frame and this one was skipped.
+    frame and this one was skipped. `place` is a place in the file from which a reader can go on with this
+    frame (see `RecordingReader.go_to`), None if it cannot.
     """
 
     tick: Tick
@@ -54,6 +66,7 @@ class RecordedFrame:
     keyframe: Keyframe | None = None
     damaged: bool = False
     answers: Mapping[str, Answer] = field(default_factory=dict)
+    place: Place | None = None
 
 
 class RecordingReader(Protocol):
@@ -72,6 +85,10 @@ class RecordingReader(Protocol):
     @property
     def damaged(self) -> bool:
         """True if data after the last frame is damaged; valid after all frames were read."""
+        ...
+
+    def go_to(self, place: Place) -> None:
+        """Let the first frame be the one at a place in the file; call it before `frames`."""
         ...
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:

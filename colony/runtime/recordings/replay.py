@@ -42,7 +42,8 @@ _MAX_TIME_S = 9e9
 class Row(NamedTuple):
     """A line of a recording: its number, its text, its frame, and all members of its JSON object.
 
-    `damaged` is True if lines just before it are damaged.
+    `damaged` is True if lines just before it are damaged. `offset` is that of the line, in bytes from the
+    first one.
     """
 
     number: int
@@ -50,6 +51,7 @@ class Row(NamedTuple):
     frame: Frame
     values: Mapping[str, Any]
     damaged: bool = False
+    offset: int = 0
 
 
 class Rows:
@@ -76,14 +78,16 @@ class Rows:
         remaining = enumerate(self._lines, 1)
         leading = tuple(islice(remaining, DETECTION_LINES))
         has_checksums = any(has_valid_checksum(line) for _, line in leading)
+        end = 0
         for number, line in chain(leading, remaining):
+            offset, end = end, end + len(line)
             damaged = (has_checksums or CHECKSUM_PREFIX in line) and not has_valid_checksum(line)
             if damaged and not line.endswith(b"\n") and _may_be_cut_off(line):
                 self.broken_off = True
             elif damaged:
                 self.damaged = True
             elif line.strip():
-                yield self._parser.parse_row(number, line)._replace(damaged=self.damaged)
+                yield self._parser.parse_row(number, line)._replace(damaged=self.damaged, offset=offset)
                 self.damaged = False
 
 

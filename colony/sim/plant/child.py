@@ -38,16 +38,18 @@ ViewDirection = float | Literal["up"]
 class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     """The specification of a plant: one robot in the building of a map, with the direction of each camera.
 
-    `folder` is the robot's folder. `body` is the file of its body, None for that of RoME. `start` is the
-    initial pose, x and y in mm and the heading in degrees, or None for that of the map. `hazards` is the seed
-    of the hazards (docs/hazards.md), or None for no hazards. `movers`, `real` and `logical_ns` are as
-    in `colony.sim.plant.process.PlantOptions`.
+    `floors` are the names of the maps of the floors that elevators connect, the robot's one first; without
+    any, the robot stays on the map. `folder` is the robot's folder. `body` is the file of its body, None for
+    that of RoME. `start` is the initial pose, x and y in mm and the heading in degrees, or None for that of
+    the map. `hazards` is the seed of the hazards (docs/hazards.md), or None for no hazards. `movers`, `real`
+    and `logical_ns` are as in `colony.sim.plant.assembly.PlantOptions`.
     """
 
     robot: str
     folder: str
     map: str
     seed: int
+    floors: tuple[str, ...] = ()
     cameras: dict[str, ViewDirection] = {}
     start: tuple[float, float, float] | None = None
     hazards: int | None = None
@@ -84,24 +86,30 @@ def serve(
 
     Raises:
         LiveError: a plant of the robot is already running, or the folder cannot be used.
-        DiagnosticError: the map or the body is invalid.
+        DiagnosticError: the map, one that its elevators lead to, or the body is invalid.
         NoClearanceError: the robot does not fit at its start.
     """
     with RobotDirectory(Path(spec.folder), spec.robot).claim(SIMULATOR):
-        from colony.nav.maps.world_map import load_world
+        from colony.nav.maps.building import load_building
+        from colony.nav.maps.world_map import load_world, world_of
         from colony.sim.compiling import announcing_compilation
 
         with announcing_compilation(report):
             from colony.sim.config import config_of
             from colony.sim.hazards.hazards import Hazards
-            from colony.sim.plant.process import PlantOptions, serve_plant
+            from colony.sim.plant.assembly import PlantOptions
+            from colony.sim.plant.process import serve_plant
 
-        world, body = load_world(spec.map), _body(spec)
+        building = load_building(spec.map) if spec.floors else None
+        world = load_world(spec.map) if building is None else world_of(building.map_named(spec.floors[0]))
+        body = _body(spec)
         try:
             start = world.start(config_of(body).radius_mm, spec.start)
             options = PlantOptions(
                 path=spec.socket,
                 world=world,
+                building=building,
+                floors=spec.floors,
                 robots={spec.robot: start},
                 cameras={name: _camera(direction) for name, direction in spec.cameras.items()},
                 hazards=Hazards.none() if spec.hazards is None else Hazards(),

@@ -1,4 +1,4 @@
-"""Control of a plant from outside the robots: reading their true state, moving them, giving readings."""
+"""Control of a plant from outside the robots: their true state, their places, readings, elevators."""
 
 from __future__ import annotations
 
@@ -10,13 +10,18 @@ from colony.sim.given import GivenValue
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
     Advance,
+    AskDoors,
     AskTruth,
     AttachControl,
     Attached,
+    Doors,
     FromPlant,
     Give,
+    Landed,
+    MoveDoors,
     Place,
     Refusal,
+    Ride,
     ToPlant,
     Truth,
     Unpacker,
@@ -71,6 +76,22 @@ class PlantControl:
     def advance(self, dt_ns: int) -> None:
         """Let logical time pass."""
         self._ask(Advance(dt_ns=dt_ns))
+
+    def opening(self, node: str) -> float:
+        """Return the opening of the doors of the elevator at a node of the robots' floor, from 0 to 1."""
+        answer = self._ask(AskDoors(node=node))
+        assert isinstance(answer, Doors)
+        return answer.opening
+
+    def move_doors(self, node: str, *, is_opening: bool) -> None:
+        """Open the doors of the elevator at a node of the robots' floor, or close them."""
+        self._ask(MoveDoors(node=node, is_opening=is_opening))
+
+    def ride(self, node: str, floor: str) -> str:
+        """Take the robots in an elevator to the floor of another map; return the node of the doors there."""
+        answer = self._ask(Ride(node=node, floor=floor))
+        assert isinstance(answer, Landed)
+        return answer.node
 
     def close(self) -> None:
         """End the connection."""

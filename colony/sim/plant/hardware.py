@@ -7,7 +7,7 @@ clock: times are arguments. `colony.sim.plant.process` connects it to sockets.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, assert_never
 
@@ -24,6 +24,7 @@ from colony.sim.given import GivenValue
 from colony.sim.plant.given import GivenFields
 from colony.sim.plant.protocol import FieldReading, Rings, Truth
 from colony.sim.timeline import MAX_STEP_S
+from colony.sim.world.elevators import Elevators
 from colony.sim.world.world import World
 
 STEP_NS = 20_000_000
@@ -71,8 +72,10 @@ class Devices:
     Args:
         world: the robots.
         names: names of the robots, in the order of their numbers.
-        cameras: cameras of each robot, by name.
+        cameras: cameras of each robot, by name; each is a function that returns that of the robots' floor.
         devices: the other devices of each robot, by the names of their servers.
+        floor: name of the map of the floor, if the robots cannot leave it.
+        elevators: the elevators of the robots' building, if they can.
         given: what is given for fields of these devices, which read it.
         now_ns: current time.
         step_ns: step of the simulation.
@@ -86,9 +89,11 @@ class Devices:
         self,
         world: World,
         names: tuple[str, ...],
-        cameras: Mapping[str, RobotCamera],
+        cameras: Mapping[str, Callable[[], RobotCamera]],
         devices: Sequence[Mapping[str, RobotDevice]] = (),
         *,
+        floor: str = "",
+        elevators: Elevators | None = None,
         given: GivenFields | None = None,
         now_ns: int,
         step_ns: int = STEP_NS,
@@ -101,6 +106,7 @@ class Devices:
         self._world = world
         self._robots = {name: number for number, name in enumerate(names)}
         self._cameras = cameras
+        self._floor, self._elevators = floor, elevators
         self._devices = devices or [{} for _ in names]
         self._given = GivenFields() if given is None else given
         self._commands = [_Command() for _ in names]
@@ -153,6 +159,17 @@ class Devices:
             names = ", ".join(self._devices[robot]) or "none"
             raise ValueError(f"the robot has no device of `{server}`; it has {names}")
 
+    @property
+    def elevators(self) -> Elevators:
+        """The elevators of the robots' building.
+
+        Raises:
+            ValueError: the robots cannot leave their floor.
+        """
+        if self._elevators is None:
+            raise ValueError(f"no elevators: the simulator has one floor, `{self._floor}`")
+        return self._elevators
+
     # --- time ----------------------------------------------------------------------------------------
 
     def advance(self, now_ns: int) -> None:
@@ -164,8 +181,7 @@ class Devices:
             self.time_ns += skipped
         while self.time_ns + self.step_ns <= now_ns:
             self._stop_expired()
-            self._world.advance(self.step_ns / 1e9)
-            self.time_ns += self.step_ns
+            self._step(self.step_ns)
 
     def pass_time(self, dt_ns: int) -> None:
         """Simulate `dt_ns` of logical time.
@@ -175,7 +191,12 @@ class Devices:
         """
         if not 0 < dt_ns <= MAX_STEP_S * 1e9:
             raise ValueError(f"cannot advance by {dt_ns} ns; expected above 0, up to {MAX_STEP_S:g} s")
+        self._step(dt_ns)
+
+    def _step(self, dt_ns: int) -> None:
         self._world.advance(dt_ns / 1e9)
+        if self._elevators is not None:
+            self._elevators.advance(dt_ns / 1e9)
         self.time_ns += dt_ns
 
     def _stop_expired(self) -> None:
@@ -258,7 +279,7 @@ class Devices:
 
     def image(self, robot: int, camera: str) -> Image:
         """Return the image of a robot's camera."""
-        return image_of(self._pixels(robot, self._cameras[camera]), self.time_ns)
+        return image_of(self._pixels(robot, self._cameras[camera]()), self.time_ns)
 
     def _pixels(self, robot: int, camera: RobotCamera) -> Bytes2:
         match camera:
@@ -279,6 +300,7 @@ class Devices:
         pose, speed = self._world.true_pose(robot), self._world.speed(robot)
         return Truth(
             t_ns=self.time_ns,
+            floor=self._floor if self._elevators is None else self._elevators.floor,
             x=pose.x_mm,
             y=pose.y_mm,
             heading=pose.heading_deg,

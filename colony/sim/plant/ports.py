@@ -8,6 +8,7 @@ from __future__ import annotations
 from colony.sim.plant.hardware import Devices
 from colony.sim.plant.protocol import (
     Advance,
+    AskDoors,
     AskTruth,
     Attach,
     AttachBase,
@@ -21,14 +22,18 @@ from colony.sim.plant.protocol import (
     DeviceCommand,
     DeviceReading,
     Done,
+    Doors,
     DriveBase,
     FromPlant,
     Give,
     Halt,
+    Landed,
+    MoveDoors,
     Place,
     ProximityReading,
     Reading,
     Refusal,
+    Ride,
     Safe,
     Sense,
     ToPlant,
@@ -122,6 +127,14 @@ def _handle_control(message: ToPlant, devices: Devices, logical_ns: int | None, 
             devices.give(sender, robot, message.server, message.field, message.t_ns, message.value)
         case Advance() if logical_ns is not None:
             devices.pass_time(message.dt_ns)
+        case AskDoors(node=node):
+            return Doors(opening=devices.elevators.opening(node))
+        case MoveDoors(node=node, is_opening=True):
+            devices.elevators.open(node)
+        case MoveDoors(node=node):
+            devices.elevators.close(node)
+        case Ride(node=node, floor=floor):
+            return Landed(node=devices.elevators.ride(node, floor))
         case _:
             raise _not_allowed(message)
     return Done()

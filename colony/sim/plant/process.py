@@ -19,24 +19,13 @@ import selectors
 import socket
 import stat
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from colony.body.model import Body
-from colony.body.servers import servers_of
-from colony.nav.maps.free_space import FreeSpace
-from colony.nav.maps.world_map import WorldMap
-from colony.sim.cameras.camera import Camera, CameraConfig
-from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
-from colony.sim.cameras.scene import scene_of
-from colony.sim.config import RobotConfig, config_of, rome_config
-from colony.sim.devices import devices_of
-from colony.sim.hazards.hazards import Hazards, scenery_of
-from colony.sim.hazards.scenery import Scenery
-from colony.sim.plant.given import GivenFields
-from colony.sim.plant.hardware import STEP_NS, WATCHDOG_NS, Devices, RobotCamera, RobotDevice
+from colony.sim.plant.assembly import PlantOptions, assembled_devices
+from colony.sim.plant.hardware import Devices
 from colony.sim.plant.ports import answer, checked_attachment, reading
 from colony.sim.plant.protocol import (
     MAX_BYTES_TO_PLANT,
@@ -53,8 +42,6 @@ from colony.sim.plant.protocol import (
     pack,
     read_to_plant,
 )
-from colony.sim.world.movers import with_movers
-from colony.sim.world.world import World
 
 REPORT_NS = 20_000_000
 """Nanoseconds between two reports of a base or a ring."""
@@ -71,43 +58,6 @@ _MAX_UNREAD = 65536
 
 class PlantInUseError(Exception):
     """Another process is serving this socket."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlantOptions:
-    """The options of a plant.
-
-    Attributes:
-        path: path of the socket, in a private folder, which is created if it is missing.
-        world: the map of the world.
-        robots: initial poses by name: x, y in mm, heading in degrees counterclockwise from north.
-        cameras: cameras of each robot, by name.
-        hazards: hazards of the building; none by default, and in a grid.
-        hazards_seed: seed of the hazards.
-        movers: number of people who walk around between free places, besides those of the hazards.
-        body: the body of the robots; None for one that has no devices but those of `config` and `cameras`.
-        real: the servers of the body whose devices are real; the plant does not simulate them.
-        config: the parameters of the robots; those of the body by default, of RoME without one.
-        seed: seed of the simulated errors.
-        step_ns: step of the simulation.
-        watchdog_ns: time without a command after which a base stops.
-        logical_ns: logical time that passes with each command; None for real time.
-    """
-
-    path: Path
-    world: WorldMap
-    robots: Mapping[str, tuple[float, float, float]]
-    cameras: Mapping[str, CameraConfig | CeilingCameraConfig] = field(default_factory=dict)
-    hazards: Hazards = field(default_factory=Hazards.none)
-    hazards_seed: int = 0
-    movers: int = 0
-    body: Body | None = None
-    real: frozenset[str] = frozenset()
-    config: RobotConfig | None = None
-    seed: int = 0
-    step_ns: int = STEP_NS
-    watchdog_ns: int = WATCHDOG_NS
-    logical_ns: int | None = None
 
 
 def serve_plant(
@@ -128,7 +78,7 @@ def serve_plant(
         PlantInUseError: another process is serving this socket.
         OSError: the socket cannot be created.
     """
-    devices = _devices(options, clock)
+    devices = assembled_devices(options, clock)
     with _listening(options.path) as listener, selectors.DefaultSelector() as selector:
         server = _Server(devices, listener, selector, clock, logical_ns=options.logical_ns)
         ready()
@@ -137,72 +87,6 @@ def serve_plant(
                 server.step()
         finally:
             server.close()
-
-
-def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
-    if options.logical_ns is not None and len(options.robots) != 1:
-        raise ValueError(f"logical time with {len(options.robots)} robots; expected 1")
-    body = options.body
-    config = options.config or (rome_config() if body is None else config_of(body))
-    scenery = populated_scenery(options)
-    world = World(walls=scenery, poses=list(options.robots.values()), config=config, seed=options.seed)
-    given = GivenFields()
-    robot_devices = [_robot_devices(options, world, robot, given) for robot in range(len(world))]
-    cameras = _cameras(options, scenery, config.radius_mm)
-    devices = Devices(
-        world,
-        tuple(options.robots),
-        cameras,
-        robot_devices,
-        given=given,
-        now_ns=clock(),
-        step_ns=options.step_ns,
-        watchdog_ns=options.watchdog_ns if options.logical_ns is None else None,
-    )
-    for name in cameras:  # warm up, so that the first real images and readings are not slow
-        devices.image(0, name)
-    for server in robot_devices[0]:
-        devices.device(0, server)
-    if config.channels:
-        world.sonar(0)
-    return devices
-
-
-def populated_scenery(options: PlantOptions) -> Scenery:
-    """Return the scenery of a plant, with all of its people.
-
-    Raises:
-        DiagnosticError: a grid is to have hazards.
-        NoRoomError: there is no room for people.
-    """
-    scenery = scenery_of(options.world, options.hazards, options.hazards_seed)
-    if not (options.movers and options.robots):
-        return scenery
-    (x, y, _), *_ = options.robots.values()
-    return with_movers(scenery, lambda: FreeSpace(options.world), (x, y), options.movers, seed=options.seed)
-
-
-def _cameras(options: PlantOptions, scenery: Scenery, radius_mm: float) -> dict[str, RobotCamera]:
-    if not options.cameras:
-        return {}
-    scene = scene_of(options.world.building("a camera"), scenery)
-    return {
-        name: CeilingCamera(scenery, config)
-        if isinstance(config, CeilingCameraConfig)
-        else Camera(scene, config, robot_radius_mm=radius_mm, seed=options.seed)
-        for name, config in options.cameras.items()
-    }
-
-
-def _robot_devices(
-    options: PlantOptions, world: World, robot: int, given: GivenFields
-) -> Mapping[str, RobotDevice]:
-    """Return the devices of a robot besides its base, ring and cameras, by the names of their servers."""
-    body = options.body
-    if body is None:
-        return {}
-    servers = tuple(server for server in servers_of(body) if server.name not in options.real)
-    return devices_of(body, servers, world, robot, seed=options.seed, given=given.of(robot))
 
 
 @contextmanager

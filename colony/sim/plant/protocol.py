@@ -8,8 +8,8 @@ sends commands. On a control connection the plant only answers requests.
     plant    -> driver   Attached, then BaseReading, ProximityReading, CameraReading or DeviceReading
                          periodically
     driver   -> plant    DriveBase, Halt; DeviceCommand, Safe; Sense, in logical time
-    control  -> plant    AttachControl, then AskTruth, Place, Give, Advance, each answered by Truth, Done or
-                         Refusal
+    control  -> plant    AttachControl, then AskTruth, Place, Give, Advance, AskDoors, MoveDoors, Ride, each
+                         answered by Truth, Doors, Landed, Done or Refusal
 
 Times are those of the machine's monotonic clock in nanoseconds. Logical time advances only by commands, and
 the plant sends nothing by itself: `DriveBase` advances time by a frame, and `DriveBase` and `Sense` are
@@ -30,7 +30,7 @@ from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
 from colony.sim.given import GivenValue
 
-VERSION = 4
+VERSION = 5
 
 MAX_BYTES_TO_PLANT = 65536
 MAX_BYTES_FROM_PLANT = 8 * 1024 * 1024
@@ -146,6 +146,26 @@ class Advance(_Message, frozen=True, kw_only=True):
     dt_ns: int
 
 
+class AskDoors(_Message, frozen=True, kw_only=True):
+    """A request for the opening of the doors of the elevator at a node of the robots' floor."""
+
+    node: str
+
+
+class MoveDoors(_Message, frozen=True, kw_only=True):
+    """A request to open the doors of the elevator at a node of the robots' floor, or to close them."""
+
+    node: str
+    is_opening: bool
+
+
+class Ride(_Message, frozen=True, kw_only=True):
+    """A request to take the robots in the elevator at a node to the floor of another map."""
+
+    node: str
+    floor: str
+
+
 # --- from the plant ------------------------------------------------------------------------------
 
 
@@ -168,6 +188,18 @@ class Refusal(_Message, frozen=True, kw_only=True):
 
 class Done(_Message, frozen=True, kw_only=True):
     """The confirmation that a request is done."""
+
+
+class Doors(_Message, frozen=True, kw_only=True):
+    """The opening of an elevator's doors, from 0 (shut) to 1."""
+
+    opening: float
+
+
+class Landed(_Message, frozen=True, kw_only=True):
+    """The end of a ride: the node of the doors on the new floor."""
+
+    node: str
 
 
 class FieldReading(NamedTuple):
@@ -212,12 +244,14 @@ class DeviceReading(_Reading[Mapping[str, FieldReading | None]], frozen=True, kw
 class Truth(_Message, frozen=True, kw_only=True):
     """The true state of a robot at `t_ns`.
 
-    It has the position in mm, the heading in degrees, speeds in mm/s and deg/s (`sideways` to the left), and
-    the distance driven so far in mm. `bumps` is the number of collisions. `driven` is True if the base got a
-    command within the watchdog's time. `skipped_ns` is the time that the plant skipped because of lag.
+    It has the name of the map of its floor, the position in mm, the heading in degrees, speeds in mm/s and
+    deg/s (`sideways` to the left), and the distance driven so far in mm. `bumps` is the number of collisions.
+    `driven` is True if the base got a command within the watchdog's time. `skipped_ns` is the time that the
+    plant skipped because of lag.
     """
 
     t_ns: int
+    floor: str
     x: float
     y: float
     heading: float
@@ -232,9 +266,10 @@ class Truth(_Message, frozen=True, kw_only=True):
 
 Device = AttachBase | AttachProximity | AttachCamera | AttachDevice
 Attach = Device | AttachControl
-ToPlant = Attach | DriveBase | Halt | DeviceCommand | Safe | Sense | AskTruth | Place | Give | Advance
+Control = AskTruth | Place | Give | Advance | AskDoors | MoveDoors | Ride
+ToPlant = Attach | DriveBase | Halt | DeviceCommand | Safe | Sense | Control
 Reading = BaseReading | ProximityReading | CameraReading | DeviceReading
-FromPlant = Attached | Refusal | Done | Reading | Truth
+FromPlant = Attached | Refusal | Done | Reading | Truth | Doors | Landed
 
 
 class PlantProtocolError(ValueError):

@@ -17,6 +17,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from colony.nav.maps.building import Building, Landing
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import walls_of
 from colony.sim.hazards.scenery import Scenery
-from colony.sim.world.world import World
+from colony.sim.world.world import Speed, World
 
 CABIN_WIDTH_MM, CABIN_DEPTH_MM = 2000.0, 1800.0
 SLIDE_S = 2.5
@@ -105,6 +106,14 @@ def cabin_of(floor: Map, node: str) -> Cabin:
     return Cabin(x0_mm=x0, y0_mm=y0, x1_mm=x1, y1_mm=y1)
 
 
+class Passenger(NamedTuple):
+    """A robot as a person at an elevator sees it: pose in mm and degrees, speed, and radius."""
+
+    pose: tuple[float, float, float]
+    speed: Speed
+    radius_mm: float
+
+
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Doors:
     """The doors of a cabin. Mutable: `opening` is from 0 (shut) to 1."""
@@ -163,6 +172,11 @@ class Elevators:
             ValueError: no elevator begins there.
         """
         return self._doors_at(node).cabin
+
+    def passenger(self, robot: int = 0) -> Passenger:
+        """Return what a person sees of a robot."""
+        world = self._world
+        return Passenger(world.true_pose(robot), world.speed(robot), world.configs[robot].radius_mm)
 
     def opening(self, node: str) -> float:
         """Return the opening of the doors, from 0 (shut) to 1."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from colony.ir.program import Program
 from colony.verify.contracts.results import Refuted, Trace
+from colony.verify.explain.runs import explain_breach
+from colony.verify.explain.text import short
 from colony.verify.snapshot import snapshot_of
 from colony.verify.testing.agreement import reference
 from colony.verify.testing.differential import Breach
@@ -24,5 +26,6 @@ def refutation(program: Program, breach: Breach) -> Refuted:
         outcomes=reference(program, frames),
         unknown=facts.unknown,
         found=facts.found,
+        cause=short(explain_breach(program, breach.contract.name, snapshots)),
     )
     return Refuted(contract=breach.contract, trace=trace)

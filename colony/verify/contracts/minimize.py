@@ -42,6 +42,7 @@ def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PAT
         needed_missing=tuple(_needed_missing(replay, shrinker.trace)),
         unknown=facts.unknown,
         found=facts.found,
+        cause=replay.cause(shrinker.trace),
     )
 
 

@@ -7,8 +7,6 @@ written there is not kept.
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -18,7 +16,7 @@ from pathlib import Path
 
 from colony.compile.pipeline import compile_program
 from colony.execute.colonyc import encode
-from colony.files import read_file
+from colony.files import keep_in_cache, read_file, user_cache
 from colony.ir.program import Program
 from colony.ir.version import SEMANTICS
 from colony.verify.contracts.results import Options
@@ -31,12 +29,8 @@ MAX_BYTES = 4 * 1024 * 1024
 
 
 def cache_folder(environment: Mapping[str, str]) -> Path | None:
-    """Return the folder of the user's cache, None if there is none: `$XDG_CACHE_HOME` or `~/.cache`."""
-    home = environment.get("XDG_CACHE_HOME", "")
-    if os.path.isabs(home):
-        return Path(home) / "colony" / "proofs"
-    user = environment.get("HOME", "")
-    return Path(user) / ".cache" / "colony" / "proofs" if os.path.isabs(user) else None
+    """Return the folder of verdicts in the user's cache, None if there is no such cache."""
+    return user_cache(environment, "proofs")
 
 
 def content_key(program: Program, options: Options) -> str:
@@ -76,13 +70,4 @@ class ProofCache:
         if self._folder is None:
             return
         with suppress(OSError):
-            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            handle, temporary = tempfile.mkstemp(dir=self._folder, suffix=".part")
-            try:
-                with open(handle, "w", encoding="utf-8") as file:
-                    json.dump(dict(verdicts), file)
-                os.replace(temporary, self._folder / f"{key}.json")
-            except BaseException:
-                with suppress(OSError):
-                    os.unlink(temporary)
-                raise
+            keep_in_cache(self._folder / f"{key}.json", json.dumps(dict(verdicts)).encode())

@@ -22,6 +22,8 @@ from colony.ir.program import (
     Sensor,
 )
 from colony.ir.types import BOOL, Value, any_value
+from colony.verify.explain.runs import explain_breach
+from colony.verify.explain.text import short
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
 from colony.verify.testing.examples import BreachFacts, facts_of_breach
@@ -67,8 +69,15 @@ class Replay:
 
     def facts(self, snapshots: Sequence[Snapshot]) -> BreachFacts:
         """Return the facts of the frame that breaks the contract."""
-        with_answers = [s._replace(readings=self._readings(s)) for s in snapshots]
-        return facts_of_breach(self.program, self._contract, with_answers)
+        return facts_of_breach(self.program, self._contract, self.with_answers(snapshots))
+
+    def cause(self, snapshots: Sequence[Snapshot]) -> str:
+        """Return the conditions for which the last frame breaks the contract."""
+        return short(explain_breach(self.program, self._contract, self.with_answers(snapshots)))
+
+    def with_answers(self, snapshots: Sequence[Snapshot]) -> tuple[Snapshot, ...]:
+        """Return snapshots for `program`, in which readings stand in for the answers of modules in Python."""
+        return tuple(s._replace(readings=self._readings(s)) for s in snapshots)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
         """Return the outcomes, and True if one of `uncalled` was called; its stand-in is active then."""

@@ -216,7 +216,7 @@ def row(program: Program, result: Result) -> dict[str, object]:
             result_row |= {"because": [b.strip() for b in because], "hint": _in_time_hint(result)}
             result_row["trace"] = None if shown is None else trace_rows(program, shown)
         case Refuted(trace=trace):
-            result_row["trace"] = trace_rows(program, trace)
+            result_row |= {"trace": trace_rows(program, trace), "cause": trace.cause}
         case Unknown(because=because, hint=hint, trace=unknown_trace):
             result_row |= {"because": [b.strip() for b in because], "hint": hint}
             result_row["trace"] = None if unknown_trace is None else trace_rows(program, unknown_trace)

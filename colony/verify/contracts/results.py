@@ -53,7 +53,7 @@ class Trace:
 
     It is false there or, if `unknown`, unknown because it reads something missing. `needed_missing` are the
     missing sensors of which no value that was tried breaks the contract. `found` has the values of the
-    contract's names in the last frame.
+    contract's names in the last frame, and `cause` the conditions that decided there.
     """
 
     snapshots: tuple[Snapshot, ...]
@@ -61,6 +61,7 @@ class Trace:
     unknown: bool = False
     needed_missing: tuple[str, ...] = ()
     found: tuple[str, ...] = ()
+    cause: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -50,6 +50,8 @@ def _notes(program: Program, trace: Trace, sensors_shown: int) -> Iterator[str]:
         yield "all other sensors: missing (their readings make no difference)"
     if trace.found:
         yield f"in the last frame: {'; '.join(trace.found)}"
+    if trace.cause:
+        yield f"because: {trace.cause}"
 
 
 def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:

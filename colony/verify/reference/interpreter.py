@@ -39,7 +39,13 @@ from colony.verify.reference.boundary import (
 )
 from colony.verify.reference.expressions import FrameValues, Memory, evaluate, missing, scalar
 from colony.verify.reference.kleene import Known, known_value
-from colony.verify.reference.memory import RESTORED, memory_cells, restored_memory
+from colony.verify.reference.memory import (
+    RESTORED,
+    InterpreterMemory,
+    InterpreterState,
+    memory_cells,
+    restored_memory,
+)
 
 
 class Interpreter:
@@ -93,6 +99,42 @@ class Interpreter:
         self._moment = FrameValues(
             number=RESTORED, t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states
         )
+
+    @property
+    def state(self) -> InterpreterState | None:
+        """A copy of all that the interpreter remembers, None before the first frame."""
+        if self._moment is None:
+            return None
+        memory = InterpreterMemory(
+            dict(self._memory), dict(self._last_active_ns), dict(self._states), dict(self._held)
+        )
+        moment = self._moment
+        return InterpreterState(memory, dict(self._last), moment.number, moment.first_ns, moment.t_ns)
+
+    def restore(self, state: InterpreterState) -> None:
+        """Continue from the state of another interpreter of the program, which runs no modules in Python."""
+        functions, last_active_ns, states, held = state.memory
+        self._memory, self._last_active_ns = dict(functions), dict(last_active_ns)
+        self._states, self._held, self._last = dict(states), dict(held), dict(state.last)
+        self._moment = FrameValues(
+            number=state.number, t_ns=state.t_ns, first_ns=state.first_ns, states=self._states
+        )
+
+    @property
+    def values(self) -> FrameValues:
+        """The values of the last frame, which no later frame changes."""
+        assert self._moment is not None, "no frame yet"
+        return self._moment
+
+    @property
+    def states(self) -> Mapping[str, ScalarValue]:
+        """The values that states and machines have after the last frame."""
+        return self._states
+
+    @property
+    def limits(self) -> tuple[tuple[ir.Limit, float | None], ...]:
+        """The limits that applied in the last frame, each with its bound; None if that was missing."""
+        return tuple(self._limits)
 
     def step(
         self,

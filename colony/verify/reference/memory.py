@@ -36,6 +36,20 @@ class InterpreterMemory(NamedTuple):
     held: dict[str, dict[tuple[str, int], ScalarValue]]
 
 
+class InterpreterState(NamedTuple):
+    """All that an interpreter remembers between two frames.
+
+    `last` has the values of `last.ACTUATOR.FIELD` in declared units. `number` counts the frames since memory
+    was initial or restored; `first_ns` and `t_ns` are the times of the first and of the last frame.
+    """
+
+    memory: InterpreterMemory
+    last: dict[str, ScalarValue]
+    number: int
+    first_ns: int
+    t_ns: int
+
+
 def restored_memory(
     program: ir.Program, memory: ProgramMemory, initial: dict[str, ScalarValue]
 ) -> InterpreterMemory:

@@ -13,7 +13,7 @@ from colony.drivers.surroundings import room
 from tests.drivers.fuzz import Case
 from tests.drivers.fuzz_device import Device
 
-WIDTHS = dict.fromkeys((7, 9, 10, 11, 12, 14, 21, 34, 35, 45, 58), 1) | dict.fromkeys(
+WIDTHS = dict.fromkeys((7, 9, 10, 11, 12, 14, 17, 21, 34, 35, 45, 52, 53, 58), 1) | dict.fromkeys(
     (22, 23, 25, 26, 41, 42, 43, 44, 46, 47, 48, 49, 50, 51), 2
 )
 """Sizes of the packets of the stream, written down a second time."""

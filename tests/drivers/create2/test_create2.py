@@ -10,63 +10,30 @@ import pytest
 from colony.drivers.create2.codec import CommandReader, Frame, Opcode, command, encoded
 from colony.drivers.create2.create2 import Create2
 from colony.drivers.create2.firmware import Firmware, World
-from colony.drivers.create2.sensors import STREAM, Mode, data_of
+from colony.drivers.create2.sensors import STREAM, Mode, beam_heard, data_of
 from colony.drivers.dialect import ImplausibleError, OpeningError
-from colony.drivers.emulator import STEP_S
-from colony.drivers.measurements import Measurements
-from colony.drivers.opening import OpeningRun
-from colony.drivers.surroundings import room
-from colony.runtime.servers.drivers import BaseState
+from colony.drivers.surroundings import Pose, room
+from tests.drivers.bench import Bench
 
 
-class Bench:
-    """A dialect and an emulated robot on one line without loss; time is counted. Mutable."""
+class Line(Bench[Frame]):
+    """The dialect and an emulated robot on one line. Mutable."""
 
     def __init__(self, robot: Firmware) -> None:
         self.dialect, self.robot = Create2(), robot
-        self.now_ns, self.sent = 0, bytearray()
-        self._decoder = self.dialect.decoder()
-        self.measured = Measurements(
-            rings={}, bounds={}, max_speed=self.dialect.max_speed, max_turn=self.dialect.max_turn
-        )
-        self.begin()
+        super().__init__(self.dialect, robot)
 
-    def begin(self) -> None:
-        """Open the line, as after a pulled cable."""
-        self.dialect.restart()
-        self.opening = OpeningRun(self.dialect.opening(), self.send, self.now_ns)
 
-    def send(self, data: bytes) -> None:
-        self.sent += data
-        self.robot.receive(data)
-
-    def run(self, seconds: float, drive: tuple[float, float] | None = None) -> Bench:
-        """Let time pass; with `drive`, each 50 ms a frame decides for it."""
-        for i in range(round(seconds / STEP_S)):
-            if drive and i % 10 == 0:
-                self.send(self.dialect.drive(*drive))
-            self.now_ns += round(STEP_S * 1e9)
-            self.robot.step()
-            for frame in self._decoder.feed(b"".join(self.robot.sent())):
-                self.opening.on_packet(frame, self.now_ns)
-                self.measured.take(self.dialect.read(frame, self.now_ns), self.now_ns)
-            self.opening.on_time(self.now_ns)
-        return self
-
-    def open(self) -> Bench:
-        self.run(1.5)
-        assert self.opening.is_done
-        assert self.robot.mode == Mode.SAFE
-        return self
-
-    @property
-    def base(self) -> BaseState:
-        assert self.measured.base is not None
-        return self.measured.base
+def opened(robot: Firmware) -> Line:
+    """Return a line whose opening has ended."""
+    line = Line(robot)
+    line.open(1.5)
+    assert robot.mode == Mode.SAFE
+    return line
 
 
 def test_the_opening_starts_streams_and_enters_safe_mode_once() -> None:
-    line = Bench(Firmware()).open()
+    line = opened(Firmware())
     opcodes = [opcode for opcode, _ in CommandReader().feed(bytes(line.sent))]
     assert opcodes == [Opcode.START] * 6 + [Opcode.STREAM, Opcode.SAFE]
 
@@ -74,25 +41,25 @@ def test_the_opening_starts_streams_and_enters_safe_mode_once() -> None:
 def test_a_command_that_was_cut_off_before_does_not_matter() -> None:
     robot = Firmware()
     robot.receive(command(Opcode.START) + command(Opcode.SAFE) + bytes([Opcode.DRIVE_DIRECT, 0]))
-    Bench(robot).open()
+    opened(robot)
 
 
 def test_nobody_answers() -> None:
-    line = Bench(Firmware())
+    line = Line(Firmware())
     line.robot.receive = lambda data: None  # type: ignore[method-assign]
     with pytest.raises(OpeningError, match="no Create answers"):
         line.run(8.0)
 
 
 def test_the_charger_keeps_it_from_safe_mode() -> None:
-    line = Bench(Firmware())
+    line = Line(Firmware())
     line.robot.plugged = True
     with pytest.raises(OpeningError, match="does not enter safe mode: its charger"):
         line.run(2.0)
 
 
 def test_leaving_safe_mode_is_a_fault_that_is_never_undone_silently() -> None:
-    line = Bench(Firmware()).open()
+    line = opened(Firmware())
     line.run(1.0, (200.0, 0.0))
     line.robot.drops = (True, False)
     with pytest.raises(OpeningError, match=r"left safe mode \(a wheel hangs\)"):
@@ -107,7 +74,7 @@ def test_leaving_safe_mode_is_a_fault_that_is_never_undone_silently() -> None:
 
 
 def test_a_cliff_ahead_stops_it_and_is_a_fault() -> None:
-    line = Bench(Firmware(World(floor=lambda x, y: x < 500.0))).open()
+    line = opened(Firmware(World(floor=lambda x, y: x < 500.0)))
     with pytest.raises(OpeningError, match="a cliff"):
         line.run(5.0, (200.0, 0.0))
     assert line.robot.pose[0] < 400.0
@@ -121,7 +88,7 @@ def test_a_listening_dialect_takes_no_fault() -> None:
 
 @pytest.mark.parametrize("turn", [0.0, 20.0, -45.0])
 def test_dead_reckoning_follows_the_robot_beyond_the_wrap(turn: float) -> None:
-    line = Bench(Firmware()).open()
+    line = opened(Firmware())
     for _ in range(2 if turn else 8):
         line.run(10.0, (450.0 if not turn else 300.0, turn))
     x, y, heading = line.robot.pose
@@ -134,8 +101,19 @@ def test_dead_reckoning_follows_the_robot_beyond_the_wrap(turn: float) -> None:
     assert line.base.turn_rate == pytest.approx(turn, abs=4.0)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("speed", [500.0, -500.0])
+def test_a_long_way_wraps_the_encoders_again_and_again(speed: float) -> None:
+    """Encoders of 16 bits: 29.1 m."""
+    line = opened(Firmware())
+    line.run(180.0, (speed, 0.0))
+    line.run(1.0, (0.0, 0.0))
+    assert abs(line.robot.pose[0]) > 3 * 65_536 * 0.4446
+    assert line.base.y == pytest.approx(line.robot.pose[0], rel=1e-4)
+
+
 def test_a_speed_holds_without_a_watchdog_and_the_stop_of_the_guard_ends_it() -> None:
-    line = Bench(Firmware()).open()
+    line = opened(Firmware())
     line.run(1.0, (300.0, 0.0))
     line.run(10.0)
     assert line.robot.wheels == (300.0, 300.0)
@@ -146,7 +124,7 @@ def test_a_speed_holds_without_a_watchdog_and_the_stop_of_the_guard_ends_it() ->
 
 
 def test_bumper_and_stall_at_a_wall_to_the_left() -> None:
-    line = Bench(Firmware(World(range=room(4000.0, 2000.0)))).open()
+    line = opened(Firmware(World(range=room(4000.0, 2000.0))))
     line.robot.pose = (0.0, 0.0, -20.0)  # the wall ahead is nearest to the left
     line.run(6.0, (200.0, 0.0))
     readings = line.measured.readings(line.now_ns)
@@ -154,6 +132,49 @@ def test_bumper_and_stall_at_a_wall_to_the_left() -> None:
     assert readings["range"].value[1] < 40.0 < readings["range"].value[4]  # type: ignore[index, operator]
     assert readings["stalled"].value is True
     assert line.base.front_bumper
+
+
+@pytest.mark.parametrize(
+    ("pose", "red", "green", "field"),
+    [
+        ((1000.0, 0.0, 0.0), (True, True, True), (True, True, True), (False, False, False)),
+        ((1000.0, 400.0, 0.0), (False, True, True), (False,) * 3, (False,) * 3),
+        ((1000.0, -400.0, -50.0), (False,) * 3, (False, True, False), (False,) * 3),
+        ((1600.0, 0.0, 0.0), (True, True, True), (True, True, True), (True, True, True)),
+        ((1600.0, 0.0, 180.0), (False, True, False), (False, True, False), (False, True, False)),
+        ((-2000.0, 0.0, 0.0), (False,) * 3, (False,) * 3, (False,) * 3),
+    ],
+)
+def test_the_receivers_hear_the_beams_of_a_dock(
+    pose: Pose, red: tuple[bool, ...], green: tuple[bool, ...], field: tuple[bool, ...]
+) -> None:
+    line = opened(Firmware(World(dock=(2000.0, 0.0, 0.0))))
+    line.robot.pose = pose
+    line.run(0.1)
+    readings = line.measured.readings(line.now_ns)
+    assert [readings[name].value for name in ("dock_red", "dock_green", "dock_field")] == [red, green, field]
+
+
+def test_a_robot_at_its_dock_charges() -> None:
+    line = opened(Firmware(World(dock=(100.0, 0.0, 0.0))))
+    assert line.measured.readings(line.now_ns)["docked"].value is False
+    line.robot.pose = (90.0, 0.0, 0.0)
+    line.run(0.1)
+    readings = line.measured.readings(line.now_ns)
+    assert (readings["docked"].value, readings["charging"].value) == (True, True)
+
+
+@pytest.mark.parametrize(
+    ("character", "beams"),
+    [(0, 0), (160, 0), (161, 1), (164, 4), (165, 5), (168, 8), (169, 9), (172, 12), (173, 13)],
+)
+def test_characters_of_the_dock_in_the_specification(character: int, beams: int) -> None:
+    assert sum(beam for beam in (1, 4, 8) if beam_heard(character, beam)) == beams
+
+
+@pytest.mark.parametrize("character", [129, 130, 136, 162, 255])  # remote controls, a virtual wall
+def test_what_others_send_is_no_dock(character: int) -> None:
+    assert not any(beam_heard(character, beam) for beam in (1, 4, 8))
 
 
 def test_wheels_are_slowed_down_together() -> None:

@@ -116,7 +116,7 @@ def test_each_packet_has_the_sonars_that_fired_since_the_last() -> None:
 def test_a_wall_stalls_the_wheels_and_presses_the_bumper() -> None:
     robot = opened(around=room(4000.0, 1000.0))
     found = wait(robot, 4.0, command(Command.VEL, 200))
-    assert robot.pose[0] == pytest.approx(250.0, abs=10.0)
+    assert robot.pose[0] == pytest.approx(200.0, abs=10.0)
     assert (found[-1].left_stalled, found[-1].right_stalled) == (True, True)
     assert found[-1].front_bumpers == 0b00100
     assert found[-1].rear_bumpers == 0

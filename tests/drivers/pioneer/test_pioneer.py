@@ -9,73 +9,47 @@ from collections.abc import Callable
 import pytest
 
 from colony.drivers.dialect import ImplausibleError, OpeningError
-from colony.drivers.emulator import STEP_S
-from colony.drivers.measurements import Measurements
-from colony.drivers.opening import OpeningRun
 from colony.drivers.pioneer.codec import Command, argument_of, command, decoder
 from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import Pioneer
 from colony.drivers.surroundings import room
-from colony.runtime.servers.drivers import BaseState
-
-STEP_NS = round(STEP_S * 1e9)
+from tests.drivers.bench import Bench
 
 
-class Bench:
-    """A dialect and an emulated robot on one line without loss; time is counted. Mutable."""
+class Line(Bench[bytes]):
+    """The dialect and an emulated robot on one line. Mutable."""
 
     def __init__(self, dialect: Pioneer, robot: Firmware, *, hears: Callable[[bytes], bool] = bool) -> None:
-        self.dialect, self.robot, self._hears = dialect, robot, hears
-        self.now_ns, self.sent = 0, list[bytes]()
-        self._decoder = dialect.decoder()
-        self.measured = Measurements(
-            rings=dialect.rings, bounds=dialect.bounds, max_speed=dialect.max_speed, max_turn=dialect.max_turn
-        )
-        self.opening = OpeningRun(dialect.opening(), self.send, 0)
-
-    def send(self, data: bytes) -> None:
-        self.sent += decoder().feed(data)
-        self.robot.receive(data)
-
-    def run(self, seconds: float, drive: tuple[float, float] | None = None) -> None:
-        """Let time pass; with `drive`, each 50 ms a frame decides for it."""
-        for i in range(round(seconds / STEP_S)):
-            if drive and i % 10 == 0:
-                self.send(self.dialect.drive(*drive))
-            self.now_ns += STEP_NS
-            self.robot.step()
-            for data in self._decoder.feed(b"".join(self.robot.sent())):
-                if self._hears(data):
-                    self.opening.on_packet(data, self.now_ns)
-                    self.measured.take(self.dialect.read(data, self.now_ns), self.now_ns)
-            self.opening.on_time(self.now_ns)
-
-    def open(self) -> Bench:
-        self.run(4.0)
-        assert self.opening.is_done
-        return self
+        self.dialect, self.robot = dialect, robot
+        super().__init__(dialect, robot, hears=hears)
 
     @property
-    def base(self) -> BaseState:
-        assert self.measured.base is not None
-        return self.measured.base
+    def packets(self) -> list[bytes]:
+        """The data of the packets that were sent to the robot."""
+        return decoder().feed(bytes(self.sent))
 
 
-def bench(**options: int | str | None) -> Bench:
+def line_of(**options: int | str | None) -> Line:
     row = MODELS[str(options.get("model", "p3dx-sh"))]
-    return Bench(Pioneer(**options), Firmware(row, around=room(4000.0, 6000.0)))  # type: ignore[arg-type]
+    return Line(Pioneer(**options), Firmware(row, around=room(4000.0, 6000.0)))  # type: ignore[arg-type]
+
+
+def opened(**options: int | str | None) -> Line:
+    line = line_of(**options)
+    line.open(4.0)
+    return line
 
 
 def test_the_handshake_ends_with_enabled_motors_and_sonars() -> None:
-    line = bench(acceleration=500).open()
-    assert [data[0] for data in line.sent] == [0, 1, 2, 1, 18, 4, 28, 5, 5]
-    assert [argument_of(data) for data in line.sent[-4:]] == [1, 1, 500, -500]
+    line = opened(acceleration=500)
+    assert [data[0] for data in line.packets] == [0, 1, 2, 1, 18, 4, 28, 5, 5]
+    assert [argument_of(data) for data in line.packets[-4:]] == [1, 1, 500, -500]
     assert line.robot.motors
 
 
 def test_settings_that_are_lost_are_sent_again() -> None:
-    line = bench()
+    line = line_of()
     send, lost = line.robot.receive, list[bytes]()
 
     def loses_the_first_settings(data: bytes) -> None:
@@ -85,13 +59,13 @@ def test_settings_that_are_lost_are_sent_again() -> None:
             send(data)
 
     line.robot.receive = loses_the_first_settings  # type: ignore[method-assign]
-    line.open()
+    line.open(6.0)
     assert lost
     assert line.robot.motors
 
 
 def test_a_pressed_stop_button_is_no_reason_to_wait() -> None:
-    line = bench()
+    line = line_of()
     line.robot.stop_button = True
     line.run(10.0)
     assert line.opening.is_done
@@ -99,41 +73,41 @@ def test_a_pressed_stop_button_is_no_reason_to_wait() -> None:
 
 
 def test_an_older_session_is_closed_first() -> None:
-    line = bench()
+    line = line_of()
     for number in (0, 1, 2, Command.OPEN):
         line.robot.receive(command(number))
-    line.open()
-    assert [data[0] for data in line.sent[:3]] == [0, Command.CLOSE, 0]
+    line.open(4.0)
+    assert [data[0] for data in line.packets[:3]] == [0, Command.CLOSE, 0]
 
 
 def test_a_configuration_that_never_arrives_is_done_without() -> None:
     """Some robots send it with a wrong checksum, always: it is as if there were none."""
-    line = Bench(Pioneer(), Firmware(MODELS["p3dx-sh"]), hears=lambda data: data[0] != 0x20)
-    line.open()
+    line = Line(Pioneer(), Firmware(MODELS["p3dx-sh"]), hears=lambda data: data[0] != 0x20)
+    line.open(4.0)
     assert line.robot.motors
 
 
 def test_another_model_is_refused() -> None:
-    line = Bench(Pioneer("p3at-sh"), Firmware(MODELS["p3dx-sh"]))
+    line = Line(Pioneer("p3at-sh"), Firmware(MODELS["p3dx-sh"]))
     with pytest.raises(OpeningError, match="Emulated is a p3dx-sh, and the body says model = 'p3at-sh'"):
-        line.open()
+        line.open(4.0)
 
 
 def test_a_robot_without_a_watchdog_is_refused() -> None:
-    line = Bench(Pioneer(), Firmware(MODELS["p3dx-sh"], watchdog_ms=0))
+    line = Line(Pioneer(), Firmware(MODELS["p3dx-sh"], watchdog_ms=0))
     with pytest.raises(OpeningError, match="watchdog is off"):
-        line.open()
+        line.open(4.0)
     assert not line.robot.motors
 
 
 def test_nobody_answers() -> None:
-    line = Bench(Pioneer(), Firmware(MODELS["p3dx-sh"]), hears=lambda data: False)
+    line = Line(Pioneer(), Firmware(MODELS["p3dx-sh"]), hears=lambda data: False)
     with pytest.raises(OpeningError, match=r"no Pioneer answers.*baud rate 9600"):
         line.run(8.0)
 
 
 def test_nothing_is_sent_while_no_frame_is_decided() -> None:
-    line = bench().open()
+    line = opened()
     before = len(line.sent)
     line.run(5.0)
     assert len(line.sent) == before
@@ -142,8 +116,8 @@ def test_nothing_is_sent_while_no_frame_is_decided() -> None:
 
 @pytest.mark.parametrize("model", ["p3dx-sh", "p2dx", "pion1x"])
 def test_dead_reckoning_follows_the_robot(model: str) -> None:
-    line = Bench(Pioneer(model), Firmware(MODELS[model]))
-    line.open()
+    line = Line(Pioneer(model), Firmware(MODELS[model]))
+    line.open(4.0)
     line.run(20.0, (300.0, 20.0))
     line.run(12.0, (300.0, 0.0))
     x, y, heading = line.robot.pose
@@ -154,8 +128,20 @@ def test_dead_reckoning_follows_the_robot(model: str) -> None:
     assert line.base.speed == pytest.approx(300.0, abs=3.0)
 
 
+@pytest.mark.parametrize(("model", "speed"), [("p3dx-sh", 1500), ("p2dx", -1200)])
+@pytest.mark.long
+def test_a_long_way_wraps_the_registers_again_and_again(model: str, speed: int) -> None:
+    """Registers of 15 bits: 32.8 m of a p3dx-sh, 27.5 m of a p2dx."""
+    line = Line(Pioneer(model), Firmware(MODELS[model]))
+    line.open(4.0)
+    line.run(75.0, (speed, 0.0))
+    line.run(8.0, (0.0, 0.0))
+    assert abs(line.robot.pose[0]) > 3 * 0x8000 * MODELS[model].distance
+    assert line.base.y == pytest.approx(line.robot.pose[0], abs=2.0)
+
+
 def test_dead_reckoning_goes_on_after_the_line_begins_again() -> None:
-    line = bench().open()
+    line = opened()
     line.run(3.0, (300.0, 0.0))
     y = line.base.y
     line.dialect.restart()
@@ -165,7 +151,7 @@ def test_dead_reckoning_goes_on_after_the_line_begins_again() -> None:
 
 
 def test_a_ring_is_complete_within_half_a_second_and_as_old_as_its_oldest_element() -> None:
-    line = bench().open()
+    line = opened()
     line.run(1.0, (0.0, 0.0))
     ring = line.measured.readings(line.now_ns)["sonar"]
     assert ring.value[3] == pytest.approx(3000.0 - 166.0, abs=30.0)  # type: ignore[index]
@@ -190,7 +176,7 @@ def test_bumpers_that_are_not_there_are_not_pressed() -> None:
 
 
 def test_the_stop_of_the_guard_brakes_hard_and_leaves_nothing_to_go_on_with() -> None:
-    line = bench(acceleration=500).open()
+    line = opened(acceleration=500)
     line.run(2.0, (600.0, 0.0))
     assert line.robot.speed == 600.0
     line.send(line.dialect.stop_bytes)
@@ -201,6 +187,48 @@ def test_the_stop_of_the_guard_brakes_hard_and_leaves_nothing_to_go_on_with() ->
     assert line.robot.speed == 0.0
     line.run(2.0, (100.0, 0.0))
     assert line.robot.speed == 100.0
+
+
+def test_set_bumper_reaches_the_robot_with_the_next_frame_and_is_repeated() -> None:
+    line = Line(Pioneer(front_bumpers=5, rear_bumpers=0), Firmware(MODELS["p3dx-sh"]))
+    line.open(4.0)
+    assert line.robot.bump_stall == 0
+    line.dialect.watch_bumpers(True)
+    line.run(1.0)
+    assert line.robot.bump_stall == 0  # nothing was decided
+    line.run(0.05, (0.0, 0.0))
+    assert line.robot.bump_stall == 1
+    line.robot.bump_stall = 0  # as if it had been lost on the line
+    line.run(1.0, (0.0, 0.0))
+    assert line.robot.bump_stall == 1
+    line.dialect.watch_bumpers(False)
+    line.run(0.05, (0.0, 0.0))
+    assert line.robot.bump_stall == 0
+
+
+@pytest.mark.parametrize(("watched", "gap"), [(True, 8.0), (False, 0.0)])
+def test_a_robot_that_watches_its_bumpers_stops_at_the_first_touch(watched: bool, gap: float) -> None:
+    line = opened(front_bumpers=5, acceleration=500)
+    line.dialect.watch_bumpers(watched)
+    line.run(9.0, (350.0, 0.0))
+    assert 3000.0 - 300.0 - line.robot.pose[0] == pytest.approx(gap, abs=2.0)
+    line.run(1.0, (-200.0, 0.0))
+    assert line.robot.speed == -200.0
+
+
+@pytest.mark.parametrize("joystick", [False, True])
+def test_a_joystick_at_the_robot_drives_it_only_if_it_may(joystick: bool) -> None:
+    line = opened(joystick=joystick)
+    line.robot.joystick = (100.0, 0.0)
+    line.run(2.0, (0.0, 0.0))
+    assert line.robot.speed == (100.0 if joystick else 0.0)
+
+
+def test_a_shorter_cycle_gives_a_younger_ring() -> None:
+    line = opened(sonar_cycle=20)
+    line.run(1.0, (0.0, 0.0))
+    assert line.measured.readings(line.now_ns)["sonar"].age_ns <= 240_000_000
+    assert line.robot.speed == 0.0
 
 
 def test_it_does_not_drive_sideways() -> None:
@@ -215,11 +243,13 @@ def test_options_that_no_robot_has() -> None:
         Pioneer(sonars=17)
     with pytest.raises(ValueError, match="8 segments"):
         Pioneer(front_bumpers=8)
+    with pytest.raises(ValueError, match="sonar_cycle is 200 ms; 2 to 120"):
+        Pioneer(sonar_cycle=200)
 
 
 def test_registers_that_move_faster_than_the_robot_are_refused() -> None:
     """Also where the heading's register, whose units are smaller, could count as fast."""
-    line = bench().open()
+    line = opened()
     data = b"\x32" + struct.pack("<HH", 1500, 0) + bytes(19)
     with pytest.raises(ImplausibleError, match=r"registers \(0, 0\) became \(1500, 0\)"):
         line.dialect.read(data, line.now_ns + 200_000_000)

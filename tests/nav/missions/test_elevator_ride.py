@@ -52,7 +52,7 @@ class Ride:
         self.begun: list[GoalKind] = []
         self.deepest = 0.0
         self.in_doors: list[float] = []  # how far from their middle
-        self.site = Site(building, planned, Hazards.none(), seed=seed)
+        self.site = Site(building, planned.floors, Hazards.none(), poses=[planned.start], seed=seed)
         self._cabins = {floor.name: cabin_of(floor, "liftL") for floor in building.maps}
         world = self.site.world
         above = self.site.ceiling
@@ -64,7 +64,7 @@ class Ride:
             "clerk": clerk(),
             "tracker": light_tracker(),
             "planner": planner(planned, on_segment=lambda _, segment: self.begun.append(segment.kind)),
-            "operator": operator(self.site.elevators, world, seed=seed),
+            "operator": operator(self.site.elevators, seed=seed),
         }
         if eyes:
             ahead = self.site.camera_per_floor(_camera_ahead)

@@ -14,7 +14,8 @@ from pathlib import Path
 
 from colony.body.shipped import shipped_body
 from colony.nav.maps.world_map import load_world
-from colony.sim.plant.process import PlantOptions, serve_plant
+from colony.sim.plant.assembly import PlantOptions
+from colony.sim.plant.process import serve_plant
 from tests.sim.robots import FRONT_CAMERA, IDEAL
 
 

@@ -26,9 +26,9 @@ ALONE = ((0.0, 0.0, 0.0),)
 
 def devices(poses: tuple[tuple[float, float, float], ...] = ALONE, **options: int) -> Devices:
     world = World(walls=NORTH_WALL, poses=poses, config=IDEAL)
-    cameras = {"ahead": Camera(scene(NORTH_WALL), FRONT_CAMERA, robot_radius_mm=400.0)}
+    camera = Camera(scene(NORTH_WALL), FRONT_CAMERA, robot_radius_mm=400.0)
     names = tuple(f"robot{number}" for number in range(len(poses)))
-    return Devices(world, names, cameras, now_ns=7, **options)
+    return Devices(world, names, {"ahead": lambda: camera}, now_ns=7, **options)
 
 
 def test_time_passes_in_whole_steps_and_does_not_drift() -> None:
@@ -174,7 +174,8 @@ def test_a_camera_looks_up_from_where_its_robot_is() -> None:
     lamp = CeilingLight(x_mm=0.0, y_mm=0.0, heading_deg=0.0)
     below = replace(bare_scenery(np.array(NORTH_WALL)), lights=(lamp,))
     world = World(walls=below, poses=((0.0, 0.0, 0.0), (3000.0, 0.0, 0.0)), config=IDEAL)
-    one = Devices(world, ("under", "beside"), {"up": CeilingCamera(below)}, now_ns=7)
+    camera = CeilingCamera(below)
+    one = Devices(world, ("under", "beside"), {"up": lambda: camera}, now_ns=7)
     under, beside = one.image(0, "up"), one.image(1, "up")
     assert (under.t_ns, under.height, under.width, under.channels) == (7, 120, 240, 1)
     assert under.pixels == CeilingCamera(below).image((0.0, 0.0, 0.0), 7).tobytes()

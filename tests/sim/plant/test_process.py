@@ -16,8 +16,9 @@ from colony.body.shipped import shipped_body
 from colony.nav.maps.free_space import FreeSpace
 from colony.nav.maps.world_map import load_world, world_of
 from colony.sim.hazards.hazards import Hazards
+from colony.sim.plant.assembly import PlantOptions, populated_scenery
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.process import PlantInUseError, PlantOptions, populated_scenery, serve_plant
+from colony.sim.plant.process import PlantInUseError, serve_plant
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
     MAX_BYTES_TO_PLANT,

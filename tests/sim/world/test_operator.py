@@ -32,7 +32,7 @@ class Hall:
     def __init__(self, seed: int = 1, pose: tuple[float, float, float] = BEFORE) -> None:
         self.world = World(walls=FLOORS[THIRD], poses=[pose], config=IDEAL)
         self.elevators = Elevators(self.world, BUILDING, FLOORS, THIRD)
-        self.stage = Stage(operator=operator(self.elevators, self.world, seed=seed))
+        self.stage = Stage(operator=operator(self.elevators, seed=seed))
         self.openings: list[float] = []
 
     def call(self, call: list[str]) -> None:

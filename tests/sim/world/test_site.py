@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from colony.nav.maps.building import load_building
+from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.route import plan
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.world.site import Site
@@ -17,9 +17,14 @@ BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")
 THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"
 
 
+def site_of(building: Building, hazards: Hazards, seed: int, *way: str) -> Site:
+    planned = plan(building, *way)
+    return Site(building, planned.floors, hazards, poses=[planned.start], seed=seed)
+
+
 def test_a_floor_is_the_same_wherever_the_plan_begins_and_each_has_luck_of_its_own() -> None:
-    down = Site(BUILDING, plan(BUILDING, "350R", "2:250R"), Hazards(), seed=7)
-    up = Site(BUILDING, plan(BUILDING, "2:250R", "350R"), Hazards(), seed=7)
+    down = site_of(BUILDING, Hazards(), 7, "350R", "2:250R")
+    up = site_of(BUILDING, Hazards(), 7, "2:250R", "350R")
     assert (down.floor, up.floor) == (THIRD, SECOND)
     assert [floor.name for floor in up.building.maps] == [SECOND, THIRD]
     for name in (THIRD, SECOND):
@@ -28,7 +33,7 @@ def test_a_floor_is_the_same_wherever_the_plan_begins_and_each_has_luck_of_its_o
 
 
 def test_only_the_floors_of_the_plan_are_there() -> None:
-    site = Site(BUILDING, plan(BUILDING, "350R", "352L"), Hazards.none(), seed=1)
+    site = site_of(BUILDING, Hazards.none(), 1, "350R", "352L")
     assert list(site.maps) == [THIRD]
     assert site.building.rides == ()
     first = plan(BUILDING, "350R", "352L").segments[0]
@@ -38,7 +43,7 @@ def test_only_the_floors_of_the_plan_are_there() -> None:
 
 def test_a_camera_is_that_of_the_floor_on_which_the_robot_is(tmp_path: Path) -> None:
     building = two_floors(tmp_path)
-    site = Site(building, plan(building, "A", "upper:C"), Hazards.none(), seed=1)
+    site = site_of(building, Hazards.none(), 1, "A", "upper:C")
     made: list[str] = []
 
     def eye(floor: object, scenery: object) -> str:

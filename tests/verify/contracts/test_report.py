@@ -177,6 +177,8 @@ def test_the_table_has_a_line_a_frame_and_tells_what_must_be_missing() -> None:
         "missing, which matters: far",
         "all other sensors: missing (their readings make no difference)",
         "in the last frame: bump is fresh; bump = false; far is not fresh",
+        "because: bump has a reading; `bump` is false; `previous(bump)` remembers true; "
+        "far is missing: PServer gave no value; it has had none so far",
     )
 
 

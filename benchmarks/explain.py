@@ -1,0 +1,129 @@
+"""Explaining a moment of an hour: the index that is built once, and any moment after that.
+
+The recording is a minute of wander in a simulated building, sixty times over, as the runtime writes it. Times
+are processor time, so that what else the machine does counts little.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import msgspec
+
+from colony.compile.pipeline import compile_program
+from colony.ir.frame import Decision, Outcome
+from colony.ir.program import Program
+from colony.robots.moments.building import build_index
+from colony.robots.moments.index import encode
+from colony.robots.recorded_program import recorded_program
+from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
+from colony.runtime.recordings.mcap_writer import McapRecording
+from colony.runtime.recordings.opening import open_recording, read_recording
+from colony.runtime.recordings.recorded import RecordedFrame
+
+MINUTES = 60
+MINUTE_NS = 60_000_000_000
+MOMENTS_S = (1.0, 1800.025, 3599.9)
+ROOT = Path(__file__).parent.parent
+
+
+def run() -> list[dict[str, Any]]:
+    """Rows of name, value, unit, target, ok, note."""
+    with TemporaryDirectory(prefix="colony-bench-") as name:
+        folder = Path(name)
+        minute, hour = folder / "minute.mcap", folder / "hour.mcap"
+        _colony("run", "wander", "--map", "loop", "--duration", "60", "--record", minute, "--no-picture")
+        _write_hour(minute, hour)
+        seconds, index_bytes = _index(hour, folder)
+        length, size = MINUTES * 60, hour.stat().st_size
+        os.environ["XDG_CACHE_HOME"] = str(folder / "cache")
+        first = _explain(hour, MOMENTS_S[0])
+        times = [_explain(hour, at) for at in MOMENTS_S]
+    note = f"{seconds:.0f} s for {length} s; {index_bytes / 1e6:.1f} MB beside {size / 1e6:.1f} MB"
+    return [
+        _row("building the index / the length of the recording", seconds / length, "times", 0.1, note),
+        _row("a moment of an hour, with the index", max(times), "s", 2.0, f"the slowest of {len(times)}"),
+        _row("a moment of an hour, without", first, "s", None, "the first question, which builds it"),
+    ]
+
+
+def _row(name: str, value: float, unit: str, target: float | None, note: str) -> dict[str, Any]:
+    ok = target is None or value <= target
+    return {"name": name, "value": value, "unit": unit, "target": target, "ok": ok, "note": note}
+
+
+def _colony(*arguments: str | Path) -> None:
+    words = [sys.executable, "-m", "colony.cli.main", *map(str, arguments)]
+    subprocess.run(words, cwd=ROOT, check=True, capture_output=True)
+
+
+def _explain(recording: Path, at_s: float) -> float:
+    """Return the processor time of a whole command, in seconds."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    _colony("explain", recording, "--at", str(at_s))
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def _program(recording: Path, folder: Path) -> Program:
+    with open_recording(str(recording)) as stream:
+        run = read_recording(stream, str(recording)).run
+    assert run is not None
+    return recorded_program(run, str(recording), Path(tempfile.mkdtemp(dir=folder)))
+
+
+def _index(recording: Path, folder: Path) -> tuple[float, int]:
+    """Return the processor time of building the index, in seconds, and its size in bytes."""
+    program = _program(recording, folder)
+    with open_recording(str(recording)) as stream:
+        start = time.process_time()
+        data = encode(build_index(program, read_recording(stream, str(recording))))
+        return time.process_time() - start, len(data)
+
+
+def _write_hour(minute: Path, hour: Path) -> None:
+    program = _program(minute, minute.parent)
+    with open_recording(str(minute)) as stream, open(hour, "wb", buffering=0) as file:
+        reader = read_recording(stream, str(minute))
+        assert reader.run is not None
+        frames = list(reader.frames(program))
+        recording = McapRecording(compile_program(program).compiled, reader.run, file)
+        for log in _repeated(frames):
+            recording.take(log)
+        recording.close()
+
+
+def _repeated(frames: list[RecordedFrame]) -> Iterator[FrameLog]:
+    """Yield the frames of a minute again and again, with the times and numbers of a longer run.
+
+    All keyframes are the first one: only damage would make a reader use them.
+    """
+    keyframe = next(f.keyframe for f in frames if f.keyframe is not None)
+    keyframe_ns = -KEYFRAME_NS
+    for k in range(MINUTES * len(frames)):
+        minute, i = divmod(k, len(frames))
+        t_ns = frames[i].frame.t_ns + minute * MINUTE_NS
+        is_due = t_ns - keyframe_ns >= KEYFRAME_NS
+        keyframe_ns = t_ns if is_due else keyframe_ns
+        yield FrameLog(
+            tick=msgspec.structs.replace(frames[i].tick, k=k, t_ns=t_ns, start=0),
+            frame=frames[i].frame._replace(t_ns=t_ns),
+            verdicts={
+                name: msgspec.structs.replace(verdict, k=k, t_ns=t_ns)
+                for name, verdict in frames[i].verdicts.items()
+            },
+            expected=Outcome(
+                tuple(Decision(v.actuator, v.by, v.values) for v in frames[i].verdicts.values())
+            ),
+            disagreements=(),
+            keyframe=keyframe if is_due else None,
+        )

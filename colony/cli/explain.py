@@ -1,0 +1,326 @@
+"""`colony explain`: why the robot did what it did, at a moment of a recorded run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, NoReturn
+
+import click
+
+from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.params_choice import choose_params, params_option
+from colony.cli.progress import ReadingProgress
+from colony.cli.recorded import program_for
+from colony.cli.reporting import refuse, report, say
+from colony.cli.robot_choice import description_option
+from colony.cli.shipped_files import BEHAVIOR
+from colony.text.suggestions import did_you_mean
+from colony.text.wording import counted
+
+if TYPE_CHECKING:
+    from colony.ir.program import Program
+    from colony.robots.moments.finding import Condition, Found
+    from colony.robots.moments.index import Index
+    from colony.robots.moments.tracks import Span
+    from colony.runtime.recordings.recorded import RecordingReader
+    from colony.verify.explain.answer import Explanation, Why, WhyNot
+
+MAX_SPANS = 10
+"""Maximum number of spans that text lists for a condition."""
+
+
+class Seconds(click.ParamType):  # type: ignore[type-arg]
+    """A time in seconds, exactly, as nanoseconds."""
+
+    name = "seconds"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the nanoseconds of a text such as `12.3` or `12.3 s`."""
+        text = str(value).strip().removesuffix("s").rstrip()
+        try:
+            seconds = Decimal(text)
+            return round(seconds * 1_000_000_000)
+        except (InvalidOperation, ValueError, OverflowError):
+            self.fail(f"found `{value}`; expected a time in seconds, such as 12.3", param, ctx)
+
+
+@click.command("explain", short_help="explain why the robot did what it did, or did not")
+@click.argument("recording", metavar="RECORDING")
+@click.argument("file", metavar="[FILE]", required=False, type=BEHAVIOR)
+@click.option(
+    "--at",
+    "at_ns",
+    type=Seconds(),
+    metavar="SECONDS",
+    help="The time to explain: that of the last frame at or before it. With --when, the search begins there.",
+)
+@click.option(
+    "--when",
+    "when",
+    metavar="CONDITION",
+    help='Explain the moment when this begins: "drive by back_off", "drive is idle", "avoid is active", '
+    '"sonar is missing", "avoid is late"; also with "is not".',
+)
+@click.option(
+    "--nth",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="With --when, which of the moments.",
+)
+@click.option("--why", "why", multiple=True, metavar="NAME", help="Why NAME is as it is. May be repeated.")
+@click.option(
+    "--why-not", "why_not", multiple=True, metavar="NAME", help="Why NAME does not act. May be repeated."
+)
+@description_option()
+@params_option()
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(
+    recording: str,
+    file: str | None,
+    at_ns: int | None,
+    when: str | None,
+    nth: int,
+    why: tuple[str, ...],
+    why_not: tuple[str, ...],
+    format_: str,
+) -> None:
+    """Explain a moment of a recording: which condition decided, with which values, and what had to change.
+
+    NAME is an actuator, a module, a wire or a sensor. Without --why and --why-not, every actuator is
+    explained or, with --when, what the condition is about. The answers come from the reference interpreter,
+    which follows the program of the recording. A recording as JSON lines does not contain its program: give
+    it as FILE.
+
+    The first time, the whole recording is followed once, and an index is kept in the user's cache
+    ($XDG_CACHE_HOME/colony/moments); after that, any moment is found quickly.
+
+    Exit code: 0 if there is an answer, 1 if what the program remembered at that moment is not known, 2 for
+    misuse, such as a time outside the recording.
+
+    \b
+    Example:
+      colony run wander --map loop --record run.mcap
+      colony explain run.mcap --at 12.3
+      colony explain run.mcap --at 12.3 --why-not avoid
+      colony explain run.mcap --when "drive by avoid" --why drive
+    """
+    if at_ns is None and when is None:
+        raise click.UsageError(
+            "no moment: give --at SECONDS or --when CONDITION", click.get_current_context()
+        )
+    from colony.text.diagnostics import DiagnosticError
+
+    try:
+        with TemporaryDirectory(prefix="colony-explain-") as folder:
+            asked = _Asked(recording, file, Path(folder))
+            chosen = None if when is None else asked.chosen(when, nth, at_ns)
+            found = asked.found(chosen.span.start.t_ns if chosen is not None else at_ns or 0)
+            questions = _questions(asked.program, why, why_not, chosen)
+            answers = asked.answers(found, questions)
+    except DiagnosticError as failure:
+        if failure.diagnostics[0].code[0] in "AF":
+            refuse(failure.diagnostics)
+        report(failure.diagnostics)
+        raise click.exceptions.Exit(EXIT_ERRORS) from None
+    if format_ == "json":
+        _print_json(asked, chosen, answers)
+    else:
+        _print_text(asked, chosen, answers)
+
+
+class _Chosen:
+    """The moments in which a condition begins to hold, and the one that is explained. Immutable."""
+
+    def __init__(self, text: str, condition: Condition, spans: Sequence[Span], nth: int) -> None:
+        self.text, self.condition, self.spans, self.nth = text, condition, spans, nth
+
+    @property
+    def span(self) -> Span:
+        """The one that is explained."""
+        return self.spans[self.nth - 1]
+
+
+class _Asked:
+    """A recording that is asked about: its program and its index. Mutable: a damaged index is built again."""
+
+    def __init__(self, recording: str, file: str | None, folder: Path) -> None:
+        from colony.dsl.site_reading import params_of
+        from colony.runtime.recordings.opening import recorded_site
+
+        self.recording, self.file = recording, file
+        choose_params(params_of(recorded_site(recording)))
+        with self._reading() as reader:
+            self.run = reader.run
+            self.program: Program = program_for(reader, recording, file, folder)
+        self.index: Index = self._index()
+        if not self.index.frames:
+            damage = f": damaged {self.index.damaged[0]}" if self.index.damaged else ""
+            _misuse(f"{recording}: error: the recording contains no frame{damage}")
+
+    @contextmanager
+    def _reading(self) -> Iterator[RecordingReader]:
+        from colony.runtime.recordings.opening import open_recording, read_recording
+
+        with open_recording(self.recording) as stream:
+            yield read_recording(stream, self.recording)
+
+    def _index(self) -> Index:
+        """Return the index in the cache, or build it."""
+        from colony.robots.moments.building import cached_index, index_path
+        from colony.runtime.recordings.opening import open_recording
+
+        with open_recording(self.recording) as stream:
+            path = index_path(stream, self.program, os.environ)
+        self._path = path
+        return cached_index(path) or self._built()
+
+    def _built(self) -> Index:
+        from colony.robots.moments.building import build_index, keep_index
+        from colony.runtime.recordings.opening import open_recording, read_recording
+
+        with open_recording(self.recording) as stream:
+            reader = read_recording(stream, self.recording)
+            index = build_index(self.program, reader, ReadingProgress(stream, "reading, once: "))
+        problem = keep_index(self._path, index)
+        if problem is not None:
+            say(f"the index cannot be kept, so the next question will take as long: {problem}")
+        return index
+
+    def chosen(self, when: str, nth: int, from_ns: int | None) -> _Chosen:
+        """Return the moments in which a condition begins to hold; exit with 2 if there is none."""
+        from colony.robots.moments.finding import ConditionError, condition, spans_of
+
+        try:
+            wanted = condition(self.program, when)
+        except ConditionError as problem:
+            _misuse(f"{self.recording}: error: --when: {problem}")
+        found = list(spans_of(self.index, wanted, from_ns))
+        if len(found) < nth:
+            since = "" if from_ns is None else f" from {from_ns / 1e9:.10g} s on"
+            begins = f"begins {counted(len(found), 'time')}" if found else "never begins"
+            _misuse(f"{self.recording}: error: --when: `{when}` {begins}{since}{self._extent()}")
+        return _Chosen(when, wanted, found, nth)
+
+    def _extent(self) -> str:
+        first, last = self.index.first_ns, self.index.last_ns
+        return (
+            f"; the recording has {self.index.frames} frames from {first / 1e9:.10g} s to {last / 1e9:.10g} s"
+        )
+
+    def found(self, t_ns: int) -> Found:
+        """Return the frame at a time; exit with 2 if the recording does not have it."""
+        from colony.robots.moments.finding import moment_at
+        from colony.robots.moments.index import StaleIndexError
+
+        index, frame_ns = self.index, self.program.robot.frame_ns
+        if not index.first_ns <= t_ns < index.last_ns + frame_ns:
+            where = "before" if t_ns < index.first_ns else "after"
+            message = f"{t_ns / 1e9:.10g} s is {where} the recording{self._extent()}"
+            breaks_off = f"; {index.truncation}" if index.truncation and where == "after" else ""
+            _misuse(f"{self.recording}: error: --at: {message}{breaks_off}")
+        for _ in range(2):
+            try:
+                with self._reading() as reader:
+                    return moment_at(self.program, reader, self.index, t_ns)
+            except StaleIndexError:
+                self.index = self._built()
+        raise AssertionError("an index that was just built has a wrong checksum")
+
+    def answers(self, found: Found, questions: Sequence[Why | WhyNot]) -> list[Explanation]:
+        """Return the answers about a frame; exit with 1 if its memory is not known."""
+        from colony.verify.explain.answer import explain
+
+        if found.moment is None:
+            damage = "".join(f"; damaged {text}" for text in self.index.damaged)
+            say(
+                f"{self.recording}: error: what the program remembered at {found.t_ns / 1e9:.10g} s "
+                f"(frame {found.k}) is not known{damage}"
+            )
+            raise click.exceptions.Exit(EXIT_ERRORS)
+        return [explain(found.moment, question) for question in questions]
+
+
+def _misuse(text: str) -> NoReturn:
+    from colony.cli.exit_codes import EXIT_MISUSE
+
+    say(text)
+    raise click.exceptions.Exit(EXIT_MISUSE)
+
+
+def _questions(
+    program: Program, why: tuple[str, ...], why_not: tuple[str, ...], chosen: _Chosen | None
+) -> list[Why | WhyNot]:
+    """Return the questions of the command line; by default, about what is chosen or every actuator."""
+    from colony.verify.explain.answer import Why, WhyNot, subjects
+
+    names = subjects(program)
+    for option, given in (("--why", why), ("--why-not", why_not)):
+        for name in given:
+            if name not in names:
+                hint = did_you_mean(name, names) or f"the program has {', '.join(names)}"
+                _misuse(
+                    f"colony explain: error: {option}: no actuator, module, wire or sensor `{name}`; {hint}"
+                )
+    asked: list[Why | WhyNot] = [*map(Why, why), *map(WhyNot, why_not)]
+    if asked:
+        return asked
+    if chosen is not None:
+        return [Why(chosen.condition.subject)]
+    wired = {w.actuator for w in program.wires}
+    return [Why(a.name) for a in program.robot.actuators if a.name in wired]
+
+
+def _print_text(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explanation]) -> None:
+    from colony.verify.explain.text import lines
+
+    if chosen is not None:
+        click.echo(f"`{chosen.text}` begins {counted(len(chosen.spans), 'time')}:")
+        for i, span in enumerate(chosen.spans[:MAX_SPANS], 1):
+            end = "to the end" if span.end is None else f"to {span.end.t_ns / 1e9:.10g} s"
+            mark = "  <- explained below" if i == chosen.nth else ""
+            click.echo(f"  {i}. from {span.start.t_ns / 1e9:.10g} s {end}{mark}")
+        if len(chosen.spans) > MAX_SPANS:
+            click.echo(f"  and {len(chosen.spans) - MAX_SPANS} more; choose one with --nth")
+        click.echo()
+    for i, answer in enumerate(answers):
+        if i:
+            click.echo()
+        for line in lines(answer):
+            click.echo(line)
+    for text in asked.index.damaged:
+        say(f"{asked.recording}: warning: damaged {text}")
+
+
+def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explanation]) -> None:
+    import json
+
+    from colony.verify.explain.json_rows import row
+
+    index, run = asked.index, asked.run
+    when = None
+    if chosen is not None:
+        spans = [
+            {"from": s.start.t_ns / 1e9, "to": None if s.end is None else s.end.t_ns / 1e9}
+            for s in chosen.spans
+        ]
+        when = {"condition": chosen.text, "spans": spans, "explained": chosen.nth - 1}
+    out = {
+        "recording": asked.recording,
+        "file": asked.file,
+        "program": run.program if run else None,
+        "robot": asked.program.robot.name,
+        "frames": index.frames,
+        "from": index.first_ns / 1e9,
+        "to": index.last_ns / 1e9,
+        "truncated": index.truncation,
+        "damaged": list(index.damaged),
+        "when": when,
+        "answers": [row(answer) for answer in answers],
+    }
+    click.echo(json.dumps(out, indent=2))

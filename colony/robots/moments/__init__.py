@@ -1,0 +1,1 @@
+"""Moments of recordings, found quickly by an index of interpreter states."""

@@ -1,0 +1,187 @@
+"""The devices of a plant, assembled from its options: the world, and what the robots have in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from colony.body.model import Body
+from colony.body.servers import servers_of
+from colony.nav.maps.building import Building
+from colony.nav.maps.free_space import FreeSpace
+from colony.nav.maps.stickrep.model import Map
+from colony.nav.maps.world_map import WorldMap
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
+from colony.sim.cameras.scene import scene_of
+from colony.sim.config import RobotConfig, config_of, rome_config
+from colony.sim.devices import devices_of
+from colony.sim.hazards.hazards import Hazards, scenery_of
+from colony.sim.hazards.scenery import Scenery
+from colony.sim.plant.given import GivenFields
+from colony.sim.plant.hardware import STEP_NS, WATCHDOG_NS, Devices, RobotCamera, RobotDevice
+from colony.sim.world.elevators import Elevators
+from colony.sim.world.movers import with_movers
+from colony.sim.world.site import Site
+from colony.sim.world.world import World
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantOptions:
+    """The options of a plant.
+
+    Attributes:
+        path: path of the socket, in a private folder, which is created if it is missing.
+        world: the map of the world.
+        building: the building of this map, if elevators take the robots to other floors.
+        floors: the names of the maps of these floors, that of `world` first.
+        robots: initial poses by name: x, y in mm, heading in degrees counterclockwise from north.
+        cameras: cameras of each robot, by name.
+        hazards: hazards of the building; none by default, and in a grid.
+        hazards_seed: seed of the hazards.
+        movers: number of people who walk around between free places, besides those of the hazards.
+        body: the body of the robots; None for one that has no devices but those of `config` and `cameras`.
+        real: the servers of the body whose devices are real; the plant does not simulate them.
+        config: the parameters of the robots; those of the body by default, of RoME without one.
+        seed: seed of the simulated errors.
+        step_ns: step of the simulation.
+        watchdog_ns: time without a command after which a base stops.
+        logical_ns: logical time that passes with each command; None for real time.
+    """
+
+    path: Path
+    world: WorldMap
+    building: Building | None = None
+    floors: tuple[str, ...] = ()
+    robots: Mapping[str, tuple[float, float, float]]
+    cameras: Mapping[str, CameraConfig | CeilingCameraConfig] = field(default_factory=dict)
+    hazards: Hazards = field(default_factory=Hazards.none)
+    hazards_seed: int = 0
+    movers: int = 0
+    body: Body | None = None
+    real: frozenset[str] = frozenset()
+    config: RobotConfig | None = None
+    seed: int = 0
+    step_ns: int = STEP_NS
+    watchdog_ns: int = WATCHDOG_NS
+    logical_ns: int | None = None
+
+
+def assembled_devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
+    """Return the devices of a plant, ready to be read at once.
+
+    Raises:
+        ValueError: a robot does not fit, there is no room for people, or there are several robots in logical
+            time.
+        DiagnosticError: a grid is to have hazards or cameras, which require a building.
+    """
+    if options.logical_ns is not None and len(options.robots) != 1:
+        raise ValueError(f"logical time with {len(options.robots)} robots; expected 1")
+    config = options.config or (rome_config() if options.body is None else config_of(options.body))
+    stage = _stage(options, config)
+    given = GivenFields()
+    robot_devices = [_robot_devices(options, stage.world, robot, given) for robot in range(len(stage.world))]
+    devices = Devices(
+        stage.world,
+        tuple(options.robots),
+        stage.cameras,
+        robot_devices,
+        floor=options.world.name,
+        elevators=stage.elevators,
+        given=given,
+        now_ns=clock(),
+        step_ns=options.step_ns,
+        watchdog_ns=options.watchdog_ns if options.logical_ns is None else None,
+    )
+    for name in stage.cameras:  # warm up, so that the first real images and readings are not slow
+        devices.image(0, name)
+    for server in robot_devices[0]:
+        devices.device(0, server)
+    if config.channels:
+        stage.world.sonar(0)
+    return devices
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stage:
+    """The world with its robots, the elevators to other floors, and the cameras of the robots' floor."""
+
+    world: World
+    elevators: Elevators | None = None
+    cameras: Mapping[str, Callable[[], RobotCamera]]
+
+
+def _stage(options: PlantOptions, config: RobotConfig) -> _Stage:
+    if options.building is None:
+        return _single_floor(options, config)
+    site = Site(
+        options.building,
+        options.floors,
+        options.hazards,
+        poses=list(options.robots.values()),
+        seed=options.hazards_seed,
+        noise_seed=options.seed,
+        config=config,
+    )
+    # All of them now: a scene takes longer than a ride may keep the plant from its steps.
+    cameras = {
+        name: _cameras(options, floor, site.sceneries[name], config.radius_mm)
+        for name, floor in site.maps.items()
+    }
+
+    def current_camera(name: str) -> RobotCamera:
+        return cameras[site.floor][name]
+
+    return _Stage(
+        world=site.world,
+        elevators=site.elevators,
+        cameras={name: partial(current_camera, name) for name in options.cameras},
+    )
+
+
+def _single_floor(options: PlantOptions, config: RobotConfig) -> _Stage:
+    scenery = populated_scenery(options)
+    world = World(walls=scenery, poses=list(options.robots.values()), config=config, seed=options.seed)
+    if not options.cameras:
+        return _Stage(world=world, cameras={})
+    cameras = _cameras(options, options.world.building("a camera"), scenery, config.radius_mm)
+    return _Stage(world=world, cameras={name: partial(cameras.__getitem__, name) for name in cameras})
+
+
+def populated_scenery(options: PlantOptions) -> Scenery:
+    """Return the scenery of a plant without elevators, with all of its people.
+
+    Raises:
+        DiagnosticError: a grid is to have hazards.
+        NoRoomError: there is no room for people.
+    """
+    scenery = scenery_of(options.world, options.hazards, options.hazards_seed)
+    if not (options.movers and options.robots):
+        return scenery
+    (x, y, _), *_ = options.robots.values()
+    return with_movers(scenery, lambda: FreeSpace(options.world), (x, y), options.movers, seed=options.seed)
+
+
+def _cameras(
+    options: PlantOptions, floor: Map, scenery: Scenery, radius_mm: float
+) -> Mapping[str, RobotCamera]:
+    """Return the cameras of a robot on a floor, by name."""
+    return {
+        name: CeilingCamera(scenery, config)
+        if isinstance(config, CeilingCameraConfig)
+        else Camera(scene_of(floor, scenery), config, robot_radius_mm=radius_mm, seed=options.seed)
+        for name, config in options.cameras.items()
+    }
+
+
+def _robot_devices(
+    options: PlantOptions, world: World, robot: int, given: GivenFields
+) -> Mapping[str, RobotDevice]:
+    """Return the devices of a robot besides its base, ring and cameras, by the names of their servers."""
+    body = options.body
+    if body is None:
+        return {}
+    servers = tuple(server for server in servers_of(body) if server.name not in options.real)
+    return devices_of(body, servers, world, robot, seed=options.seed, given=given.of(robot))

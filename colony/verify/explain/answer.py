@@ -1,0 +1,190 @@
+"""Questions about a moment, and their answers.
+
+follower = Follower(program)
+for recorded in frames:
+    follower.take(recorded)
+answer = explain(follower.moment, WhyNot("avoid"))
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from colony.ir.expression import Expression
+from colony.ir.frame import Decision
+from colony.ir.program import Program
+from colony.verify.explain.command import Cut, cuts
+from colony.verify.explain.formula import Changes, Formula, changes
+from colony.verify.explain.history import Since, Status
+from colony.verify.explain.moment import Moment
+from colony.verify.explain.network import Network
+
+
+@dataclass(frozen=True, slots=True)
+class Why:
+    """The question why a module or wire is active, an actuator is commanded as it is, a sensor is there."""
+
+    subject: str
+
+
+@dataclass(frozen=True, slots=True)
+class WhyNot:
+    """The question why a module does not command its actuator, or why another name is idle or missing."""
+
+    subject: str
+
+
+@dataclass(frozen=True, slots=True)
+class Whether:
+    """The question why a contract or an expectation is true or false; `condition` is its name or its text."""
+
+    condition: str
+
+
+Question = Why | WhyNot | Whether
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sent:
+    """What an actuator was sent: the runtime's verdict, or the decision of the interpreter.
+
+    `outside` is the connection that commanded instead of the network, `hold` a stop or lock. `cuts` are the
+    fields of the winner's command that a limit or the range changed.
+    """
+
+    decision: Decision
+    outside: str | None = None
+    hold: str | None = None
+    cuts: tuple[Cut, ...] = ()
+    late: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """An answer.
+
+    Attributes:
+        question: The question.
+        k: Number of the frame.
+        t_ns: Its time.
+        claim: What `formula` says: `drive is by avoid`.
+        holds: True if the claim holds.
+        answer: The claim, or its opposite, whichever holds: `drive is not by avoid`.
+        formula: The conditions of the claim.
+        changes: Sets of conditions that had to change for the opposite; empty if no change would do.
+        module: The module that the question is about, or the winner, with its status and since when.
+        sent: What the actuator was sent, if the question is about one.
+    """
+
+    question: Question
+    k: int
+    t_ns: int
+    claim: str
+    holds: bool
+    answer: str
+    formula: Formula
+    changes: Changes
+    module: tuple[str, Since] | None = None
+    sent: Sent | None = None
+
+
+def subjects(program: Program) -> tuple[str, ...]:
+    """Return the names that questions may be about: actuators, modules, wires and sensors."""
+    actuators = [a.name for a in program.robot.actuators]
+    wires = [w.name for w in program.wires if w.actuator is None]
+    sensors = [s.name for s in program.robot.sensors if s.sent is None]
+    return tuple(dict.fromkeys((*actuators, *(m.name for m in program.modules), *wires, *sensors)))
+
+
+def explain(moment: Moment, question: Why | WhyNot) -> Explanation:
+    """Return the answer to a question about a moment.
+
+    Raises:
+        KeyError: the program has no such actuator, module, wire or sensor.
+    """
+    name, network = question.subject, Network(moment)
+    program = moment.program
+    module = next((m for m in program.modules if m.name == name), None)
+    if any(a.name == name for a in program.robot.actuators):
+        return _about_actuator(network, question)
+    if any(s.name == name for s in program.robot.sensors):
+        claim = _Claim(f"{name} is present", f"{name} is missing")
+        return _answer(network, question, claim, network.conditions.present(name), None)
+    actuator = None if module is None else module.actuator
+    if actuator is not None and isinstance(question, WhyNot):
+        return _answer(
+            network, question, _is(actuator, f"by {name}"), network.is_by(actuator, name), actuator
+        )
+    return _answer(network, question, _is(name, "active"), network.active(name), actuator)
+
+
+def _about_actuator(network: Network, question: Why | WhyNot) -> Explanation:
+    moment, name = network.moment, question.subject
+    winner, verdict = moment.winner(name), moment.verdicts.get(name)
+    if winner is not None and isinstance(question, Why):
+        return _answer(network, question, _is(name, f"by {winner}"), network.is_by(name, winner), name)
+    outside = None if verdict is None else verdict.outside
+    idle = f"{name} is idle" if outside is None else f"{name} is by {outside}, from outside the network"
+    claim = _Claim(f"{name} is commanded", idle)
+    return _answer(network, question, claim, network.is_commanded(name), name)
+
+
+def explain_condition(moment: Moment, name: str, expression: Expression) -> Explanation:
+    """Return why a contract or an expectation, called `name`, is true or false in a moment."""
+    network = Network(moment)
+    formula = network.conditions.formula(expression)
+    return _answer(network, Whether(name), _is(f"`{name}`", "true"), formula, None)
+
+
+class _Claim(NamedTuple):
+    """A claim and its opposite, as sentences."""
+
+    text: str
+    opposite: str
+
+
+def _is(subject: str, predicate: str) -> _Claim:
+    return _Claim(f"{subject} is {predicate}", f"{subject} is not {predicate}")
+
+
+def _answer(
+    network: Network, question: Question, claim: _Claim, formula: Formula, actuator: str | None
+) -> Explanation:
+    moment = network.moment
+    sent = None if actuator is None else sent_to(moment, actuator)
+    asked = None if isinstance(question, Whether) else question.subject
+    module = asked if asked in moment.history.modules else sent.decision.by if sent else None
+    since = None if module is None else moment.history.modules.get(module)
+    return Explanation(
+        question=question,
+        k=moment.k,
+        t_ns=moment.t_ns,
+        claim=claim.text,
+        holds=formula.holds,
+        answer=claim.text if formula.holds else claim.opposite,
+        formula=formula,
+        changes=changes(formula, network.conditions.entangled(formula)),
+        module=None if module is None or since is None else (module, since),
+        sent=sent,
+    )
+
+
+def sent_to(moment: Moment, actuator: str) -> Sent:
+    """Return what an actuator was sent in a moment."""
+    verdict = moment.verdicts.get(actuator)
+    decision = Decision(actuator, moment.winner(actuator), moment.sent(actuator), moment.fault(actuator))
+    if verdict is None:
+        return Sent(decision=decision, cuts=cuts(moment, actuator))
+    return Sent(
+        decision=decision,
+        outside=verdict.outside,
+        hold=verdict.hold,
+        cuts=cuts(moment, actuator),
+        late=tuple((client, fate) for client, fate in verdict.fates if fate in ("late", "lost", "refused")),
+    )
+
+
+def statuses(moment: Moment) -> dict[str, Status]:
+    """Return the status of every module in a moment."""
+    return {name: since.value for name, since in moment.history.modules.items()}  # type: ignore[misc]

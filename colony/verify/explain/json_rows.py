@@ -1,0 +1,121 @@
+"""Explanations as plain dicts and lists, for programs; docs/explain.md describes the keys."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any, assert_never
+
+from colony.text.source import Span
+from colony.text.wording import listed
+from colony.verify.explain.answer import Explanation, Question, Sent, Whether, Why, WhyNot
+from colony.verify.explain.causes import Cause
+from colony.verify.explain.formula import Formula, Leaf
+from colony.verify.explain.text import (
+    MAX_DEPTH,
+    cause_text,
+    change_text,
+    head_text,
+    lines,
+    shown_parts,
+)
+
+
+def row(explanation: Explanation) -> dict[str, Any]:
+    """Return an answer as an object for JSON."""
+    module = explanation.module
+    return {
+        "question": _question(explanation.question),
+        "frame": explanation.k,
+        "t": explanation.t_ns / 1e9,
+        "claim": explanation.claim,
+        "holds": explanation.holds,
+        "answer": explanation.answer,
+        "module": None
+        if module is None
+        else {
+            "name": module[0],
+            "status": module[1].value,
+            "since": None if module[1].first else module[1].t_ns / 1e9,
+        },
+        "sent": None if explanation.sent is None else _sent(explanation.sent),
+        "because": _because(explanation.formula, explanation.t_ns, 0),
+        "changes": [
+            {
+                "certain": change.is_certain,
+                "text": listed([change_text(leaf) for leaf in change.leaves]),
+                "conditions": [
+                    _cause(leaf.cause, leaf.holds, explanation.t_ns, leaf.span) for leaf in change.leaves
+                ],
+            }
+            for change in explanation.changes
+        ],
+        "lines": list(lines(explanation)),
+    }
+
+
+def _question(question: Question) -> dict[str, str]:
+    match question:
+        case Why(subject=subject):
+            return {"kind": "why", "subject": subject}
+        case WhyNot(subject=subject):
+            return {"kind": "why not", "subject": subject}
+        case Whether(condition=condition):
+            return {"kind": "condition", "subject": condition}
+        case _:
+            assert_never(question)
+
+
+def _because(formula: Formula, t_ns: int, depth: int) -> list[dict[str, Any]]:
+    """Return an object for each condition that decided, with those that it rests on as `because`."""
+    if isinstance(formula, Leaf):
+        return [] if formula.implied else [_cause(formula.cause, formula.holds, t_ns, formula.span)]
+    if depth > MAX_DEPTH:
+        return []
+    below = [found for part in shown_parts(formula) for found in _because(part, t_ns, depth + 1)]
+    text = head_text(formula)
+    if text is None:
+        return below
+    head = {
+        "kind": formula.subject,
+        "name": formula.name,
+        "holds": formula.holds,
+        "text": text,
+        "at": _place(formula.span),
+    }
+    return [{**head, "because": below}]
+
+
+def _cause(cause: Cause, holds: bool, t_ns: int, span: Span | None) -> dict[str, Any]:
+    members = {f.name: getattr(cause, f.name) for f in fields(cause)}
+    kind = type(cause).__name__.lower()
+    text = cause_text(cause, holds, t_ns)
+    return {"kind": kind, "holds": holds, "text": text, "at": _place(span), **members}
+
+
+def _place(span: Span | None) -> str | None:
+    """Return `file:line:column`, None for what is in no file."""
+    return repr(span) if span is not None and span.source.text else None
+
+
+def _sent(sent: Sent) -> dict[str, Any]:
+    return {
+        "actuator": sent.decision.actuator,
+        "by": sent.decision.by,
+        "values": None if sent.decision.values is None else list(sent.decision.values),
+        "fault": sent.decision.fault,
+        "outside": sent.outside,
+        "hold": sent.hold,
+        "missed": dict(sent.late),
+        "cuts": [
+            {
+                "field": cut.field,
+                "wanted": cut.wanted,
+                "sent": cut.sent,
+                "limit": cut.limit,
+                "bound_missing": cut.is_missing,
+                "detail": list(cut.detail),
+                "at": _place(cut.span),
+            }
+            for cut in sent.cuts
+        ],
+    }

@@ -1,0 +1,229 @@
+"""Formulas of the network: what makes a module or wire active, and an actuator be by a module."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import assert_never
+
+from colony.ir.frame import Answer
+from colony.ir.given import MISSED
+from colony.ir.program import AnyModule, Chain, Module, PythonModule, Use, Wiring
+from colony.ir.walk import expressions_of
+from colony.verify.explain.causes import (
+    Answered,
+    Heard,
+    Sendable,
+    TimeConstant,
+    Undisturbed,
+    Unknown,
+    Unwired,
+)
+from colony.verify.explain.conditions import Conditions
+from colony.verify.explain.formula import Formula, Leaf, group, negation
+from colony.verify.explain.moment import Moment
+
+Node = tuple[str | int, ...]
+"""A suppressor or inhibitor: its wire, and the indices of operands that lead to it."""
+
+
+class Network:
+    """Builds the formulas of the network in one moment. Stateful: remembers those of modules and wires."""
+
+    def __init__(self, moment: Moment) -> None:
+        self.moment = moment
+        self.conditions = Conditions(moment, self)
+        self._modules: dict[str, AnyModule] = {m.name: m for m in moment.program.modules}
+        self._wiring = {w.actuator: w for w in moment.program.wires if w.actuator is not None}
+        self._active: dict[str, Formula] = {}
+
+    # --- activity --------------------------------------------------------------------------------
+
+    def active(self, name: str) -> Formula:
+        """Return the formula of "this module or wire is active"."""
+        if name in self._modules:
+            found = self._active.get(name)
+            if found is None:
+                found = self._active[name] = self._module_active(self._modules[name])
+            return found
+        if name not in self._active:
+            for wire in self.moment.program.wires:  # each comes after those that it uses
+                if wire.actuator is None and wire.name not in self._active:
+                    part = self._wiring_active(wire.wiring, (wire.name,))
+                    self._active[wire.name] = group(
+                        "all", (part,), subject="wire", name=wire.name, span=wire.span
+                    )
+        return self._active[name]
+
+    def _module_active(self, module: AnyModule) -> Formula:
+        moment, name = self.moment, module.name
+        present = self.conditions.presence(expressions_of(module))
+        is_missing = not all(leaf.holds for leaf in present)
+        if is_missing:
+            cause = Unknown(condition=f"the predicate of {name}")
+            decides = Leaf(
+                holds=True, cause=cause, key=("predicate", name), implied=True, free=True, fixed=True
+            )
+            parts: list[Formula] = [*present, decides]
+        else:
+            parts = [*(replace(leaf, implied=True) for leaf in present), self._applicable(module)]
+        if module.failsafe:
+            has_all = group("all", parts[: len(present)])
+            parts = [group("any", (negation(has_all), *parts[len(present) :]))]
+        if name in moment.lost and not module.failsafe:
+            parts.append(
+                Leaf(holds=False, cause=Heard(module=name, fate="lost"), key=("heard", name), fixed=True)
+            )
+        return group("all", parts, subject="module", name=name, span=module.span)
+
+    def _applicable(self, module: AnyModule) -> Formula:
+        """Return the formula of "the module commands", given that nothing that it reads is missing."""
+        match module:
+            case Module(name=name, when=when):
+                predicate = (self.conditions.formula(when),)
+                return group("all", predicate, subject="predicate", name=name, span=when.span)
+            case PythonModule():
+                return self._answered(module)
+            case _:
+                assert_never(module)
+
+    def _answered(self, module: PythonModule) -> Leaf:
+        answer = self.moment.answers.get(module.name, Answer())
+        is_blind = module.name in self.moment.blind
+        cause = Answered(module=module.name, error=answer.error, blind=answer.blind)
+        holds = is_blind or module.name in self.moment.values.commands
+        return Leaf(holds=holds, cause=cause, key=("answer", module.name), span=module.span)
+
+    def _wiring_active(self, wiring: Wiring, node: Node) -> Formula:
+        if isinstance(wiring, Use):
+            return self.active(wiring.name)
+        *dominant, last = (self._wiring_active(w, (*node, i)) for i, w in enumerate(wiring.operands))
+        if wiring.relation == "inhibits":
+            cut = [negation(self._dominates(wiring, i, node, d)) for i, d in enumerate(dominant)]
+            return group("all", (last, *cut))
+        inferior = last
+        for i in reversed(range(len(dominant))):
+            if wiring.windows_ns[i]:
+                window = negation(self._window(wiring, i, node))
+                inferior = group("any", (dominant[i], group("all", (inferior, window))))
+            else:
+                inferior = group("any", (dominant[i], *_alternatives(inferior)))
+        return inferior
+
+    def _dominates(self, chain: Chain, i: int, node: Node, active: Formula) -> Formula:
+        """Return the formula of "operand `i` suppresses or inhibits what follows it"."""
+        window = (self._window(chain, i, node),) if chain.windows_ns[i] else ()
+        return group("any", (active, *window), subject="dominated", name=chain.relation)
+
+    def _window(self, chain: Chain, i: int, node: Node) -> Leaf:
+        path = (*node, i)
+        at_ns = self.moment.last_active_ns.get(path)
+        elapsed = None if at_ns is None else self.moment.t_ns - at_ns
+        cause = TimeConstant(
+            dominant=_name_of(chain.operands[i]),
+            window_ns=chain.windows_ns[i],
+            at_ns=at_ns,
+            elapsed_ns=elapsed,
+        )
+        holds = elapsed is not None and elapsed < chain.windows_ns[i]
+        return Leaf(
+            holds=holds, cause=cause, key=("window", *path), span=chain.span, fixed=self.moment.is_first
+        )
+
+    # --- actuators -------------------------------------------------------------------------------
+
+    def is_by(self, actuator: str, module: str) -> Formula:
+        """Return the formula of "the actuator is by this module"."""
+        parts: list[Formula] = [self.gets_through(actuator, module), *self._runtime(actuator, module)]
+        return group("all", parts, subject="winner", name=f"{actuator} is by {module}")
+
+    def is_commanded(self, actuator: str) -> Formula:
+        """Return the formula of "a module's command is sent to this actuator"."""
+        wire = self._wiring.get(actuator)
+        if wire is None:
+            return _unwired(actuator, None)
+        active = self._wiring_active(wire.wiring, (wire.name,))
+        winner = self.moment.outcome.commands[actuator].by
+        parts = [active, *self._runtime(actuator, winner), *self._sendable(actuator)]
+        return group("all", parts, subject="winner", name=f"{actuator} is commanded")
+
+    def gets_through(self, actuator: str, module: str) -> Formula:
+        """Return the formula of "the network lets this module's command through to the actuator"."""
+        root = self._wiring.get(actuator)
+        found: dict[str, Formula] = {module: self.active(module)}
+        for wire in self.moment.program.wires:  # each comes after those that it uses
+            through = self._through(wire.wiring, (wire.name,), found)
+            if through is not None:
+                if wire is root:
+                    return through
+                if wire.actuator is None:
+                    found[wire.name] = through
+        return _unwired(actuator, module)
+
+    def _through(self, wiring: Wiring, node: Node, found: dict[str, Formula]) -> Formula | None:
+        """Return the formula of "the output is the module's", None if the wiring never lets it through."""
+        if isinstance(wiring, Use):
+            return found.get(wiring.name)
+        options: list[Formula] = []
+        cut: list[Formula] = []
+        last = len(wiring.operands) - 1
+        for i, operand in enumerate(wiring.operands):
+            through = None
+            if i == last or wiring.relation == "suppresses":
+                through = self._through(operand, (*node, i), found)
+            if through is not None:
+                options.append(group("all", (through, *cut)))
+            if i < last:
+                active = self._wiring_active(operand, (*node, i))
+                cut.append(negation(self._dominates(wiring, i, node, active)))
+        if not options:
+            return None
+        return options[0] if len(options) == 1 else group("any", options)
+
+    def _runtime(self, actuator: str, module: str | None) -> list[Formula]:
+        """Return the conditions that the runtime heard the network, and let it decide."""
+        verdict = self.moment.verdicts.get(actuator)
+        if verdict is None and actuator in self.moment.late:
+            late = Heard(module=module or actuator, fate="late")
+            return [Leaf(holds=False, cause=late, key=("heard", module or actuator))]
+        if verdict is None:
+            return []
+        disturbed = verdict.outside is not None or verdict.hold is not None
+        cause = Undisturbed(actuator=actuator, outside=verdict.outside, hold=verdict.hold)
+        key = "undisturbed", actuator
+        found: list[Formula] = [Leaf(holds=not disturbed, cause=cause, key=key, implied=not disturbed)]
+        missed = {client: fate for client, fate in verdict.fates if fate in MISSED}
+        if module is not None:
+            heard = Heard(module=module, fate=missed.get(module))
+            in_time = module not in missed
+            found.append(Leaf(holds=in_time, cause=heard, key=("heard", module), implied=in_time))
+        return found
+
+    def _sendable(self, actuator: str) -> list[Formula]:
+        fault = self.moment.fault(actuator)
+        winner = self.moment.winner(actuator)
+        if winner is None:
+            return []
+        cause = Sendable(actuator=actuator, module=winner, fault=fault)
+        sendable = fault is None
+        return [Leaf(holds=sendable, cause=cause, key=("sendable", actuator), implied=sendable)]
+
+
+def _unwired(actuator: str, module: str | None) -> Leaf:
+    """Return the formula of what the wiring makes impossible."""
+    cause = Unwired(actuator=actuator, module=module)
+    return Leaf(holds=False, cause=cause, key=("wired", actuator), fixed=True)
+
+
+def _alternatives(formula: Formula) -> tuple[Formula, ...]:
+    """Return the parts of a plain "any of", so that long chains stay flat."""
+    if isinstance(formula, Leaf) or formula.subject is not None or formula.negated:
+        return (formula,)
+    return formula.parts if formula.relation == "any" else (formula,)
+
+
+def _name_of(wiring: Wiring) -> str:
+    """Return a text for what a wiring is."""
+    if isinstance(wiring, Use):
+        return wiring.name
+    text = " ".join(wiring.span.text.split())
+    return f"({text})" if text else "a part of the network"

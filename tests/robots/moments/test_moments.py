@@ -1,0 +1,107 @@
+"""A moment found by the index is the moment that following the whole recording finds."""
+
+from __future__ import annotations
+
+import io
+import zlib
+from dataclasses import replace
+
+import pytest
+
+from colony.dsl.load import load_file
+from colony.ir.program import Program
+from colony.robots.moments.building import build_index, index_path
+from colony.robots.moments.finding import moment_at
+from colony.robots.moments.index import Index, StaleIndexError, decode, encode
+from colony.runtime.recordings.mcap_reader import McapReader
+from colony.runtime.recordings.reader import LinesReader
+from colony.runtime.recordings.recorded import RecordingReader
+from colony.verify.explain.answer import Why, WhyNot, explain
+from colony.verify.explain.follower import Follower
+from colony.verify.explain.saved import restored, saved
+from colony.verify.explain.text import lines
+from tests.cli.explained import WANDER, recorded
+from tests.verify.audit.recorded_runs import MS, as_lines
+
+
+@pytest.fixture(scope="module")
+def program() -> Program:
+    return load_file(str(WANDER))
+
+
+@pytest.fixture(scope="module", params=["mcap", "lines"])
+def recording(request: pytest.FixtureRequest) -> tuple[str, bytes]:
+    """A recording in either format."""
+    return request.param, recorded() if request.param == "mcap" else recorded(as_lines)
+
+
+def reader(recording: tuple[str, bytes]) -> RecordingReader:
+    kind, data = recording
+    return McapReader(io.BytesIO(data), "run") if kind == "mcap" else LinesReader(io.BytesIO(data), "run")
+
+
+def indexed(program: Program, recording: tuple[str, bytes]) -> Index:
+    return build_index(program, reader(recording), interval_ns=800 * MS)
+
+
+def test_every_moment_is_found(program: Program, recording: tuple[str, bytes]) -> None:
+    index = decode(encode(indexed(program, recording)))
+    assert len(index.marks) >= 4
+    follower = Follower(program)
+    for frame in reader(recording).frames(program):
+        moment = follower.take(frame)
+        assert moment is not None
+        if frame.tick.k % 13:
+            continue
+        found = moment_at(program, reader(recording), index, frame.frame.t_ns)
+        assert found.moment is not None
+        for question in (Why("drive"), WhyNot("avoid"), WhyNot("cruise"), Why("sonar")):
+            expected = lines(explain(moment, question))
+            assert lines(explain(found.moment, question)) == expected
+
+
+def test_a_checkpoint_is_restored_as_it_was(program: Program, recording: tuple[str, bytes]) -> None:
+    follower = Follower(program)
+    for frame in reader(recording).frames(program):
+        follower.take(frame)
+        assert restored(saved(follower.checkpoint)) == follower.checkpoint
+
+
+def test_what_is_no_checkpoint_is_refused(program: Program) -> None:
+    values = saved(Follower(program).checkpoint)
+    for name in values:
+        with pytest.raises(ValueError, match="not a checkpoint"):
+            restored({key: values[key] for key in values if key != name})
+    with pytest.raises(ValueError, match="not a checkpoint"):
+        restored({**values, "modules": {"avoid": [[], 0, True]}})
+
+
+def test_an_index_that_is_not_whole_is_refused(program: Program, recording: tuple[str, bytes]) -> None:
+    index = indexed(program, recording)
+    data = encode(index)
+    for bad in (b"", b"nothing", data[:40], data[:60] + b"!" + data[61:], data.replace(b"[1,", b"[2,", 1)):
+        with pytest.raises(StaleIndexError):
+            decode(bad)
+    mark = index.marks[-1]
+    offset, length = mark.section
+    flipped = bytearray(index.sections)
+    flipped[offset + length - 1] ^= 1
+    with pytest.raises(StaleIndexError):
+        replace(index, sections=bytes(flipped)).checkpoint(mark)
+    junk = zlib.compress(b"[]")
+    with pytest.raises(StaleIndexError):
+        replace(index, sections=junk).checkpoint(
+            replace(mark, section=(0, len(junk)), checksum=zlib.crc32(junk))
+        )
+
+
+def test_the_place_in_the_cache_is_by_content(program: Program) -> None:
+    environment = {"HOME": "/home/user"}
+    first = index_path(io.BytesIO(b"a"), program, environment)
+    assert first is not None
+    assert str(first).startswith("/home/user/.cache/colony/moments/")
+    assert index_path(io.BytesIO(b"a"), program, environment) == first
+    assert index_path(io.BytesIO(b"b"), program, environment) != first
+    assert index_path(io.BytesIO(b"a"), replace(program, files=()), environment) != first
+    assert index_path(io.BytesIO(b"a"), program, {"XDG_CACHE_HOME": "/c"}) != first
+    assert index_path(io.BytesIO(b"a"), program, {}) is None
