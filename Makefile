@@ -13,7 +13,7 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
-.PHONY: run test test-long test-thorough check format bench soak stops loss agreement angles attack wheel tables mutants clean
+.PHONY: run test test-long test-thorough browser check format bench soak stops loss agreement angles attack wheel tables mutants clean
 
 run: $(ALL)
 	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
@@ -26,6 +26,10 @@ test-long: $(DEV)
 
 test-thorough: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m thorough tests
+
+browser: $(DEV)
+	npm install --silent --no-audit --no-fund --no-save --prefix build/axe axe-core@4.14.1
+	WATCH_PICTURE=docs/watch.png $(BIN)/python -m pytest -n 0 -m '' tests/watch/browser
 
 check: $(DEV)
 	$(BIN)/ruff format --check .

@@ -14,6 +14,7 @@ EXTRAS = {
     "vision": ("cv2", "PIL", "numpy"),
     "mujoco": ("mujoco", "numpy"),
     "drivers": ("serial",),
+    "watch": ("starlette", "uvicorn", "websockets"),
     "dask": ("distributed",),
 }
 """The modules that each extra installs."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 from colony.extras import EXTRAS, MissingExtraError, expect_extras, installed
 from tests.paths import ROOT
+from tests.watch.runs import recording
 
 EVERYTHING = tuple(module for modules in EXTRAS.values() for module in modules)
 
@@ -94,6 +96,8 @@ def test_what_z3_would_prove_is_said(tmp_path: Path) -> None:
         ("graph wander --format graphml", EVERYTHING, "sim"),
         ("vision x.png", EVERYTHING, "vision"),
         ("vision x.png", ("cv2",), "vision"),
+        ("watch clients.json", EVERYTHING, "watch"),
+        ("run wander --map loop --watch", ("starlette",), "watch"),
     ],
 )
 def test_a_command_names_the_extra_that_it_lacks(
@@ -106,6 +110,15 @@ def test_a_command_names_the_extra_that_it_lacks(
     assert ran.stderr.endswith(f"; run: pip install 'colony-robotics[{extras}]'\n")
     assert ran.stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["clients.json"]
+
+
+def test_watching_needs_no_other_extra(tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_bytes(recording())
+    missing = tuple(module for module in EVERYTHING if module not in EXTRAS["watch"])
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        ran = _run(COMMAND, "watch", "run.mcap", "--port", port, folder=tmp_path, missing=missing)
+    assert "cannot listen" in ran.stderr, ran.stderr
 
 
 def test_the_library_says_so_too(tmp_path: Path) -> None:

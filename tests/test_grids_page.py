@@ -65,6 +65,11 @@ def test_the_python_block_says_what_it_gives(folder: Path) -> None:
 def test_numbers_are_the_readers() -> None:
     assert f"from {keys.MIN_CELL_M:g} to {keys.MAX_CELL_M:g}" in PAGE
     assert f"at most {keys.MAX_DEPTH} deep" in PAGE
+    assert (
+        f"from -{keys.MAX_COORDINATE_M:g} to {keys.MAX_COORDINATE_M:g} ({keys.MAX_COORDINATE_M / 1000:g} km)"
+        in PAGE
+    )
+    assert f"at most {keys.MAX_DOCKS:,} of them" in PAGE
     assert f"at most {MAX_IMAGE_BYTES >> 20} MiB" in PAGE
     assert f"at most {MAX_YAML_BYTES >> 10} KiB" in PAGE
     sizes = f"at most {MAX_CELLS:,} cells, {MAX_SIDES:,} sides between occupied and other cells"

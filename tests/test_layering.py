@@ -42,6 +42,7 @@ ALLOWED: dict[str, set[str]] = {
         "vision",
         "sim",
     },
+    "watch": {"ir", "body", "execute", "compile", "verify", "runtime", "nav", "view", "robots"},
     "experiment": {"shipped", "ir", "verify", "runtime", "nav", "vision", "sim", "robots"},
 }
 ALLOWED["cli"] = set(ALLOWED) - {"drivers"}
@@ -62,7 +63,9 @@ THIRD_PARTY: dict[str, set[str]] = {
     "click": {"cli"},
     "rich": {"cli"},
     "networkx": {"view", "nav"},
-    "msgspec": {"execute", "runtime", "sim", "experiment", "cli"},
+    "msgspec": {"execute", "runtime", "sim", "experiment", "cli", "watch"},
+    "starlette": {"watch"},
+    "uvicorn": {"watch"},
     "zenoh": {"runtime"},
     "mcap": {"runtime"},
     "lz4": {"runtime"},

@@ -34,6 +34,7 @@ COMMANDS = {
     "trace": "replay recorded frames through any executor",
     "run": "drive a robot, simulated or real",
     "serve": "run the servers of a robot",
+    "watch": "watch a recording or a running robot in the browser",
     "ps": "show the running robots and their state",
     "stop": "stop robots immediately, in an emergency",
     "data": "list, read, set and delete shared variables",

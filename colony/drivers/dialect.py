@@ -109,6 +109,8 @@ class Dialect(ABC, Generic[Packet]):
         delay_ns: age of a measurement when its packet has arrived: the device's cycle and transmission.
         stop_bytes: a complete packet (or several) that stops the base whatever it was commanded, and is
             harmless at any time, also before the opening and repeatedly.
+        handshake_first: True if a simulator behind TCP has to hear the opening before any stop. The guard
+            then sends none on a new connection, and the opening has to stop a base that is still moving.
         goodbye: what ends the session: sent after the stop when no driver needs the port any more.
         rings: number of elements of each ring.
         bounds: least and greatest value of fields and of the elements of rings; a packet with another value
@@ -122,6 +124,7 @@ class Dialect(ABC, Generic[Packet]):
     delay_ns: int = 0
     stop_bytes: bytes = b""
     goodbye: bytes = b""
+    handshake_first: bool = False
     rings: Mapping[str, int] = {}
     bounds: Mapping[str, tuple[float, float]] = {}
     max_speed: float = 5_000.0

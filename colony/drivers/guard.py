@@ -7,7 +7,8 @@ stop the base, those that end the session, and the deadline.
 - Decided bytes carry out a frame that was decided now. Only the commanding driver sends them, a newer packet
   replaces one that waits, and one that is older than the deadline is dropped.
 - When the deadline passes without another, when the commanding driver ends or says so, when the port opens
-  again, and when the guard ends, what was decided is dropped and the stop is sent, repeatedly.
+  again, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly. Where the hello
+  says that the handshake comes first, a port that has just been opened hears nothing before the driver.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
 - The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
 
@@ -48,7 +49,7 @@ class Guard:
         self._alone_since_ns = time.monotonic_ns()
         self._commanding: socket.socket | None = None
         self._stop, self._goodbye = stop, b""
-        self._deadline_ns = 0
+        self._deadline_ns, self._handshake_first = 0, False
         self._decided_ns: int | None = None  # time of the last decision, while the base may move
         self.ending = False
 
@@ -75,15 +76,21 @@ class Guard:
         due = [t_ns for t_ns in (self._port.due_ns(), alone_ns, dead_ns) if t_ns is not None]
         return min(due, default=time.monotonic_ns() + LINGER_NS)
 
-    def _halt(self, *, is_new: bool = False) -> None:
-        """Drop the decision that waits, with a new driver or line all that waits, and send the stop."""
+    def _halt(self, *, drops_plain: bool = True) -> None:
+        """Drop what waits and send the stop, if the port is open."""
         self._decided_ns = None
-        self._port.outbox.stop(self._stop, time.monotonic_ns(), is_new=is_new)
+        if self._port.is_open:
+            self._port.outbox.stop(self._stop, time.monotonic_ns(), drops_plain=drops_plain)
+
+    def _halt_unknown(self) -> None:
+        """Stop a base of which the guard does not know what it was commanded before."""
+        if not (self._handshake_first and self._port.is_new):
+            self._halt()
 
     def _end(self) -> None:
         """Stop, say goodbye, and release the port."""
         self._listener.close()
-        self._halt(is_new=True)
+        self._halt()
         self._write_all()
         if self._goodbye:
             self._port.outbox.add(self._goodbye)
@@ -108,7 +115,7 @@ class Guard:
             print(why_lost or f"{self._port.name} is open", flush=True)
         self._status = status
         self._send_all(status)
-        self._halt(is_new=True)
+        self._halt_unknown()
 
     # --- drivers -------------------------------------------------------------------------------------
 
@@ -132,10 +139,10 @@ class Guard:
             self._drop(driver)
         elif kind == kinds.PLAIN:
             self._port.outbox.add(body)
-        elif kind == kinds.HELLO and len(body) >= 6:
+        elif kind == kinds.HELLO and len(body) >= kinds.HELLO_HEAD.size:
             self._greet(driver, body)
         elif driver is self._commanding and kind == kinds.STOP:
-            self._halt()
+            self._halt(drops_plain=False)  # the last settings of its opening may wait
         elif driver is self._commanding and kind == kinds.DECIDED and len(body) > 8:
             self._decide(struct.unpack_from("<Q", body)[0], body[8:])
 
@@ -147,10 +154,11 @@ class Guard:
             )
             self._drop(driver)
             return
-        deadline_ms, size = struct.unpack_from("<IH", body)
+        deadline_ms, self._handshake_first, size = kinds.HELLO_HEAD.unpack_from(body)
         self._commanding, self._deadline_ns = driver, deadline_ms * 1_000_000
-        self._stop, self._goodbye = body[6 : 6 + size], body[6 + size :]
-        self._halt(is_new=True)  # the guard does not know what the base was commanded before
+        body = body[kinds.HELLO_HEAD.size :]
+        self._stop, self._goodbye = body[:size], body[size:]
+        self._halt_unknown()
 
     def _decide(self, decided_ns: int, data: bytes) -> None:
         now_ns = time.monotonic_ns()
@@ -167,7 +175,7 @@ class Guard:
         self._alone_since_ns = time.monotonic_ns()
         if driver is self._commanding:
             self._commanding = None
-            self._halt(is_new=True)
+            self._halt()
 
     def _send_all(self, packet: bytes) -> None:
         for driver in tuple(self._drivers):

@@ -30,14 +30,10 @@ class Outbox:
         self._plain: deque[bytes] = deque()
         self._line_free_ns = 0
 
-    def stop(self, stop: bytes, now_ns: int, *, is_new: bool = False) -> None:
-        """Drop the decision that waits, and send `stop` repeatedly from now on, before all else.
-
-        Plain packets stay, because a server that stops its base in each frame must not cost its driver the
-        opening; they are dropped where the driver or the line `is_new`.
-        """
+    def stop(self, stop: bytes, now_ns: int, *, drops_plain: bool = True) -> None:
+        """Drop the decision that waits, and plain packets if asked to; send `stop` repeatedly from now on."""
         self._decided, self._stop = b"", stop
-        if is_new:
+        if drops_plain:
             self._plain.clear()
         self._stops_due = [now_ns + after_ns for after_ns in REPEATS_NS] if stop else []
 
@@ -53,7 +49,7 @@ class Outbox:
 
     def clear(self) -> None:
         """Forget everything: the port is lost."""
-        self.stop(b"", 0, is_new=True)
+        self.stop(b"", 0)
         self._rest, self._line_free_ns = b"", 0
 
     def due_ns(self) -> int | None:

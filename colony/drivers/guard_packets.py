@@ -1,7 +1,12 @@
 """The packets between a guard and the drivers of its port: a kind of one byte, and a body."""
 
+import struct
+
 HELLO = b"H"
-"""From a driver that commands: u32 deadline in ms, u16 length of the stop, the stop, the goodbye."""
+"""From a driver that commands: the head, the stop, the goodbye."""
+
+HELLO_HEAD = struct.Struct("<I?H")
+"""Head of a hello: deadline in ms, whether the handshake comes before the first stop, length of the stop."""
 
 DECIDED = b"D"
 """From the driver that commands: u64 time of the decision (CLOCK_MONOTONIC, ns), bytes that carry it out."""

@@ -16,6 +16,9 @@ RETRY_NS = (100_000_000, 2_000_000_000)
 class GuardedPort:
     """A port and what waits for it. Mutable; of the guard's thread.
 
+    Attributes:
+        is_new: whether the port is open, and nothing was sent since it was opened.
+
     Args:
         name: what `open_link` opens.
         baud: the baud rate of a serial port; 0 leaves it as it is.
@@ -37,6 +40,7 @@ class GuardedPort:
         self._selector = selector
         self._on_data = on_data
         self._on_status = on_status
+        self.is_new = False
         self._link: Link | None = None
         self._retry_ns, self._pause_ns = 0, RETRY_NS[0]
 
@@ -55,6 +59,7 @@ class GuardedPort:
             self._open()
         try:
             while self._link is not None and (packet := self.outbox.next(time.monotonic_ns())):
+                self.is_new = False
                 self.outbox.wrote(packet, self._link.write(packet), time.monotonic_ns())
         except OSError as problem:
             self._lose(f"{self.name} is lost: {problem.strerror or problem}")
@@ -70,6 +75,7 @@ class GuardedPort:
         except OSError as problem:
             self._lose(str(problem))
             return
+        self.is_new = True
         self._selector.register(self._link, selectors.EVENT_READ, self._read)
         self._pause_ns = RETRY_NS[0]
         self._on_status(None)
@@ -84,7 +90,7 @@ class GuardedPort:
             self._on_data(data)
 
     def _lose(self, why: str) -> None:
-        link, self._link = self._link, None
+        link, self._link, self.is_new = self._link, None, False
         if link is not None:
             self._selector.unregister(link)
             link.close()

@@ -17,6 +17,7 @@ from colony.drivers.guard_packets import (
     DATA,
     DECIDED,
     HELLO,
+    HELLO_HEAD,
     LOST,
     MAX_PACKET_BYTES,
     PLAIN,
@@ -41,11 +42,19 @@ _guards: list[subprocess.Popen[bytes]] = []
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """What a driver that commands leaves with the guard: the stop, the goodbye, and the deadline in ns."""
+    """What a driver that commands leaves with the guard.
+
+    Attributes:
+        stop: what stops the base.
+        goodbye: what ends the session.
+        deadline_ns: time in ns without a decision after which the guard stops the base.
+        handshake_first: whether a port that was just opened hears the driver before any stop.
+    """
 
     stop: bytes
     goodbye: bytes
     deadline_ns: int
+    handshake_first: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +166,9 @@ def connect(port: str, baud: int, stop: bytes, command: Command | None) -> Guard
     try:
         _reach(connection, path, port, baud, stop)
         if command is not None:
-            head = struct.pack("<IH", command.deadline_ns // 1_000_000, len(command.stop))
+            head = HELLO_HEAD.pack(
+                command.deadline_ns // 1_000_000, command.handshake_first, len(command.stop)
+            )
             connection.send(HELLO + head + command.stop + command.goodbye)
     except BaseException:
         connection.close()

@@ -11,7 +11,7 @@ from typing import Generic
 from colony.drivers.decoder import Packet
 from colony.drivers.dialect import REFUSALS, Dialect, OpeningError
 from colony.drivers.guarded import Arrived, Command, Event, GuardConnection, Lost, Up, connect
-from colony.drivers.link import LinkError
+from colony.drivers.link import TCP, LinkError
 from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
 from colony.runtime.kit.background import next_pause_s
@@ -48,6 +48,8 @@ class Line(Generic[Packet]):
         self._port = port
         self._baud = baud or dialect.baud
         self._command = command
+        comes_first = dialect.handshake_first and port.startswith(TCP)
+        self._first = b"" if comes_first else dialect.stop_bytes
         self._report = report
         self._problems: OnceReporter | None = None
         self._implausible = OnceReporter(report)
@@ -87,12 +89,15 @@ class Line(Generic[Packet]):
         connection.decide(data, time.monotonic_ns())
 
     def stop(self) -> None:
-        """Send the stop; without a guard there is no connection that could move the base.
+        """Send the stop, if the device is ready.
+
+        Until then nothing was decided since the stop of the guard, and without a guard nothing could move the
+        base. More stops would disturb the handshake of a device that takes each packet for a part of it.
 
         Raises:
             OSError: the guard has just ended.
         """
-        if (connection := self._connection) is not None:
+        if (connection := self._connection) is not None and self._is_ready:
             connection.stop()
 
     def base(self) -> BaseState | None:
@@ -119,7 +124,7 @@ class Line(Generic[Packet]):
         while not self._closed.is_set():
             began = time.monotonic()
             try:
-                self._serve(connect(self._port, self._baud, self._dialect.stop_bytes, self._command))
+                self._serve(connect(self._port, self._baud, self._first, self._command))
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
             pause_s = next_pause_s(pause_s, time.monotonic() - began)

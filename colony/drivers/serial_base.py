@@ -10,6 +10,7 @@ from colony.drivers.decoder import Packet
 from colony.drivers.dialect import Dialect
 from colony.drivers.guarded import Command
 from colony.drivers.line import Line, to_stderr
+from colony.drivers.link import TCP
 from colony.ir.types import ScalarValue
 from colony.runtime.kit.once import Report, exception_text
 from colony.runtime.servers.drivers import BaseState, Reading
@@ -52,6 +53,7 @@ class SerialBase(Generic[Packet]):
             stop=dialect.stop_bytes,
             goodbye=dialect.goodbye,
             deadline_ns=max(DEADLINE_NS, DEADLINE_FRAMES * frame_ns),
+            handshake_first=dialect.handshake_first and port.startswith(TCP),
         )
         self._line = Line(dialect, port, baud, command, report)
 

@@ -16,6 +16,7 @@ from colony.robots.company import join_others, populated_world
 from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath
 from colony.robots.expected import time_limit_ns
+from colony.robots.physics_choice import expect_simulable
 from colony.robots.recording import RunRecording, is_mcap, recording_into
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.robots.scenario import Scenario, player
@@ -45,6 +46,7 @@ def run_in_building(
         DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
             robot lacks.
     """
+    expect_simulable(request.physics, described.body, request.file)
     bind(compiled.robot, described.servers)  # before the simulator is compiled, which takes long
     mission = None
     if request.goal is not None:
@@ -76,6 +78,8 @@ def run_in_building(
         nodes=(*_players(request.scenario), *(() if mission is None else mission.nodes)),
         report=ui.report,
     )
+    for sink in ui.sinks:
+        session.add(sink)
     recording = None
     if request.record is not None:
         recording = recording_into(request.record, compiled, seed=request.seed)
@@ -129,14 +133,8 @@ def _physics(request: RunRequest, body: Body, floor: WorldMap) -> Physics:
 
 
 def _mujoco_world(request: RunRequest, body: Body, floor: WorldMap) -> Physics:
-    from colony.sim.mujoco.model import build_of
     from colony.sim.mujoco.world import MujocoWorld
 
-    try:
-        build_of(body)
-    except ValueError as problem:
-        text = f"`{body.robot.name}` cannot be simulated: {problem}"
-        raise MisuseError(f"{request.file}: error: {text}") from None
     try:
         return MujocoWorld(
             body=body,

@@ -73,7 +73,10 @@ class _Places:
         """Return the start of another robot: the one that it is given, or a free one."""
         radius = config.radius_mm
         if other.start is not None:
-            pose: Pose = self._floor.start(radius, other.start)
+            try:
+                pose: Pose = self._floor.start(radius, other.start)
+            except ValueError as problem:
+                raise MisuseError(f"{_option(other)}: error: it cannot start there: {problem}") from None
         else:
             number = len(self._taken)
             try:

@@ -63,8 +63,8 @@ class LedRun:
         self._scenario = request.scenario or Scenario()
         self._mission: LiveMission | None = None
         self._compiled = compiled
-        additional_servers = _additional_servers(compiled.robot, described, robot_address)
-        self._bindings = bind(compiled.robot, (*described.servers, *additional_servers))
+        more = additional_servers(compiled.robot, described, robot_address)
+        self._bindings = bind(compiled.robot, (*described.servers, *more))
         self._deployed = deployment(
             compiled,
             self._bindings,
@@ -77,12 +77,15 @@ class LedRun:
             self._deployed,
             file=os.path.abspath(request.file),
             params="" if compiled.site is None else os.path.abspath(compiled.site.file),
+            compiled=compiled,
         )
         self._window = Window(
             request.length_ns,
             frame_ns=compiled.frame_ns,
             sinks=(self._tally, self._status_tracker, ui.progress(request.length_ns)),
         )
+        for sink in ui.sinks:
+            self._window.record(sink)
         self._folder: Path | None = None
         self._recording: RunRecording | None = None
         self._interrupted: Callable[[], bool] = lambda: False
@@ -259,7 +262,7 @@ def bound_servers(robot: Robot) -> tuple[str, ...]:
     return tuple(dict.fromkeys(server for server in bound if server not in common))
 
 
-def _additional_servers(
+def additional_servers(
     robot: Robot, described: DescribedRobot, robot_address: RobotAddress
 ) -> tuple[ServerSpec, ...]:
     """Return the servers of sensors and actuators that the description lacks, as they describe themselves.

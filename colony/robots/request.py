@@ -109,12 +109,14 @@ class UserInterface:
         progress: function that returns a sink, which shows the progress of a run. Its argument is the length
             of the run in nanoseconds, or None if it is not fixed.
         operator: function that returns a script, which presses the buttons of a building's elevators.
+        sinks: what else gets every frame, in the robot's own time.
     """
 
     report: Callable[[str], None]
     interruptible: Callable[[], AbstractContextManager[Callable[[], bool]]]
     progress: Callable[[int | None], Sink]
     operator: Callable[[Building], Script]
+    sinks: tuple[Sink, ...] = ()
 
 
 class MissionResult(NamedTuple):

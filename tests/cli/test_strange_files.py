@@ -57,6 +57,8 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "run --security": ("run", WANDER, "--robot", "rome", *USERS),
     "serve all": ("serve", "all", "--robot", "rome", "--map", "FILE.stickrep"),
     "serve Gateway": (*("serve", "Gateway", "--robot", "rome", "--listen", "tls/127.0.0.1:0"), *USERS[2:]),
+    "watch": ("watch", "FILE.mcap"),
+    "watch --security": ("watch", "--robot", "rome", *USERS),
     "ps": ("ps", "--robot", "rome", *USERS),
     "stop": ("stop", "--robot", "rome", *USERS),
     "data": ("data", "list", "--robot", "rome", *USERS),

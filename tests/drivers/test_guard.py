@@ -21,7 +21,7 @@ from colony.drivers.guarded import Command, Lost, Up, connect
 from colony.drivers.link import LinkError
 from colony.drivers.serial_base import SerialBase
 from colony.runtime.transport.live.run_directory import RunDirectory
-from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny, base, battery, encoded
+from tests.drivers.tiny import GOODBYE, HELLO, SPEEDS, Tiny, base, battery, encoded
 from tests.drivers.tiny_robot import TinyRobot
 
 PATIENCE_S = 30.0
@@ -244,6 +244,23 @@ def test_a_robot_that_falls_silent_is_opened_again(robot: TinyRobot) -> None:
     finally:
         driver.close()
         listener.close()
+
+
+def test_a_server_that_stops_in_each_frame_does_not_disturb_the_opening(robot: TinyRobot) -> None:
+    robot.greets = False
+    driver = base(os.fspath(robot.port))
+    try:
+        wait_for(lambda: robot.count(HELLO))
+        for _ in range(100):
+            driver.stop()
+            time.sleep(0.005)
+        asked = robot.count(HELLO)
+        wait_for(lambda: robot.count(HELLO) > asked)
+        assert robot.count(SPEEDS) <= 16  # those of the guard, which knows nothing yet
+        robot.greets = True
+        wait_for(driver.state)
+    finally:
+        driver.close()
 
 
 def test_a_busy_port(robot: TinyRobot) -> None:

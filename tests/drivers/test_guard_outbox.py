@@ -26,21 +26,21 @@ def test_the_newest_decision_alone_is_sent_and_first() -> None:
     assert outbox.due_ns() is None
 
 
-def test_a_stop_of_the_server_keeps_the_packets_of_the_opening() -> None:
-    outbox = Outbox(0)
-    outbox.add(b"settings")
-    outbox.decide(b"go")
-    outbox.stop(b"stop", 0)
-    assert written(outbox, 0) == [b"stop", b"settings"]
-
-
 def test_a_stop_with_a_new_driver_drops_what_waits_and_is_repeated() -> None:
     outbox = Outbox(0)
     outbox.add(b"query")
     outbox.decide(b"go")
-    outbox.stop(b"stop", 0, is_new=True)
+    outbox.stop(b"stop", 0)
     times = [t for t in range(0, 1000 * MS, MS) if written(outbox, t) == [b"stop"]]
     assert times == list(REPEATS_NS)
+
+
+def test_a_stop_may_leave_the_last_settings_of_an_opening() -> None:
+    outbox = Outbox(0)
+    outbox.add(b"enable")
+    outbox.decide(b"go")
+    outbox.stop(b"stop", 0, drops_plain=False)
+    assert written(outbox, 0) == [b"stop", b"enable"]
 
 
 def test_a_decision_ends_the_repeats() -> None:
@@ -57,7 +57,7 @@ def test_nothing_waits_where_it_cannot_be_dropped() -> None:
     outbox.add(b"dropped")
     assert written(outbox, 0) == [b"nine byte"]
     assert outbox.due_ns() == 9_375_000
-    outbox.stop(b"stop", 5 * MS, is_new=True)
+    outbox.stop(b"stop", 5 * MS)
     assert written(outbox, 5 * MS) == []
     assert written(outbox, 9_375_000) == [b"stop"]
 

@@ -23,7 +23,7 @@ class TinyRobot:
         self.port = port
         self.heard: list[tuple[bytes, float]] = []  # data of frames, `time.monotonic`
         self.speeds = (0, 0)
-        self.is_on = True
+        self.is_on = self.greets = True
         self._master = -1
         self._plugged = threading.Event()
         self._closed = threading.Event()
@@ -87,7 +87,7 @@ class TinyRobot:
         self.heard.append((data, time.monotonic()))
         if data[0] == SPEEDS:
             self.speeds = struct.unpack_from("<hh", data, 1)
-        elif data[0] == HELLO:
+        elif data[0] == HELLO and self.greets:
             os.write(self._master, encoded(bytes([4])))
         elif data[0] == GOODBYE:
             self.speeds = (0, 0)

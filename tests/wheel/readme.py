@@ -25,6 +25,9 @@ OF_SERVERS = ("colony ps", "colony stop", "colony data")
 HOLD, WITH_BUTTON = "colony sim hold", "colony serve all --robot amr --map loop"
 """The command that presses a button, and what serves a robot that has one."""
 
+WATCH = "colony watch"
+"""The command that serves a page until it is ended."""
+
 PATIENCE_S = 120.0
 """How long servers may take to start: the simulator may have to be compiled."""
 
@@ -54,6 +57,9 @@ def check_readme(everything: Environment, place: Path) -> None:
     assert len(lines) > 20
     at = next(i for i, line in enumerate(lines) if line.startswith(SERVE))
     for line in lines[:at]:
+        if line.startswith(WATCH):
+            _watch(everything, line, folder)
+            continue
         everything.run(*_within_a_minute(line), folder=folder, codes=_codes(line))
     asked = [line for line in lines[at + 1 :] if line.startswith(OF_SERVERS)]
     with _served(everything, lines[at], folder, "RServer"):
@@ -84,6 +90,22 @@ def _within_a_minute(line: str) -> list[str]:
 def _codes(line: str) -> list[int]:
     """Return how it may end: `diff` finds a difference."""
     return [1] if line.startswith("colony diff") else [0]
+
+
+def _watch(environment: Environment, line: str, folder: Path) -> None:
+    """Serve the page until its address is printed, then end it."""
+    words = shlex.split(line)
+    with subprocess.Popen(
+        [str(environment.folder / "bin" / words[0]), *words[1:]],
+        cwd=folder,
+        env=environment.variables(),
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as server:
+        assert server.stdout is not None
+        assert server.stdout.readline().startswith("watch at http://127.0.0.1:")
+        server.terminate()
+        assert server.wait(60) == 0
 
 
 @contextmanager

@@ -41,6 +41,7 @@ def command(path: str, output: Path | None, no_picture: bool, format_: str) -> N
     \b
     Example:
       colony map loop
+      colony map office.yaml
       colony map msu_engineering_3 -o third_floor.svg
     """
     expect_extras("sim")

@@ -16,8 +16,10 @@ from colony.cli.robot.descriptions import describe
 
 if TYPE_CHECKING:
     from colony.body.model import Body, Chassis
+    from colony.ir.bearings import Bearings
     from colony.ir.program import Actuator, Robot, Sensor
 
+_MOST_BEARINGS = 8
 _COLUMNS = ("name", "type", "server", "device", "within", "rate")
 
 
@@ -154,7 +156,18 @@ def _type(sensor: Sensor) -> str:
     text += f"[{sensor.type.size}]"
     if bearings is None:
         return text
-    return f"{text} {_number(bearings.angles[0])} .. {_number(bearings.angles[-1])} deg"
+    return f"{text} {_bearings_text(bearings)} deg"
+
+
+def _bearings_text(bearings: Bearings) -> str:
+    """Return the first and last of bearings with a step, and of others all, or the first few and the last."""
+    first, *others = bearings.angles
+    if bearings.step is not None:
+        return f"{_number(first)} .. {_number(first + bearings.step * len(others))}"
+    shown = [_number(180.0 if angle == -180.0 else angle) for angle in bearings.angles]
+    return ", ".join(
+        shown if len(shown) <= _MOST_BEARINGS else [*shown[: _MOST_BEARINGS - 2], "...", shown[-1]]
+    )
 
 
 def _device(body: Body, name: str) -> str:

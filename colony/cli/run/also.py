@@ -50,7 +50,7 @@ def other_robots(texts: tuple[str, ...], robot: str) -> tuple[OtherRobot, ...]:
 
 def _other_robot(text: str, taken: set[str]) -> OtherRobot:
     from colony.cli.programs import described_for_run
-    from colony.cli.reporting import exit_with
+    from colony.cli.reporting import exit_with, say
     from colony.dsl.descriptions import RobotChoice
     from colony.dsl.load import check_file
     from colony.robots.request import OtherRobot
@@ -65,6 +65,7 @@ def _other_robot(text: str, taken: set[str]) -> OtherRobot:
     choice = RobotChoice(text=description, origin=f"--also {text}")
     checked = check_file(file, robot=choice)
     if checked.program is None:
+        say(f"colony run: error: --also {text}: cannot use `{behavior}` for this robot:")
         exit_with(checked.diagnostics)
     sys.path += [str(Path(file).resolve().parent), os.curdir]
     return OtherRobot(

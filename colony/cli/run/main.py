@@ -25,6 +25,7 @@ from colony.cli.robot_options import (
     security_option,
 )
 from colony.cli.run.also import also_option, other_robots
+from colony.cli.run.interface import user_interface
 from colony.cli.run.options import DURATION, OptionError, Options, objection, request_of
 from colony.cli.shipped_files import BEHAVIOR, map_option, movers_option, start_option
 from colony.extras import expect_extras
@@ -33,7 +34,7 @@ from colony.robots.request import MisuseError, RunAbortedError
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
     from colony.robots.described import DescribedRobot
-    from colony.robots.request import RunReport, RunRequest
+    from colony.robots.request import RunReport, RunRequest, UserInterface
 
 PICTURE = "run.png"
 
@@ -129,6 +130,11 @@ PICTURE = "run.png"
 @click.option(
     "--isolate", is_flag=True, help="With --processes or --connect: run each client in its own process."
 )
+@click.option(
+    "--watch",
+    is_flag=True,
+    help="Show the run in the browser as long as it lasts, in real time; see `colony watch`.",
+)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(**arguments: Any) -> None:
     """Run a behavior on a robot that is simulated in the world of a map, or on a real one.
@@ -179,6 +185,7 @@ def command(**arguments: Any) -> None:
       colony run teleop --map loop --realtime --set TeleopVelocity=200
       colony run warehouse --map loop --scenario stops.scenario
       colony run wander --map loop --processes --duration 30
+      colony run wander --map loop --watch
       colony run wander --robot amr --map loop --physics mujoco
       colony run wander --map loop --params site.toml
       colony run wander --connect --robot rome
@@ -193,19 +200,28 @@ def command(**arguments: Any) -> None:
     if options.map_path is not None:
         vision = ["vision"] if options.goal is not None else []
         expect_extras("sim", *(["mujoco"] if options.physics == "mujoco" else []), *vision)
+    if options.watch:
+        expect_extras("watch")
     compiled, described = load_for_run(options.file, unproved=options.unproved)
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
     with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, draw
         from colony.nav.maps.world_map import load_world
+        from colony.robots.physics_choice import expect_simulable
 
         request = request_of(compiled.robot, options)
-        request = replace(request, others=other_robots(options.also, options.robot or compiled.name))
+        expect_simulable(request.physics, described.body, request.file)
+        request = replace(
+            request,
+            others=other_robots(options.also, options.robot or compiled.name),
+            realtime=request.realtime or options.watch,
+        )
         inputs = [options.file]
         if options.map_path is not None:
             inputs += load_world(options.map_path).files  # before the simulator is imported, which takes long
         check_outputs(options.record, picture, inputs)
-        result = _drive(compiled, described, request, options)
+        with user_interface(compiled, options) as ui:
+            result = _drive(compiled, described, request, options, ui)
         if options.robot is not None:
             result = result._replace(summary=replace(result.summary, robot=options.robot))
         if picture is not None:
@@ -213,15 +229,15 @@ def command(**arguments: Any) -> None:
     _print_summary(result, options.record, picture, options.format_)
 
 
-def _drive(compiled: Compiled, described: DescribedRobot, request: RunRequest, options: Options) -> RunReport:
-    from colony.cli.run.user_interface import TERMINAL_INTERFACE
-
+def _drive(
+    compiled: Compiled, described: DescribedRobot, request: RunRequest, options: Options, ui: UserInterface
+) -> RunReport:
     if not options.processes and options.connect is None:
         from colony.sim.compiling import announcing_compilation
 
         with announcing_compilation(say):
             from colony.robots.building_run import run_in_building
-        return run_in_building(compiled, described, request, TERMINAL_INTERFACE)
+        return run_in_building(compiled, described, request, ui)
     with reporting_connection_errors():
         from colony.robots.process_run import run_served, run_simulated
         from colony.runtime.transport.live.robot_address import Local
@@ -229,8 +245,8 @@ def _drive(compiled: Compiled, described: DescribedRobot, request: RunRequest, o
         name = compiled.name if options.robot is None else options.robot
         robot_address = robot_address_of(name, options.connect, options.security)
         if options.connect is None and isinstance(robot_address, Local):
-            return run_simulated(compiled, described, robot_address, request, TERMINAL_INTERFACE)
-        return run_served(compiled, described, robot_address, request, TERMINAL_INTERFACE)
+            return run_simulated(compiled, described, robot_address, request, ui)
+        return run_served(compiled, described, robot_address, request, ui)
 
 
 @contextmanager

@@ -54,6 +54,7 @@ class Options:
     fsync: bool
     isolate: bool
     unproved: bool
+    watch: bool
     format_: Literal["text", "json"]
 
 

@@ -26,7 +26,7 @@ STRAIGHT = 0x7FFF
 
 
 class Opcode(IntEnum):
-    """The opcodes that are used."""
+    """The opcodes of the Create 2."""
 
     RESET = 7
     START = 128
@@ -35,6 +35,9 @@ class Opcode(IntEnum):
     SAFE = 131
     FULL = 132
     POWER = 133
+    SPOT = 134
+    CLEAN = 135
+    MAX = 136
     DRIVE = 137
     MOTORS = 138
     LEDS = 139
@@ -42,12 +45,18 @@ class Opcode(IntEnum):
     PLAY = 141
     SENSORS = 142
     DOCK = 143
+    PWM_MOTORS = 144
     DRIVE_DIRECT = 145
     DRIVE_PWM = 146
     STREAM = 148
     QUERY_LIST = 149
     PAUSE_RESUME = 150
+    SCHEDULING_LEDS = 162
+    DIGITS_RAW = 163
     DIGITS_ASCII = 164
+    BUTTONS = 165
+    SCHEDULE = 167
+    SET_DAY_TIME = 168
     STOP = 173
 
 
@@ -58,10 +67,16 @@ DATA_SIZES: dict[int, int] = {
     Opcode.LEDS: 3,
     Opcode.PLAY: 1,
     Opcode.SENSORS: 1,
+    Opcode.PWM_MOTORS: 3,
     Opcode.DRIVE_DIRECT: 4,
     Opcode.DRIVE_PWM: 4,
     Opcode.PAUSE_RESUME: 1,
+    Opcode.SCHEDULING_LEDS: 2,
+    Opcode.DIGITS_RAW: 4,
     Opcode.DIGITS_ASCII: 4,
+    Opcode.BUTTONS: 1,
+    Opcode.SCHEDULE: 15,
+    Opcode.SET_DAY_TIME: 3,
 }
 """Number of data bytes where it is fixed and not 0; SONG, STREAM and QUERY_LIST count theirs."""
 

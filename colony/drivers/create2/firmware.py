@@ -12,7 +12,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from colony.drivers.create2.codec import CommandReader, Frame, Opcode, encoded
+from colony.drivers.create2.codec import MAX_WHEEL, CommandReader, Frame, Opcode, encoded
 from colony.drivers.create2.sensors import (
     DOCK,
     FORCE_FIELD,
@@ -122,7 +122,7 @@ class Firmware:
                 self._enter(Mode.SAFE)
             case Opcode.FULL:
                 self._enter(Mode.FULL)
-            case Opcode.POWER | Opcode.DOCK:
+            case Opcode.POWER | Opcode.DOCK | Opcode.SPOT | Opcode.CLEAN | Opcode.MAX:
                 self._enter(Mode.PASSIVE)
             case Opcode.STOP | Opcode.RESET:
                 self._enter(Mode.OFF)
@@ -131,6 +131,9 @@ class Firmware:
                 self._wanted = (_bounded(left), _bounded(right))
             case Opcode.DRIVE if drives:
                 self._wanted = _wheels_of(*struct.unpack(">hh", data))
+            case Opcode.DRIVE_PWM if drives:
+                right, left = struct.unpack(">hh", data)
+                self._wanted = (_of_duty(left), _of_duty(right))
             case Opcode.SENSORS:
                 self._answer(data)
             case Opcode.QUERY_LIST:
@@ -267,7 +270,12 @@ class Firmware:
 
 
 def _bounded(speed: int) -> int:
-    return max(-500, min(500, speed))
+    return max(-MAX_WHEEL, min(MAX_WHEEL, speed))
+
+
+def _of_duty(duty: int) -> int:
+    """Return the speed of a wheel at a duty cycle of -255 to 255, without load."""
+    return _bounded(round(duty * MAX_WHEEL / 255.0))
 
 
 def _wheels_of(velocity: int, radius: int) -> tuple[int, int]:

@@ -14,6 +14,7 @@ import struct
 
 from colony.drivers.emulator import STEP_S
 from colony.drivers.pioneer.codec import Command, argument_of, decoder, encoded
+from colony.drivers.pioneer.motors import Motors
 from colony.drivers.pioneer.parameters import Parameters, SonarPose
 from colony.drivers.surroundings import Surroundings, moved, open_field
 
@@ -23,7 +24,6 @@ SONAR_MAX_MM = 5000.0
 HALF_BEAM_DEG = 12.0
 RADIUS_MM = 300.0
 TOUCH_MM = 8.0
-ESTOP_DECELERATION = 4000.0
 FULL_V, DRAIN_V_PER_S = 12.8, 0.0001
 
 
@@ -32,10 +32,8 @@ class Firmware:
 
     Attributes:
         pose: x and y in mm, and the heading in degrees, as it is; the registers show it in their units.
-        speed, turn: speeds as they are, in mm/s and deg/s.
         stop_button: whether its button is pressed, which switches the motors off; volts: its battery's.
         joystick: speeds of a joystick at its own port, while its button is pressed.
-        is_estopped: whether it brakes hard, or stands after that, until it is commanded to move.
         touched: whether something presses its front bumper, besides what is around.
         bump_stall: bumpers at which it stalls by itself: 1 in front, 2 behind.
     """
@@ -51,20 +49,20 @@ class Firmware:
     ) -> None:
         self._row, self._around = row, around
         self._watchdog_ms, self._cycle_s, self._bumpers = watchdog_ms, cycle_ms / 1000.0, bumpers
-        self._decoder, self._out = decoder(), list[bytes]()
-        self.pose, self.speed, self.turn, self._encoders = (0.0, 0.0, 0.0), 0.0, 0.0, [0.0, 0.0]
+        self._decoder = decoder()
+        self._out: list[bytes] = []
+        self.pose, self._motion = (0.0, 0.0, 0.0), Motors(row)
         self.stop_button, self.touched, self.volts = False, False, FULL_V
         self.joystick: tuple[float, float] | None = None
+        self._encoders = [0.0, 0.0]
         self._reset()
 
     def _reset(self) -> None:
         """Begin without a session."""
         self._synced, self.is_open = 0, False
-        self.motors = self.is_estopped = self._sonar_on = False
-        self._velocity = self._rate = 0.0  # the set points, which are kept
+        self.motors = self._sonar_on = False
+        self._motion.reset()
         self._origin = (0.0, 0.0, 0.0)
-        self._acceleration, self._deceleration = 300.0, 300.0
-        self._turn_acceleration = self._turn_deceleration = 100.0
         self._silent_s = self._packet_s = 0.0
         self._fired: list[tuple[int, int]] = []
         self._fire_s, self._next, self._cycle_of_sonars_s = 0.0, 0, FIRE_S
@@ -89,15 +87,16 @@ class Firmware:
 
     def _greet(self, number: int) -> None:
         if self._synced == 3 and number == Command.OPEN:
-            self.is_open = True
+            self.is_open = self._sonar_on = True  # its sonars fire from the beginning of a session
             self._origin = self.pose
         elif number == self._synced:
             names = b"Emulated\0Pioneer\0" + self._row.model.encode() + b"\0" if number == 2 else b""
             self._out.append(encoded(bytes([number]) + names))
             self._synced += 1
-        elif number in (0, 1, 2):
+        else:
             self._synced = 0
-            self._out.append(encoded(bytes([0xFF])))
+            if number in (0, 1, 2):
+                self._out.append(encoded(bytes([0xFF])))
 
     def _obey(self, number: int, argument: int | bytes | None) -> None:
         value = argument if isinstance(argument, int) else 0
@@ -106,24 +105,9 @@ class Firmware:
                 self._reset()
             case Command.ENABLE:
                 self.motors = value != 0 and not self.stop_button
-                self.is_estopped = False
-            case Command.SETA if value > 0:
-                self._acceleration = value
-            case Command.SETA:
-                self._deceleration = -value
-            case Command.SETRA if value > 0:
-                self._turn_acceleration = value
-            case Command.SETRA:
-                self._turn_deceleration = -value
+                self._motion.is_estopped = False
             case Command.SETO:
                 self._origin = self.pose
-            case Command.VEL:
-                self._velocity, self.is_estopped = float(value), self.is_estopped and not value
-            case Command.RVEL:
-                self._rate, self.is_estopped = float(value), self.is_estopped and not value
-            case Command.STOP | Command.ESTOP:
-                self._velocity = self._rate = 0.0
-                self.is_estopped = number == Command.ESTOP
             case Command.CONFIG:
                 self._out.append(encoded(self._config()))
             case Command.ENCODER:
@@ -143,7 +127,7 @@ class Firmware:
             case Command.JOYDRIVE:
                 self._joystick_drives = value == 1
             case _:
-                pass
+                self._motion.obey(number, value, self.pose[2], self._origin[2])
 
     # --- time ----------------------------------------------------------------------------------------
 
@@ -166,7 +150,22 @@ class Firmware:
     @property
     def set_points(self) -> tuple[float, float]:
         """The latched speeds, in mm/s and deg/s, which it resumes once it may."""
-        return self._velocity, self._rate
+        return self._motion.set_points
+
+    @property
+    def speed(self) -> float:
+        """Its speed as it is, in mm/s."""
+        return self._motion.speed
+
+    @property
+    def turn(self) -> float:
+        """Its turning speed as it is, in deg/s."""
+        return self._motion.turn
+
+    @property
+    def is_estopped(self) -> bool:
+        """Whether it brakes hard, or stands after that, until it is commanded to move."""
+        return self._motion.is_estopped
 
     @property
     def is_timed_out(self) -> bool:
@@ -174,25 +173,19 @@ class Firmware:
         return bool(self._watchdog_ms) and self._silent_s * 1000.0 > self._watchdog_ms
 
     def _move(self) -> None:
-        drives = self.is_open and self.motors and not self.is_timed_out and not self.is_estopped
-        brakes = ESTOP_DECELERATION if self.is_estopped or not self.motors else self._deceleration
-        turn_brakes = ESTOP_DECELERATION if self.is_estopped or not self.motors else self._turn_deceleration
-        wanted, rate = (self._velocity, self._rate) if drives else (0.0, 0.0)
-        if self.joystick is not None and self.motors and (self._joystick_drives or not self.is_open):
-            wanted, rate = self.joystick
-        wanted = max(-self._row.max_speed, min(self._row.max_speed, wanted))
-        rate = max(-self._row.max_turn, min(self._row.max_turn, rate))
-        self.speed = _towards(self.speed, wanted, self._acceleration, brakes)
-        self.turn = _towards(self.turn, rate, self._turn_acceleration, turn_brakes)
+        drives = self.is_open and self.motors and not self.is_timed_out
+        takes_over = self.motors and (self._joystick_drives or not self.is_open)
+        self._motion.step(
+            self.pose[2],
+            drives=drives,
+            is_off=not self.motors,
+            joystick=self.joystick if takes_over else None,
+        )
         if self.is_blocked:
-            self.speed = 0.0
+            self._motion.speed = 0.0
         self.pose = moved(self.pose, self.speed, self.turn, STEP_S)
-        for i, wheel in enumerate(self._wheels()):
+        for i, wheel in enumerate(self._motion.wheels()):
             self._encoders[i] += wheel * STEP_S
-
-    def _wheels(self) -> tuple[float, float]:
-        half = math.radians(self.turn) / self._row.turn_per_speed
-        return self.speed - half, self.speed + half
 
     @property
     def is_blocked(self) -> bool:
@@ -244,8 +237,8 @@ class Firmware:
         x = from_x * math.cos(angle) + from_y * math.sin(angle)
         y = from_y * math.cos(angle) - from_x * math.sin(angle)
         half = row.turn_units // 2
-        stalled = int(self.is_blocked or (bool(self._velocity) and self.motors and self._touches()))
-        left, right = (round(wheel / row.speed) for wheel in self._wheels())
+        stalled = int(self.is_blocked or (bool(self._motion.ahead) and self.motors and self._touches()))
+        left, right = (round(wheel / row.speed) for wheel in self._motion.wheels())
         fired, self._fired = self._fired, []
         return (
             struct.pack(
@@ -269,7 +262,7 @@ class Firmware:
         )
 
     def _touches(self) -> bool:
-        return bool(self._pressed(0.0 if self._velocity > 0.0 else 180.0))
+        return bool(self._pressed(0.0 if self._motion.ahead > 0.0 else 180.0))
 
     def _encoder_packet(self) -> bytes:
         return b"\x90" + b"".join(
@@ -277,7 +270,8 @@ class Firmware:
         )
 
     def _config(self) -> bytes:
-        row = self._row
+        row, motion = self._row, self._motion
+        turns = (motion.turn_acceleration, motion.turn_deceleration)
         names = (b"Pioneer", row.model.encode(), b"SERIAL")
         tops = (row.max_turn, row.max_speed, 300, 2000, 500)
         cycle_ms = round(self._cycle_s * 1000.0)
@@ -288,13 +282,10 @@ class Firmware:
             + struct.pack("<BHHHHH", 0, *tops)
             + b"Emulated\0"
             + settings
-            + bytes(33)
+            + bytes(9)
+            + struct.pack("<HHHH", motion.max_turn, motion.max_speed, *turns)
+            + bytes(6)
+            + struct.pack("<HH", motion.acceleration, motion.deceleration)
+            + bytes(6)
             + bytes([self._bumpers, self._bumpers, 0, 40, 1, 0])
         )
-
-
-def _towards(now: float, wanted: float, acceleration: float, deceleration: float) -> float:
-    """Return the speed after a step toward the wanted one."""
-    slows = abs(wanted) < abs(now) or now * wanted < 0.0
-    most = (deceleration if slows else acceleration) * STEP_S
-    return now + max(-most, min(most, wanted - now))

@@ -9,7 +9,6 @@ Source: Pioneer 3 operations manual, and what happened to others (docs/pioneer.m
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
 from dataclasses import replace
 
 from colony.drivers.decoder import Decoder
@@ -19,14 +18,13 @@ from colony.drivers.dialect import (
     Dialect,
     ImplausibleError,
     Opening,
-    OpeningError,
     Readings,
-    Send,
 )
 from colony.drivers.odometry import Pose, Registers
 from colony.drivers.pioneer.codec import Command, command, decoder
+from colony.drivers.pioneer.handshake import handshake, is_standard
 from colony.drivers.pioneer.parameters import MODELS, Parameters, parameters_of
-from colony.drivers.pioneer.sip import ConfigSip, Identity, StandardSip, mask_of, may_drive, read_sip
+from colony.drivers.pioneer.sip import StandardSip, mask_of, may_drive, read_sip
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.servers.drivers import BaseState
@@ -40,14 +38,6 @@ CYCLE_NS = 100_000_000
 PACKET_BITS = 600
 """Bits on the line of a standard packet with the readings of two arrays."""
 
-SETTLE_S = 0.5
-"""Pause before the handshake, in which the stop of a new guard is repeated, and its answers pass."""
-
-CLOSE_S = 0.4
-"""Pause after an older session was closed (Player)."""
-
-ATTEMPTS = 5
-
 REPEATED_AFTER = 20
 """Number of frames after which a setting is sent again: nothing says whether the robot has heard it."""
 
@@ -58,9 +48,6 @@ NO_ECHO_MM = 5000.0  # from here on a sonar has heard nothing
 
 EMPTY_V, FULL_V = 11.0, 12.8
 """Voltages of empty and full batteries of 12 V; the level between them is a rough guess."""
-
-STANDARD = (0x32, 0x33)
-CONFIG = 0x20
 
 
 class Pioneer(Dialect[bytes]):
@@ -83,6 +70,7 @@ class Pioneer(Dialect[bytes]):
     baud = BAUD
     stop_bytes = command(Command.ESTOP) + command(Command.VEL, 0) + command(Command.RVEL, 0)
     goodbye = command(Command.CLOSE)
+    handshake_first = True  # AMRISim takes whatever comes first for SYNC0, and never answers that
 
     def __init__(
         self,
@@ -134,16 +122,9 @@ class Pioneer(Dialect[bytes]):
         self._heading.restart()
 
     def opening(self) -> Opening[bytes]:
-        """Return the handshake, the check of the model, and the settings."""
-        yield Send(b"", SETTLE_S)
-        _expect_model((yield from _synchronized(self.baud)), self._row.model)
-        if (yield Ask(command(Command.OPEN), lambda data: data[0] in STANDARD)) is None:
-            raise OpeningError("the robot answers, but sends no state: switch it off and on")
-        answer = yield Ask(command(Command.CONFIG, 1), lambda data: data[0] == CONFIG)
-        config = None if answer is None else read_sip(answer)  # some robots send it with a wrong checksum
-        if isinstance(config, ConfigSip) and config.watchdog_ms == 0:
-            raise OpeningError("the robot's watchdog is off: set WatchDog to 2000 ms with ARCOScfg")
-        for _ in range(ATTEMPTS):  # commands are not acknowledged, and may be lost on the line
+        """Return the handshake, the check of the model, and the settings; a session that is open goes on."""
+        yield from handshake(self._row.model, self.baud, self.stop_bytes)
+        for _ in range(5):  # commands are not acknowledged, and may be lost on the line
             if (yield Ask(b"".join(self._settings), may_drive)) is not None:
                 return  # else its stop button is pressed
 
@@ -153,9 +134,9 @@ class Pioneer(Dialect[bytes]):
         Raises:
             ImplausibleError: the registers moved farther than the robot can.
         """
-        sip = read_sip(packet) if packet[0] in STANDARD else None
+        sip = read_sip(packet) if is_standard(packet) else None
         if not isinstance(sip, StandardSip):
-            if packet[0] in STANDARD:
+            if is_standard(packet):
                 raise ImplausibleError("a standard packet ends too early")
             return NOTHING
         return Readings(
@@ -228,32 +209,6 @@ def _fields(sip: StandardSip) -> dict[str, Value]:
     if sip.charge is not None:
         fields["charging"] = sip.charge > 0
     return fields
-
-
-def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, Identity]:
-    """Return the identity of the robot, after SYNC0, SYNC1 and SYNC2; a wrong answer begins again."""
-    for _ in range(ATTEMPTS):
-        for number in (0, 1, 2):
-            answer = yield Ask(command(number), _any)
-            if answer is None or answer[0] != number:
-                break
-        if answer is not None and answer[0] in STANDARD:  # an older session is open
-            yield Send(command(Command.CLOSE), CLOSE_S)
-        elif answer is not None and isinstance(identity := read_sip(answer), Identity):
-            return identity
-    raise OpeningError(f"no Pioneer answers: is it switched on, its cable plugged in, its baud rate {baud}?")
-
-
-def _any(data: bytes) -> bool:
-    return True
-
-
-def _expect_model(identity: Identity, model: str) -> None:
-    if identity.model.casefold() != model.casefold():
-        known = " (no row of its model is known)" if parameters_of(identity.model) is None else ""
-        raise OpeningError(
-            f"the robot {identity.name} is a {identity.model}{known}, and the body says model = {model!r}"
-        )
 
 
 def _row(model: str) -> Parameters:

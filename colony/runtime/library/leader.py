@@ -55,6 +55,43 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     params: str = ""
 
 
+class SourceText(msgspec.Struct, frozen=True, kw_only=True):
+    """A source file of the program, as `SourceFile` has it."""
+
+    kind: Literal["behavior", "python"]
+    path: str
+    data: bytes
+
+
+class RunProgram(msgspec.Struct, frozen=True, kw_only=True):
+    """The program of a run: its source files, the path of its behavior in them, and the params of a site.
+
+    `site` is JSON, as recordings have it, "" for none.
+    """
+
+    run: str
+    root: str
+    sources: tuple[SourceText, ...]
+    site: str = ""
+
+
+class RunKeyframe(msgspec.Struct, frozen=True, kw_only=True):
+    """The newest keyframe of a run: the memory before frame `k`, as JSON of recordings; "" for none."""
+
+    k: int
+    text: str
+
+
+def run_program() -> Ask[RunProgram]:
+    """Read the program of the run."""
+    return Ask("program", NoArguments(), RunProgram, "read", repeatable=True)
+
+
+def run_keyframe() -> Ask[RunKeyframe]:
+    """Read the newest keyframe of the run, from which a reader that joins goes on."""
+    return Ask("keyframe", NoArguments(), RunKeyframe, "read", repeatable=True)
+
+
 def run_status() -> Ask[RunStatus]:
     """Read the state of the run."""
     return Ask("run", NoArguments(), RunStatus, "read", repeatable=True)

@@ -123,7 +123,8 @@ def _about_actuator(network: Network, question: Why | WhyNot) -> Explanation:
     moment, name = network.moment, question.subject
     winner, verdict = moment.winner(name), moment.verdicts.get(name)
     if winner is not None and isinstance(question, Why):
-        return _answer(network, question, _is(name, f"by {winner}"), network.is_by(name, winner), name)
+        claim = _Claim(f"{name} is by {winner}", f"{name} is by {winner}, but in the interpreter it is not")
+        return _answer(network, question, claim, network.is_by(name, winner), name)
     outside = None if verdict is None else verdict.outside
     idle = f"{name} is idle" if outside is None else f"{name} is by {outside}, from outside the network"
     claim = _Claim(f"{name} is commanded", idle)

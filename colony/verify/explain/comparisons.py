@@ -113,15 +113,22 @@ def _deciding_element(f: ir.Function, array: ir.Expression, value: Values) -> st
 
 
 def _memory_text(moment: Moment, e: ir.Expression, value: Values) -> Iterator[str]:
-    """Yield what the memory functions in a comparison remember, and since when."""
+    """Yield what states and memory functions in a comparison remember, and since when."""
     for node in _outside_loops(e):
-        if not isinstance(node, ir.MemoryCall) or isinstance(node.type, Array):
-            continue
-        since = moment.history.cells.get((node.cell, (), 0))
-        text = f"{source_text(node)} = {value_text(value(node), node.type)}"
-        if since is not None and not since.first:
-            text += f", set {duration_text(moment.t_ns - since.t_ns)} ago"
-        yield text
+        match node:
+            case ir.StateValue(name=name):
+                since = moment.earlier.states.get(name)
+                if since is not None and not since.first:
+                    yield f"{name} was set {duration_text(moment.t_ns - since.t_ns)} before"
+            case ir.MemoryCall(cell=cell) if not isinstance(node.type, Array):
+                text = f"{source_text(node)} = {value_text(value(node), node.type)}"
+                since = moment.history.cells.get((cell, (), 0))
+                known = since is not None and not since.first
+                yield text + (
+                    f", set {duration_text(moment.t_ns - since.t_ns)} before" if since and known else ""
+                )
+            case _:
+                pass
 
 
 def _commanders(moment: Moment, e: ir.Expression) -> Iterator[str]:

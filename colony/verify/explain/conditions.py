@@ -205,7 +205,7 @@ class Conditions:
                 cause = Constant(condition=_text(e) or ("true" if holds else "false"))
                 return Leaf(holds=holds, cause=cause, key=self._key(e), span=e.span, node=e, fixed=True)
             case ir.StateValue(name=name):
-                since = self._moment.history.states.get(name)
+                since = self._moment.earlier.states.get(name)
                 remembered = Remembered(
                     condition=name,
                     value=value_text(value, e.type),
@@ -322,7 +322,7 @@ class Conditions:
         )
 
     def _remembered(self, e: ir.MemoryCall, value: bool, condition: str = "") -> Leaf:
-        since = self._moment.history.cells.get((e.cell, (), 0))
+        since = self._moment.earlier.cells.get((e.cell, (), 0))
         cause = Remembered(
             condition=condition or _text(e),
             value="true" if value else "false",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from colony.ir.given import given_in_frame
-from colony.ir.program import Program, PythonModule, Sensor
+from colony.ir.program import Program, PythonModule, Sensor, modules_that_can_be_lost
 from colony.verify.audit.audit import Recorded, RecordedTick
 from colony.verify.audit.resuming import Resuming
 from colony.verify.explain.causes import Absence
@@ -58,6 +58,7 @@ class Follower:
         self._program = program
         self._actuators = program.robot.actuators
         self._python = frozenset(m.name for m in program.modules if isinstance(m, PythonModule))
+        self._can_be_lost = frozenset(modules_that_can_be_lost(program))
         self._resuming = Resuming(program, answers_given=True)
         self._historian = Historian(program, checkpoint.history if checkpoint else NO_HISTORY)
         self._interpreter: Interpreter | None = Interpreter(program, answers_given=True)
@@ -77,6 +78,11 @@ class Follower:
             interpreter is not None,
             self._historian.history,
         )
+
+    @property
+    def interpreter(self) -> Interpreter | None:
+        """The interpreter, which has stepped over the last frame; None if its memory is not known."""
+        return self._interpreter
 
     def take(self, recorded: Followed) -> Moment | None:
         """Take the next frame of the run; return it as a moment, None if its memory is not known."""
@@ -108,9 +114,10 @@ class Follower:
             self._interpreter = None
 
     def _moment(self, interpreter: Interpreter, recorded: Followed) -> Moment:
-        before = interpreter.state
+        before, earlier = interpreter.state, self._historian.history
         given = given_in_frame(self._actuators, recorded.verdicts)
-        outcome = interpreter.step(recorded.frame, answers=recorded.answers, given=given)
+        lost = self._can_be_lost.intersection(address.partition("/")[2] for address in recorded.tick.lost)
+        outcome = interpreter.step(recorded.frame, lost, recorded.answers, given)
         decisions = tuple(
             interpreter.network_decision(next(a for a in self._actuators if a.name == d.actuator))
             if d.actuator in given
@@ -134,8 +141,10 @@ class Follower:
             frame=recorded.frame,
             outcome=outcome,
             absent=_absent(self._program, interpreter, recorded),
+            earlier=earlier,
             answers=recorded.answers,
             verdicts=recorded.verdicts,
+            lost=lost,
         )
 
 

@@ -11,7 +11,7 @@ from colony.ir.program import Limit, Program
 from colony.ir.types import ScalarValue
 from colony.verify.audit.verdict import RecordedVerdict
 from colony.verify.explain.causes import Absence
-from colony.verify.explain.history import History
+from colony.verify.explain.history import NO_HISTORY, History
 from colony.verify.reference.expressions import FrameValues, Memory
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.memory import InterpreterState
@@ -39,6 +39,7 @@ class Moment:
         late: Actuators that are idle because a client is late, in a run without verdicts.
         verdicts: The verdicts of the runtime, by actuator; none for a run of the interpreter alone.
         history: Since when things are as they are after this frame.
+        earlier: Since when they were as they were before it, as states and memory functions read them.
     """
 
     program: Program
@@ -53,6 +54,7 @@ class Moment:
     limits: tuple[tuple[Limit, float | None], ...]
     absent: Mapping[str, Absence]
     history: History
+    earlier: History = NO_HISTORY
     answers: Mapping[str, Answer] = field(default_factory=dict)
     lost: frozenset[str] = frozenset()
     late: frozenset[str] = frozenset()
@@ -91,6 +93,7 @@ class Seen(TypedDict, total=False):
     frame: Frame
     outcome: Outcome
     absent: Mapping[str, Absence]
+    earlier: History
     answers: Mapping[str, Answer]
     verdicts: Mapping[str, RecordedVerdict]
     lost: frozenset[str]

@@ -31,7 +31,7 @@ def moments(
     """
     interpreter, historian = Interpreter(program), Historian(program)
     for k, snapshot in enumerate(snapshots):
-        before = interpreter.state
+        before, earlier = interpreter.state, historian.history
         outcome = interpreter.step_in_base_units(
             snapshot.t_ns, snapshot.readings, snapshot.lost, snapshot.given, restarted=snapshot.restarted
         )
@@ -48,6 +48,7 @@ def moments(
             frame=Frame(snapshot.t_ns, snapshot.readings, restarted=snapshot.restarted),
             outcome=outcome,
             absent={},
+            earlier=earlier,
             lost=snapshot.lost,
             late=frozenset(a for a, given in snapshot.given.items() if given.values is None),
         )

@@ -138,10 +138,10 @@ def _runtime_text(
                 f"{dominant} was last active at {_ago(at_ns, t_ns)}; its time constant of {window} {counts}"
             )
         case Answered(module=module, error=error, blind=blind):
-            if blind:
-                return f"the module in Python {module} has no answer, and is failsafe"
             if error:
                 return f"the module in Python {module} failed in this frame"
+            if blind:
+                return f"the module in Python {module} has no answer{', and is failsafe' if holds else ''}"
             return (
                 f"the module in Python {module} answered {'with a command' if holds else 'with no command'}"
             )

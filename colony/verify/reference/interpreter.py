@@ -81,6 +81,7 @@ class Interpreter:
         self._silent: set[str] = set()
         self._blind: set[str] = set()
         self._unknown: set[str] = set()
+        self._outputs: dict[tuple[str | int, ...], str | None] = {}  # by node, of the last frame
 
     def resume(self, memory: ProgramMemory) -> None:
         """Continue from the memory of another executor; call it only before the first frame.
@@ -202,6 +203,24 @@ class Interpreter:
         """Return True if a module or wire put a command on its output in the last frame."""
         assert self._moment is not None, "no frame yet"
         return self._moment.outputs[name] is not None
+
+    def is_read(self, sensor: str) -> bool:
+        """Return True if a sensor had a valid reading, not older than its `within`, in the last frame."""
+        assert self._moment is not None, "no frame yet"
+        return sensor in self._moment.fresh
+
+    def node_output(self, wire: str, operands: tuple[int, ...]) -> str | None:
+        """Return the module whose output left a node in the last frame, None if none did.
+
+        The node has the dominant operand `operands` in the wiring of `wire`, as in `ir.memory.window_cell`.
+        """
+        return self._outputs[(wire, *operands)]
+
+    def remaining_ns(self, wire: str, operands: tuple[int, ...], window_ns: int) -> int:
+        """Return the time for which an inactive dominant side goes on dominating a node, 0 if it does not."""
+        last, moment = self._last_active_ns.get((wire, *operands)), self._moment
+        assert moment is not None, "no frame yet"
+        return 0 if last is None or last == moment.t_ns else max(0, last + window_ns - moment.t_ns)
 
     def active_modules(self) -> tuple[str, ...]:
         """Return the modules that were active in the last frame, in the order declared."""
@@ -416,6 +435,7 @@ class Interpreter:
                     pass
                 case _:
                     assert_never(wiring.relation)
+            self._outputs[(*node, i)] = inferior
         return inferior
 
     def _dominates(

@@ -1,6 +1,8 @@
 """The picture of a network as SVG, laid out by `layout.py`: no other program is needed to draw it.
 
-Modules have `data-module` and nodes `data-node` attributes, so that a live page can highlight them.
+A picture for a page, `to_live_svg`, leaves the colors to the page's style sheet, and names what it shows:
+modules have `data-module`, nodes and references `data-node`, and wires `data-from` and `data-to` (indices of
+nodes, or the name of an actuator), so that the page can highlight them.
 """
 
 from __future__ import annotations
@@ -57,6 +59,11 @@ def to_svg(network: Network, title: str = "") -> str:
     return _Picture(network, title).document()
 
 
+def to_live_svg(network: Network) -> str:
+    """Return an SVG element of the network without colors, title and legend, for a page that animates it."""
+    return _Picture(network, "", live=True).document()
+
+
 def text_width(text: str, size: float) -> float:
     """Return a safe estimate of a text's width, in a sans serif type of `size` pixels."""
     return 0.58 * size * len(text)
@@ -71,8 +78,9 @@ class _Point:
 class _Picture:
     """Converts rows and columns to pixels, and emits the elements in painting order."""
 
-    def __init__(self, network: Network, title: str) -> None:
+    def __init__(self, network: Network, title: str, *, live: bool = False) -> None:
         self.network = network
+        self.live = live
         self.diagrams = layout(network).diagrams
         self.title = title
         leaves = [vertex.name for d in self.diagrams for vertex in d.vertices if vertex.column == 0]
@@ -111,6 +119,12 @@ class _Picture:
         ]
         legend += [_FAILSAFE_LEGEND] if self.network.failsafe_modules else []
         legend_width = max((text_width(text, 10) for text in legend), default=0)
+        if self.live:
+            width, height = self._end_x() + self.end_width + MARGIN, bottom + MARGIN / 2
+            head = (
+                f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_n(width)} {_n(height)}">{_markers()}'
+            )
+            return head + "\n".join(elements) + "</svg>"
         width = max(self._end_x() + self.end_width + MARGIN, legend_width + 2 * MARGIN)
         height = bottom + len(legend) * LEGEND_LINE + MARGIN / 2
         title = escape(self.title or "Network")
@@ -147,20 +161,28 @@ class _Picture:
         start, end = self._point(diagram, source), self._point(diagram, target)
         if not connection.dominant:
             path = f"M {_n(start.x)} {_n(start.y)} H {_n(end.x - RADIUS)}"
-            return f'<path class="wire" d="{path}" marker-end="url(#inferior)"/>'
+            ends = self._ends(source.node, target.node)
+            return f'<path class="wire"{ends} d="{path}" marker-end="url(#inferior)"/>'
         kind = "suppresses" if isinstance(self.network.nodes[target.node], Suppressor) else "inhibits"
         path = (
             f"M {_n(start.x)} {_n(start.y)} H {_n(end.x - BEND)} "
             f"Q {_n(end.x)} {_n(start.y)} {_n(end.x)} {_n(start.y + BEND)} V {_n(end.y - RADIUS)}"
         )
-        return f'<path class="wire {kind}" d="{path}" marker-end="url(#{kind})"/>'
+        ends = self._ends(source.node, target.node)
+        return f'<path class="wire {kind}"{ends} d="{path}" marker-end="url(#{kind})"/>'
+
+    def _ends(self, source: int, target: int | str) -> str:
+        """Return the attributes that name the ends of a wire, for a page."""
+        return f" data-from={quoteattr(str(source))} data-to={quoteattr(str(target))}" if self.live else ""
 
     def _outgoing_wire(self, diagram: Diagram) -> str:
         """Draw the wire that leaves the diagram, and the box at its end."""
         root = diagram.vertices[diagram.root]
         start = self._point(diagram, root)
         x = self._end_x() if diagram.actuator else start.x + MIN_PITCH - RADIUS
-        wire = f'<path class="wire" d="M {_n(start.x)} {_n(start.y)} H {_n(x)}" marker-end="url(#inferior)"/>'
+        ends = self._ends(root.node, diagram.ends_in)
+        path = f"M {_n(start.x)} {_n(start.y)} H {_n(x)}"
+        wire = f'<path class="wire"{ends} d="{path}" marker-end="url(#inferior)"/>'
         if diagram.actuator:
             return f"{wire}\n{_flag('actuator', x, start.y, self.end_width, diagram.ends_in)}"
         kind = "reference" if diagram.used else "reference unused"
@@ -171,7 +193,9 @@ class _Picture:
         point = self._point(diagram, vertex)
         node = self.network.nodes[vertex.node]
         if vertex.is_reference:
-            return _flag("reference", point.x - self.box_width, point.y, self.box_width, vertex.name)
+            left = point.x - self.box_width
+            reference = _flag("reference", left, point.y, self.box_width, vertex.name)
+            return f'<g data-node="{vertex.node}">{reference}</g>' if self.live else reference
         match node:
             case ModuleLeaf():
                 return self._module(point, node)

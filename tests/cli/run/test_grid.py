@@ -88,3 +88,33 @@ def test_what_serving_in_a_grid_refuses(colony: Colony, more: tuple[str, ...], s
     code, _, err = colony("serve", *more, "--robot", "amr", "--map", "office")
     assert code == 2
     assert said in err
+
+
+@pytest.mark.parametrize(
+    ("other", "code", "said"),
+    [
+        ("omni:nosuch", 2, "colony run: error: --also omni:nosuch: cannot use `nosuch` for this robot:"),
+        (
+            "omni:navigator",
+            1,
+            "colony run: error: --also omni:navigator: cannot use `navigator` for this robot:",
+        ),
+        (
+            "a=omni:wander@-50m,0,0",
+            2,
+            "--also a: error: it cannot start there: (-50000, 0) is 0 mm from a wall",
+        ),
+    ],
+)
+def test_errors_of_other_robots_name_them(colony: Colony, other: str, code: int, said: str) -> None:
+    result = colony(*RUN, "--also", other)
+    assert result.code == code
+    assert result.err.splitlines()[0].startswith(said)
+
+
+def test_a_robot_that_mujoco_cannot_simulate_is_refused_before_its_map_is_read(colony: Colony) -> None:
+    run = ("run", "wander", "--map", "no_such_map", "--physics", "mujoco", "--duration", "1")
+    code, _, err = colony(*run, "--robot", "omni")
+    assert code == 2
+    assert "error: `omni` cannot be simulated: MuJoCo simulates two driven wheels" in err
+    assert "no_such_map" not in err

@@ -123,6 +123,27 @@ def test_a_speed_holds_without_a_watchdog_and_the_stop_of_the_guard_ends_it() ->
     assert not any(line.robot.wheels)
 
 
+def test_it_drives_by_duty_cycles() -> None:
+    line = opened(Firmware())
+    line.send(command(Opcode.DRIVE_PWM, 0, 128, 0xFF, 0x80))  # right, left
+    line.run(0.5)
+    assert line.robot.wheels == (-251.0, 251.0)
+
+
+def test_data_of_commands_are_no_opcodes() -> None:
+    line = opened(Firmware())
+    line.send(command(Opcode.PWM_MOTORS, Opcode.POWER, Opcode.POWER, 64))  # brushes that turn backward
+    line.send(command(Opcode.SCHEDULE, *[Opcode.STOP] * 15))
+    assert line.robot.mode == Mode.SAFE
+
+
+@pytest.mark.parametrize("opcode", [Opcode.SPOT, Opcode.CLEAN, Opcode.MAX, Opcode.DOCK, Opcode.POWER])
+def test_programs_of_the_robot_leave_safe_mode(opcode: Opcode) -> None:
+    line = opened(Firmware())
+    line.send(command(opcode))
+    assert line.robot.mode == Mode.PASSIVE
+
+
 def test_bumper_and_stall_at_a_wall_to_the_left() -> None:
     line = opened(Firmware(World(range=room(4000.0, 2000.0))))
     line.robot.pose = (0.0, 0.0, -20.0)  # the wall ahead is nearest to the left

@@ -72,12 +72,34 @@ def test_a_pressed_stop_button_is_no_reason_to_wait() -> None:
     assert not line.robot.motors
 
 
-def test_an_older_session_is_closed_first() -> None:
-    line = line_of()
-    for number in (0, 1, 2, Command.OPEN):
-        line.robot.receive(command(number))
+def _in_session(line: Line) -> Line:
+    """Drive the robot by another program, which has gone."""
+    for packet in (0, 1, 2, Command.OPEN):
+        line.robot.receive(command(packet))
+    line.robot.receive(command(Command.ENABLE, 1) + command(Command.VEL, 200))
+    return line
+
+
+def test_an_older_session_goes_on_and_stands() -> None:
+    line = _in_session(line_of())
     line.open(4.0)
-    assert [data[0] for data in line.packets[:3]] == [0, Command.CLOSE, 0]
+    stop = [Command.ESTOP, Command.VEL, Command.RVEL]
+    assert [data[0] for data in line.packets[:6]] == [*stop, Command.CONFIG, Command.ENABLE, Command.SONAR]
+    assert line.robot.set_points == (0.0, 0.0)
+
+
+def test_an_older_session_without_a_configuration_is_closed_first() -> None:
+    line = _in_session(Line(Pioneer(), Firmware(MODELS["p3dx-sh"]), hears=lambda data: data[0] != 0x20))
+    line.open(4.0)
+    assert [data[0] for data in line.packets[3:8]] == [Command.CONFIG, Command.CLOSE, 0, 1, 2]
+    assert line.robot.set_points == (0.0, 0.0)
+
+
+def test_an_older_session_of_another_model_is_refused() -> None:
+    line = _in_session(Line(Pioneer("p3at-sh"), Firmware(MODELS["p3dx-sh"])))
+    with pytest.raises(OpeningError, match="Emulated is a p3dx-sh, and the body says model = 'p3at-sh'"):
+        line.open(4.0)
+    assert line.robot.set_points == (0.0, 0.0)
 
 
 def test_a_configuration_that_never_arrives_is_done_without() -> None:

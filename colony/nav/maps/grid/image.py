@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from colony.files import read_file, reason
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Span
+from colony.text.wording import printable
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -40,7 +41,7 @@ def load_image(path: str | os.PathLike[str], named: Span) -> Shades:
     Raises:
         DiagnosticError: the file cannot be read, is no image, is damaged or too large.
     """
-    shown = os.fspath(path)
+    shown = printable(os.fspath(path))
     try:
         data = read_file(path, MAX_IMAGE_BYTES)
     except OSError as failure:
@@ -55,8 +56,8 @@ def load_image(path: str | os.PathLike[str], named: Span) -> Shades:
         raise _unknown(named, shown) from None
     except Image.DecompressionBombError:
         raise _too_large(named, "too many cells") from None
-    except Exception as failure:  # decoders raise exceptions of many kinds
-        raise _failure(named, f"cannot read the image `{shown}`: {failure}") from None
+    except Exception:  # decoders raise exceptions of many kinds, with texts for programmers
+        raise _damaged(named, shown, "its header is malformed or cut off") from None
     columns, rows = image.size
     if columns * rows > MAX_CELLS:
         raise _too_large(named, f"{columns} x {rows} cells")
@@ -64,8 +65,8 @@ def load_image(path: str | os.PathLike[str], named: Span) -> Shades:
         raise _unknown(named, shown)
     try:
         return _shades(image)
-    except Exception as failure:  # as above
-        raise _failure(named, f"the image `{shown}` is damaged: {failure}") from None
+    except Exception:  # as above
+        raise _damaged(named, shown, "its cells are malformed or cut off") from None
 
 
 def _shades(image: Image) -> Shades:
@@ -81,6 +82,10 @@ def _shades(image: Image) -> Shades:
 
 def _unknown(named: Span, shown: str) -> DiagnosticError:
     return _failure(named, f"`{shown}` is no image of a map; expected {' or '.join(FORMATS.values())}")
+
+
+def _damaged(named: Span, shown: str, what: str) -> DiagnosticError:
+    return _failure(named, f"the image `{shown}` is damaged: {what}")
 
 
 def _too_large(named: Span, found: str) -> DiagnosticError:

@@ -110,7 +110,11 @@ def read_keys(source: Source) -> GridKeys:
     if free is not None and occupied is not None and free >= occupied:
         span = reader.span("free_thresh")
         reader.problems.append(
-            error("M034", span, f"expected a threshold below occupied_thresh, {occupied:g}; found {free:g}")
+            error(
+                "M034",
+                span,
+                f"`free_thresh`: expected less than `occupied_thresh`, {occupied:g}; found {free:g}",
+            )
         )
     if (
         image is None or cell_m is None or origin is None or negate is None
@@ -246,7 +250,8 @@ class _Reader:
 
 def _text(entry: _Entry, expected: str) -> str:
     if not isinstance(entry.value, _Word):
-        raise ValueError(f"expected {expected}")
+        found = "a mapping or an alias" if entry.value is None else "a list"
+        raise ValueError(f"expected {expected}; found {found}")
     return entry.value.text
 
 

@@ -7,13 +7,27 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from colony.execute.compiled import Compiled
 from colony.execute.needs import BOUNDS
-from colony.runtime.library.leader import LEADER, ClientStanding, RunStatus, Standing
+from colony.runtime.library.leader import (
+    LEADER,
+    ClientStanding,
+    RunKeyframe,
+    RunProgram,
+    RunStatus,
+    SourceText,
+    Standing,
+)
 from colony.runtime.observe.observer import FrameLog
-from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, method
+from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, RefusedError, method
 from colony.runtime.protocol.deployment import Deployment, client_addresses
 from colony.runtime.protocol.messages import Effect, Message, QuietNode
 from colony.runtime.protocol.topics import client_address
+from colony.runtime.recordings.keyframes import keyframe_members
+from colony.runtime.recordings.site import site_text
+
+MAX_SOURCE_BYTES = 2 * 1024 * 1024
+"""Maximum size of source files that are sent to a reader, in bytes: half of the largest message."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
@@ -30,8 +44,12 @@ class RunStatusTracker:
     The client of an actuator's bounds is on time unless a command from outside waited for it in vain.
     """
 
-    def __init__(self, deployment: Deployment, *, file: str, params: str = "") -> None:
+    def __init__(
+        self, deployment: Deployment, *, file: str, params: str = "", compiled: Compiled | None = None
+    ) -> None:
         self._deployment = deployment
+        self._compiled = compiled
+        self._keyframe = RunKeyframe(k=-1, text="")
         self._file = file
         self._params = params
         self._clients = {address: _Client() for address, _ in client_addresses(deployment)}
@@ -50,6 +68,9 @@ class RunStatusTracker:
         """Count the fates of the clients in a frame."""
         self._frames += 1
         self._k = log.tick.k
+        if log.keyframe is not None:
+            text = "{" + ", ".join(keyframe_members(log.keyframe)) + "}"
+            self._keyframe = RunKeyframe(k=log.tick.k, text=text)
         self._restarts += log.restart
         self._disagreements += bool(log.disagreements)
         for actuator, verdict in log.verdicts.items():
@@ -83,6 +104,30 @@ class RunStatusTracker:
             client.restarts += restarted
             client.last_error = error
 
+    @property
+    def keyframe(self) -> RunKeyframe:
+        """The newest keyframe."""
+        return self._keyframe
+
+    def program(self) -> RunProgram:
+        """Return the program of the run.
+
+        Raises:
+            RefusedError: the run has no source files, or they are too large for an answer.
+        """
+        compiled = self._compiled
+        if compiled is None or not compiled.sources:
+            raise RefusedError("program", "the run has no source files")
+        size = sum(len(source.data) for source in compiled.sources)
+        if size > MAX_SOURCE_BYTES:
+            raise RefusedError("size", f"the source files have {size:,} bytes")
+        return RunProgram(
+            run=self._deployment.run,
+            root=compiled.root,
+            sources=tuple(SourceText(kind=s.kind, path=s.path, data=s.data) for s in compiled.sources),
+            site="" if compiled.site is None else site_text(compiled.site),
+        )
+
     def status(self) -> RunStatus:
         """Return the state of the run."""
         return RunStatus(
@@ -113,13 +158,18 @@ class RunStatusTracker:
 
 
 class LeaderServer(QuietNode):
-    """A server that answers `run` with the state of the run. Mutable."""
+    """A server that answers with the state of the run, its program, and its newest keyframe. Mutable."""
 
     address = LEADER
 
     def __init__(self, status_tracker: RunStatusTracker) -> None:
         self._status_tracker = status_tracker
-        self._calls = CallDispatcher(LEADER, (method("run", NoArguments, self._run, right="read"),))
+        methods = (
+            method("run", NoArguments, self._run, right="read"),
+            method("program", NoArguments, self._program, right="read"),
+            method("keyframe", NoArguments, self._keyframe, right="read"),
+        )
+        self._calls = CallDispatcher(LEADER, methods)
         self.listens = self._calls.listens
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
@@ -128,3 +178,9 @@ class LeaderServer(QuietNode):
 
     def _run(self, call_id: CallId, arguments: object, now_ns: int) -> RunStatus:
         return self._status_tracker.status()
+
+    def _program(self, call_id: CallId, arguments: object, now_ns: int) -> RunProgram:
+        return self._status_tracker.program()
+
+    def _keyframe(self, call_id: CallId, arguments: object, now_ns: int) -> RunKeyframe:
+        return self._status_tracker.keyframe

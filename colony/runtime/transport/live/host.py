@@ -75,6 +75,7 @@ class Host:
         *,
         time: Callable[[], int],
         handle_directly: bool = False,
+        is_hidden: bool = False,
         report: Report = lambda problem: None,
     ) -> None:
         """Run nodes on an open network that the caller owns; `Host.open` opens its own.
@@ -86,6 +87,7 @@ class Host:
             handle_directly: True to let the receiving thread hand messages to the nodes, and to never wait
                 for room on links. Only for nodes that never block: nothing is received while they handle a
                 message. Ignored if a node has to settle.
+            is_hidden: True for nodes that only listen, and are no part of the robot: they are not announced.
             report: callback for a sentence about each problem that the host survives; called in a thread that
                 handles messages.
         """
@@ -93,6 +95,7 @@ class Host:
         self._network = network
         self._time = time
         self._learned = time if isinstance(time, LearnedTime) else None
+        self._is_hidden = is_hidden
         self._settling = tuple(node for node in nodes if isinstance(node, SettlingNode))
         self._is_direct = handle_directly and not self._settling
         self._listeners: dict[str, list[Node]] = {}
@@ -129,6 +132,7 @@ class Host:
         serves: bool = False,
         time: Callable[[], int] | None = None,
         handle_directly: bool = False,
+        is_hidden: bool = False,
         report: Report = lambda problem: None,
     ) -> Host:
         """Join the robot's processes with these nodes; they start in `run`.
@@ -146,7 +150,14 @@ class Host:
             network = resources.enter_context(ZenohSession.open(robot_address, server_names=server_names))
             if time is None:
                 time = time_of(network)
-            host = cls(network, nodes, time=time, handle_directly=handle_directly, report=report)
+            host = cls(
+                network,
+                nodes,
+                time=time,
+                handle_directly=handle_directly,
+                is_hidden=is_hidden,
+                report=report,
+            )
             host.take_ownership(resources.pop_all())
             return host
 
@@ -207,7 +218,7 @@ class Host:
 
     def _announce(self, declared: ExitStack) -> None:
         """Announce the nodes, once they can receive."""
-        for node in self._nodes:
+        for node in () if self._is_hidden else self._nodes:
             key = keys.liveliness_key(self._network.robot, node.address)
             declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
 

@@ -74,7 +74,15 @@ def test_a_value_is_read_as_yaml(changed: dict[str, str], key: str, value: objec
         ({"resolution": ".nan"}, f"2:13: M034 {CELL}; found `.nan`"),
         ({"resolution": "0"}, f"2:13: M034 {CELL}; found `0`"),
         ({"resolution": "-inf"}, f"2:13: M034 {CELL}; found `-inf`"),
-        ({"resolution": "[1]"}, f"2:13: M034 {CELL}"),
+        ({"resolution": "[1]"}, f"2:13: M034 {CELL}; found a list"),
+        (
+            {"image": "*other"},
+            "1:8: M034 `image`: expected the path of an image; found a mapping or an alias",
+        ),
+        (
+            {"mode": "{raw: 1}"},
+            "7:7: M034 `mode`: expected trinary, scale or raw; found a mapping or an alias",
+        ),
         ({"origin": "[0, 0]"}, ORIGIN),
         ({"origin": "[[0], 0, 0]"}, ORIGIN),
         ({"origin": "{x: 0}"}, ORIGIN),
@@ -100,7 +108,10 @@ def test_a_value_is_read_as_yaml(changed: dict[str, str], key: str, value: objec
         ),
         ({"negate": "maybe"}, "4:9: M034 `negate`: expected 0 or 1; found `maybe`"),
         ({"free_thresh": "1.5"}, "6:14: M034 `free_thresh`: expected a number from 0 to 1; found `1.5`"),
-        ({"free_thresh": "0.7"}, "6:14: M034 expected a threshold below occupied_thresh, 0.65; found 0.7"),
+        (
+            {"free_thresh": "0.7"},
+            "6:14: M034 `free_thresh`: expected less than `occupied_thresh`, 0.65; found 0.7",
+        ),
         (
             {"mode": "trinery"},
             "7:7: M034 `mode`: expected trinary, scale or raw; found `trinery`; did you mean `trinary`?",

@@ -130,6 +130,10 @@ def problem(path: Path) -> str:
     return headline(found).replace(str(path.parent), "FOLDER")
 
 
+CELLS_DAMAGED = "the image `FOLDER/map.png` is damaged: its cells are malformed or cut off"
+HEADER_DAMAGED = "the image `FOLDER/map.png` is damaged: its header is malformed or cut off"
+
+
 def png(columns: int, rows: int) -> bytes:
     """The begin of a PNG of this size."""
     head = b"IHDR" + struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
@@ -140,17 +144,25 @@ def png(columns: int, rows: int) -> bytes:
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"P5 3 2 255\n\0\0", "the image `FOLDER/map.png` is damaged: "),
-        (b"P2 3 2 255\n1 2 x", "the image `FOLDER/map.png` is damaged: "),
-        (b"P5 3 2 99999999\n", "cannot read the image `FOLDER/map.png`: "),
+        (b"P5 3 2 255\n\0\0", CELLS_DAMAGED),
+        (b"P2 3 2 255\n1 2 x", CELLS_DAMAGED),
+        (b"P5 3 2 99999999\n", HEADER_DAMAGED),
+        (b"P5 3", HEADER_DAMAGED),
         (b"", "`FOLDER/map.png` is no image of a map; expected PGM or PNG or BMP"),
         (b"GIF89a\1\0\1\0\0\0\0;", "`FOLDER/map.png` is no image of a map; expected PGM or PNG or BMP"),
         (b"Pf 1 1 -1.0\n\0\0\x80\x3f", "`FOLDER/map.png` is no image of a map; expected PGM or PNG or BMP"),
-        (png(3, 2), "the image `FOLDER/map.png` is damaged: "),
+        (png(3, 2), CELLS_DAMAGED),
     ],
 )  # fmt: skip
 def test_images_that_cannot_be_used(tmp_path: Path, data: bytes, message: str) -> None:
-    assert problem(written(tmp_path, data)).startswith(f"FOLDER/map.yaml:1:8: error[M036]: {message}")
+    assert problem(written(tmp_path, data)) == f"FOLDER/map.yaml:1:8: error[M036]: {message}"
+
+
+def test_a_path_with_a_line_break_is_shown_on_one_line(tmp_path: Path) -> None:
+    path = written(tmp_path, SHADES)
+    path.write_text(path.read_text().replace("map.png", '"a\\nb.png"'))
+    where = "FOLDER/map.yaml:1:8: error[M036]: cannot read the image `FOLDER/a\\nb.png`: "
+    assert problem(path) == where + "No such file or directory"
 
 
 @pytest.mark.parametrize("data", [b"P5 99999999 99999999 255\n", png(20_000, 20_000), b"P5 4001 4000 255\n"])

@@ -1,0 +1,216 @@
+"""`colony watch`: a page in the browser that shows a recording, or a robot that runs."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import click
+
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.interruption import interruptible
+from colony.cli.params_choice import choose_params, params_option
+from colony.cli.recorded import program_for
+from colony.cli.reporting import refuse, say
+from colony.cli.robot_choice import robot_and_description_option
+from colony.cli.robot_options import (
+    connect_option,
+    reporting_connection_errors,
+    robot_address_of,
+    security_option,
+)
+from colony.cli.shipped_files import BEHAVIOR, map_option
+from colony.extras import expect_extras
+
+if TYPE_CHECKING:
+    from colony.ir.program import Program
+    from colony.watch.scene import Scene
+    from colony.watch.watched import Watched
+
+POLL_S = 0.1
+
+
+@click.command("watch", short_help="watch a recording or a running robot in the browser")
+@click.argument("recording", metavar="[RECORDING]", required=False)
+@click.option(
+    "--behavior",
+    metavar="FILE",
+    type=BEHAVIOR,
+    help="The behavior of the recording; an MCAP recording contains it.",
+)
+@params_option()
+@map_option
+@click.option(
+    "--port", type=click.IntRange(0, 65535), help="The port of the page. [default: 7450, or any that is free]"
+)
+@click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
+@robot_and_description_option(
+    "Watch this robot, which runs a program; for a recording, the description of its robot."
+)
+@connect_option()
+@security_option()
+@click.option("--allow-stop", is_flag=True, help="Let the page stop the robot in an emergency.")
+def command(
+    recording: str | None,
+    behavior: str | None,
+    map_path: str | None,
+    port: int | None,
+    opens: bool,
+    robot: str | None,
+    connect: str | None,
+    security: Path | None,
+    allow_stop: bool,
+) -> None:
+    """Show a run in the browser: the network with its live wires, every module and its state, sensors,
+    commands against their limits, the map and the path, contracts, and late or lost clients.
+
+    A recording can be played at any speed, and searched for the next change of winner, broken contract,
+    fault, or late client. With --robot the page shows a robot that runs, as it runs, and lets you look back.
+    Watching is reading: the robot is sent nothing, unless --allow-stop is given and somebody presses the
+    button. Behind a gateway you need the right to read, and that to stop.
+
+    The page listens on this machine alone, and its address ends in a token, without which it shows nothing.
+    The token stays the same, so that a page reconnects to the next `colony watch`.
+
+    \b
+    Example:
+      colony watch run.mcap
+      colony watch run.mcap --map loop --open
+      colony watch run.jsonl --behavior wander
+      colony watch --robot rome --map loop --allow-stop
+      colony watch --robot rome --connect tls/rome.lab:7447 --security ada.toml
+    """
+    context = click.get_current_context()
+    if recording is None and robot is None:
+        raise click.UsageError("give a RECORDING, or --robot NAME", context)
+    live = {"--connect": connect, "--security": security, "--allow-stop": allow_stop or None}
+    given = [name for name, value in live.items() if value is not None]
+    if recording is not None and given:
+        raise click.UsageError(f"{given[0]} is for a robot that runs, not for a recording", context)
+    if recording is None and behavior is not None:
+        raise click.UsageError("--behavior is for a recording: a robot that runs gives its program", context)
+    expect_extras("watch")
+    with ExitStack() as resources:
+        if recording is not None:
+            watched = _recorded(recording, behavior, map_path, resources)
+        else:
+            assert robot is not None
+            watched = _live(robot, connect, security, map_path, resources, may_stop=allow_stop)
+        serve_page(watched, port=port, opens=opens)
+
+
+def _recorded(recording: str, behavior: str | None, map_path: str | None, resources: ExitStack) -> Watched:
+    from colony.dsl.site_reading import params_of
+    from colony.runtime.recordings.opening import open_recording, read_recording, recorded_site
+    from colony.text.diagnostics import DiagnosticError
+    from colony.watch.recorded import RecordingSource
+    from colony.watch.store import SnapshotStore
+    from colony.watch.trail import Trail
+    from colony.watch.watched import Watched
+
+    choose_params(params_of(recorded_site(recording)))
+    folder = Path(resources.enter_context(TemporaryDirectory(prefix="colony-watch-")))
+    try:
+        reader = read_recording(resources.enter_context(open_recording(recording)), recording)
+        program = program_for(reader, recording, behavior, folder)
+        scene = scene_for(program, Path(recording).name, map_path)
+    except DiagnosticError as failure:
+        refuse(failure.diagnostics)
+    store = SnapshotStore(scene.modules)
+    resources.callback(store.close)
+    trail = Trail(program)
+    resources.enter_context(RecordingSource(reader, program, store, trail))
+    return Watched(scene=scene, store=store, is_live=False, explain=trail.explain)
+
+
+def _live(
+    robot: str,
+    connect: str | None,
+    security: Path | None,
+    map_path: str | None,
+    resources: ExitStack,
+    *,
+    may_stop: bool,
+) -> Watched:
+    from colony.robots.discovery import session_with
+    from colony.text.diagnostics import DiagnosticError
+    from colony.watch.joining import joined_program, listening, read_program
+    from colony.watch.live import STORE_BYTES, LiveSource
+    from colony.watch.silence import noting_silence
+    from colony.watch.stopping import stop_button
+    from colony.watch.store import SnapshotStore
+    from colony.watch.trail import Trail
+    from colony.watch.watched import Watched
+
+    with reporting_connection_errors():
+        robot_address = robot_address_of(robot, connect, security)
+        session = resources.enter_context(session_with(robot_address))
+        found = read_program(session)
+        try:
+            program = resources.enter_context(joined_program(found, robot))
+            scene = scene_for(program, f"run {found.run}", map_path)
+            store, trail = SnapshotStore(scene.modules, max_bytes=STORE_BYTES), Trail(program)
+            resources.callback(store.close)
+            source = LiveSource(program, store, trail)
+            resources.callback(source.close)
+            sink = resources.enter_context(listening(robot_address, program, found.run, session, source))
+        except DiagnosticError as failure:
+            refuse(failure.diagnostics)
+        resources.enter_context(noting_silence(sink, store, robot))
+        stop = resources.enter_context(stop_button(session)) if may_stop else None
+    return Watched(scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop)
+
+
+def scene_for(program: Program, title: str, map_path: str | None) -> Scene:
+    """Return the scene of a program, with the footprint of its robot, on a map if there is one.
+
+    Raises:
+        DiagnosticError: the map, or the body of the robot, is invalid.
+    """
+    from colony.compile.pipeline import compile_program
+    from colony.robots.described import described_robot
+    from colony.watch.footprint import footprint_of
+    from colony.watch.scene import scene_of
+
+    world = None
+    if map_path is not None:
+        expect_extras("sim")
+        from colony.nav.maps.world_map import load_world
+        from colony.watch.map import map_scene
+
+        world = map_scene(load_world(map_path))
+    body = described_robot(program.robot).body
+    clients = compile_program(program).compiled.clients
+    return scene_of(program, title, clients, world, footprint_of(body))
+
+
+def serve_page(watched: Watched, *, port: int | None, opens: bool) -> None:
+    """Serve the page of a run until the command is interrupted; exit with 2 if the port is taken."""
+    with interruptible("closing the page") as interrupted, page_of(watched, port) as url:
+        click.echo(f"watch at {url}")
+        if opens:
+            import webbrowser
+
+            webbrowser.open(url)
+        while not interrupted():
+            time.sleep(POLL_S)
+
+
+@contextmanager
+def page_of(watched: Watched, port: int | None) -> Iterator[str]:
+    """Serve the page of a run; the context's value is its address. Exit with 2 if the port is taken."""
+    from colony.watch.serving import PageServer
+    from colony.watch.token import user_token
+
+    try:
+        server = PageServer(watched, port=port, token=user_token(os.environ))
+    except OSError as problem:
+        say(f"colony: error: --port: cannot listen on {port}: {problem.strerror}")
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    with server:
+        yield server.url

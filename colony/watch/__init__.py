@@ -1,0 +1,1 @@
+"""The live page of a robot, and of recordings: `colony watch`."""

@@ -1,0 +1,68 @@
+"""The web application: the page's files, and the WebSocket that serves a page its run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from colony.watch.security import PROTOCOL, Guard
+from colony.watch.viewer import Viewer
+from colony.watch.watched import Watched
+
+PAGE = Path(__file__).parent / "page"
+
+CONTENT_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+MAX_VIEWERS = 20
+"""Maximum number of pages at one time."""
+
+REFUSED = 4403
+"""Code with which a WebSocket is closed that has no business here."""
+
+
+def page_files() -> dict[str, tuple[bytes, str]]:
+    """Return the files of the page, by name, with their types."""
+    found = (path for path in sorted(PAGE.iterdir()) if path.suffix in CONTENT_TYPES)
+    return {path.name: (path.read_bytes(), CONTENT_TYPES[path.suffix]) for path in found}
+
+
+def build_app(watched: Watched, guard: Guard) -> Starlette:
+    """Return the application that shows a run to pages that the guard admits."""
+    files, viewers = page_files(), set[WebSocket]()
+
+    async def page(request: Request) -> Response:
+        if not guard.is_for_us(request.headers):
+            return PlainTextResponse("wrong host\n", 421)
+        name = request.path_params.get("name", "index.html")
+        if name not in files:
+            return PlainTextResponse("not found\n", 404, headers=guard.response_headers)
+        content, type_ = files[name]
+        return Response(content, media_type=type_, headers=guard.response_headers)
+
+    async def run(socket: WebSocket) -> None:
+        offered = tuple(socket.scope.get("subprotocols", ()))
+        if not guard.admits(socket.headers, offered) or len(viewers) >= MAX_VIEWERS:
+            await socket.close(REFUSED)
+            return
+        await socket.accept(subprotocol=PROTOCOL)
+        viewers.add(socket)
+        try:
+            await Viewer(socket, watched).serve()
+        except WebSocketDisconnect:
+            pass
+        finally:
+            viewers.discard(socket)
+
+    return Starlette(
+        routes=[Route("/", page), Route("/{name}", page), WebSocketRoute("/run", run)],
+    )

@@ -1,0 +1,218 @@
+"""Joining a robot that runs, as a reader: it hears all frames, and sends the robot nothing.
+
+The leader of the run gives the program, and the memory before a recent frame. The reader keeps the frames
+that it hears until it knows the memory before one of them. From there on it follows the run as if it had been
+there from the beginning.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import msgspec
+
+from colony import __version__
+from colony.compile.pipeline import compile_program
+from colony.execute.compiled import SourceFile
+from colony.ir.program import Program
+from colony.ir.site import Site
+from colony.robots.described import described_robot
+from colony.robots.led_run import additional_servers
+from colony.robots.recorded_program import recorded_program
+from colony.runtime.assembly.nodes import build_observer
+from colony.runtime.frames.assembler import frames_to_keep
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.errors import RobotConnectionError
+from colony.runtime.library.leader import LEADER, RunProgram, run_keyframe, run_program
+from colony.runtime.observe.monitor import Keyframe
+from colony.runtime.observe.observer import FrameLog, Observer
+from colony.runtime.protocol.bindings import bind
+from colony.runtime.protocol.messages import Effect, Message
+from colony.runtime.recordings.keyframes import read_keyframe
+from colony.runtime.recordings.recorded import RunInfo
+from colony.runtime.recordings.site import read_site
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.robot_address import RobotAddress
+from colony.watch.live import LiveSource, recorded_frame
+
+KEYFRAME_INTERVAL_S = 0.2
+"""Seconds between two questions for a keyframe, until one is of use."""
+
+
+def read_program(session: Session) -> RunProgram:
+    """Return the program of the run that a robot's leader leads.
+
+    Raises:
+        RobotConnectionError: there is no leader, or it refuses.
+    """
+    with session.connect(LEADER, name="colony watch") as leader:
+        return leader.do(run_program())
+
+
+@contextmanager
+def program_of(root: str, sources: Iterable[SourceFile], site: Site | None, robot: str) -> Iterator[Program]:
+    """Rebuild the program of a run from its source files, which are unpacked as long as the context lasts.
+
+    Raises:
+        DiagnosticError: the program has errors, or there are no source files.
+    """
+    info = RunInfo(
+        robot=robot,
+        frame_ns=0,
+        seed=0,
+        version=__version__,
+        clients=(),
+        program=root,
+        sources=tuple(sources),
+        site=site,
+    )
+    with TemporaryDirectory(prefix="colony-watch-") as folder:
+        yield recorded_program(info, robot, Path(folder))
+
+
+@contextmanager
+def joined_program(found: RunProgram, robot: str) -> Iterator[Program]:
+    """Rebuild the program that a leader gave.
+
+    Raises:
+        DiagnosticError: the program has errors.
+    """
+    sources = (SourceFile(kind=s.kind, path=s.path, data=s.data) for s in found.sources)
+    site = read_site(msgspec.json.decode(found.site)) if found.site else None
+    with program_of(found.root, sources, site, robot) as program:
+        yield program
+
+
+class Listener:
+    """An observer that sends nothing: no fetches, no reports, no requests for a new epoch. Mutable."""
+
+    def __init__(self, observer: Observer) -> None:
+        self._observer = observer
+        self.address = "watch"
+        self.listens = observer.listens
+
+    @property
+    def deferred(self) -> tuple[str, ...]:
+        """Topics whose messages may wait for the next tick."""
+        return self._observer.deferred
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        """Do nothing."""
+        return ()
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Observe a message."""
+        for _ in self._observer.handle(message, now_ns):
+            pass
+        return ()
+
+    def close(self) -> None:
+        """Pass on the frames that wait."""
+        self._observer.close()
+
+
+class Joiner:
+    """A sink that holds frames back until the memory before one of them is known. Mutable.
+
+    Args:
+        source: what the frames are for.
+        keyframe: function that returns the number of a frame and the keyframe before it; may block.
+        max_held: maximum number of frames that are held back; beyond it they are shown without memory.
+    """
+
+    def __init__(
+        self, source: LiveSource, keyframe: Callable[[], tuple[int, Keyframe | None]], max_held: int
+    ) -> None:
+        self._source, self._keyframe = source, keyframe
+        self._held: deque[FrameLog] = deque()
+        self._max_held = max_held
+        self._lock = threading.Lock()
+        self._is_following = False
+        self.heard_s = time.monotonic()
+        """Time at which the last frame came, by this machine's monotonic clock."""
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._seek, name="joiner", daemon=True)
+        self._thread.start()
+
+    def take(self, log: FrameLog) -> None:
+        """Take a frame."""
+        self.heard_s = time.monotonic()
+        with self._lock:
+            if log.restart or log.tick.k == log.tick.start:
+                self._is_following = True
+            elif log.skipped:
+                self._is_following = False
+            if self._is_following:
+                self._source.put(recorded_frame(log, damaged=False, memory_unknown=False))
+                return
+            self._held.append(log)
+            if len(self._held) > self._max_held:
+                self._put_unknown(self._held.popleft())
+
+    def close(self) -> None:
+        """End; nothing more comes. Idempotent."""
+        self._ended.set()
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+
+    def _seek(self) -> None:
+        while not self._ended.wait(KEYFRAME_INTERVAL_S):
+            if self._held and not self._is_following:
+                with suppress(RobotConnectionError):
+                    self._resume(*self._keyframe())
+
+    def _put_unknown(self, log: FrameLog) -> None:
+        self._source.put(recorded_frame(log, damaged=True, memory_unknown=True))
+
+    def _resume(self, k: int, keyframe: Keyframe | None) -> None:
+        """Follow from frame `k` on, if it is held and the memory before it is known."""
+        with self._lock:
+            held = list(self._held)
+            place = next((i for i, log in enumerate(held) if log.tick.k == k), None)
+            if place is None or keyframe is None or keyframe.memory is None:
+                return
+            for log in held[:place]:
+                self._put_unknown(log)
+            first = recorded_frame(held[place], damaged=False, memory_unknown=False, keyframe=keyframe)
+            self._source.put(first)
+            for log in held[place + 1 :]:
+                self._source.put(recorded_frame(log, damaged=False, memory_unknown=False))
+            self._held.clear()
+            self._is_following = True
+
+
+@contextmanager
+def listening(
+    robot_address: RobotAddress, program: Program, run: str, session: Session, source: LiveSource
+) -> Iterator[Joiner]:
+    """Listen to a run of a program as long as the context lasts; its value is the sink that gets the frames.
+
+    Raises:
+        LiveError: the robot cannot be joined.
+        DiagnosticError: the program does not fit the robot.
+    """
+
+    def keyframe() -> tuple[int, Keyframe | None]:
+        with session.connect(LEADER, name="colony watch") as leader:
+            found = leader.do(run_keyframe())
+        return found.k, read_keyframe(msgspec.json.decode(found.text)) if found.text else None
+
+    described = described_robot(program.robot)
+    servers = (*described.servers, *additional_servers(program.robot, described, robot_address))
+    compiled = compile_program(program).compiled
+    joiner = Joiner(source, keyframe, frames_to_keep(compiled.frame_ns))
+    listener = Listener(build_observer(compiled, bind(compiled.robot, servers), (joiner,), run))
+    with ExitStack() as resources:
+        resources.callback(joiner.close)
+        host = resources.enter_context(Host.open(robot_address, (listener,), is_hidden=True))
+        thread = threading.Thread(target=host.run, name="listener", daemon=True)
+        thread.start()
+        resources.callback(thread.join)
+        resources.callback(host.stop)
+        yield joiner

@@ -1,0 +1,91 @@
+"""The server of pages: in a thread of its own, on the loopback interface alone."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from contextlib import ExitStack
+
+import uvicorn
+
+from colony.watch.app import build_app
+from colony.watch.requests import MAX_REQUEST_BYTES
+from colony.watch.security import LOOPBACK, Guard
+from colony.watch.watched import Watched
+
+DEFAULT_PORT = 7450
+
+END_S = 1
+"""Seconds that open pages get at the end."""
+
+
+class PageServer:
+    """A server that runs until it is closed. Mutable.
+
+    Args:
+        watched: the run that it shows.
+        port: its port; None for the default one, or any if that is taken.
+        token: what pages must know.
+
+    Raises:
+        OSError: the port is taken.
+    """
+
+    def __init__(self, watched: Watched, *, port: int | None, token: str) -> None:
+        with ExitStack() as resources:
+            listener = resources.enter_context(_listener(port))
+            self.port: int = listener.getsockname()[1]
+            guard = Guard(port=self.port, token=token)
+            self.url = f"http://{LOOPBACK}:{self.port}/#{token}"
+            """Address of the page, with its token."""
+            config = uvicorn.Config(
+                build_app(watched, guard),
+                log_level="critical",
+                access_log=False,
+                lifespan="off",
+                ws="websockets-sansio",
+                ws_max_size=MAX_REQUEST_BYTES,
+                ws_per_message_deflate=False,
+                server_header=False,
+                timeout_graceful_shutdown=END_S,
+            )
+            self._server = uvicorn.Server(config)
+            self._thread = threading.Thread(
+                target=self._server.run, kwargs={"sockets": [listener]}, name="pages", daemon=True
+            )
+            self._thread.start()
+            self._resources = resources.pop_all()
+
+    def close(self) -> None:
+        """Close all pages' connections, and end. Idempotent."""
+        self._server.should_exit = True
+        self._thread.join()
+        self._resources.close()
+
+    def __enter__(self) -> PageServer:
+        """Return the server."""
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        """End."""
+        self.close()
+
+
+def _listener(port: int | None) -> socket.socket:
+    """Return a socket that listens on the port."""
+    try:
+        return _bound(DEFAULT_PORT if port is None else port)
+    except OSError:
+        if port is not None:
+            raise
+        return _bound(0)
+
+
+def _bound(port: int) -> socket.socket:
+    with ExitStack() as resources:
+        listener = resources.enter_context(socket.socket())
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((LOOPBACK, port))
+        listener.listen()
+        resources.pop_all()
+        return listener

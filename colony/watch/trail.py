@@ -1,0 +1,148 @@
+"""The frames of a run as they came, to explain any of them: checkpoints, and the frames between them.
+
+A follower that begins at a checkpoint and takes the frames up to one in question knows that frame's reasons.
+Segments are compressed; beyond a limit, the oldest are dropped.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections import deque
+from threading import Lock
+from typing import Any
+
+import msgspec
+
+from colony.ir.frame import Answer, Frame
+from colony.ir.memory import ProgramMemory
+from colony.ir.program import Program
+from colony.runtime.observe.monitor import Keyframe
+from colony.runtime.protocol.messages import Tick, Verdict
+from colony.runtime.recordings.recorded import RecordedFrame
+from colony.verify.explain.answer import WhyNot, explain
+from colony.verify.explain.follower import Checkpoint, Follower
+from colony.verify.explain.text import lines
+from colony.watch.snapshot import ObservedFrame
+
+SEGMENT_FRAMES = 50
+"""Frames between two checkpoints: what is computed again for an answer."""
+
+MAX_BYTES = 64 * 1024 * 1024
+"""Maximum size of the compressed frames, in bytes: more than an hour of a robot with a ring of sonars."""
+
+
+class _KeptFrame(msgspec.Struct, frozen=True, array_like=True):
+    tick: Tick
+    t_ns: int
+    readings: dict[str, Any]
+    taken_ns: dict[str, int]
+    restarted: bool
+    verdicts: dict[str, Verdict]
+    answers: dict[str, Answer]
+    restart: bool
+    damaged: bool
+    memory_unknown: bool
+    keyframe: ProgramMemory | None
+
+
+class _Segment:
+    """Frames from a checkpoint on. Mutable until it is packed."""
+
+    def __init__(self, first: int, checkpoint: Checkpoint) -> None:
+        self.first, self.last = first, first
+        self.checkpoint = checkpoint
+        self.frames: list[_KeptFrame] = []
+        self.packed: bytes | None = None
+
+
+class Trail:
+    """The frames of a run. Mutable; one thread adds frames, others ask.
+
+    Args:
+        program: the program of the run.
+        max_bytes: size beyond which the oldest frames are dropped.
+    """
+
+    def __init__(self, program: Program, *, max_bytes: int = MAX_BYTES) -> None:
+        self._program, self._max_bytes = program, max_bytes
+        self._segments: deque[_Segment] = deque()
+        self._lock = Lock()
+        self._encode = msgspec.msgpack.Encoder().encode
+        self._decode = msgspec.msgpack.Decoder(list[_KeptFrame]).decode
+
+    def begins_segment(self) -> bool:
+        """Return True if the next frame begins a segment, and so needs the checkpoint before it."""
+        return not self._segments or len(self._segments[-1].frames) >= SEGMENT_FRAMES
+
+    def add(self, observed: ObservedFrame, before: Checkpoint | None, *, resumes: bool) -> None:
+        """Add a frame.
+
+        Args:
+            observed: the frame.
+            before: the checkpoint before it, if it begins a segment.
+            resumes: True if the memory before it is not known, unless its keyframe has it.
+        """
+        frame, k = observed.frame, observed.tick.k
+        keyframe = observed.keyframe if resumes else None
+        kept = _KeptFrame(
+            observed.tick,
+            frame.t_ns,
+            dict(frame.readings),
+            dict(frame.taken_ns),
+            frame.restarted,
+            dict(observed.verdicts),
+            dict(observed.answers),
+            observed.restart,
+            observed.damaged,
+            observed.memory_unknown,
+            None if keyframe is None else keyframe.memory,
+        )
+        with self._lock:
+            if before is not None:
+                self._begin(k, before)
+            segment = self._segments[-1]
+            segment.frames.append(kept)
+            segment.last = k
+
+    def _begin(self, k: int, checkpoint: Checkpoint) -> None:
+        """Begin a segment; the lock is held."""
+        if self._segments:
+            full = self._segments[-1]
+            full.packed = zlib.compress(self._encode(full.frames), 1)
+            full.frames = []
+        self._segments.append(_Segment(k, checkpoint))
+        while sum(len(s.packed or b"") for s in self._segments) > self._max_bytes:
+            self._segments.popleft()
+
+    def explain(self, k: int, module: str) -> tuple[str, ...]:
+        """Return the reason why a module commands in frame k, or why it does not, as lines."""
+        with self._lock:
+            segment = next((s for s in reversed(self._segments) if s.first <= k), None)
+            frames, packed = ([], None) if segment is None else (list(segment.frames), segment.packed)
+        if segment is None or k > segment.last:
+            return (f"frame {k} is too old to be explained here",)
+        if packed is not None:
+            frames = self._decode(zlib.decompress(packed))
+        follower = Follower(self._program, segment.checkpoint)
+        for kept in frames:
+            if kept.tick.k > k:
+                break
+            follower.take(_unpacked(kept))
+        moment = follower.moment
+        if moment is None or moment.k != k:
+            return ("the memory of the program is not known in this frame",)
+        return lines(explain(moment, WhyNot(module)))
+
+
+def _unpacked(kept: _KeptFrame) -> RecordedFrame:
+    frame = Frame(kept.t_ns, kept.readings, kept.taken_ns, restarted=kept.restarted)
+    return RecordedFrame(
+        tick=kept.tick,
+        frame=frame,
+        verdicts=kept.verdicts,
+        restart=kept.restart,
+        damaged=kept.damaged,
+        memory_unknown=kept.memory_unknown,
+        keyframe=None if kept.keyframe is None else Keyframe(kept.keyframe),
+        answers=kept.answers,
+    )

@@ -1,0 +1,162 @@
+"""One page and its WebSocket: what it asks for, and what it is sent.
+
+At most one snapshot is under way to a page. A page that does not read is sent nothing, and then the newest
+one: what waits for it is bounded by the buffers of its socket.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from contextlib import suppress
+from typing import Any, assert_never
+
+import msgspec
+from starlette.concurrency import run_in_threadpool
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from colony.watch.marks import Mark
+from colony.watch.player import Player
+from colony.watch.requests import Ask, Follow, Jump, Pause, Play, Request, Seek, Step, Stop, read_request
+from colony.watch.timeline import history_to, path_to, timeline_of
+from colony.watch.watched import Watched
+
+PERIOD_S = 1.0 / 60.0
+"""Seconds between two looks for something new: what a page can show."""
+
+GAP_S = 5.0
+"""Seconds between two snapshots beyond which a page is sent the whole history."""
+
+TIMELINE_S = 1.0
+"""Seconds between two timelines of a run that goes on."""
+
+_encode = msgspec.json.Encoder().encode
+
+
+class Viewer:
+    """A page. Mutable.
+
+    Args:
+        socket: its WebSocket, accepted.
+        watched: the run.
+    """
+
+    def __init__(self, socket: WebSocket, watched: Watched) -> None:
+        self._socket, self._watched = socket, watched
+        self._player = Player(watched.store, follows=watched.is_live)
+        self._changed = asyncio.Event()
+        self._shown: int | None = None
+        self._shown_s = 0.0
+        self._state: object = None
+        self._timeline_due = 0.0
+        self._timeline_size = -1
+
+    async def serve(self) -> None:
+        """Serve the page until it goes."""
+        watched = self._watched
+        await self._send(
+            scene=watched.scene,
+            live=watched.is_live,
+            may_stop=watched.stop is not None,
+            may_ask=watched.explain is not None,
+        )
+        sender = asyncio.create_task(self._show())
+        try:
+            await self._receive()
+        finally:
+            sender.cancel()
+            with suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
+                await sender
+
+    async def _send(self, **members: Any) -> None:
+        await self._socket.send_text(_encode(members).decode())
+
+    # --- to the page ---------------------------------------------------------------------------------
+
+    async def _show(self) -> None:
+        while True:
+            now = time.monotonic()
+            await self._show_frame(now)
+            await self._show_timeline(now)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._changed.wait(), PERIOD_S)
+            self._changed.clear()
+
+    async def _show_frame(self, now: float) -> None:
+        player, store = self._player, self._watched.store
+        i = player.index(now)
+        state = (player.is_playing, player.is_following, player.speed, store.problem)
+        if i is None:
+            if state != self._state:
+                self._state = state
+                await self._send(waiting=True, problem=store.problem)
+            return
+        if i == self._shown and state == self._state:
+            return
+        t = store.time(i)
+        if self._shown is None or i < self._shown or t - self._shown_s > GAP_S:
+            await self._send(history=history_to(store, i + 1), path=path_to(store, i + 1))
+        self._shown, self._shown_s, self._state = i, t, state
+        members = {"playing": player.is_playing, "following": player.is_following, "speed": player.speed}
+        await self._send(snapshot=msgspec.Raw(store.read(i)), player=members, problem=store.problem)
+
+    async def _show_timeline(self, now: float) -> None:
+        store = self._watched.store
+        end = store.span.end + store.is_complete
+        if now < self._timeline_due or end == self._timeline_size:
+            return
+        timeline = await run_in_threadpool(timeline_of, store)
+        self._timeline_size = end
+        self._timeline_due = time.monotonic() + TIMELINE_S
+        await self._send(timeline=timeline)
+
+    # --- from the page -------------------------------------------------------------------------------
+
+    async def _receive(self) -> None:
+        while True:
+            text = await self._socket.receive_text()
+            try:
+                request = read_request(text)
+            except msgspec.MsgspecError as problem:
+                await self._send(refused=str(problem))
+                continue
+            await self._serve(request)
+            self._changed.set()
+
+    async def _serve(self, request: Request) -> None:
+        player, now = self._player, time.monotonic()
+        match request:
+            case Play(speed=speed):
+                player.play(now, speed)
+            case Pause():
+                player.pause()
+            case Seek(t=t):
+                player.seek(now, t)
+            case Step(frames=frames):
+                player.step(now, frames)
+            case Jump(kinds=kinds, backward=backward):
+                if not player.jump(now, Mark(kinds), backward=backward):
+                    await self._send(refused="nothing of that kind in this direction")
+            case Follow():
+                player.follow()
+            case Ask(module=module, k=k):
+                await self._answer(module, k)
+            case Stop():
+                await self._stop()
+            case _:
+                assert_never(request)
+
+    async def _answer(self, module: str, k: int) -> None:
+        explain = self._watched.explain
+        if explain is None or module not in self._watched.scene.modules:
+            await self._send(refused=f"nobody can say why of `{module}`")
+            return
+        lines = await run_in_threadpool(explain, k, module)
+        await self._send(answer={"module": module, "k": k, "lines": lines})
+
+    async def _stop(self) -> None:
+        stop = self._watched.stop
+        if stop is None:
+            await self._send(refused="this page may not stop the robot")
+            return
+        await self._send(stop=await run_in_threadpool(stop))

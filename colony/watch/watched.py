@@ -1,0 +1,37 @@
+"""What a server shows: a run, recorded or live."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from colony.watch.scene import Scene
+from colony.watch.store import SnapshotStore
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopAnswer:
+    """The result of an emergency stop: True if it is kept, and a sentence."""
+
+    is_kept: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watched:
+    """A run.
+
+    Attributes:
+        scene: what is shown of the program.
+        store: the snapshots.
+        is_live: True if the run goes on.
+        explain: function that returns the reason why a module did or did not command in frame k, as lines;
+            it may block. None if nobody can answer.
+        stop: function that stops the robot in an emergency; it may block. None without the right to.
+    """
+
+    scene: Scene
+    store: SnapshotStore
+    is_live: bool
+    explain: Callable[[int, str], tuple[str, ...]] | None = None
+    stop: Callable[[], StopAnswer] | None = None

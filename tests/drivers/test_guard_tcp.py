@@ -1,0 +1,83 @@
+"""The guard of a TCP port: a connection to a simulator is a session, which begins with the handshake."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from colony.drivers import guarded
+from colony.drivers.serial_base import SerialBase
+from tests.drivers.test_guard import PATIENCE_S
+from tests.drivers.tiny import HELLO, SPEEDS, Tiny, decoder, encoded
+
+
+class Polite(Tiny):
+    """The tiny protocol of a simulator that takes the first frame for the handshake."""
+
+    handshake_first = True
+
+
+class Simulator:
+    """A listening simulator; it answers when the test says so."""
+
+    def __init__(self) -> None:
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener.settimeout(PATIENCE_S)
+        self.port = f"tcp:127.0.0.1:{self._listener.getsockname()[1]}"
+
+    def accept(self) -> socket.socket:
+        connection, _ = self._listener.accept()
+        connection.settimeout(PATIENCE_S)
+        return connection
+
+    def close(self) -> None:
+        self._listener.close()
+
+
+@pytest.fixture
+def simulator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Simulator]:
+    monkeypatch.setenv("COLONY_RUN_DIR", str(tmp_path))
+    simulator = Simulator()
+    yield simulator
+    simulator.close()
+    for process in guarded._guards:
+        process.terminate()
+        process.wait(PATIENCE_S)
+    guarded._guards.clear()
+
+
+def kinds(connection: socket.socket, count: int) -> list[int]:
+    """Return the kinds of the next frames."""
+    found: list[int] = []
+    frames = decoder()
+    while len(found) < count:
+        found += [data[0] for data in frames.feed(connection.recv(1))]
+    return found
+
+
+def test_a_new_connection_begins_with_the_handshake(simulator: Simulator) -> None:
+    driver = SerialBase(Polite(), simulator.port)
+    try:
+        for _ in range(2):  # the second one is opened again
+            with simulator.accept() as connection:
+                assert kinds(connection, 2) == [HELLO, HELLO]
+        with simulator.accept() as connection:
+            assert kinds(connection, 1) == [HELLO]
+            connection.sendall(encoded(bytes([4])))
+            driver.close()
+            while kinds(connection, 1) != [SPEEDS]:  # the stop, as the driver has ended
+                pass
+    finally:
+        driver.close()
+
+
+def test_any_other_device_hears_the_stop_first(simulator: Simulator) -> None:
+    driver = SerialBase(Tiny(), simulator.port)
+    try:
+        with simulator.accept() as connection:
+            assert kinds(connection, 1) == [SPEEDS]
+    finally:
+        driver.close()

@@ -1,0 +1,78 @@
+"""A robot that runs, in a real browser: live, stopped in an emergency, and after the page's server died."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release
+from tests.waiting import until
+from tests.watch.browser.chromium import Browser, needs_chromium
+
+pytestmark = [pytest.mark.long, needs_chromium]
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:  # type: ignore[misc]
+    machine = Machine(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
+    yield machine
+    machine.close()
+
+
+def frame(browser: Browser) -> int:
+    return int((browser.text("#clock").split() or ["-1"])[-1])
+
+
+def test_live_stopped_and_reconnected(machine: Machine, browser: Browser) -> None:
+    run = machine.start("run", WANDER, "--map", MAP, "--processes", "--no-picture", "--duration", "1000")
+    until(lambda: run.ended() or machine.moves(), "the robot drives")
+    arguments = ("watch", "--robot", ROBOT, "--map", MAP, "--allow-stop", "--port")
+    server = machine.start(*arguments, "0")
+    until(lambda: server.ended() or "http" in server.out, "the page is served")
+    assert not server.ended(), server.err
+    url = server.out.split()[-1]
+    browser.open(url)
+    until(lambda: browser.text("#mode") == "live", f"it is live: {browser.text('#mode')}")
+    first = until(lambda: frame(browser), "a frame is shown")
+    until(lambda: frame(browser) > first + 5, "frames go on")
+    until(lambda: "won" in browser.text("#network .module.won .state"), "a module commands")
+
+    browser.click("#stop")
+    until(lambda: "acknowledged by" in browser.text("#message"), "the stop is acknowledged")
+    until(machine.stands, "the robot stands")
+    until(lambda: browser.text("#mode").startswith("STOPPED"), "the page says so")
+    assert browser.text(".command small") == "emergency stop"
+
+    server.process.kill()
+    server.process.wait()
+    until(lambda: browser.text("#mode") == "no connection", "the page notices")
+    port = url.split(":")[2].split("/")[0]
+    again = machine.start(*arguments, port)
+    until(lambda: again.ended() or browser.text("#mode").startswith("STOPPED"), "the page is back")
+    assert not again.ended(), again.err
+    with machine.session() as session:
+        release(session)
+    until(machine.moves, "the robot drives on")
+    until(lambda: browser.text("#mode") == "live", "it is live again")
+    live_wires = "return document.querySelectorAll('.wire.live').length"
+    until(lambda: browser.run(live_wires) > 0, "a command reaches the base")
+    again.tell(signal.SIGTERM)
+    assert again.wait() == 0
+    assert not run.ended()
+
+
+def test_a_run_shows_itself_and_one_looks_back(machine: Machine, browser: Browser) -> None:
+    run = machine.start("run", WANDER, "--map", MAP, "--watch", "--no-picture", "--duration", "1000")
+    until(lambda: run.ended() or "watch at" in run.err, "the page is served")
+    assert not run.ended(), run.err
+    browser.open(run.err.partition("watch at ")[2].split()[0])
+    until(lambda: frame(browser) > 10, "frames are shown")
+    browser.press("\ue011")  # Home
+    until(lambda: "looking back" in browser.text("#mode"), "it looks back")
+    assert browser.run("return document.querySelector('#stop').hidden")
+    browser.click("#follow")
+    until(lambda: browser.text("#mode") == "live", "it is live again")
+    run.tell(signal.SIGINT)
+    assert run.wait() == 130

@@ -1,0 +1,164 @@
+"""A run that is watched while it goes on: joining it, falling behind, and looking at it when it is silent."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from colony.ir.frame import Outcome
+from colony.runtime.observe.monitor import Keyframe
+from colony.runtime.observe.observer import FrameLog
+from colony.watch import live as live_module
+from colony.watch.joining import Joiner
+from colony.watch.live import LiveSource
+from colony.watch.silence import noting_silence
+from colony.watch.snapshot import Snapshot
+from colony.watch.store import SnapshotStore
+from colony.watch.token import user_token
+from colony.watch.trail import Trail
+from colony.watch.watched import Watched
+from tests.waiting import until
+from tests.watch.runs import FRAMES, PROGRAM, TOKEN, page, run, scene, served, snapshots
+
+
+@pytest.fixture
+def store() -> SnapshotStore:
+    return SnapshotStore(scene().modules)
+
+
+def known(store: SnapshotStore) -> list[bool]:
+    return [b'"is_known":true' in store.read(i) for i in range(store.span.end)]
+
+
+def test_it_shows_what_a_recording_shows(store: SnapshotStore) -> None:
+    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
+    for log in run():
+        source.take(log)
+    source.close()
+    assert store.is_complete
+    assert store.span.end == FRAMES
+    assert store.read(12) == store._encode(snapshots()[12])
+    store.close()
+
+
+class GatedStore(SnapshotStore):
+    """A store that takes nothing until its gate is open."""
+
+    def __init__(self) -> None:
+        super().__init__(scene().modules)
+        self.gate = threading.Event()
+
+    def add(self, snapshot: Snapshot) -> None:
+        self.gate.wait()
+        super().add(snapshot)
+
+
+def test_a_watcher_that_falls_behind_drops_frames_and_recovers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_module, "MAX_WAITING", 10)
+    store = GatedStore()
+    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
+    first, *others = run()
+    source.take(first)
+    until(lambda: not source._waiting, "its thread has the first frame")
+    for log in others:
+        source.take(log)
+    store.gate.set()
+    source.close()
+    assert [b'"k":%d,' % k in store.read(i) for i, k in enumerate((0, *range(10, FRAMES)))] == [True] * 11
+    assert known(store)[:2] == [True, False]
+    assert known(store)[-1]
+    store.close()
+
+
+def observed(k: int, log: FrameLog) -> FrameLog:
+    """Return a frame as an observer that joined late has it: without memory, and without keyframes of use."""
+    tick = type(log.tick)(k=log.tick.k, t_ns=log.tick.t_ns, start=0)
+    return replace(log, tick=tick, expected=Outcome(()), keyframe=Keyframe(None) if k % 4 == 0 else None)
+
+
+def test_a_reader_that_joins_goes_on_from_the_memory_that_the_leader_gives(store: SnapshotStore) -> None:
+    frames = run()
+    keys = {log.tick.k: log.keyframe for log in frames if log.keyframe is not None}
+    key = max(k for k in keys if k < 12)
+    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
+    joiner = Joiner(source, lambda: (key, keys[key]), FRAMES)
+    for k, log in enumerate(frames[5:12], 5):
+        joiner.take(observed(k, log))
+    until(lambda: store.span.end == 7, "the frames that were held back are shown")
+    for k, log in enumerate(frames[12:], 12):
+        joiner.take(observed(k, log))
+    joiner.close()
+    source.close()
+    assert known(store) == [k >= key for k in range(5, FRAMES)]
+    assert store.read(FRAMES - 6) == store._encode(snapshots()[FRAMES - 1])
+    store.close()
+
+
+def test_without_a_leader_frames_are_shown_without_memory(store: SnapshotStore) -> None:
+    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
+    joiner = Joiner(source, lambda: (-1, None), 4)
+    for k, log in enumerate(run()[5:15], 5):
+        joiner.take(observed(k, log))
+    joiner.close()
+    source.close()
+    assert known(store) == [False] * 6
+    store.close()
+
+
+def test_a_page_that_does_not_read_keeps_no_other_page_waiting() -> None:
+    store = SnapshotStore(scene().modules)
+    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
+    watched = Watched(scene=scene(), store=store, is_live=True)
+    with ExitStack() as resources:
+        server = resources.enter_context(served(watched))
+        frozen = resources.enter_context(socket.create_connection(("127.0.0.1", server.port)))
+        frozen.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        host = f"127.0.0.1:{server.port}"
+        lines = (
+            "GET /run HTTP/1.1",
+            f"Host: {host}",
+            f"Origin: http://{host}",
+            "Upgrade: websocket",
+            "Connection: Upgrade",
+            "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
+            "Sec-WebSocket-Version: 13",
+            f"Sec-WebSocket-Protocol: colony.watch, {TOKEN}",
+        )
+        frozen.sendall("".join(f"{line}\r\n" for line in (*lines, "")).encode())
+        opened = resources.enter_context(page(server))
+        for log in run():
+            source.take(log)
+        opened.shown(FRAMES - 1)  # another page gets what the frozen one does not read
+    source.close()
+    store.close()
+
+
+def test_silence_is_said_and_taken_back(store: SnapshotStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("colony.watch.silence.SILENCE_S", 0.05)
+    monkeypatch.setattr("colony.watch.silence.CHECK_INTERVAL_S", 0.01)
+    sink = SimpleNamespace(heard_s=time.monotonic() - 1)
+    with noting_silence(sink, store, "rome"):
+        until(lambda: (store.problem or "").startswith("no frames come from rome"), "it is said")
+        sink.heard_s = time.monotonic() + 1000
+        until(lambda: store.problem is None, "it is taken back")
+    store.close()
+
+
+def test_the_token_stays_and_only_its_user_can_read_it(tmp_path: Path) -> None:
+    environment = {"XDG_CACHE_HOME": str(tmp_path)}
+    token = user_token(environment)
+    assert user_token(environment) == token
+    [file] = tmp_path.rglob("*token")
+    assert file.stat().st_mode & 0o777 == 0o600
+    file.chmod(0o644)
+    assert user_token(environment) != token
+    file.write_text("short")
+    assert len(user_token(environment)) >= 32
+    assert user_token({}) != user_token({})

@@ -1,0 +1,117 @@
+"""The server of pages, over real sockets: what a page gets, and what others are refused."""
+
+from __future__ import annotations
+
+import http.client
+from collections.abc import Iterator
+
+import pytest
+from websockets.exceptions import InvalidStatus
+
+from colony.watch.app import page_files
+from colony.watch.serving import PageServer
+from colony.watch.watched import StopAnswer
+from tests.watch.runs import FRAMES, TOKEN, page, recorded, served
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[PageServer]:
+    with recorded() as watched, served(watched) as server:
+        yield server
+
+
+def get(server: PageServer, path: str, host: str | None = None) -> http.client.HTTPResponse:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    connection.request("GET", path, headers={"Host": host or f"127.0.0.1:{server.port}"})
+    response = connection.getresponse()
+    response.read()
+    connection.close()
+    return response
+
+
+def test_a_page_gets_the_scene_then_frames(server: PageServer) -> None:
+    with page(server) as opened:
+        first = opened.until(lambda m: True)
+        assert first["scene"]["robot"] == "tiny"
+        assert (first["live"], first["may_stop"]) == (False, False)
+        assert opened.until(lambda m: "history" in m)["path"]
+        opened.until(lambda m: "snapshot" in m)
+        timeline = opened.until(lambda m: "timeline" in m)["timeline"]
+        assert len(timeline["times"]) == FRAMES
+
+
+def test_a_page_scrubs_and_jumps(server: PageServer) -> None:
+    with page(server) as opened:
+        opened.ask(do="pause")
+        opened.ask(do="seek", t=1.05)
+        assert opened.shown(10)["commands"][0]["by"] == "cruise"
+        opened.ask(do="jump", kinds=2)
+        assert opened.shown(15)["contracts"] == ["held", "broken"]
+        opened.ask(do="jump", kinds=2)
+        assert "nothing" in opened.until(lambda m: "refused" in m)["refused"]
+        opened.ask(do="jump", kinds=8, backward=True)
+        assert opened.shown(8)["late"] == ["drive/cruise late"]
+        opened.ask(do="step", frames=-1)
+        opened.shown(7)
+
+
+def test_what_is_no_request_is_refused(server: PageServer) -> None:
+    with page(server) as opened:
+        for members in (
+            {"do": "explode"},
+            {},
+            {"do": "play", "speed": -1},
+            {"do": "ask", "module": "x", "k": 0},
+        ):
+            opened.ask(**members)
+            assert opened.until(lambda m: "refused" in m)["refused"]
+        opened.ask(do="stop")
+        assert "may not" in opened.until(lambda m: "refused" in m)["refused"]
+
+
+@pytest.mark.parametrize(
+    ("origin", "token"),
+    [("http://evil.example", TOKEN), ("null", TOKEN), ("", TOKEN), (None, "another-token"), (None, "x")],
+)
+def test_other_origins_and_wrong_tokens_are_refused(
+    server: PageServer, origin: str | None, token: str
+) -> None:
+    with pytest.raises(InvalidStatus, match="403"), page(server, origin=origin, token=token):
+        pass
+
+
+def test_another_host_is_refused(server: PageServer) -> None:
+    assert get(server, "/", host="rebound.example").status == 421
+
+
+def test_every_file_has_a_strict_policy(server: PageServer) -> None:
+    assert {"index.html", "main.js", "style.css"} <= page_files().keys()
+    for name in ("", *page_files()):
+        response = get(server, f"/{name}")
+        policy = response.headers["Content-Security-Policy"]
+        assert response.status == 200
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert response.headers["X-Content-Type-Options"] == "nosniff"
+    assert get(server, "/../app.py").status == 404
+    assert get(server, "/secret").status == 404
+
+
+def test_only_the_loopback_interface_listens(server: PageServer) -> None:
+    with open("/proc/net/tcp") as table:
+        local = [line.split()[1] for line in table if line.split()[1].endswith(f":{server.port:04X}")]
+    assert {address.partition(":")[0] for address in local} == {"0100007F"}
+
+
+def test_the_stop_is_pressed_by_who_may() -> None:
+    pressed = []
+
+    def stop() -> StopAnswer:
+        pressed.append(True)
+        return StopAnswer(is_kept=True, text="stopped")
+
+    with recorded(stop) as watched, served(watched) as server, page(server) as opened:
+        assert opened.until(lambda m: "scene" in m)["may_stop"]
+        opened.ask(do="stop")
+        assert opened.until(lambda m: "stop" in m)["stop"] == {"is_kept": True, "text": "stopped"}
+    assert pressed == [True]
