@@ -48,7 +48,7 @@ class _KeptFrame(msgspec.Struct, frozen=True, array_like=True):
 class _Segment:
     """Frames from a checkpoint on. Mutable until it is packed."""
 
-    def __init__(self, first: int, checkpoint: Checkpoint) -> None:
+    def __init__(self, first: int, checkpoint: Checkpoint | None) -> None:
         self.first, self.last = first, first
         self.checkpoint = checkpoint
         self.frames: list[_KeptFrame] = []
@@ -72,14 +72,14 @@ class Trail:
 
     def begins_segment(self) -> bool:
         """Return True if the next frame begins a segment, and so needs the checkpoint before it."""
-        return not self._segments or len(self._segments[-1].frames) >= SEGMENT_FRAMES
+        return bool(self._segments) and len(self._segments[-1].frames) >= SEGMENT_FRAMES
 
     def add(self, observed: ObservedFrame, before: Checkpoint | None, *, resumes: bool) -> None:
         """Add a frame.
 
         Args:
             observed: the frame.
-            before: the checkpoint before it, if it begins a segment.
+            before: the checkpoint before it, if it begins a segment; None for the first frame of the run.
             resumes: True if the memory before it is not known, unless its keyframe has it.
         """
         frame, k = observed.frame, observed.tick.k
@@ -98,13 +98,13 @@ class Trail:
             None if keyframe is None else keyframe.memory,
         )
         with self._lock:
-            if before is not None:
+            if before is not None or not self._segments:
                 self._begin(k, before)
             segment = self._segments[-1]
             segment.frames.append(kept)
             segment.last = k
 
-    def _begin(self, k: int, checkpoint: Checkpoint) -> None:
+    def _begin(self, k: int, checkpoint: Checkpoint | None) -> None:
         """Begin a segment; the lock is held."""
         if self._segments:
             full = self._segments[-1]

@@ -43,7 +43,7 @@ def test_live_stopped_and_reconnected(machine: Machine, browser: Browser) -> Non
     until(lambda: "acknowledged by" in browser.text("#message"), "the stop is acknowledged")
     until(machine.stands, "the robot stands")
     until(lambda: browser.text("#mode").startswith("STOPPED"), "the page says so")
-    assert browser.text(".command small") == "emergency stop"
+    until(lambda: browser.text(".command small") == "emergency stop", "the command is held")
 
     server.process.kill()
     server.process.wait()
