@@ -25,6 +25,7 @@ MODULES = (
     "data_limits",
     "processes",
     "load",
+    "reading_to_motion",
     "stops_on_wire",
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"

@@ -329,6 +329,11 @@ def row(name: str, value: float, unit: str, target: float | None, note: str) -> 
     return {"name": name, "value": value, "unit": unit, "target": target, "ok": ok, "note": note}
 
 
+def busy() -> str:
+    """Return how busy the machine was in the last minute, for a note."""
+    return f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+
+
 def main() -> None:
     """Print the figures as a table."""
     line = "{:32} {:>10} {:>10}  {:4} {:4} {}".format

@@ -1,10 +1,13 @@
-"""How soon the stop is on the wire when the process that drives a base on a serial line dies or stands still.
+"""How soon the stop is on the wire when a process that has to do with driving dies or stands still.
 
-A process drives the tiny robot of the tests over a pseudoterminal, 20 times a second, through the guard. It
-is killed, or stopped as by a debugger, at a random time in its frame. Measured is the time from the last
-command that the robot hears until the stop, on the monotonic clock of the pseudoterminal's other end.
+Emulated bases stand on pseudoterminals with the pace of their lines; servers, a program that drives ahead,
+and the guard are processes as on a real robot. One of them is killed, or frozen as by a debugger, at a random
+time in its frame, or the cable is pulled. Measured is the time from then until the base has heard a speed of
+0. Where the guard is frozen, or the cable out, nothing can arrive: then it is the time until the watchdog of
+the base holds it, and a base without one goes on. In the case of nothing at all it drives on as well, unless
+the machine is so busy that frames are late, which are idle.
 
-    python -m benchmarks.stops_on_wire --rounds 50
+    python -m benchmarks.stops_on_wire --rounds 20
 """
 
 from __future__ import annotations
@@ -13,100 +16,132 @@ import argparse
 import os
 import random
 import signal
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
-from colony.runtime.transport.live.run_directory import RunDirectory
-from tests.drivers.tiny import SPEEDS, Tiny
-from tests.drivers.tiny_robot import TinyRobot
+from benchmarks.processes import Row, busy, row, scratch
+from tests.drivers.served_base import CREATE2, Base, Served, pioneer_at, served
+from tests.waiting import until
 
-Row = dict[str, object]
+BASES = (CREATE2, pioneer_at(9600))
 
-ROUNDS = 10
-TARGET_MS = 250.0
-PATIENCE_S = 60.0
+ROUNDS = 5
 
-DRIVER = """
-import sys, time
-from tests.drivers.tiny import base
-driver = base(sys.argv[1])
-while True:
+WATCHED_S = 4.0
+"""Seconds for which a base is watched that nothing stops."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What happens: a name, what does it, what undoes it, and the most that the stop may take in ms.
+
+    `is_cut_off` means that no byte can reach the base any more, so that its watchdog has to stop it;
+    otherwise None as `most_ms` means that the base has to drive on.
+    """
+
+    name: str
+    strike: Callable[[Served], object]
+    undo: Callable[[Served], object]
+    most_ms: float | None
+    is_cut_off: bool = False
+
+
+def _case(name: str, pid: Callable[[Served], int], number: signal.Signals, most_ms: float | None) -> Case:
+    struck: list[int] = []
+
+    def strike(base: Served) -> None:
+        struck[:] = [pid(base)]
+        os.kill(struck[0], number)
+
+    def undo(base: Served) -> None:
+        if number == signal.SIGSTOP:
+            os.kill(struck[0], signal.SIGCONT)
+
+    is_frozen_guard = name == "the guard" and number == signal.SIGSTOP
+    return Case(f"{number.name} of {name}", strike, undo, most_ms, is_frozen_guard)
+
+
+def _leader(base: Served) -> int:
+    assert base.leader is not None
+    return base.leader.pid
+
+
+def _pull_out(base: Served) -> None:
+    base.emulator.pull_out()
+
+
+def _cases() -> Iterator[Case]:
+    for number in (signal.SIGKILL, signal.SIGSTOP):
+        yield _case("RServer", lambda base: base.pid("RServer"), number, 250.0)
+        yield _case("the Clock", lambda base: base.pid("Clock"), number, 250.0)
+        yield _case("the host of clients", lambda base: base.host, number, 250.0)
+        yield _case("the leader of the program", _leader, number, 600.0)
+        yield _case("the guard", lambda base: base.guard, number, 2100.0)
+    yield _case("the supervisor of `serve all`", lambda base: base.supervisor.pid, signal.SIGSTOP, None)
+    yield Case("nothing at all", lambda base: None, lambda base: None, None)
+    yield Case("a pulled cable", _pull_out, lambda base: base.emulator.plug_in(), None, is_cut_off=True)
+
+
+def _stopped_after_ms(base: Served, case: Case, rng: random.Random) -> float | None:
+    """Drive, let a case happen, and return the milliseconds until the base is stopped; None if it is not."""
+    base.drive()
+    time.sleep(rng.random() * 0.05)
+    then = time.monotonic()
+    case.strike(base)
+
+    def stopped() -> float | None:
+        if case.is_cut_off and base.base.stops_itself(base.robot.robot):
+            return time.monotonic()
+        return base.robot.stood(then)
+
+    has_to_stop = not case.is_cut_off and case.most_ms is not None
     try:
-        driver.drive(300.0, 0.0)
-    except OSError:
-        pass
-    time.sleep(0.05)
-"""
-
-
-def _wait(condition: Callable[[], object]) -> None:
-    until = time.monotonic() + PATIENCE_S
-    while not condition():
-        if time.monotonic() > until:
-            raise TimeoutError("the base does not do what is expected")
-        time.sleep(0.002)
-
-
-def _stopped_after_ms(robot: TinyRobot, number: signal.Signals, rng: random.Random) -> float:
-    """Drive, send the driver a signal, and return the milliseconds from the last command until the stop."""
-    robot.heard.clear()
-    driver = subprocess.Popen([sys.executable, "-c", DRIVER, os.fspath(robot.port)])
-    try:
-        _wait(lambda: robot.speeds == (300, 0))
-        time.sleep(0.2 + rng.random() * 0.05)
-        driver.send_signal(number)
-        _wait(lambda: robot.speeds == (0, 0))
+        if has_to_stop or (case.is_cut_off and base.base.watchdog_s is not None):
+            return 1e3 * (until(stopped, f"{base.base.title} stops after {case.name}") - then)
+        time.sleep(WATCHED_S)
+        return None if (found := stopped()) is None else 1e3 * (found - then)
     finally:
-        driver.kill()
-        driver.wait()
-    last = max(t for data, t in robot.heard if data[0] == SPEEDS and any(data[1:]))
-    stop = next(t for data, t in robot.heard if t > last and data == Tiny.stop_bytes[2:-1])
-    return 1000 * (stop - last)
+        case.undo(base)
+        if "leader" in case.name or "host" in case.name:
+            base.end_program()
 
 
-def _measured(rounds: int) -> dict[str, list[float]]:
+def _rows_of(base: Base, rounds: int) -> Iterator[Row]:
     rng = random.Random(1)
-    found: dict[str, list[float]] = {"SIGKILL": [], "SIGSTOP": []}
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["COLONY_RUN_DIR"] = f"{folder}/r"
-        robot = TinyRobot(Path(folder) / "port")
-        try:
-            for _ in range(rounds):
-                for name, times in found.items():
-                    times.append(_stopped_after_ms(robot, signal.Signals[name], rng))
-        finally:
-            lock = Path(f"{RunDirectory.find(os.environ).guard(os.fspath(robot.port))}.lock")
-            os.kill(int(lock.read_text()), signal.SIGTERM)
-            robot.close()
-    return found
+    cases = tuple(_cases())
+    found: dict[str, list[float | None]] = {case.name: [] for case in cases}
+    with scratch() as folder, served(base, folder) as robot:
+        for _ in range(rounds):
+            for case in cases:
+                found[case.name].append(_stopped_after_ms(robot, case, rng))
+    for case in cases:
+        yield _row(base, case, found[case.name])
+
+
+def _row(base: Base, case: Case, found: list[float | None]) -> Row:
+    times = sorted(ms for ms in found if ms is not None)
+    name = f"{base.title}: {case.name}, worst of {len(found)}"
+    if times:
+        most_ms = case.most_ms
+        if case.is_cut_off and base.watchdog_s is not None:
+            most_ms = 1e3 * (base.watchdog_s + base.period_s)
+        note = f"median {times[len(times) // 2]:.0f} ms; {busy()}"
+        value = times[-1] if most_ms is not None else float(len(times))
+        return row(name, value, "ms" if most_ms is not None else "stops", most_ms or 0.0, note)
+    why = "it has no watchdog" if case.is_cut_off else "as it has to"
+    return row(name, 0.0, "stops", None if case.is_cut_off else 0.0, f"drove on for {WATCHED_S:g} s: {why}")
 
 
 def run(rounds: int = ROUNDS) -> list[Row]:
-    rows: list[Row] = []
-    for name, times in _measured(rounds).items():
-        times.sort()
-        rows.append(
-            {
-                "name": f"last command to stop on the wire after {name}, worst of {len(times)}",
-                "value": times[-1],
-                "target": TARGET_MS,
-                "unit": "ms",
-                "ok": times[-1] <= TARGET_MS,
-                "note": f"median {times[len(times) // 2]:.0f} ms; the driver sends every 50 ms",
-            }
-        )
-    return rows
+    return [each for base in BASES for each in _rows_of(base, rounds)]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--rounds", type=int, default=ROUNDS)
-    for row in run(parser.parse_args().rounds):
-        print(f"{row['name']}: {row['value']:.1f} ms ({row['note']})")
+    for each in run(parser.parse_args().rounds):
+        print(f"{each['name']}: {each['value']:.0f} {each['unit']} ({each['note']})")
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ A driver of a robot is a dialect; all else (threads, the guard, retries, ages, r
 
 from __future__ import annotations
 
+import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
@@ -36,6 +37,10 @@ class OpeningError(Exception):
 
 class ImplausibleError(ValueError):
     """A reading is outside the device's physics, although its checksum holds; the text says which."""
+
+
+REFUSALS = (ImplausibleError, struct.error, IndexError)
+"""What `Dialect.read` raises for a packet that is refused: it cannot be, or it ends too early."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +156,7 @@ class Dialect(ABC, Generic[Packet]):
 
         Raises:
             ImplausibleError: a reading is outside the device's physics; the whole packet is refused.
+            struct.error, IndexError: the packet ends too early; it is refused.
         """
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes:

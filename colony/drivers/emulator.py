@@ -51,25 +51,56 @@ class Emulator(Generic[F]):
         firmware: the robot; while the thread runs, others read its attributes, and set what acts on it.
         baud: the baud rate, which paces both directions.
         clock: the time in seconds.
+        link: a symbolic link to the port, which stays when the cable is plugged in again.
 
     Attributes:
-        port: the path of the end to open.
+        port: the path of the end to open; it changes when the cable is plugged in.
     """
 
-    def __init__(self, firmware: F, *, baud: int, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        firmware: F,
+        *,
+        baud: int,
+        clock: Callable[[], float] = time.monotonic,
+        link: Path | None = None,
+    ) -> None:
         self.firmware = firmware
         self._bytes_per_step = baud / 10.0 * STEP_S
         self._clock = clock
-        self._master, slave = os.openpty()
-        tty.setraw(slave)
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(slave)
-        os.close(slave)
+        self._link = link
+        self._lock = threading.Lock()
+        self._master: int | None = None
+        self.plug_in()
         self._now = clock()
         self._in, self._out = bytearray(), bytearray()
         self._in_budget = self._out_budget = 0.0
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="emulator", daemon=True)
+
+    def plug_in(self) -> None:
+        """Plug in the cable, unless it is: a new pseudoterminal."""
+        if self._master is not None:
+            return
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        self.port = os.ttyname(slave)
+        os.close(slave)
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+            self._link.symlink_to(self.port)
+            self.port = os.fspath(self._link)
+        self._master = master
+
+    def pull_out(self) -> None:
+        """Pull out the cable, unless it is: the other end finds the port gone, and the robot goes on."""
+        with self._lock:
+            master, self._master = self._master, None
+        if master is not None:
+            if self._link is not None:
+                self._link.unlink(missing_ok=True)
+            os.close(master)
 
     def start(self) -> None:
         """Run in a thread from now on."""
@@ -81,14 +112,13 @@ class Emulator(Generic[F]):
             self._closed.set()
             if self._thread.is_alive():
                 self._thread.join()
-            os.close(self._master)
+            self.pull_out()
 
     def catch_up(self) -> None:
         """Let the time pass that the clock says, step by step."""
         now = self._clock()
         self._now = max(self._now, now - LATEST_S)
-        with suppress(OSError):  # nobody has the other end open, or there is nothing
-            self._in += os.read(self._master, 4096)
+        self._receive()
         while self._now + STEP_S <= now:
             self._now += STEP_S
             self._step()
@@ -107,10 +137,22 @@ class Emulator(Generic[F]):
         self._out_budget = (self._out_budget if self._out else 0.0) + self._bytes_per_step
         size = min(len(self._out), int(self._out_budget))
         if size:
-            with suppress(OSError):
-                os.write(self._master, self._out[:size])
+            self._send(bytes(self._out[:size]))
             self._out_budget -= size
             del self._out[:size]
+
+    def _receive(self) -> None:
+        with self._lock, suppress(OSError):  # nobody has the other end open, or there is nothing
+            if self._master is None:
+                self._in.clear()  # what was on the line is lost
+                self._out.clear()
+            else:
+                self._in += os.read(self._master, 4096)
+
+    def _send(self, data: bytes) -> None:
+        with self._lock, suppress(OSError):
+            if self._master is not None:
+                os.write(self._master, data)
 
     def _run(self) -> None:
         while not self._closed.wait(STEP_S):
@@ -132,22 +174,18 @@ def emulator_options(prog: str, description: str, *, baud: int) -> argparse.Argu
     return parser
 
 
-def run_emulator(emulator: Emulator[F], link: Path | None) -> None:
-    """Print the port, and run until SIGINT or SIGTERM."""
-    ending = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ending.set())
-    if link is not None:
-        link.unlink(missing_ok=True)
-        link.symlink_to(emulator.port)
-    print(link or emulator.port, flush=True)
+def run_emulator(emulator: Emulator[F]) -> None:
+    """Print the port, and run until SIGINT or SIGTERM; SIGUSR1 pulls out the cable, SIGUSR2 plugs it in."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2)
+    signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
     emulator.start()
-    try:
-        ending.wait()
-    finally:
-        emulator.close()
-        if link is not None:
-            link.unlink(missing_ok=True)
+    print(emulator.port, flush=True)
+    while (number := signal.sigwait(numbers)) in (signal.SIGUSR1, signal.SIGUSR2):
+        emulator.pull_out()
+        if number == signal.SIGUSR2:
+            emulator.plug_in()
+            print(emulator.port, flush=True)
+    emulator.close()
 
 
 def _room(text: str) -> Surroundings:

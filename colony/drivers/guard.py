@@ -12,34 +12,22 @@ stop the base, those that end the session, and the deadline.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
 - The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
 
-It ends 2 s after its last driver. Usage: python -m colony.drivers.guard SOCKET PORT BAUD
+It ends 2 s after its last driver.
 """
 
 from __future__ import annotations
 
-import fcntl
-import os
 import selectors
-import signal
 import socket
 import struct
 import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 
-from colony.drivers.guard_packets import (
-    DATA,
-    DECIDED,
-    HELLO,
-    HELLO_HEAD,
-    LOST,
-    MAX_PACKET_BYTES,
-    PLAIN,
-    REFUSED,
-    STOP,
-    UP,
-)
+from colony.drivers import guard_packets as kinds
 from colony.drivers.guard_port import GuardedPort
+from colony.drivers.guard_process import claimed, on_signals
 
 LINGER_NS = 2_000_000_000
 """Time without drivers after which the guard ends."""
@@ -51,16 +39,16 @@ GOODBYE_NS = 500_000_000
 class Guard:
     """The guard, over its listening socket. Mutable; one thread."""
 
-    def __init__(self, listener: socket.socket, port: str, baud: int) -> None:
+    def __init__(self, listener: socket.socket, port: str, baud: int, stop: bytes) -> None:
         self._selector = selectors.DefaultSelector()
         self._selector.register(listener, selectors.EVENT_READ, self._accept)
         self._listener = listener
         self._port = GuardedPort(port, baud, self._selector, self._on_data, self._on_status)
-        self._status = LOST + b"the port is not open yet"
+        self._status = kinds.LOST + b"the port is not open yet"
         self._drivers: list[socket.socket] = []
         self._alone_since_ns = time.monotonic_ns()
         self._commanding: socket.socket | None = None
-        self._stop = self._goodbye = b""
+        self._stop, self._goodbye = stop, b""
         self._deadline_ns, self._handshake_first = 0, False
         self._decided_ns: int | None = None  # time of the last decision, while the base may move
         self.ending = False
@@ -79,14 +67,8 @@ class Guard:
         self._end()
 
     def watch_signals(self) -> None:
-        """End at SIGTERM and SIGINT, which wake the selector."""
-        woken, wake = socket.socketpair()
-        woken.setblocking(False)
-        wake.setblocking(False)
-        self._selector.register(woken, selectors.EVENT_READ, lambda: woken.recv(64))
-        signal.set_wakeup_fd(wake.detach())
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: setattr(self, "ending", True))
+        """End at SIGTERM and SIGINT."""
+        on_signals(self._selector, lambda: setattr(self, "ending", True))
 
     def _due_ns(self) -> int:
         alone_ns = None if self._drivers else self._alone_since_ns + LINGER_NS
@@ -122,11 +104,13 @@ class Guard:
             self._port.do_what_is_due()
 
     def _on_data(self, data: bytes) -> None:
-        self._send_all(DATA + struct.pack("<Q", time.monotonic_ns()) + data)
+        self._send_all(kinds.DATA + struct.pack("<Q", time.monotonic_ns()) + data)
 
     def _on_status(self, why_lost: str | None) -> None:
         """Tell all drivers and the log; a port that is open again may have a base that moves."""
-        status = UP + str(self._port.baud).encode() if why_lost is None else LOST + why_lost.encode()
+        status = (
+            kinds.UP + str(self._port.baud).encode() if why_lost is None else kinds.LOST + why_lost.encode()
+        )
         if status != self._status:
             print(why_lost or f"{self._port.name} is open", flush=True)
         self._status = status
@@ -145,7 +129,7 @@ class Guard:
 
     def _receive(self, driver: socket.socket) -> None:
         try:
-            packet = driver.recv(MAX_PACKET_BYTES)
+            packet = driver.recv(kinds.MAX_PACKET_BYTES)
         except BlockingIOError:
             return
         except OSError:
@@ -153,25 +137,26 @@ class Guard:
         kind, body = packet[:1], packet[1:]
         if not kind:
             self._drop(driver)
-        elif kind == PLAIN:
+        elif kind == kinds.PLAIN:
             self._port.outbox.add(body)
-        elif kind == HELLO and len(body) >= HELLO_HEAD.size:
+        elif kind == kinds.HELLO and len(body) >= kinds.HELLO_HEAD.size:
             self._greet(driver, body)
-        elif driver is self._commanding and kind == STOP:
+        elif driver is self._commanding and kind == kinds.STOP:
             self._halt(drops_plain=False)  # the last settings of its opening may wait
-        elif driver is self._commanding and kind == DECIDED and len(body) > 8:
+        elif driver is self._commanding and kind == kinds.DECIDED and len(body) > 8:
             self._decide(struct.unpack_from("<Q", body)[0], body[8:])
 
     def _greet(self, driver: socket.socket, body: bytes) -> None:
         if self._commanding not in (None, driver):
             self._send(
-                driver, REFUSED + f"another driver commands {self._port.name} already; end it first".encode()
+                driver,
+                kinds.REFUSED + f"another driver commands {self._port.name} already; end it first".encode(),
             )
             self._drop(driver)
             return
-        deadline_ms, self._handshake_first, size = HELLO_HEAD.unpack_from(body)
+        deadline_ms, self._handshake_first, size = kinds.HELLO_HEAD.unpack_from(body)
         self._commanding, self._deadline_ns = driver, deadline_ms * 1_000_000
-        body = body[HELLO_HEAD.size :]
+        body = body[kinds.HELLO_HEAD.size :]
         self._stop, self._goodbye = body[:size], body[size:]
         self._halt_unknown()
 
@@ -206,27 +191,16 @@ class Guard:
 
 
 def main() -> None:
-    """Run the guard of the command line, unless the port has one."""
-    path, port, baud = sys.argv[1:]
-    lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    """Run the guard of `SOCKET PORT BAUD STOP`, the stop in hexadecimal, unless the port has one."""
+    path, port, baud, stop = sys.argv[1:]
+    if (listener := claimed(path)) is None:
         return
-    os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
-    with suppress(FileNotFoundError):
-        os.unlink(path)  # of a guard that was killed
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    listener.bind(path)
-    listener.setblocking(False)
-    listener.listen()
-    guard = Guard(listener, port, int(baud))
+    guard = Guard(listener, port, int(baud), bytes.fromhex(stop))
     guard.watch_signals()
     try:
         guard.run()
     finally:
-        with suppress(FileNotFoundError):
-            os.unlink(path)
+        Path(path).unlink(missing_ok=True)
 
 
 if __name__ == "__main__":

@@ -99,7 +99,12 @@ class GuardConnection:
         """
         if not self._readable.poll(timeout_s * 1000):
             return None
-        packet = self._socket.recv(MAX_PACKET_BYTES)
+        try:
+            packet = self._socket.recv(MAX_PACKET_BYTES)
+        except (
+            ConnectionResetError
+        ):  # the guard closed it before it had read all; what it sent is still there
+            packet = self._socket.recv(MAX_PACKET_BYTES)
         kind, body = packet[:1], packet[1:]
         if kind == DATA:
             return Arrived(body[8:], struct.unpack_from("<Q", body)[0])
@@ -142,12 +147,13 @@ class GuardConnection:
         self._socket.close()
 
 
-def connect(port: str, baud: int, command: Command | None) -> GuardConnection:
+def connect(port: str, baud: int, stop: bytes, command: Command | None) -> GuardConnection:
     """Connect to the guard of a port; start it if there is none.
 
     Args:
         port: what `link.open_link` opens.
         baud: the baud rate of the port.
+        stop: what a guard that is started here sends first, as the base may still drive.
         command: what a driver that commands leaves with the guard; None only to listen.
 
     Raises:
@@ -158,7 +164,7 @@ def connect(port: str, baud: int, command: Command | None) -> GuardConnection:
     path = RunDirectory.find(os.environ).guard(port)
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
-        _reach(connection, path, port, baud)
+        _reach(connection, path, port, baud, stop)
         if command is not None:
             head = HELLO_HEAD.pack(
                 command.deadline_ns // 1_000_000, command.handshake_first, len(command.stop)
@@ -170,7 +176,7 @@ def connect(port: str, baud: int, command: Command | None) -> GuardConnection:
     return GuardConnection(connection)
 
 
-def _reach(connection: socket.socket, path: Path, port: str, baud: int) -> None:
+def _reach(connection: socket.socket, path: Path, port: str, baud: int, stop: bytes) -> None:
     began = start_due = time.monotonic()
     while (now := time.monotonic()) < began + START_S:
         try:
@@ -179,19 +185,19 @@ def _reach(connection: socket.socket, path: Path, port: str, baud: int) -> None:
             if now >= start_due:
                 start_due = now + START_AGAIN_S
                 _guards[:] = [guard for guard in _guards if guard.poll() is None]
-                _guards.append(_start(path, port, baud))
+                _guards.append(_start(path, port, baud, stop))
             time.sleep(CONNECT_PAUSE_S)
         else:
             return
     raise LinkError(f"the guard of {port} does not start; its log is {path}.log")
 
 
-def _start(path: Path, port: str, baud: int) -> subprocess.Popen[bytes]:
+def _start(path: Path, port: str, baud: int, stop: bytes) -> subprocess.Popen[bytes]:
     """Start a guard in a session of its own, so that no signal to a group of processes reaches it."""
     log = os.open(f"{path}.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
     try:
         return subprocess.Popen(
-            [sys.executable, "-m", "colony.drivers.guard", os.fspath(path), port, str(baud)],
+            [sys.executable, "-m", "colony.drivers.guard", os.fspath(path), port, str(baud), stop.hex()],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Generic
 
 from colony.drivers.decoder import Packet
-from colony.drivers.dialect import Dialect, ImplausibleError, OpeningError
+from colony.drivers.dialect import REFUSALS, Dialect, OpeningError
 from colony.drivers.guarded import Arrived, Command, Event, GuardConnection, Lost, Up, connect
 from colony.drivers.link import TCP, LinkError
 from colony.drivers.measurements import Measurements
@@ -48,6 +48,8 @@ class Line(Generic[Packet]):
         self._port = port
         self._baud = baud or dialect.baud
         self._command = command
+        comes_first = dialect.handshake_first and port.startswith(TCP)
+        self._first = b"" if comes_first else dialect.stop_bytes
         self._report = report
         self._problems: OnceReporter | None = None
         self._implausible = OnceReporter(report)
@@ -123,7 +125,7 @@ class Line(Generic[Packet]):
         while not self._closed.is_set():
             began = time.monotonic()
             try:
-                self._serve(connect(self._port, self._baud, self._command))
+                self._serve(connect(self._port, self._baud, self._first, self._command))
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
             pause_s = next_pause_s(pause_s, time.monotonic() - began)
@@ -196,7 +198,7 @@ class Line(Generic[Packet]):
             readings = self._dialect.read(packet, measured_ns)
             with self._lock:
                 self._measured.take(readings, measured_ns)
-        except ImplausibleError as problem:
+        except REFUSALS as problem:
             self._implausible.report("", "", f"a packet was refused: {problem}")
         if self._is_ready:
             self._note_success()

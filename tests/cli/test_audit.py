@@ -422,7 +422,7 @@ def test_progress_on_what_takes_long(
     colony: Colony, recorded: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorded()
-    monkeypatch.setattr("colony.cli.audit.PROGRESS_DELAY_S", -1.0)
+    monkeypatch.setattr("colony.cli.progress.PROGRESS_DELAY_S", -1.0)
     result = colony("audit", "run.mcap")
     said = result.err.splitlines()
     assert said == sorted(said, key=lambda line: int(line.split()[0]))

@@ -129,6 +129,7 @@ def frames(session: Session) -> int:
         ("--set Wish=1", "--set: --shadow sets and commands nothing"),
         ("--scenario x.scenario", "--scenario: --shadow sets and commands nothing"),
         ("--to 216", "--to: --shadow sets and commands nothing"),
+        ("--watch", "--watch: `colony watch --robot NAME` shows a robot that is running"),
         ("--isolate", "--isolate: the clients of --shadow are in this process"),
         ("--picture run.png", "--picture: the path is not that of this program"),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import random
 import signal
 import socket
 import struct
@@ -18,8 +19,9 @@ import pytest
 from colony.drivers import guarded
 from colony.drivers.guarded import Command, Lost, Up, connect
 from colony.drivers.link import LinkError
+from colony.drivers.serial_base import SerialBase
 from colony.runtime.transport.live.run_directory import RunDirectory
-from tests.drivers.tiny import GOODBYE, HELLO, SPEEDS, Tiny, base, battery
+from tests.drivers.tiny import GOODBYE, HELLO, SPEEDS, Tiny, base, battery, encoded
 from tests.drivers.tiny_robot import TinyRobot
 
 PATIENCE_S = 30.0
@@ -131,6 +133,21 @@ def test_a_killed_guard_has_a_successor(robot: TinyRobot, driving: subprocess.Po
     wait_for(lambda: robot.speeds == (300, 0))
 
 
+def test_the_successor_of_a_killed_guard_stops_the_base_for_one_that_only_listens(
+    robot: TinyRobot, driving: subprocess.Popen[bytes]
+) -> None:
+    listener = battery(os.fspath(robot.port))
+    try:
+        wait_for(lambda: listener.fields()["level"])
+        first = guard_pid(robot)
+        driving.send_signal(signal.SIGSTOP)  # it starts no other
+        os.kill(first, signal.SIGKILL)
+        wait_for(lambda: guard_runs(robot) and guard_pid(robot) != first)
+        stopped_after(robot)
+    finally:
+        listener.close()
+
+
 def test_a_guard_that_is_ended_stops_the_base_and_the_session(
     robot: TinyRobot, driving: subprocess.Popen[bytes]
 ) -> None:
@@ -174,8 +191,11 @@ def test_two_drivers_have_one_guard(robot: TinyRobot) -> None:
 
 def test_one_driver_alone_commands(robot: TinyRobot) -> None:
     command = Command(stop=b"", goodbye=b"", deadline_ns=150_000_000)
-    first = connect(os.fspath(robot.port), 0, command)
-    second = connect(os.fspath(robot.port), 0, command)
+    first = connect(os.fspath(robot.port), 0, b"", command)
+    os.kill(guard_pid(robot), signal.SIGSTOP)
+    second = connect(os.fspath(robot.port), 0, b"", command)
+    second.stop()  # the guard refuses before it has read this, which would lose what it said
+    os.kill(guard_pid(robot), signal.SIGCONT)
     try:
         refusals = []
         while not refusals:
@@ -249,7 +269,7 @@ def test_a_wrong_baud_rate(robot: TinyRobot) -> None:
 
     def is_noticed() -> bool:
         if driver.problem:  # the port is open
-            robot.send(b"\x00\xe0\x00")
+            robot.write(b"\x00\xe0\x00")
         return "bytes arrive, and no packet is among them: it may not speak at" in (driver.problem or "")
 
     try:
@@ -264,7 +284,7 @@ def test_a_wrong_baud_rate(robot: TinyRobot) -> None:
 def test_a_busy_port(robot: TinyRobot) -> None:
     with robot.port.open("rb", buffering=0) as other:
         fcntl.flock(other, fcntl.LOCK_EX)
-        connection = connect(os.fspath(robot.port), 0, None)
+        connection = connect(os.fspath(robot.port), 0, b"", None)
         try:
             event = connection.receive(PATIENCE_S)
             while event == Lost("the port is not open yet"):
@@ -280,7 +300,7 @@ def test_a_busy_port(robot: TinyRobot) -> None:
 
 def test_decisions_that_are_too_old_move_nothing(robot: TinyRobot) -> None:
     command = Command(stop=Tiny.stop_bytes, goodbye=b"", deadline_ns=150_000_000)
-    connection = connect(os.fspath(robot.port), 0, command)
+    connection = connect(os.fspath(robot.port), 0, b"", command)
     try:
         while not isinstance(connection.receive(PATIENCE_S), Up):
             pass
@@ -293,8 +313,22 @@ def test_decisions_that_are_too_old_move_nothing(robot: TinyRobot) -> None:
         connection.close()
 
 
+def test_garbage_from_the_line_moves_nothing_and_costs_no_line(robot: TinyRobot) -> None:
+    said: list[str] = []
+    driver = SerialBase(Tiny(), os.fspath(robot.port), report=said.append)
+    try:
+        wait_for(driver.state)
+        robot.write(encoded(b"\x01\x02") + random.Random(1).randbytes(3000))
+        refusal = "a packet was refused: unpack_from requires a buffer of at least 7 bytes"
+        wait_for(lambda: any(text.startswith(refusal) for text in said))
+        wait_for(lambda: driver.problem is None and driver.state())
+        assert not any(data[0] == SPEEDS and any(data[1:]) for data, _ in robot.heard)
+    finally:
+        driver.close()
+
+
 def test_garbage_from_a_driver_is_ignored(robot: TinyRobot) -> None:
-    connection = connect(os.fspath(robot.port), 0, None)
+    connection = connect(os.fspath(robot.port), 0, b"", None)
     raw: socket.socket = connection._socket
     try:
         for packet in (b"H", b"D", b"?", b"H" + bytes(3), b"D" + struct.pack("<Q", 0) + b"x"):

@@ -26,7 +26,7 @@ def test_the_newest_decision_alone_is_sent_and_first() -> None:
     assert outbox.due_ns() is None
 
 
-def test_a_stop_drops_what_waits_and_is_repeated() -> None:
+def test_a_stop_with_a_new_driver_drops_what_waits_and_is_repeated() -> None:
     outbox = Outbox(0)
     outbox.add(b"query")
     outbox.decide(b"go")

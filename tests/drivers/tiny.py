@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import random
 import struct
+from functools import cache
 from typing import ClassVar
 
 from colony.drivers.decoder import Need, SlidingDecoder
@@ -17,6 +18,7 @@ from colony.drivers.odometry import Pose, Registers
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.runtime.servers.drivers import BaseState
 from tests.drivers.fuzz import Case
+from tests.drivers.fuzz_device import Device
 
 START = 0xA5
 LONGEST = 40
@@ -54,6 +56,7 @@ def _packet(rng: random.Random) -> bytes:
             ),
             lambda: bytes([2, rng.randrange(256)]),
             lambda: struct.pack("<BBH", 3, rng.randrange(4), rng.randrange(5000)),
+            lambda: bytes([4]),
         )
     )
     return encoded(kind())
@@ -67,9 +70,6 @@ def _frame_at(stream: bytes, at: int) -> int:
     for byte in frame[1:]:
         total = (total + byte) & 0xFF
     return len(frame) if total == 0 and len(frame) == 3 + stream[at + 1] else 0
-
-
-CASE = Case(decoder=decoder, packet=_packet, frame_at=_frame_at, raw=encoded, longest=LONGEST)
 
 
 HELLO, SPEEDS, GOODBYE = 0x10, 0x11, 0x12
@@ -147,3 +147,40 @@ def base(port: str, baud: int = 0, frame_ns: int = 50_000_000) -> SerialBase[byt
 def battery(port: str, baud: int = 0) -> SerialFields[bytes]:
     """Return the driver of the battery."""
     return SerialFields(Tiny(), port, {"level": "volts"}, baud=baud)
+
+
+@cache
+def _recording() -> list[bytes]:
+    found = []
+    for i in range(300):
+        found += [
+            encoded(struct.pack("<BhhH", 1, i * 9, (i * 5) % 90, i * 20)),
+            encoded(bytes([2, 124])),
+            *(encoded(struct.pack("<BBH", 3, k, 1000 + i + k)) for k in range(4)),
+        ]
+    return found
+
+
+def _moves(data: bytes) -> bool:
+    return any(frame[0] == SPEEDS and any(frame[1:]) for frame in decoder().feed(data))
+
+
+DEVICE = Device(
+    dialect=Tiny,
+    recording=_recording,
+    period_s=0.005,
+    limits={"volts": (0.0, 20.0), "sonar": (0.0, 5000.0)},
+    max_speed=1000.0,
+    max_turn=200.0,
+    moves=_moves,
+)
+
+CASE = Case(
+    decoder=decoder,
+    packet=_packet,
+    frame_at=_frame_at,
+    raw=encoded,
+    longest=LONGEST,
+    header=bytes([START, 2]),
+    device=DEVICE,
+)

@@ -54,8 +54,8 @@ class TinyRobot:
         if self._plugged.is_set():
             os.close(self._master)
 
-    def send(self, data: bytes) -> None:
-        """Send any bytes."""
+    def write(self, data: bytes) -> None:
+        """Send bytes, of which it sends nothing else in the middle."""
         os.write(self._master, data)
 
     def count(self, kind: int) -> int:

@@ -3,7 +3,7 @@
     python -m colony.drivers.create2.emulator --room 3000x4000 --link /tmp/create2
     colony serve all --robot create2 --port /tmp/create2
 
-It prints its port, and runs until it is interrupted.
+It prints its port, and runs until it is interrupted; SIGUSR1 pulls out its cable, SIGUSR2 plugs it in.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def main() -> None:
         prog, "Emulate a Create 2 on a pseudoterminal.", baud=Create2.baud
     ).parse_args()
     robot = Firmware(World(range=options.room))
-    run_emulator(Emulator(robot, baud=options.baud), options.link)
+    run_emulator(Emulator(robot, baud=options.baud, link=options.link))
 
 
 if __name__ == "__main__":

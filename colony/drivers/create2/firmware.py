@@ -73,6 +73,7 @@ class Firmware:
         mode: its mode.
         drops: whether the left and the right wheel hang.
         plugged: whether the charger's cable is plugged in.
+        touched: whether something presses its bumper, besides what is around.
     """
 
     def __init__(self, world: World | None = None) -> None:
@@ -83,7 +84,7 @@ class Firmware:
         self.wheels = (0.0, 0.0)
         self.mode = Mode.OFF
         self.drops = (False, False)
-        self.plugged = False
+        self.plugged = self.touched = False
         self._wanted = (0, 0)
         self._travel = [0.0, 0.0]
         self._charge = FULL_MAH
@@ -149,6 +150,11 @@ class Firmware:
         self._out.append(
             data_of(bytes(number for number in ids if number in PACKETS or number in GROUPS), self._values())
         )
+
+    @property
+    def set_points(self) -> tuple[int, int]:
+        """The speeds of the left and the right wheel that it was commanded, in mm/s."""
+        return self._wanted
 
     # --- time ----------------------------------------------------------------------------------------
 
@@ -229,8 +235,8 @@ class Firmware:
         return {f"infrared_{name}": DOCK | beams for name in hears}
 
     def _values(self) -> dict[str, int]:
-        left_bump = any(self._gap(side) <= 3.0 for side in range(0, 91, 15))
-        right_bump = any(self._gap(-side) <= 3.0 for side in range(0, 91, 15))
+        left_bump = self.touched or any(self._gap(side) <= 3.0 for side in range(0, 91, 15))
+        right_bump = self.touched or any(self._gap(-side) <= 3.0 for side in range(0, 91, 15))
         drop_left, drop_right = self.drops
         lights = [
             min(4095, round(4095 * math.exp(-max(0.0, gap) / LIGHT_REACH_MM)))

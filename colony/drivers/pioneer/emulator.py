@@ -3,7 +3,7 @@
     python -m colony.drivers.pioneer.emulator --room 4000x6000 --link /tmp/pioneer
     colony serve all --robot pioneer --port /tmp/pioneer
 
-It prints its port, and runs until it is interrupted.
+It prints its port, and runs until it is interrupted; SIGUSR1 pulls out its cable, SIGUSR2 plugs it in.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def main() -> None:
     parser.add_argument("--model", choices=sorted(MODELS), default="p3dx-sh", metavar="MODEL")
     options = parser.parse_args()
     robot = Firmware(MODELS[options.model], around=options.room)
-    run_emulator(Emulator(robot, baud=options.baud), options.link)
+    run_emulator(Emulator(robot, baud=options.baud, link=options.link))
 
 
 if __name__ == "__main__":

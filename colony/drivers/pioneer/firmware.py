@@ -34,6 +34,7 @@ class Firmware:
         pose: x and y in mm, and the heading in degrees, as it is; the registers show it in their units.
         stop_button: whether its button is pressed, which switches the motors off; volts: its battery's.
         joystick: speeds of a joystick at its own port, while its button is pressed.
+        touched: whether something presses its front bumper, besides what is around.
         bump_stall: bumpers at which it stalls by itself: 1 in front, 2 behind.
     """
 
@@ -51,7 +52,7 @@ class Firmware:
         self._decoder = decoder()
         self._out: list[bytes] = []
         self.pose, self._motion = (0.0, 0.0, 0.0), Motors(row)
-        self.stop_button, self.volts = False, FULL_V
+        self.stop_button, self.touched, self.volts = False, False, FULL_V
         self.joystick: tuple[float, float] | None = None
         self._encoders = [0.0, 0.0]
         self._reset()
@@ -204,7 +205,8 @@ class Firmware:
     def _pressed(self, middle: float) -> int:
         """Return the pressed segments of the bumper whose middle is at this bearing."""
         bearings = [middle + 30.0 * (i - (self._bumpers - 1) / 2.0) for i in range(self._bumpers)]
-        return sum(1 << i for i, bearing in enumerate(bearings) if self._gap(bearing) <= TOUCH_MM)
+        nearest = math.inf if self.touched and not middle else TOUCH_MM
+        return sum(1 << i for i, bearing in enumerate(bearings) if self._gap(bearing) <= nearest)
 
     def _fire(self) -> None:
         if not self._sonar_on or not self._row.sonars:

@@ -14,17 +14,17 @@ from dataclasses import replace
 from colony.drivers.decoder import Decoder
 from colony.drivers.dialect import (
     NOTHING,
+    Ask,
     Dialect,
     ImplausibleError,
     Opening,
     Readings,
-    Send,
 )
 from colony.drivers.odometry import Pose, Registers
 from colony.drivers.pioneer.codec import Command, command, decoder
 from colony.drivers.pioneer.handshake import handshake, is_standard
 from colony.drivers.pioneer.parameters import MODELS, Parameters, parameters_of
-from colony.drivers.pioneer.sip import StandardSip, read_sip
+from colony.drivers.pioneer.sip import StandardSip, mask_of, may_drive, read_sip
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.servers.drivers import BaseState
@@ -89,8 +89,8 @@ class Pioneer(Dialect[bytes]):
         own = len(self._row.sonars)
         if not 0 <= sonars <= own:
             raise ValueError(f"sonars is {sonars}; a {self._row.model} has up to {own}")
-        self._front = _mask(self._row.front_bumpers if front_bumpers is None else front_bumpers)
-        self._rear = _mask(self._row.rear_bumpers if rear_bumpers is None else rear_bumpers)
+        self._front = mask_of(self._row.front_bumpers if front_bumpers is None else front_bumpers)
+        self._rear = mask_of(self._row.rear_bumpers if rear_bumpers is None else rear_bumpers)
         self._settings = [command(Command.ENABLE, 1), command(Command.SONAR, 1)]
         if acceleration:
             self._settings += [command(Command.SETA, sign * acceleration) for sign in (1, -1)]
@@ -107,9 +107,9 @@ class Pioneer(Dialect[bytes]):
         self.max_speed = 1.2 * self._row.max_speed
         self.max_turn = 1.2 * self._row.max_turn
         self.delay_ns = CYCLE_NS + PACKET_BITS * 1_000_000_000 // (baud or BAUD)
-        self._turn_bits = (self._row.turn_units - 1).bit_length()
-        units = max(self.max_speed / self._row.distance, self.max_turn * self._row.turn_units / 360.0)
-        self._registers = Registers(15, 15, self._turn_bits, max_rate=units)
+        turn_bits = (self._row.turn_units - 1).bit_length()
+        self._position = Registers(15, 15, max_rate=self.max_speed / self._row.distance)
+        self._heading = Registers(turn_bits, max_rate=self.max_turn * self._row.turn_units / 360.0)
         self._pose = Pose()
 
     def decoder(self) -> Decoder[bytes]:
@@ -118,12 +118,15 @@ class Pioneer(Dialect[bytes]):
 
     def restart(self) -> None:
         """Count from the next values of the registers on; keep the pose."""
-        self._registers.restart()
+        self._position.restart()
+        self._heading.restart()
 
     def opening(self) -> Opening[bytes]:
         """Return the handshake, the check of the model, and the settings; a session that is open goes on."""
         yield from handshake(self._row.model, self.baud, self.stop_bytes)
-        yield Send(b"".join(self._settings))
+        for _ in range(5):  # commands are not acknowledged, and may be lost on the line
+            if (yield Ask(b"".join(self._settings), may_drive)) is not None:
+                return  # else its stop button is pressed
 
     def read(self, packet: bytes, t_ns: int) -> Readings:
         """Return what a standard packet measured.
@@ -161,7 +164,8 @@ class Pioneer(Dialect[bytes]):
 
     def _base(self, sip: StandardSip, t_ns: int) -> BaseState:
         row = self._row
-        (ahead, left, _), _ = self._registers.step((sip.x, sip.y, sip.heading), t_ns)
+        self._heading.step((sip.heading,), t_ns)  # only whether it can be
+        (ahead, left), _ = self._position.step((sip.x, sip.y), t_ns)
         heading = sip.heading % row.turn_units * 360.0 / row.turn_units
         self._pose = replace(
             self._pose,
@@ -219,12 +223,6 @@ def _cycle(cycle_ms: int) -> int:
     if not low <= cycle_ms <= high:
         raise ValueError(f"sonar_cycle is {cycle_ms} ms; {low} to {high} ms are possible")
     return cycle_ms
-
-
-def _mask(segments: int) -> int:
-    if not 0 <= segments <= 7:
-        raise ValueError(f"{segments} segments of a bumper; up to 7 are possible")
-    return (1 << segments) - 1
 
 
 def base(port: str, *, frame_ns: int, baud: int = 0, **options: bool | float | str) -> SerialBase[bytes]:

@@ -126,6 +126,23 @@ def read_sip(data: bytes) -> Sip | None:
         return None
 
 
+def may_drive(data: bytes) -> bool:
+    """Return True if a packet shows that the motors are on, or is of firmware that does not say so."""
+    sip = read_sip(data)
+    return isinstance(sip, StandardSip) and (sip.battery_fine is None or bool(sip.flags & 1))
+
+
+def mask_of(segments: int) -> int:
+    """Return the bits of so many segments of a bumper.
+
+    Raises:
+        ValueError: no bumper has as many.
+    """
+    if not 0 <= segments <= 7:
+        raise ValueError(f"{segments} segments of a bumper; up to 7 are possible")
+    return (1 << segments) - 1
+
+
 def _u32(data: bytes, at: int) -> int:
     value: int = struct.unpack_from("<I", data, at)[0]
     return value

@@ -152,33 +152,34 @@ class Conditions:
         return found
 
     def _key(self, e: ir.Expression) -> Key:
-        """Return the identity of an expression: equal ones have one value, and change together."""
-        return "expression", self._numbers.setdefault(e, len(self._numbers))
+        return "expression", self._number(e)
 
     def entangled(self, formula: Formula) -> frozenset[Key]:
         """Return the conditions on which others of a formula depend, and those about missing sensors."""
         found = all_leaves(formula)
-        read = [(key, self._reads(leaf.node)) for key, leaf in found.items() if leaf.node is not None]
-        nodes = {key: leaf.node for key, leaf in found.items() if leaf.node is not None}
-        depended_on = {
-            key for key, node in nodes.items() if any(other != key and node in reads for other, reads in read)
-        }
-        return frozenset(depended_on | {key for key in found if key[0] == "present"})
+        numbers = {key: self._number(leaf.node) for key, leaf in found.items() if leaf.node is not None}
+        read = {n for leaf in found.values() if leaf.node is not None for n in self._reads(leaf.node)}
+        return frozenset(key for key in found if numbers.get(key) in read or key[0] == "present")
 
-    def _reads(self, root: ir.Expression) -> set[ir.Expression]:
-        """Return the boolean expressions within one, also by way of lets."""
-        found: set[ir.Expression] = set()
+    def _reads(self, root: ir.Expression) -> set[int]:
+        """Return the numbers of the boolean expressions within one, also by way of lets."""
+        found: set[int] = set()
         lets: set[str] = set()
         work = [] if _rests_on_past_alone(root) else [*ir.children(root)]
         while work:
             e = work.pop()
             if isinstance(e.type, Bool):
-                found.add(e)
+                found.add(self._number(e))
             if isinstance(e, ir.DerivedValue | ir.LocalValue) and e.name not in lets:
                 lets.add(e.name)
-                work.append((self._file_lets | self._local_lets)[e.name].expression)
+                lets_of = self._file_lets if isinstance(e, ir.DerivedValue) else self._local_lets
+                work.append(lets_of[e.name].expression)
             work.extend(ir.children(e))
         return found
+
+    def _number(self, e: ir.Expression) -> int:
+        """Return the number of an expression; equal ones have one value, and change together."""
+        return self._numbers.setdefault(e, len(self._numbers))
 
     # --- leaves ----------------------------------------------------------------------------------
 

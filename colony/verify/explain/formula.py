@@ -138,8 +138,9 @@ def _bottom_up(formula: Formula) -> Iterator[Formula]:
         work.extend((part, False) for part in node.parts)
 
 
+MAX_SINGLES = 300
 MAX_CANDIDATES = 60
-"""Maximum number of conditions of which pairs are tried."""
+"""Maximum numbers of conditions that are tried one by one, and in pairs; of more, one set is found."""
 
 MAX_CHANGES = 8
 """Maximum number of sets of conditions that an answer names."""
@@ -172,7 +173,7 @@ def changes(formula: Formula, entangled: Collection[Key] = ()) -> Changes:
 
 
 def _smallest(formula: Formula, candidates: list[Leaf]) -> list[tuple[Leaf, ...]]:
-    sizes = (1, 2) if len(candidates) <= MAX_CANDIDATES else (1,)
+    sizes = (1, 2)[: (len(candidates) <= MAX_SINGLES) + (len(candidates) <= MAX_CANDIDATES)]
     free = {node.key for node in _bottom_up(formula) if isinstance(node, Leaf) and node.free}
     for size in sizes:
         found = [
@@ -199,7 +200,7 @@ def _structural(formula: Formula, allowed: set[Key]) -> tuple[Leaf, ...] | None:
     chosen = _chosen(formula, allowed)
     if chosen is None or value_with(formula, chosen.keys()) == formula.holds:
         return None
-    for key in list(chosen):
+    for key in list(chosen) if len(chosen) <= MAX_SINGLES else ():
         rest = chosen.keys() - {key}
         if value_with(formula, rest) != formula.holds:
             del chosen[key]

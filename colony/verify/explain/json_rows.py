@@ -6,14 +6,14 @@ from dataclasses import fields
 from typing import Any, assert_never
 
 from colony.text.source import Span
-from colony.text.wording import listed
 from colony.verify.explain.answer import Explanation, Question, Sent, Whether, Why, WhyNot
 from colony.verify.explain.causes import Cause
 from colony.verify.explain.formula import Formula, Leaf
 from colony.verify.explain.text import (
-    MAX_DEPTH,
+    MAX_LEVEL,
+    MAX_PARTS,
     cause_text,
-    change_text,
+    changes_text,
     head_text,
     lines,
     shown_parts,
@@ -42,9 +42,10 @@ def row(explanation: Explanation) -> dict[str, Any]:
         "changes": [
             {
                 "certain": change.is_certain,
-                "text": listed([change_text(leaf) for leaf in change.leaves]),
+                "text": changes_text(change),
                 "conditions": [
-                    _cause(leaf.cause, leaf.holds, explanation.t_ns, leaf.span) for leaf in change.leaves
+                    _cause(leaf.cause, leaf.holds, explanation.t_ns, leaf.span)
+                    for leaf in change.leaves[:MAX_PARTS]
                 ],
             }
             for change in explanation.changes
@@ -69,9 +70,9 @@ def _because(formula: Formula, t_ns: int, depth: int) -> list[dict[str, Any]]:
     """Return an object for each condition that decided, with those that it rests on as `because`."""
     if isinstance(formula, Leaf):
         return [] if formula.implied else [_cause(formula.cause, formula.holds, t_ns, formula.span)]
-    if depth > MAX_DEPTH:
+    if depth > MAX_LEVEL:
         return []
-    below = [found for part in shown_parts(formula) for found in _because(part, t_ns, depth + 1)]
+    below = [found for part in shown_parts(formula)[:MAX_PARTS] for found in _because(part, t_ns, depth + 1)]
     text = head_text(formula)
     if text is None:
         return below

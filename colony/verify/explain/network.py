@@ -100,14 +100,13 @@ class Network:
         if wiring.relation == "inhibits":
             cut = [negation(self._dominates(wiring, i, node, d)) for i, d in enumerate(dominant)]
             return group("all", (last, *cut))
-        inferior = last
+        options: list[Formula] = [last]  # in reverse order
         for i in reversed(range(len(dominant))):
             if wiring.windows_ns[i]:
                 window = negation(self._window(wiring, i, node))
-                inferior = group("any", (dominant[i], group("all", (inferior, window))))
-            else:
-                inferior = group("any", (dominant[i], *_alternatives(inferior)))
-        return inferior
+                options = [group("all", (group("any", options[::-1]), window))]
+            options.append(dominant[i])
+        return group("any", options[::-1])
 
     def _dominates(self, chain: Chain, i: int, node: Node, active: Formula) -> Formula:
         """Return the formula of "operand `i` suppresses or inhibits what follows it"."""
@@ -212,13 +211,6 @@ def _unwired(actuator: str, module: str | None) -> Leaf:
     """Return the formula of what the wiring makes impossible."""
     cause = Unwired(actuator=actuator, module=module)
     return Leaf(holds=False, cause=cause, key=("wired", actuator), fixed=True)
-
-
-def _alternatives(formula: Formula) -> tuple[Formula, ...]:
-    """Return the parts of a plain "any of", so that long chains stay flat."""
-    if isinstance(formula, Leaf) or formula.subject is not None or formula.negated:
-        return (formula,)
-    return formula.parts if formula.relation == "any" else (formula,)
 
 
 def _name_of(wiring: Wiring) -> str:

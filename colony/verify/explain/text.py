@@ -24,10 +24,14 @@ from colony.verify.explain.causes import (
     Unwired,
 )
 from colony.verify.explain.command import Cut
-from colony.verify.explain.formula import Formula, Group, Leaf, deciding_parts
+from colony.verify.explain.formula import Change, Formula, Group, Leaf, deciding_parts
 
 MAX_DEPTH = 10
-"""Maximum depth of the tree of conditions that an answer shows."""
+MAX_LEVEL = 100
+"""Maximum depth of the tree of conditions that an answer shows, and of its nesting without lines."""
+
+MAX_PARTS = 24
+"""Maximum number of conditions side by side that an answer shows."""
 
 
 def lines(explanation: Explanation) -> tuple[str, ...]:
@@ -57,8 +61,10 @@ def short(explanation: Explanation) -> str:
     return "; ".join((*texts[:MAX_CAUSES], *more))
 
 
-def _short(formula: Formula, t_ns: int) -> Iterator[str]:
+def _short(formula: Formula, t_ns: int, level: int = 0) -> Iterator[str]:
     """Yield the conditions that decided; of modules, wires and winners no more than that they are active."""
+    if level >= MAX_LEVEL:
+        return
     if isinstance(formula, Leaf):
         if not formula.implied:
             yield cause_text(formula.cause, formula.holds, t_ns)
@@ -71,10 +77,10 @@ def _short(formula: Formula, t_ns: int) -> Iterator[str]:
             yield f"{subject} is {'' if formula.holds else 'not '}{predicate}"
             for part in shown_parts(formula):
                 if isinstance(part, Leaf):
-                    yield from _short(part, t_ns)
+                    yield from _short(part, t_ns, level + 1)
         case _:
             for part in shown_parts(formula):
-                yield from _short(part, t_ns)
+                yield from _short(part, t_ns, level + 1)
 
 
 def time_text(t_ns: int) -> str:
@@ -255,7 +261,7 @@ def _details(detail: tuple[str, ...]) -> str:
 # --- the tree of conditions ------------------------------------------------------------------------
 
 
-def _tree(formula: Formula, t_ns: int, depth: int) -> Iterator[str]:
+def _tree(formula: Formula, t_ns: int, depth: int, level: int = 0) -> Iterator[str]:
     """Yield a line for each condition that decided, indented by depth."""
     indent = "  " * depth
     if isinstance(formula, Leaf):
@@ -263,13 +269,16 @@ def _tree(formula: Formula, t_ns: int, depth: int) -> Iterator[str]:
             yield indent + cause_text(formula.cause, formula.holds, t_ns)
         return
     head, parts = _joined(formula)
-    if depth >= MAX_DEPTH:
+    if depth >= MAX_DEPTH or level >= MAX_LEVEL:
         yield f"{indent}{head or 'and so on'}"
         return
     if head is not None:
         yield indent + head
-    for part in parts:
-        yield from _tree(part, t_ns, depth + (head is not None))
+        depth += 1
+    for part in parts[:MAX_PARTS]:
+        yield from _tree(part, t_ns, depth, level + 1)
+    if len(parts) > MAX_PARTS:
+        yield f"{'  ' * depth}and {len(parts) - MAX_PARTS} more"
 
 
 def _joined(formula: Formula) -> tuple[str | None, tuple[Formula, ...]]:
@@ -329,15 +338,18 @@ def _changes_lines(explanation: Explanation) -> Iterator[str]:
     if not changes:
         yield "nothing that was sensed or remembered would have changed this"
     for is_certain, word in ((True, "would"), (False, "might")):
-        texts = [
-            listed([change_text(leaf) for leaf in change.leaves])
-            for change in changes
-            if change.is_certain == is_certain
-        ]
+        texts = [changes_text(change) for change in changes if change.is_certain == is_certain]
         together = any(len(change.leaves) > 1 for change in changes if change.is_certain == is_certain)
         only = "only " if together and is_certain else ""
         if texts:
             yield f"it {word} change {only}if {'; or if '.join(texts)}"
+
+
+def changes_text(change: Change) -> str:
+    """Return what would have to be so together, the first of many."""
+    texts = [change_text(leaf) for leaf in change.leaves[:MAX_PARTS]]
+    omitted = len(change.leaves) - MAX_PARTS
+    return listed([*texts, *([f"{omitted} more"] if omitted > 0 else [])])
 
 
 def change_text(leaf: Leaf) -> str:

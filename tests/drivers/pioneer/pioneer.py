@@ -4,9 +4,19 @@ from __future__ import annotations
 
 import random
 import struct
+from functools import cache
 
+from colony.drivers.emulator import STEP_S
 from colony.drivers.pioneer.codec import MAX_COUNT, command, decoder, encoded
+from colony.drivers.pioneer.firmware import Firmware
+from colony.drivers.pioneer.parameters import MODELS
+from colony.drivers.pioneer.pioneer import Pioneer
+from colony.drivers.surroundings import room
 from tests.drivers.fuzz import Case
+from tests.drivers.fuzz_device import Device
+
+MOTION = (8, 9, 11, 12, 13, 21, 32)
+"""Numbers of the commands that move the base, unless their argument is 0."""
 
 
 def second_checksum(data: bytes) -> int:
@@ -45,4 +55,57 @@ def _packet(rng: random.Random) -> bytes:
     return encoded(rng.choice((b"\xfa\xfb", b"\xfa", b"")) + rng.randbytes(rng.randrange(1, 60)))
 
 
-CASE = Case(decoder=decoder, packet=_packet, frame_at=frame_at, raw=encoded, longest=MAX_COUNT + 3)
+@cache
+def recording() -> list[bytes]:
+    """Return the packets that an emulated robot sends from its handshake on, on a way around a room."""
+    robot = Firmware(MODELS["p3dx-sh"], around=room(4000.0, 3000.0))
+    for packet in (
+        *map(command, (0, 1, 2, 1)),
+        command(4, 1),
+        command(28, 1),
+        command(18, 1),
+        command(19, 2),
+    ):
+        robot.receive(packet)
+    sent: list[bytes] = []
+    for i in range(6000):
+        if i % 200 == 0:
+            robot.receive(
+                command(11, (400, -150, 300)[i // 200 % 3]) + command(21, (0, 40, -30)[i // 200 % 3])
+            )
+        for _ in range(round(0.02 / STEP_S)):
+            robot.step()
+        sent += robot.sent()
+    return sent
+
+
+def moves(data: bytes) -> bool:
+    """Return True if commands move the base, which has a session and its motors on."""
+    at = 0
+    while at < len(data):
+        size = frame_at(data, at)
+        if size == 0 or (data[at + 3] in MOTION and any(data[at + 5 : at + 7])):
+            return True
+        at += size
+    return False
+
+
+DEVICE = Device(
+    dialect=Pioneer,
+    recording=recording,
+    period_s=0.1,
+    limits={"sonar": (0.0, 5000.0), "volts": (0.0, 60.0), "battery": (0.0, 100.0)},
+    max_speed=1.2 * 2200.0,
+    max_turn=1.2 * 500.0,
+    moves=moves,
+)
+
+CASE = Case(
+    decoder=decoder,
+    packet=_packet,
+    frame_at=frame_at,
+    raw=encoded,
+    longest=MAX_COUNT + 3,
+    header=b"\xfa\xfb\x03\x32",
+    device=DEVICE,
+)

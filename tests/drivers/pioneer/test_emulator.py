@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 import tty
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -16,7 +19,7 @@ from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import base
 from colony.drivers.surroundings import room
-from tests.waiting import until
+from tests.waiting import killed_in_the_end, until
 
 P3DX = MODELS["p3dx-sh"]
 
@@ -82,6 +85,51 @@ def test_a_slow_line_loses_packets_and_no_bytes_of_packets(baud: int, least: int
     assert len(stream) <= 2.0 * baud / 10.0 + 16.0
     assert least <= len(packets) <= most
     assert {data[0] for data in packets} == {0x32}
+
+
+def test_what_is_on_the_line_is_lost_with_the_cable_and_the_robot_goes_on(tmp_path: Path) -> None:
+    now = Time()
+    emulator = Emulator(Firmware(P3DX), baud=1200, clock=now, link=tmp_path / "port")
+
+    def passes(seconds: float) -> None:
+        for _ in range(round(seconds / 0.01)):
+            now.s += 0.01
+            emulator.catch_up()
+
+    with line(emulator) as end:
+        os.write(end, command(0))
+        passes(0.02)
+        emulator.pull_out()
+        assert not (tmp_path / "port").exists()
+        passes(2.0)
+        assert emulator.firmware.is_timed_out
+        emulator.plug_in()
+        with closing(open(emulator.port, "r+b", buffering=0)) as other:
+            os.set_blocking(other.fileno(), False)
+            passes(0.1)
+            assert other.read() is None  # no answer to what was lost
+            other.write(command(0))
+            passes(0.2)
+            assert decoder().feed(other.read() or b"") == [b"\0"]
+
+
+def test_the_command_pulls_its_cable_at_signals(tmp_path: Path) -> None:
+    link = tmp_path / "port"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "colony.drivers.pioneer.emulator", "--link", link],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with killed_in_the_end(process):
+        assert process.stdout is not None
+        assert process.stdout.readline() == f"{link}\n"
+        process.send_signal(signal.SIGUSR1)
+        until(lambda: not link.is_symlink(), "the cable is out")
+        process.send_signal(signal.SIGUSR2)
+        assert process.stdout.readline() == f"{link}\n"
+        process.send_signal(signal.SIGTERM)
+        assert process.wait() == 0
+    assert not link.is_symlink()
 
 
 def test_the_driver_drives_it_and_the_guard_stops_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

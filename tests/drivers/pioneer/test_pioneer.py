@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable
 
 import pytest
 
-from colony.drivers.dialect import OpeningError
+from colony.drivers.dialect import ImplausibleError, OpeningError
 from colony.drivers.pioneer.codec import Command, argument_of, command, decoder
 from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
@@ -45,6 +46,30 @@ def test_the_handshake_ends_with_enabled_motors_and_sonars() -> None:
     assert [data[0] for data in line.packets] == [0, 1, 2, 1, 18, 4, 28, 5, 5]
     assert [argument_of(data) for data in line.packets[-4:]] == [1, 1, 500, -500]
     assert line.robot.motors
+
+
+def test_settings_that_are_lost_are_sent_again() -> None:
+    line = line_of()
+    send, lost = line.robot.receive, list[bytes]()
+
+    def loses_the_first_settings(data: bytes) -> None:
+        if not lost and command(Command.ENABLE, 1) in data:
+            lost.append(data)
+        else:
+            send(data)
+
+    line.robot.receive = loses_the_first_settings  # type: ignore[method-assign]
+    line.open(6.0)
+    assert lost
+    assert line.robot.motors
+
+
+def test_a_pressed_stop_button_is_no_reason_to_wait() -> None:
+    line = line_of()
+    line.robot.stop_button = True
+    line.run(10.0)
+    assert line.opening.is_done
+    assert not line.robot.motors
 
 
 def _in_session(line: Line) -> Line:
@@ -242,3 +267,11 @@ def test_options_that_no_robot_has() -> None:
         Pioneer(front_bumpers=8)
     with pytest.raises(ValueError, match="sonar_cycle is 200 ms; 2 to 120"):
         Pioneer(sonar_cycle=200)
+
+
+def test_registers_that_move_faster_than_the_robot_are_refused() -> None:
+    """Also where the heading's register, whose units are smaller, could count as fast."""
+    line = opened()
+    data = b"\x32" + struct.pack("<HH", 1500, 0) + bytes(19)
+    with pytest.raises(ImplausibleError, match=r"registers \(0, 0\) became \(1500, 0\)"):
+        line.dialect.read(data, line.now_ns + 200_000_000)
