@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 MAX_SPANS = 10
 """Maximum number of spans that text lists for a condition."""
 
+MAX_SECONDS = 9_000_000_000
+"""Maximum distance of a time from zero, in seconds: its nanoseconds fit into 64 bits."""
+
 
 class Seconds(click.ParamType):  # type: ignore[type-arg]
     """A time in seconds, exactly, as nanoseconds."""
@@ -44,9 +47,11 @@ class Seconds(click.ParamType):  # type: ignore[type-arg]
         text = str(value).strip().removesuffix("s").rstrip()
         try:
             seconds = Decimal(text)
-            return round(seconds * 1_000_000_000)
-        except (InvalidOperation, ValueError, OverflowError):
+        except InvalidOperation:
+            seconds = Decimal("nan")
+        if seconds.is_nan() or not -MAX_SECONDS <= seconds <= MAX_SECONDS:
             self.fail(f"found `{value}`; expected a time in seconds, such as 12.3", param, ctx)
+        return round(seconds * 1_000_000_000)
 
 
 @click.command("explain", short_help="explain why the robot did what it did, or did not")

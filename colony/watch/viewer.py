@@ -30,6 +30,9 @@ GAP_S = 5.0
 TIMELINE_S = 1.0
 """Seconds between two timelines of a run that goes on."""
 
+UNSUPPORTED = 1003
+"""Code with which a WebSocket is closed that sends a binary message."""
+
 _encode = msgspec.json.Encoder().encode
 
 
@@ -114,7 +117,11 @@ class Viewer:
 
     async def _receive(self) -> None:
         while True:
-            text = await self._socket.receive_text()
+            try:
+                text = await self._socket.receive_text()
+            except KeyError:  # the message is binary
+                await self._socket.close(UNSUPPORTED)
+                return
             try:
                 request = read_request(text)
             except msgspec.MsgspecError as problem:

@@ -106,6 +106,10 @@ def test_json_lines_are_explained_with_the_program_beside_them(colony: Colony) -
     [
         ([], "no moment: give --at SECONDS or --when CONDITION"),
         (["--at", "soon"], "found `soon`; expected a time in seconds, such as 12.3"),
+        (["--at", "nan"], "found `nan`; expected a time in seconds"),
+        (["--at", "1e300"], "found `1e300`; expected a time in seconds"),
+        (["--at", "1e999999999"], "found `1e999999999`; expected a time in seconds"),
+        (["--at", "9e9"], "9000000000 s is after the recording"),
         (["--at", "-1"], "-1 s is before the recording; the recording has 100 frames from 0 s to 4.95 s"),
         (["--at", "5"], "5 s is after the recording; the recording has 100 frames from 0 s to 4.95 s"),
         (["--at", "1", "--why", "avoif"], "`avoif`; did you mean `avoid`?"),

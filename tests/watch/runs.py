@@ -140,7 +140,11 @@ class Page:
 
     def ask(self, **members: Any) -> None:
         """Send a request."""
-        self._socket.send(json.dumps(members))
+        self.send(json.dumps(members))
+
+    def send(self, message: str | bytes) -> None:
+        """Send a message, a request or not: a text, or bytes as a binary one."""
+        self._socket.send(message)
 
     def until(self, wanted: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
         """Return the next message that is wanted."""

@@ -6,10 +6,11 @@ import http.client
 from collections.abc import Iterator
 
 import pytest
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from colony.watch.app import page_files
 from colony.watch.serving import PageServer
+from colony.watch.viewer import UNSUPPORTED
 from colony.watch.watched import StopAnswer
 from tests.watch.runs import FRAMES, TOKEN, page, recorded, served
 
@@ -67,6 +68,15 @@ def test_what_is_no_request_is_refused(server: PageServer) -> None:
             assert opened.until(lambda m: "refused" in m)["refused"]
         opened.ask(do="stop")
         assert "may not" in opened.until(lambda m: "refused" in m)["refused"]
+
+
+def test_a_binary_message_closes_the_page_that_sent_it(server: PageServer) -> None:
+    with page(server) as opened:
+        opened.send(b'{"do": "pause"}')
+        with pytest.raises(ConnectionClosed) as closed:
+            opened.until(lambda m: False)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == UNSUPPORTED
 
 
 @pytest.mark.parametrize(
