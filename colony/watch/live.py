@@ -34,7 +34,6 @@ class LiveSource:
         self._follower = RunFollower(program, store, trail)
         self._store = store
         self._waiting: deque[ObservedFrame] = deque()
-        self._dropped = False
         self._changed = threading.Condition()
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name="watcher", daemon=True)
