@@ -1,14 +1,14 @@
 """The guard of a port: the one process that holds a serial port, and stops the base when its driver dies.
 
 Drivers connect over a unix socket of packets (`guard_packets.py`). What arrives from the port goes to all of
-them. At most one, which said hello, commands. The guard knows no protocol: the hello brings the bytes that
-stop the base, those that end the session, and the deadline.
+them. At most one driver commands: the one that sent a hello. The guard knows no protocol: the hello brings
+the bytes that stop the base, those that end the session, and the deadline.
 
-- Decided bytes carry out a frame that was decided now. Only the commanding driver sends them, a newer packet
-  replaces one that waits, and one that is older than the deadline is dropped.
-- When the deadline passes without another, when the commanding driver ends or says so, when the port opens
-  again, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly. Where the hello
-  says that the handshake comes first, a port that has just been opened hears nothing before the driver.
+- Decided bytes carry out the frame that was just decided. Only the commanding driver sends them, a newer
+  packet replaces one that waits, and one that is older than the deadline is dropped.
+- When the deadline passes without another, when the commanding driver ends or asks for it, when the port
+  reopens, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly. If the hello
+  says that the handshake comes first, the guard sends nothing to a port that was just opened.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
 - The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
 
@@ -83,7 +83,7 @@ class Guard:
             self._port.outbox.stop(self._stop, time.monotonic_ns(), drops_plain=drops_plain)
 
     def _halt_unknown(self) -> None:
-        """Stop a base of which the guard does not know what it was commanded before."""
+        """Stop a base whose last command the guard does not know."""
         if not (self._handshake_first and self._port.is_new):
             self._halt()
 

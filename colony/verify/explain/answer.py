@@ -23,7 +23,7 @@ from colony.verify.explain.network import Network
 
 @dataclass(frozen=True, slots=True)
 class Why:
-    """The question why a module or wire is active, an actuator is commanded as it is, a sensor is there."""
+    """The question why a module or wire is active, an actuator has its command, or a sensor is present."""
 
     subject: str
 
