@@ -38,8 +38,8 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 
-LEASE_NS = 750_000_000
-"""Nanoseconds without a sign of life after which a connection is lost; clients send four a second."""
+LEASE_NS = 525_000_000
+"""Nanoseconds without a sign of life after which a connection is lost; clients send more than six a second."""
 
 MAX_ANSWER_BYTES = 8 * 1024 * 1024
 """Byte limit of the replies kept for all connections together."""

@@ -62,7 +62,7 @@ class Follower:
         self._resuming = Resuming(program, answers_given=True)
         self._historian = Historian(program, checkpoint.history if checkpoint else NO_HISTORY)
         self._interpreter: Interpreter | None = Interpreter(program, answers_given=True)
-        self._is_first = checkpoint is None
+        self._is_first = self._historian.history == NO_HISTORY
         self.moment: Moment | None = None
         if checkpoint is not None and not checkpoint.is_known:
             self._interpreter = None

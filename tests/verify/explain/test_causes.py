@@ -147,6 +147,19 @@ def test_a_cause_is_told(text: str, frames: list[Readings], question: Why | WhyN
     assert sentence in answer(program(text), frames, question)
 
 
+def test_a_follower_goes_on_from_the_checkpoint_of_another_before_its_first_frame() -> None:
+    loaded = program(go("m", "bumper") + "network { drive = m }")
+    followers = Follower(loaded), Follower(loaded, Follower(loaded).checkpoint)
+    for k in range(2):
+        frame = Frame(100 * MS * k, dict(FAR))  # type: ignore[arg-type]
+        for follower in followers:
+            follower.take(RecordedFrame(tick=Tick(k=k, t_ns=frame.t_ns), frame=frame, verdicts={}))
+    first, second = (f.moment for f in followers)
+    assert first is not None
+    assert second is not None
+    assert lines(explain(first, WhyNot("m"))) == lines(explain(second, WhyNot("m")))
+
+
 def test_a_server_that_is_down_is_told() -> None:
     text = go("m", "sonar < 1 m") + "network { drive = m }"
     told = answer(program(text), [FAR, {"sonar": None}], WhyNot("m"), down=("PServer",))
