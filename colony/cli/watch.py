@@ -139,7 +139,7 @@ def _live(
 ) -> Watched:
     from colony.robots.discovery import session_with
     from colony.text.diagnostics import DiagnosticError
-    from colony.watch.asking import Asker, asking_cameras
+    from colony.watch.asking import Asker, asking_robot
     from colony.watch.joining import joined_program, listening, read_program
     from colony.watch.live import STORE_BYTES, LiveSource
     from colony.watch.pictures import installed_finder
@@ -166,7 +166,7 @@ def _live(
         resources.enter_context(noting_silence(sink, store, robot))
         stop = resources.enter_context(stop_button(session)) if may_stop else None
     find = installed_finder()
-    asker = Asker(lambda: asking_cameras(session, find))
+    asker = Asker(lambda: asking_robot(session, find))
     resources.callback(asker.close)
     return Watched(scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop, asker=asker)
 

@@ -1,4 +1,4 @@
-"""Asking a robot for what its frames do not have, the pictures of its cameras, while a page is open.
+"""Asking a robot for what frames do not have, while a page is open: pictures, and the estimate of its pose.
 
 A thread asks, a few times a second at most, with calls that need the right to read. Without a page it sends
 the robot nothing, and has no connection to it.
@@ -10,12 +10,17 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
+from typing import Any
 
+from colony.ir.servers import DSERVER
+from colony.nav.pose.pose import pose_of
+from colony.nav.shared import POSE
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import RobotConnectionError
-from colony.runtime.library import camera
+from colony.runtime.library import camera, data
 from colony.runtime.protocol.images import Image
 from colony.runtime.servers.cserver import CSERVER
+from colony.watch.ellipse import PoseEllipse, ellipse_of
 from colony.watch.pictures import Find, Picture, picture_of
 
 ASK_INTERVAL_S = 0.5
@@ -35,14 +40,22 @@ BAND_BYTES = 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """What a robot answered: its cameras' pictures, and where its pose estimator believes it, if one runs."""
+
+    pictures: tuple[Picture, ...]
+    ellipse: PoseEllipse | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
     """What a robot answered, by the number of the question."""
 
     number: int
-    pictures: tuple[Picture, ...]
+    seen: Seen
 
 
-Ask = Callable[[], tuple[Picture, ...]]
+Ask = Callable[[], Seen]
 """Function that asks once; it may block."""
 
 
@@ -100,7 +113,7 @@ class Asker:
             with self._asking() as ask:
                 while self._goes_on(number):
                     number += 1
-                    self.answers = Answers(number=number, pictures=ask())
+                    self.answers = Answers(number=number, seen=ask())
             self.answers = None
 
     def _goes_on(self, number: int) -> bool:
@@ -111,29 +124,76 @@ class Asker:
             return not self._is_closed and self._pages > 0
 
 
-@contextmanager
-def asking_cameras(session: Session, find: Find) -> Iterator[Ask]:
-    """Connect to a robot's cameras as they come, as long as the context lasts; its value asks all of them."""
-    cameras: dict[str, Connection] = {}
+class Connections:
+    """The connections of a page's questions, by server, opened as they are needed. Mutable."""
 
-    def ask() -> tuple[Picture, ...]:
-        names = [name for name in session.servers() if name.startswith(CSERVER) and "/" not in name]
-        for gone in cameras.keys() - set(names):
-            cameras.pop(gone).close()
-        pictures = []
-        for name in names[:MAX_CAMERAS]:
-            with suppress(RobotConnectionError):
-                if name not in cameras:
-                    cameras[name] = session.connect(name, name="colony watch", timeout_s=ANSWER_TIMEOUT_S)
-                if (image := whole_image(cameras[name])) is not None:
-                    pictures.append(picture_of(name, image, find))
-        return tuple(pictures)
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._open: dict[str, Connection] = {}
+
+    def servers(self) -> tuple[str, ...]:
+        """Return the servers that are up; connections to others are closed."""
+        names = self._session.servers()
+        for gone in self._open.keys() - set(names):
+            self._open.pop(gone).close()
+        return names
+
+    def to(self, server: str) -> Connection:
+        """Return the connection to a server.
+
+        Raises:
+            RobotConnectionError: it cannot be opened.
+        """
+        if server not in self._open:
+            self._open[server] = self._session.connect(
+                server, name="colony watch", timeout_s=ANSWER_TIMEOUT_S
+            )
+        return self._open[server]
+
+    def close(self) -> None:
+        """Close all of them."""
+        for connection in self._open.values():
+            connection.close()
+
+
+@contextmanager
+def asking_robot(session: Session, find: Find) -> Iterator[Ask]:
+    """Ask a robot as long as the context lasts; its value asks once.
+
+    Args:
+        session: a session with the robot.
+        find: the detectors to run on the pictures.
+    """
+    connections = Connections(session)
+
+    def ask() -> Seen:
+        names = connections.servers()
+        return Seen(pictures=tuple(_pictures(connections, names, find)), ellipse=_ellipse(connections, names))
 
     try:
         yield ask
     finally:
-        for connection in cameras.values():
-            connection.close()
+        connections.close()
+
+
+def _pictures(connections: Connections, names: tuple[str, ...], find: Find) -> Iterator[Picture]:
+    """Yield the pictures of the cameras that have one."""
+    cameras = [name for name in names if name.startswith(CSERVER) and "/" not in name]
+    for name in cameras[:MAX_CAMERAS]:
+        with suppress(RobotConnectionError):
+            if (image := whole_image(connections.to(name))) is not None:
+                yield picture_of(name, image, find)
+
+
+def _ellipse(connections: Connections, names: tuple[str, ...]) -> PoseEllipse | None:
+    """Return the ellipse of the pose that the robot's estimator published; None without one."""
+    if DSERVER.name not in names:
+        return None
+    value: Any = None
+    with suppress(RobotConnectionError):
+        value = connections.to(DSERVER.name).do(data.get(POSE))
+    pose = pose_of(value)
+    return None if pose is None else ellipse_of(pose)
 
 
 def whole_image(connection: Connection) -> Image | None:

@@ -80,7 +80,7 @@ class Viewer:
             now = time.monotonic()
             await self._show_frame(now)
             await self._show_timeline(now)
-            await self._show_pictures()
+            await self._show_seen()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._changed.wait(), PERIOD_S)
             self._changed.clear()
@@ -113,13 +113,13 @@ class Viewer:
         self._timeline_due = time.monotonic() + TIMELINE_S
         await self._send(timeline=timeline)
 
-    async def _show_pictures(self) -> None:
-        """Send the newest pictures, which are of now, to a page that shows the newest frame."""
+    async def _show_seen(self) -> None:
+        """Send what is seen now to a page that shows the newest frame."""
         asker = self._watched.asker
         answers = None if asker is None else asker.answers
         if answers is not None and answers.number != self._answers_shown and self._player.is_following:
             self._answers_shown = answers.number
-            await self._send(pictures=answers.pictures)
+            await self._send(seen=answers.seen)
 
     # --- from the page -------------------------------------------------------------------------------
 

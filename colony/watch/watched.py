@@ -29,7 +29,7 @@ class Watched:
         explain: function that returns the reason why a module did or did not command in frame k, as lines;
             it may block. None if nobody can answer.
         stop: function that stops the robot in an emergency; it may block. None without the right to.
-        asker: asks the robot for pictures while a page is open; None if there is nothing to ask.
+        asker: asks the robot for what frames do not have while a page is open; None without such a robot.
     """
 
     scene: Scene

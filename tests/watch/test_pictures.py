@@ -12,12 +12,17 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
+from colony.nav.pose.pose import PoseEstimate, pose_list
+from colony.nav.shared import POSE
 from colony.runtime.kit.connection import Session
+from colony.runtime.library import data
 from colony.runtime.protocol.images import Image
+from colony.runtime.protocol.messages import Node
 from colony.runtime.servers.cserver import CServer
+from colony.runtime.servers.dserver import DServer
 from colony.watch import asking
-from colony.watch.asking import Ask, Asker, asking_cameras, whole_image
-from colony.watch.pictures import Picture, find_nothing, find_signs, picture_of, reduced
+from colony.watch.asking import Ask, Asker, Seen, asking_robot, whole_image
+from colony.watch.pictures import find_nothing, find_signs, picture_of, reduced
 from colony.watch.store import SnapshotStore
 from colony.watch.watched import Watched
 from tests.paths import ROOT
@@ -56,11 +61,11 @@ class Still:
 
 
 @contextmanager
-def robot(*cameras: CServer) -> Iterator[Session]:
-    """Serve cameras, and open a session with their robot."""
+def robot(*servers: Node) -> Iterator[Session]:
+    """Run servers, and open a session with their robot."""
     with (
         run_directory() as environment,
-        hosted(environment, cameras),
+        hosted(environment, servers),
         Session.open(ROBOT, environment=environment) as session,
     ):
         yield session
@@ -112,10 +117,12 @@ def test_a_page_gets_the_pictures_of_all_cameras() -> None:
     for snapshot in snapshots():
         store.add(snapshot)
     with robot(*cameras) as session:
-        asker = Asker(lambda: asking_cameras(session, find_signs), 0.001)
+        asker = Asker(lambda: asking_robot(session, find_signs), 0.001)
         watched = Watched(scene=scene(), store=store, is_live=True, asker=asker)
         with served(watched) as server, page(server) as opened:
-            pictures = opened.until(lambda m: len(m.get("pictures", ())) == 2)["pictures"]
+            pictures = opened.until(lambda m: len(m.get("seen", {}).get("pictures", ())) == 2)["seen"][
+                "pictures"
+            ]
             assert [picture["camera"] for picture in pictures] == ["CServerFront", "CServerSide"]
             assert pictures[1]["found"][0]["label"] == "376"
             assert b64decode(pictures[0]["pixels"]) == image_of(PLATE).pixels
@@ -138,9 +145,9 @@ class Asked:
         yield self.ask
         self.closed += 1
 
-    def ask(self) -> tuple[Picture, ...]:
+    def ask(self) -> Seen:
         self.questions += 1
-        return (picture_of("CServer", image_of(PLATE), find_nothing),)
+        return Seen(pictures=(picture_of("CServer", image_of(PLATE), find_nothing),), ellipse=None)
 
 
 def test_the_robot_is_asked_only_while_a_page_is_open() -> None:
@@ -171,3 +178,23 @@ def test_questions_are_as_rare_as_their_interval() -> None:
             pass
     asker.close()
     assert asked.questions == 1
+
+
+def test_a_page_gets_the_ellipse_of_the_pose_that_the_estimator_published() -> None:
+    pose = PoseEstimate(2_000_000_000, 100.0, 200.0, 90.0, 900.0, 0.0, 0.0, 400.0, 0.0, 4.0)
+    store = SnapshotStore(scene().modules)
+    for snapshot in snapshots():
+        store.add(snapshot)
+    with robot(DServer()) as session, session.connect("DServer") as variables:
+        asker = Asker(lambda: asking_robot(session, find_nothing), 0.001)
+        watched = Watched(scene=scene(), store=store, is_live=True, asker=asker)
+        with served(watched) as server, page(server) as opened:
+            assert opened.until(lambda m: "seen" in m)["seen"] == {"pictures": [], "ellipse": None}
+            variables.do(data.set(POSE, pose_list(pose)))
+            found = opened.until(lambda m: m.get("seen", {}).get("ellipse"))["seen"]["ellipse"]
+            assert (found["t"], found["x"], found["y"], found["heading"]) == (2.0, 100.0, 200.0, 90.0)
+            assert found["major"] == pytest.approx(30.0 * 2.4477, rel=1e-4)
+            variables.do(data.set(POSE, "lost"))
+            opened.until(lambda m: "seen" in m and m["seen"]["ellipse"] is None)
+        asker.close()
+    store.close()

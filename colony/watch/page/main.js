@@ -37,7 +37,10 @@ function receive(message) {
     page.fresh = true;
   }
   if ("problem" in message) page.problem = message.problem;
-  if (message.pictures) page.cameras.show(message.pictures);
+  if (message.seen) {
+    page.cameras.show(message.seen.pictures);
+    page.map.setEllipse(message.seen.ellipse);
+  }
   if (message.timeline) timeline.load(message.timeline);
   if (message.answer) showAnswer(message.answer);
   if (message.refused) say(message.refused);
@@ -76,6 +79,7 @@ function draw() {
   $("play").setAttribute("aria-label", isMoving ? "pause" : "play");
   $("follow").disabled = player.following;
   page.cameras.setFollowing(player.following);
+  page.map.setFollowing(player.following);
   if (page.network.chosen && !isMoving && page.asked !== snapshot.k) ask(page.network.chosen);
   globalThis.colonyWatch.drawn += 1;
 }
