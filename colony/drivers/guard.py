@@ -7,8 +7,8 @@ stop the base, those that end the session, and the deadline.
 - Decided bytes carry out a frame that was decided now. Only the commanding driver sends them, a newer packet
   replaces one that waits, and one that is older than the deadline is dropped.
 - When the deadline passes without another, when the commanding driver ends or says so, when the port opens
-  again, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly. Where the hello
-  says that the handshake comes first, a port that has just been opened hears nothing before the driver.
+  again, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly; plain packets
+  stay where the driver itself says so. Where the handshake comes first, a new line hears the driver first.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
 - The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
 
@@ -77,40 +77,34 @@ class Guard:
         return min(due, default=time.monotonic_ns() + LINGER_NS)
 
     def _halt(self, *, drops_plain: bool = True) -> None:
-        """Drop what waits and send the stop, if the port is open."""
+        """Drop what waits and send the stop."""
         self._decided_ns = None
-        if self._port.is_open:
+        if self._port.is_open:  # else the stop comes when it opens
             self._port.outbox.stop(self._stop, time.monotonic_ns(), drops_plain=drops_plain)
 
     def _halt_unknown(self) -> None:
-        """Stop a base of which the guard does not know what it was commanded before."""
-        if not (self._handshake_first and self._port.is_new):
-            self._halt()
+        """Stop a base whose last command is unknown, unless the line has to hear the handshake first."""
+        self._halt()
+        if self._handshake_first and self._port.is_new:
+            self._port.outbox.clear()
 
     def _end(self) -> None:
         """Stop, say goodbye, and release the port."""
         self._listener.close()
         self._halt()
-        self._write_all()
+        self._port.write_all(GOODBYE_NS)
         if self._goodbye:
             self._port.outbox.add(self._goodbye)
-            self._write_all()
+            self._port.write_all(GOODBYE_NS)
         self._port.close()
-
-    def _write_all(self) -> None:
-        until_ns = time.monotonic_ns() + GOODBYE_NS
-        while self._port.is_open and (due_ns := self._port.outbox.due_ns()) is not None and due_ns < until_ns:
-            time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
-            self._port.do_what_is_due()
 
     def _on_data(self, data: bytes) -> None:
         self._send_all(kinds.DATA + struct.pack("<Q", time.monotonic_ns()) + data)
 
     def _on_status(self, why_lost: str | None) -> None:
         """Tell all drivers and the log; a port that is open again may have a base that moves."""
-        status = (
-            kinds.UP + str(self._port.baud).encode() if why_lost is None else kinds.LOST + why_lost.encode()
-        )
+        up = kinds.UP + str(self._port.baud).encode()
+        status = up if why_lost is None else kinds.LOST + why_lost.encode()
         if status != self._status:
             print(why_lost or f"{self._port.name} is open", flush=True)
         self._status = status
@@ -148,10 +142,8 @@ class Guard:
 
     def _greet(self, driver: socket.socket, body: bytes) -> None:
         if self._commanding not in (None, driver):
-            self._send(
-                driver,
-                kinds.REFUSED + f"another driver commands {self._port.name} already; end it first".encode(),
-            )
+            why = f"another driver commands {self._port.name} already; end it first"
+            self._send(driver, kinds.REFUSED + why.encode())
             self._drop(driver)
             return
         deadline_ms, self._handshake_first, size = kinds.HELLO_HEAD.unpack_from(body)

@@ -64,6 +64,13 @@ class GuardedPort:
         except OSError as problem:
             self._lose(f"{self.name} is lost: {problem.strerror or problem}")
 
+    def write_all(self, within_ns: int) -> None:
+        """Write all that is due before `within_ns` have passed, and wait for it."""
+        until_ns = time.monotonic_ns() + within_ns
+        while self.is_open and (due_ns := self.outbox.due_ns()) is not None and due_ns < until_ns:
+            time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
+            self.do_what_is_due()
+
     def close(self) -> None:
         """Release the port; what it is lost for is nobody's concern any more."""
         if self._link is not None:

@@ -30,6 +30,11 @@ def to_stderr(problem: str) -> None:
     print(problem, file=sys.stderr, flush=True)
 
 
+def handshake_first(dialect: Dialect[Packet], port: str) -> bool:
+    """Return True if a new connection to the device has to hear the opening before any stop."""
+    return dialect.handshake_first and port.startswith(TCP)
+
+
 class Line(Generic[Packet]):
     """A line to one device. Mutable; shared by its thread and the server's.
 
@@ -47,9 +52,8 @@ class Line(Generic[Packet]):
         self._dialect = dialect
         self._port = port
         self._baud = baud or dialect.baud
+        self._first_bytes = b"" if handshake_first(dialect, port) else dialect.stop_bytes
         self._command = command
-        comes_first = dialect.handshake_first and port.startswith(TCP)
-        self._first = b"" if comes_first else dialect.stop_bytes
         self._report = report
         self._problems: OnceReporter | None = None
         self._implausible = OnceReporter(report)
@@ -125,7 +129,7 @@ class Line(Generic[Packet]):
         while not self._closed.is_set():
             began = time.monotonic()
             try:
-                self._serve(connect(self._port, self._baud, self._first, self._command))
+                self._serve(connect(self._port, self._baud, self._first_bytes, self._command))
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
             pause_s = next_pause_s(pause_s, time.monotonic() - began)

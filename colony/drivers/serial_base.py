@@ -9,8 +9,7 @@ from typing import Generic
 from colony.drivers.decoder import Packet
 from colony.drivers.dialect import Dialect
 from colony.drivers.guarded import Command
-from colony.drivers.line import Line, to_stderr
-from colony.drivers.link import TCP
+from colony.drivers.line import Line, handshake_first, to_stderr
 from colony.ir.types import ScalarValue
 from colony.runtime.kit.once import Report, exception_text
 from colony.runtime.servers.drivers import BaseState, Reading
@@ -53,7 +52,7 @@ class SerialBase(Generic[Packet]):
             stop=dialect.stop_bytes,
             goodbye=dialect.goodbye,
             deadline_ns=max(DEADLINE_NS, DEADLINE_FRAMES * frame_ns),
-            handshake_first=dialect.handshake_first and port.startswith(TCP),
+            handshake_first=handshake_first(dialect, port),
         )
         self._line = Line(dialect, port, baud, command, report)
 

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from colony.drivers import guarded
-from colony.drivers.serial_base import SerialBase
+from colony.drivers.guarded import Command, GuardConnection, Up, connect
+from colony.drivers.link import LinkError
+from colony.drivers.serial_base import SerialBase, SerialFields
 from tests.drivers.test_guard import PATIENCE_S
 from tests.drivers.tiny import HELLO, SPEEDS, Tiny, decoder, encoded
 
@@ -24,9 +26,14 @@ class Simulator:
     """A listening simulator; it answers when the test says so."""
 
     def __init__(self) -> None:
-        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener = socket.socket()
+        self._listener.bind(("127.0.0.1", 0))
         self._listener.settimeout(PATIENCE_S)
         self.port = f"tcp:127.0.0.1:{self._listener.getsockname()[1]}"
+
+    def listen(self) -> None:
+        """Take connections from now on, which were refused before."""
+        self._listener.listen()
 
     def accept(self) -> socket.socket:
         connection, _ = self._listener.accept()
@@ -58,7 +65,17 @@ def kinds(connection: socket.socket, count: int) -> list[int]:
     return found
 
 
+def await_refusal(connection: GuardConnection) -> None:
+    """Wait until the guard refuses a connection, and close it."""
+    try:
+        while True:
+            connection.receive(PATIENCE_S)
+    except LinkError:
+        connection.close()
+
+
 def test_a_new_connection_begins_with_the_handshake(simulator: Simulator) -> None:
+    simulator.listen()
     driver = SerialBase(Polite(), simulator.port)
     try:
         for _ in range(2):  # the second one is opened again
@@ -74,7 +91,38 @@ def test_a_new_connection_begins_with_the_handshake(simulator: Simulator) -> Non
         driver.close()
 
 
+def test_a_guard_that_a_listener_starts_leaves_the_beginning_to_the_driver(simulator: Simulator) -> None:
+    simulator.listen()
+    listener = SerialFields(Polite(), simulator.port, {"level": "volts"})
+    try:
+        with simulator.accept() as connection:
+            driver = SerialBase(Polite(), simulator.port)
+            try:
+                assert kinds(connection, 1) == [HELLO]
+            finally:
+                driver.close()
+    finally:
+        listener.close()
+
+
+def test_what_was_sent_before_a_line_was_open_does_not_begin_it(simulator: Simulator) -> None:
+    command = Command(stop=Tiny.stop_bytes, goodbye=b"", deadline_ns=150_000_000, handshake_first=True)
+    driver = connect(simulator.port, 0, b"", command)
+    try:
+        driver.send(Tiny.goodbye)
+        await_refusal(connect(simulator.port, 0, b"", command))  # the guard has read the goodbye then
+        simulator.listen()
+        while not isinstance(driver.receive(PATIENCE_S), Up):
+            pass
+        driver.send(encoded(bytes([HELLO])))
+        with simulator.accept() as connection:
+            assert kinds(connection, 1) == [HELLO]
+    finally:
+        driver.close()
+
+
 def test_any_other_device_hears_the_stop_first(simulator: Simulator) -> None:
+    simulator.listen()
     driver = SerialBase(Tiny(), simulator.port)
     try:
         with simulator.accept() as connection:

@@ -1,4 +1,4 @@
-"""The handshake of Pioneer robots: SYNC0 to SYNC2, OPEN, the check of the model. Pure: steps of an opening.
+"""The handshake of Pioneer robots: SYNC0 to SYNC2, OPEN, the check of the model, the settings. Pure.
 
 Source: Pioneer 3 operations manual; Player, for closing a session; AMRISim (docs/tried-with.md).
 """
@@ -10,7 +10,7 @@ from collections.abc import Generator
 from colony.drivers.dialect import Ask, Opening, OpeningError, Send
 from colony.drivers.pioneer.codec import Command, command
 from colony.drivers.pioneer.parameters import parameters_of
-from colony.drivers.pioneer.sip import MOVING, STOPPED, ConfigSip, Identity, read_sip
+from colony.drivers.pioneer.sip import MOVING, STOPPED, ConfigSip, Identity, may_drive, read_sip
 
 SETTLE_S = 0.5
 """Time before the handshake, in which the stop of a new guard is repeated, and an open session is heard."""
@@ -45,6 +45,17 @@ def handshake(model: str, baud: int, stop: bytes) -> Opening[bytes]:
         config = yield from _configuration()
     if config is not None and config.watchdog_ms == 0:
         raise OpeningError("the robot's watchdog is off: set WatchDog to 2000 ms with ARCOScfg")
+
+
+def set_up(settings: bytes) -> Opening[bytes]:
+    """Return the dialogue that sends settings until the robot shows that its motors are on.
+
+    Commands are not acknowledged, and may be lost on the line. It ends in any case: a pressed stop button
+    keeps the motors off.
+    """
+    for _ in range(ATTEMPTS):
+        if (yield Ask(settings, may_drive)) is not None:
+            return
 
 
 def is_standard(data: bytes) -> bool:

@@ -14,7 +14,6 @@ from dataclasses import replace
 from colony.drivers.decoder import Decoder
 from colony.drivers.dialect import (
     NOTHING,
-    Ask,
     Dialect,
     ImplausibleError,
     Opening,
@@ -22,9 +21,9 @@ from colony.drivers.dialect import (
 )
 from colony.drivers.odometry import Pose, Registers
 from colony.drivers.pioneer.codec import Command, command, decoder
-from colony.drivers.pioneer.handshake import handshake, is_standard
+from colony.drivers.pioneer.handshake import handshake, is_standard, set_up
 from colony.drivers.pioneer.parameters import MODELS, Parameters, parameters_of
-from colony.drivers.pioneer.sip import StandardSip, mask_of, may_drive, read_sip
+from colony.drivers.pioneer.sip import StandardSip, mask_of, read_sip
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.servers.drivers import BaseState
@@ -124,9 +123,7 @@ class Pioneer(Dialect[bytes]):
     def opening(self) -> Opening[bytes]:
         """Return the handshake, the check of the model, and the settings; a session that is open goes on."""
         yield from handshake(self._row.model, self.baud, self.stop_bytes)
-        for _ in range(5):  # commands are not acknowledged, and may be lost on the line
-            if (yield Ask(b"".join(self._settings), may_drive)) is not None:
-                return  # else its stop button is pressed
+        yield from set_up(b"".join(self._settings))
 
     def read(self, packet: bytes, t_ns: int) -> Readings:
         """Return what a standard packet measured.

@@ -39,7 +39,7 @@ from colony.runtime.protocol.messages import (
 )
 
 LEASE_NS = 525_000_000
-"""Nanoseconds without a sign of life after which a connection is lost; clients send more than six a second."""
+"""Nanoseconds without a sign of life after which a connection is lost; a client sends six a second."""
 
 MAX_ANSWER_BYTES = 8 * 1024 * 1024
 """Byte limit of the replies kept for all connections together."""
