@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -22,8 +21,6 @@ PAGE = FILE.read_text(encoding="utf-8")
 
 def page(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """Return the page with what the commands print, run one after the other in an empty folder."""
-    for name in ("behaviors", "maps"):
-        shutil.copytree(ROOT / name, folder / name)
     monkeypatch.chdir(folder)
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
 

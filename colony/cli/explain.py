@@ -71,11 +71,17 @@ class Seconds(click.ParamType):  # type: ignore[type-arg]
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="With --when, which of the moments.",
+    help="With --when, the number of the moment to explain.",
 )
-@click.option("--why", "why", multiple=True, metavar="NAME", help="Why NAME is as it is. May be repeated.")
 @click.option(
-    "--why-not", "why_not", multiple=True, metavar="NAME", help="Why NAME does not act. May be repeated."
+    "--why", "why", multiple=True, metavar="NAME", help="Explain why NAME is as it is. May be repeated."
+)
+@click.option(
+    "--why-not",
+    "why_not",
+    multiple=True,
+    metavar="NAME",
+    help="Explain why NAME does not act. May be repeated.",
 )
 @description_option()
 @params_option()
@@ -142,12 +148,12 @@ class _Chosen:
 
     @property
     def span(self) -> Span:
-        """The one that is explained."""
+        """The moment that is explained."""
         return self.spans[self.nth - 1]
 
 
 class _Asked:
-    """A recording that is asked about: its program and its index. Mutable: a damaged index is built again."""
+    """A recording that is asked about: its program and its index. Mutable: a damaged index is rebuilt."""
 
     def __init__(self, recording: str, file: str | None, folder: Path) -> None:
         from colony.dsl.site_reading import params_of

@@ -71,8 +71,8 @@ def command(
 
     A recording can be played at any speed, and searched for the next change of winner, broken contract,
     fault, or late client. With --robot the page shows a robot that runs, as it runs, and lets you look back.
-    Watching is reading: the robot is sent nothing, unless --allow-stop is given and somebody presses the
-    button. Behind a gateway you need the right to read, and that to stop.
+    Watching commands nothing, unless you give --allow-stop and press the button. Behind a gateway you need
+    the right to read, and for the button the right to stop.
 
     The page listens on this machine alone, and its address ends in a token, without which it shows nothing.
     The token stays the same, so that a page reconnects to the next `colony watch`.

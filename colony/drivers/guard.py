@@ -1,14 +1,14 @@
 """The guard of a port: the one process that holds a serial port, and stops the base when its driver dies.
 
 Drivers connect over a unix socket of packets (`guard_packets.py`). What arrives from the port goes to all of
-them. At most one, which said hello, commands. The guard knows no protocol: the hello brings the bytes that
-stop the base, those that end the session, and the deadline.
+them. At most one driver commands: the one that sent a hello. The guard knows no protocol: the hello brings
+the bytes that stop the base, those that end the session, and the deadline.
 
-- Decided bytes carry out a frame that was decided now. Only the commanding driver sends them, a newer packet
-  replaces one that waits, and one that is older than the deadline is dropped.
-- When the deadline passes without another, when the commanding driver ends or says so, when the port opens
-  again, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly; plain packets
-  stay where the driver itself says so. Where the handshake comes first, a new line hears the driver first.
+- Decided bytes carry out the frame that was just decided. Only the commanding driver sends them, a newer
+  packet replaces one that waits, and one that is older than the deadline is dropped.
+- When the deadline passes without another, when the commanding driver ends or asks for it, when the port
+  reopens, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly. If the driver
+  asks for it, plain packets stay. If the handshake comes first, a new line hears the driver first.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
 - The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
 

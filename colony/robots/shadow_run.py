@@ -35,9 +35,9 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import RobotAddress
 
 REPEAT_INTERVAL_S = 1.0
-"""Seconds after which DServer is asked again to show the variables that the program reads.
+"""Seconds between two requests to DServer to show the variables that the program reads.
 
-A DServer that was restarted does not know of it.
+A restarted DServer has forgotten the request.
 """
 
 
@@ -50,13 +50,13 @@ def run_shadow(
 ) -> RunReport:
     """Run a program in the shadow of a robot that is running, on this machine or behind a gateway.
 
-    All that it asks of the robot are calls that need the right `read`.
+    It makes only calls that need no more than the right `read`.
 
     Raises:
         MisuseError: the robot does not run on this machine, or no recording can be written.
         DiagnosticError: the program needs something that the robot lacks.
         LiveError: the robot cannot be reached.
-        RunAbortedError: the robot would refuse the program, or the run broke off.
+        RunAbortedError: the robot would refuse the program, no frame comes, or the Clock stays absent.
     """
     expect_running(robot_address)
     servers = bound_servers(compiled.robot)

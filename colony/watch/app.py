@@ -15,6 +15,7 @@ from colony.watch.viewer import Viewer
 from colony.watch.watched import Watched
 
 PAGE = Path(__file__).parent / "page"
+"""Folder of the page's files."""
 
 CONTENT_TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -22,12 +23,13 @@ CONTENT_TYPES = {
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
 }
+"""Types of the page's files, by suffix; others are not served."""
 
 MAX_VIEWERS = 20
 """Maximum number of pages at one time."""
 
 REFUSED = 4403
-"""Code with which a WebSocket is closed that has no business here."""
+"""Close code of a WebSocket that is not admitted."""
 
 
 def page_files() -> dict[str, tuple[bytes, str]]:

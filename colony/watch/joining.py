@@ -1,8 +1,8 @@
-"""Joining a robot that runs, as a reader: it hears all frames, and sends the robot nothing.
+"""Joining a robot that runs, as a reader: it hears all frames, and sends servers and clients nothing.
 
-The leader of the run gives the program, and the memory before a recent frame. The reader keeps the frames
-that it hears until it knows the memory before one of them. From there on it follows the run as if it had been
-there from the beginning.
+The reader asks the leader of the run for the program, and for the memory before a recent frame. It keeps the
+frames that it hears until it knows the memory before one of them. From there on it follows the run as if it
+had been there from the beginning.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.watch.live import LiveSource, recorded_frame
 
 KEYFRAME_INTERVAL_S = 0.2
-"""Seconds between two questions for a keyframe, until one is of use."""
+"""Seconds between two requests for a keyframe, until one is usable."""
 
 
 def read_program(session: Session) -> RunProgram:

@@ -1,4 +1,4 @@
-"""A run that is watched while it goes on: its frames wait for the watcher, but never the run for them."""
+"""A run that is watched while it goes on: its frames wait for the watcher; the run never does."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 
 MAX_WAITING = 200
-"""Maximum number of frames that wait; beyond it the oldest are dropped, and counted as damage."""
+"""Maximum number of frames that wait; beyond it the oldest are dropped, and the next counts as damaged."""
 
 STORE_BYTES = 512 * 1024 * 1024
 """Maximum size of the snapshots of a live run, in bytes on disk: hours at 20 Hz."""
@@ -34,7 +34,6 @@ class LiveSource:
         self._follower = RunFollower(program, store, trail)
         self._store = store
         self._waiting: deque[ObservedFrame] = deque()
-        self._dropped = False
         self._changed = threading.Condition()
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name="watcher", daemon=True)

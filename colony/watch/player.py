@@ -1,4 +1,4 @@
-"""The position of one page in a run: it plays, rests, follows the newest frame, or jumps. No I/O."""
+"""The position of one page in a run: it plays, pauses, follows the newest frame, or jumps. No I/O."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from colony.watch.marks import Mark
 from colony.watch.store import SnapshotStore
 
 MIN_SPEED, MAX_SPEED = 0.05, 100.0
+"""Bounds of the speed, in seconds of the run a second."""
 
 
 class Player:
-    """A position in a store. Mutable. Times `now` are in seconds of any clock that runs evenly."""
+    """A position in a store. Mutable. Times `now` are in seconds of any monotonic clock."""
 
     def __init__(self, store: SnapshotStore, *, follows: bool) -> None:
         self._store = store

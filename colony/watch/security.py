@@ -1,6 +1,6 @@
-"""What keeps other pages and other users away: Host, Origin, a token, and what a page may load.
+"""The protection against other pages and other users: Host, Origin, a token, and what a page may load.
 
-The token is in the fragment of the page's address, which browsers send to nobody. The page itself is public,
+The token is in the fragment of the page's address, which browsers do not send. The page itself is public,
 and has no data; it gets all of them through its WebSocket, which needs the token.
 """
 
@@ -20,7 +20,7 @@ _TOKEN_BYTES = 24
 
 
 def new_token() -> str:
-    """Return a token that nobody can guess."""
+    """Return a random token."""
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 
@@ -38,7 +38,7 @@ class Guard:
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """The values of `Host` that are this server; others come from names that lead here by deceit."""
+        """The values of `Host` that name this server; others come from DNS rebinding."""
         return f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"
 
     def is_for_us(self, headers: Mapping[str, str]) -> bool:

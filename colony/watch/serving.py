@@ -16,7 +16,7 @@ from colony.watch.watched import Watched
 DEFAULT_PORT = 7450
 
 END_S = 1
-"""Seconds that open pages get at the end."""
+"""Grace period of open pages at the end, in seconds."""
 
 
 class PageServer:

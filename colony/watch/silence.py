@@ -14,6 +14,7 @@ SILENCE_S = 2.0
 """Seconds without a frame after which a robot counts as silent."""
 
 CHECK_INTERVAL_S = 0.5
+"""Seconds between two checks for silence."""
 
 
 class Heard(Protocol):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import msgspec
 
@@ -85,7 +84,7 @@ def path_to(store: SnapshotStore, end: int) -> list[tuple[float, float]]:
     return points
 
 
-def history_to(store: SnapshotStore, end: int) -> list[Any]:
+def history_to(store: SnapshotStore, end: int) -> list[msgspec.Raw]:
     """Return snapshots of the last `HISTORY_S` seconds before frame `end`, evenly spaced."""
     span = store.span
     last = min(end, span.end) - 1

@@ -22,10 +22,10 @@ from colony.watch.timeline import history_to, path_to, timeline_of
 from colony.watch.watched import Watched
 
 PERIOD_S = 1.0 / 60.0
-"""Seconds between two looks for something new: what a page can show."""
+"""Seconds between two checks for a new frame: pages show at most 60 frames a second."""
 
 GAP_S = 5.0
-"""Seconds between two snapshots beyond which a page is sent the whole history."""
+"""Largest step forward, in seconds of the run, after which a page is not sent the history and path again."""
 
 TIMELINE_S = 1.0
 """Seconds between two timelines of a run that goes on."""
@@ -53,7 +53,7 @@ class Viewer:
         self._answers_shown = 0
 
     async def serve(self) -> None:
-        """Serve the page until it goes."""
+        """Serve the page until its connection ends."""
         watched = self._watched
         await self._send(
             scene=watched.scene,

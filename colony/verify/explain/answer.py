@@ -16,14 +16,14 @@ from colony.ir.frame import Decision
 from colony.ir.program import Program
 from colony.verify.explain.command import Cut, cuts
 from colony.verify.explain.formula import Changes, Formula, changes
-from colony.verify.explain.history import Since, Status
+from colony.verify.explain.history import Since
 from colony.verify.explain.moment import Moment
 from colony.verify.explain.network import Network
 
 
 @dataclass(frozen=True, slots=True)
 class Why:
-    """The question why a module or wire is active, an actuator is commanded as it is, a sensor is there."""
+    """The question why a module or wire is active, an actuator has its command, or a sensor is present."""
 
     subject: str
 
@@ -184,8 +184,3 @@ def sent_to(moment: Moment, actuator: str) -> Sent:
         cuts=cuts(moment, actuator),
         late=tuple((client, fate) for client, fate in verdict.fates if fate in ("late", "lost", "refused")),
     )
-
-
-def statuses(moment: Moment) -> dict[str, Status]:
-    """Return the status of every module in a moment."""
-    return {name: since.value for name, since in moment.history.modules.items()}  # type: ignore[misc]

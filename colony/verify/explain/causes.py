@@ -1,7 +1,7 @@
 """The conditions on which an answer rests, each with the values that decided it.
 
-A condition is data: `text.py` alone makes sentences of it. Times are in nanoseconds, on the clock of the
-frames; None where the run does not show it.
+A condition is data: `causes_text.py` and `changes_text.py` make sentences of it. Times are in nanoseconds, on
+the clock of the frames; None where the run does not show it.
 """
 
 from __future__ import annotations
@@ -167,4 +167,4 @@ Cause = (
 )
 
 Subject = Literal["module", "predicate", "let", "wire", "winner", "dominated", "memory", "condition"]
-"""The kind of what a group of conditions says something of."""
+"""The kind of thing that a group of conditions is about."""

@@ -25,12 +25,11 @@ def comparison(moment: Moment, e: ir.BinaryOperation | ir.Within, value: Values)
     operands = (e.left, e.right) if isinstance(e, ir.BinaryOperation) else _nearest_bound(e, value)
     left, right = (value(operand) for operand in operands)
     left_type, right_type = (_quantity(a.type, b.type) for a, b in (operands, operands[::-1]))
-    known = is_known(left) and is_known(right)
     if not is_known(left) or not is_known(right):
         texts, gap = (value_text(left, left_type), value_text(right, right_type)), None
     else:
         texts = pair_text(left, right, left_type, right_type)
-        gap = gap_text(left, right, left_type) if known else None
+        gap = gap_text(left, right, left_type)
     places = [_place(operand, value) for operand in operands]
     sides = tuple(f"{source_text(operand)} =" for operand in operands)
     inputs = (text for text in inputs_text(e, value) if not text.startswith(sides))

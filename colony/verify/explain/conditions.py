@@ -13,9 +13,10 @@ from typing import Any, Protocol
 from colony.ir import expression as ir
 from colony.ir.program import Let, Module
 from colony.ir.types import Array, Bool
-from colony.verify.explain.causes import Constant, Past, Present, Reading, Remembered, Unknown
+from colony.verify.explain.causes import Constant, Present, Reading, Remembered, Unknown
 from colony.verify.explain.comparisons import comparison, inputs_text
 from colony.verify.explain.formula import Formula, Key, Leaf, all_leaves, group, negation
+from colony.verify.explain.memory import past_recently, past_sustained, remembered, rests_on_past_alone
 from colony.verify.explain.moment import Moment
 from colony.verify.explain.values import value_text
 from colony.verify.reference.boundary import default_of
@@ -165,7 +166,7 @@ class Conditions:
         """Return the numbers of the boolean expressions within one, also by way of lets."""
         found: set[int] = set()
         lets: set[str] = set()
-        work = [] if _rests_on_past_alone(root) else [*ir.children(root)]
+        work = [] if rests_on_past_alone(root) else [*ir.children(root)]
         while work:
             e = work.pop()
             if isinstance(e.type, Bool):
@@ -192,7 +193,7 @@ class Conditions:
 
     def _unknown(self, e: ir.Expression) -> Leaf:
         absent = tuple(str(leaf.key[1]) for leaf in self.presence([e]) if not leaf.holds)
-        cause = Unknown(condition=_text(e), missing=absent)
+        cause = Unknown(condition=source_text(e), missing=absent)
         return Leaf(holds=False, cause=cause, key=self._key(e), span=e.span, node=e, fixed=True)
 
     def _leaf(self, e: ir.Expression) -> Leaf:
@@ -203,7 +204,7 @@ class Conditions:
         holds = value is True
         match e:
             case ir.Constant():
-                cause = Constant(condition=_text(e) or ("true" if holds else "false"))
+                cause = Constant(condition=source_text(e) or ("true" if holds else "false"))
                 return Leaf(holds=holds, cause=cause, key=self._key(e), span=e.span, node=e, fixed=True)
             case ir.StateValue(name=name):
                 since = self._moment.earlier.states.get(name)
@@ -217,7 +218,7 @@ class Conditions:
                 reading = Reading(condition=name)
                 return Leaf(holds=holds, cause=reading, key=("sensor", name), span=e.span, node=e)
             case _:
-                reading = Reading(condition=_text(e), detail=self._inputs(e))
+                reading = Reading(condition=source_text(e), detail=inputs_text(e, self.value))
                 return Leaf(holds=holds, cause=reading, key=self._key(e), span=e.span, node=e)
 
     def present(self, sensor: str) -> Leaf:
@@ -262,85 +263,33 @@ class Conditions:
         sensors = self._moment.program.robot.sensors
         return tuple(self.present(s.name) for s in sensors if s.name in found and default_of(s) is None)
 
-    def _inputs(self, e: ir.Expression) -> tuple[str, ...]:
-        return inputs_text(e, self.value)
-
     # --- memory ----------------------------------------------------------------------------------
 
     def _recalled(self, e: ir.MemoryCall) -> Formula:
         """Return the formula of a boolean memory function: what it reads now, and what it remembers."""
         if self.value(e) is None:
             return self._unknown(e)
-        last = self._moment.memory.get((e.cell, (), 0))
+        moment = self._moment
+        last = moment.memory.get((e.cell, (), 0))
         match e.function:
             case ir.MemoryFunction.RECENTLY:
-                return group("any", (self.formula(e.arguments[0]), self._past_recently(e, last)))
+                return group("any", (self.formula(e.arguments[0]), past_recently(moment, e, last)))
             case ir.MemoryFunction.SUSTAINED:
-                return group("all", (self.formula(e.arguments[0]), self._past_sustained(e, last)))
+                is_true = self.value(e.arguments[0]) is True
+                past = past_sustained(moment, e, last, is_true=is_true)
+                return group("all", (self.formula(e.arguments[0]), past))
             case ir.MemoryFunction.LATCH:
-                was = group("any", (self._remembered(e, bool(last), "latched"), self.formula(e.arguments[0])))
+                latched = remembered(moment, e, value=bool(last), condition="latched")
+                was = group("any", (latched, self.formula(e.arguments[0])))
                 return group("all", (was, negation(self.formula(e.arguments[1]))))
             case ir.MemoryFunction.RISING:
-                before = f"previous({_text(e.arguments[0])})"
-                was_false = negation(self._remembered(e, bool(last), before))
-                return group("all", (self.formula(e.arguments[0]), was_false))
+                return group("all", (self.formula(e.arguments[0]), negation(self._previous(e, last))))
             case ir.MemoryFunction.FALLING:
-                before = f"previous({_text(e.arguments[0])})"
-                was_true = self._remembered(e, bool(last), before)
-                return group("all", (negation(self.formula(e.arguments[0])), was_true))
+                return group("all", (negation(self.formula(e.arguments[0])), self._previous(e, last)))
             case _:
-                return self._remembered(e, self.value(e) is True)
+                return remembered(moment, e, value=self.value(e) is True)
 
-    def _past_recently(self, e: ir.MemoryCall, last: int | None) -> Leaf:
-        elapsed = None if last is None else self._moment.t_ns - last
-        cause = Past(
-            function="recently",
-            condition=_text(e.arguments[0]),
-            duration_ns=e.duration_ns,
-            at_ns=last,
-            elapsed_ns=elapsed,
-        )
-        holds = elapsed is not None and elapsed < e.duration_ns
-        return Leaf(
-            holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e, fixed=self._moment.is_first
-        )
-
-    def _past_sustained(self, e: ir.MemoryCall, last: tuple[int, int] | None) -> Leaf:
-        unbroken = last is not None and last[1] == self._moment.values.number - 1
-        is_true = self.value(e.arguments[0]) is True
-        since = None if not is_true else last[0] if unbroken and last is not None else self._moment.t_ns
-        elapsed = None if since is None else self._moment.t_ns - since
-        cause = Past(
-            function="sustained",
-            condition=_text(e.arguments[0]),
-            duration_ns=e.duration_ns,
-            at_ns=since,
-            elapsed_ns=elapsed,
-        )
-        holds = elapsed is not None and elapsed >= e.duration_ns
-        return Leaf(
-            holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e, fixed=self._moment.is_first
-        )
-
-    def _remembered(self, e: ir.MemoryCall, value: bool, condition: str = "") -> Leaf:
-        since = self._moment.earlier.cells.get((e.cell, (), 0))
-        cause = Remembered(
-            condition=condition or _text(e),
-            value="true" if value else "false",
-            since_ns=None if since is None or since.first else since.t_ns,
-        )
-        return Leaf(
-            holds=value, cause=cause, key=("memory", e.cell), span=e.span, node=e, fixed=self._moment.is_first
-        )
-
-
-def _rests_on_past_alone(e: ir.Expression) -> bool:
-    """Return True for a memory function whose own condition is about earlier frames only."""
-    return isinstance(e, ir.MemoryCall) and e.function not in (
-        ir.MemoryFunction.CAPTURED,
-        ir.MemoryFunction.CHANGED,
-    )
-
-
-def _text(e: ir.Expression) -> str:
-    return source_text(e)
+    def _previous(self, e: ir.MemoryCall, last: object) -> Leaf:
+        """Return the condition that the argument of a memory function was true in the frame before."""
+        before = f"previous({source_text(e.arguments[0])})"
+        return remembered(self._moment, e, value=bool(last), condition=before)

@@ -139,8 +139,10 @@ def _bottom_up(formula: Formula) -> Iterator[Formula]:
 
 
 MAX_SINGLES = 300
+"""Maximum number of conditions that are tried one by one; of more, one set is found."""
+
 MAX_CANDIDATES = 60
-"""Maximum numbers of conditions that are tried one by one, and in pairs; of more, one set is found."""
+"""Maximum number of conditions that are tried in pairs."""
 
 MAX_CHANGES = 8
 """Maximum number of sets of conditions that an answer names."""

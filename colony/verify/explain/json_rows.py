@@ -8,16 +8,10 @@ from typing import Any, assert_never
 from colony.text.source import Span
 from colony.verify.explain.answer import Explanation, Question, Sent, Whether, Why, WhyNot
 from colony.verify.explain.causes import Cause
+from colony.verify.explain.causes_text import cause_text
+from colony.verify.explain.changes_text import MAX_PARTS, changes_text
 from colony.verify.explain.formula import Formula, Leaf
-from colony.verify.explain.text import (
-    MAX_LEVEL,
-    MAX_PARTS,
-    cause_text,
-    changes_text,
-    head_text,
-    lines,
-    shown_parts,
-)
+from colony.verify.explain.text import MAX_LEVEL, head_text, lines, shown_parts
 
 
 def row(explanation: Explanation) -> dict[str, Any]:

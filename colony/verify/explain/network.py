@@ -179,7 +179,7 @@ class Network:
         return options[0] if len(options) == 1 else group("any", options)
 
     def _runtime(self, actuator: str, module: str | None) -> list[Formula]:
-        """Return the conditions that the runtime heard the network, and let it decide."""
+        """Return the conditions that the network alone decided, and that the winner's request was in time."""
         verdict = self.moment.verdicts.get(actuator)
         if verdict is None and actuator in self.moment.late:
             late = Heard(module=module or actuator, fate="late")

@@ -13,6 +13,7 @@ _DIGITS = (4, 6, 9, 12, 17)
 """Numbers of significant digits that are tried, until two values differ in their text."""
 
 _MAX_ELEMENTS = 8
+"""Maximum number of elements of an array that are shown."""
 
 
 def value_text(value: Known, type_: Type, digits: int = _DIGITS[0]) -> str:
