@@ -42,7 +42,7 @@ ALLOWED: dict[str, set[str]] = {
         "vision",
         "sim",
     },
-    "watch": {"ir", "body", "execute", "compile", "verify", "runtime", "nav", "view", "robots"},
+    "watch": {"ir", "body", "execute", "compile", "verify", "runtime", "nav", "vision", "view", "robots"},
     "experiment": {"shipped", "ir", "verify", "runtime", "nav", "vision", "sim", "robots"},
 }
 ALLOWED["cli"] = set(ALLOWED) - {"drivers"}

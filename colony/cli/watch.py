@@ -139,8 +139,10 @@ def _live(
 ) -> Watched:
     from colony.robots.discovery import session_with
     from colony.text.diagnostics import DiagnosticError
+    from colony.watch.asking import Asker, asking_robot
     from colony.watch.joining import joined_program, listening, read_program
     from colony.watch.live import STORE_BYTES, LiveSource
+    from colony.watch.pictures import installed_finder
     from colony.watch.silence import noting_silence
     from colony.watch.stopping import stop_button
     from colony.watch.store import SnapshotStore
@@ -163,7 +165,10 @@ def _live(
             refuse(failure.diagnostics)
         resources.enter_context(noting_silence(sink, store, robot))
         stop = resources.enter_context(stop_button(session)) if may_stop else None
-    return Watched(scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop)
+    find = installed_finder()
+    asker = Asker(lambda: asking_robot(session, find))
+    resources.callback(asker.close)
+    return Watched(scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop, asker=asker)
 
 
 def scene_for(program: Program, title: str, map_path: str | None) -> Scene:

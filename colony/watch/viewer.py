@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from typing import Any, assert_never
 
 import msgspec
@@ -53,6 +53,7 @@ class Viewer:
         self._state: object = None
         self._timeline_due = 0.0
         self._timeline_size = -1
+        self._answers_shown = 0
 
     async def serve(self) -> None:
         """Serve the page until its connection ends."""
@@ -65,7 +66,8 @@ class Viewer:
         )
         sender = asyncio.create_task(self._show())
         try:
-            await self._receive()
+            with nullcontext() if watched.asker is None else watched.asker.page():
+                await self._receive()
         finally:
             sender.cancel()
             with suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
@@ -81,6 +83,7 @@ class Viewer:
             now = time.monotonic()
             await self._show_frame(now)
             await self._show_timeline(now)
+            await self._show_seen()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._changed.wait(), PERIOD_S)
             self._changed.clear()
@@ -112,6 +115,14 @@ class Viewer:
         self._timeline_size = end
         self._timeline_due = time.monotonic() + TIMELINE_S
         await self._send(timeline=timeline)
+
+    async def _show_seen(self) -> None:
+        """Send what is seen now to a page that shows the newest frame."""
+        asker = self._watched.asker
+        answers = None if asker is None else asker.answers
+        if answers is not None and answers.number != self._answers_shown and self._player.is_following:
+            self._answers_shown = answers.number
+            await self._send(seen=answers.seen)
 
     # --- from the page -------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from colony.watch.asking import Asker
 from colony.watch.scene import Scene
 from colony.watch.store import SnapshotStore
 
@@ -28,6 +29,7 @@ class Watched:
         explain: function that returns the reason why a module did or did not command in frame k, as lines;
             it may block. None if nobody can answer.
         stop: function that stops the robot in an emergency; it may block. None without the right to.
+        asker: asks the robot for what frames do not have while a page is open; None without such a robot.
     """
 
     scene: Scene
@@ -35,3 +37,4 @@ class Watched:
     is_live: bool
     explain: Callable[[int, str], tuple[str, ...]] | None = None
     stop: Callable[[], StopAnswer] | None = None
+    asker: Asker | None = None

@@ -1,5 +1,6 @@
 // The page: it shows what the server sends, and sends what the user asks for. It decides nothing.
 
+import { Cameras } from "./cameras.js";
 import { Commands, Judged } from "./commands.js";
 import { Connection } from "./connection.js";
 import { element, setText } from "./drawing.js";
@@ -36,6 +37,10 @@ function receive(message) {
     page.fresh = true;
   }
   if ("problem" in message) page.problem = message.problem;
+  if (message.seen) {
+    page.cameras.show(message.seen.pictures);
+    page.map.setEllipse(message.seen.ellipse);
+  }
   if (message.timeline) timeline.load(message.timeline);
   if (message.answer) showAnswer(message.answer);
   if (message.refused) say(message.refused);
@@ -54,6 +59,7 @@ function setUp({ scene, live, may_stop, may_ask }) {
   $("follow").hidden = !live;
   page.network = new Network($("network"), $("zoom"), scene, choose);
   page.sensors = new Sensors({ polars: $("polars"), lamps: $("lamps"), strips: $("strips") }, scene);
+  page.cameras = new Cameras($("cameras"));
   page.map = page.map ?? new WorldMap($("map"), scene);
   page.views = [
     page.network, page.sensors, page.map, new Commands($("commands"), scene),
@@ -72,6 +78,8 @@ function draw() {
   $("play-shape").setAttribute("d", isMoving ? "M4 3h2.5v10H4zM9.5 3H12v10H9.5z" : "M4 2.5L13 8l-9 5.5z");
   $("play").setAttribute("aria-label", isMoving ? "pause" : "play");
   $("follow").disabled = player.following;
+  page.cameras.setFollowing(player.following);
+  page.map.setFollowing(player.following);
   if (page.network.chosen && !isMoving && page.asked !== snapshot.k) ask(page.network.chosen);
   globalThis.colonyWatch.drawn += 1;
 }

@@ -10,6 +10,8 @@ export class WorldMap {
     this.scene = scene;
     this.path = [];
     this.pose = null;
+    this.ellipse = null;
+    this.isFollowing = true;
     this.box = null;
     this.ranges = scene.sensors.map((s, i) => [s, i]).filter(([s]) => s.kind === "polar" && s.is_distance);
     for (const [x0, y0, x1, y1] of scene.map?.walls ?? []) {
@@ -50,6 +52,24 @@ export class WorldMap {
     this.surface.redraw();
   }
 
+  /** Show where the pose estimator believes the robot to be, and how surely; null for nothing. */
+  setEllipse(ellipse) {
+    this.ellipse = ellipse;
+    if (ellipse) {
+      const room = Math.min(ellipse.major, LEAST_MM);
+      this.include(ellipse.x - room, ellipse.y - room);
+      this.include(ellipse.x + room, ellipse.y + room);
+    }
+    this.surface.redraw();
+  }
+
+  /** Show no ellipse while the page looks back: it is of now. */
+  setFollowing(isFollowing) {
+    if (this.isFollowing === isFollowing) return;
+    this.isFollowing = isFollowing;
+    this.surface.redraw();
+  }
+
   draw(context, width, height) {
     if (!this.box) {
       context.fillStyle = palette.muted;
@@ -65,6 +85,7 @@ export class WorldMap {
     ];
     this.walls(context, at);
     this.track(context, at);
+    if (this.ellipse && this.isFollowing) this.uncertainty(context, at, scale);
     if (this.pose) this.robot(context, at, scale);
     this.ruler(context, scale, height);
   }
@@ -92,6 +113,19 @@ export class WorldMap {
     context.beginPath();
     for (const [x, y] of this.path) context.lineTo(...at(x, y));
     context.stroke();
+  }
+
+  uncertainty(context, at, scale) {
+    const { x, y, major, minor, direction } = this.ellipse;
+    const [px, py] = at(x, y);
+    context.beginPath();
+    context.ellipse(
+      px, py, Math.max(3, major * scale), Math.max(3, minor * scale), (-direction * Math.PI) / 180, 0, 2 * Math.PI);
+    context.strokeStyle = palette.warn;
+    context.lineWidth = 1.5;
+    context.setLineDash([4, 3]);
+    context.stroke();
+    context.setLineDash([]);
   }
 
   robot(context, at, scale) {
