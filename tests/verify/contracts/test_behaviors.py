@@ -46,7 +46,7 @@ def with_canary(program: Program) -> Program:
     return replace(program, contracts=(*program.contracts, Contract(name=_CANARY, expression=idle)))
 
 
-@pytest.mark.parametrize("path", sampled(BEHAVIORS, every=3), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sampled(BEHAVIORS, every=3, thorough=True), ids=lambda p: p.stem)
 def test_every_contract_is_proved_and_what_is_wrong_refuted(path: Path) -> None:
     program = with_canary(load_file(path))
     *results, canary = prove_contracts(program)

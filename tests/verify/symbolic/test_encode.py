@@ -13,7 +13,7 @@ from colony.verify.symbolic.system import Bounds, Inexact, Number, System
 from colony.verify.symbolic.unrolling import Unrolling
 from colony.verify.testing.strategies import run_of_seed
 from tests.paths import ROOT
-from tests.sampling import long
+from tests.sampling import thorough
 from tests.verify.symbolic.programs import broken, claim_of, program
 
 BEHAVIORS = ROOT / "behaviors"
@@ -95,7 +95,7 @@ PROGRAMS = {
 }
 
 
-@pytest.mark.parametrize("name", [long(name) if name == "hallway" else name for name in PROGRAMS])
+@pytest.mark.parametrize("name", [thorough(name) if name == "hallway" else name for name in PROGRAMS])
 def test_invariants_hold_at_first_and_are_preserved(name: str) -> None:
     unrolling = Unrolling(encode(PROGRAMS[name]()))
     solver = z3.Solver()

@@ -15,7 +15,7 @@ from colony.ir.frame import Outcome
 from colony.verify.testing.agreement import EXECUTORS, Factory, disagreement, reference
 from colony.verify.testing.strategies import Run, run_of_seed
 from tests.found_seeds import find_seed
-from tests.sampling import long
+from tests.sampling import thorough
 from tests.verify.testing.seeded_bugs import BUGS, Bug
 
 NETWORKS = 200
@@ -43,7 +43,7 @@ def seeds(network: bool) -> range:
     return range(NETWORKS if network else PROGRAMS)
 
 
-@pytest.mark.parametrize("network", [True, long(False)], ids=["networks", "programs"])
+@pytest.mark.parametrize("network", [True, thorough(False)], ids=["networks", "programs"])
 def test_without_a_bug_there_is_no_disagreement(network: bool) -> None:
     seed = next((s for s in seeds(network) if disagree(network, EXECUTORS, s)), None)
     assert seed is None, f"seed {seed}:\n{disagreement(*drawn(network, seed)[0])}"
