@@ -40,7 +40,7 @@ class ImplausibleError(ValueError):
 
 
 REFUSALS = (ImplausibleError, struct.error, IndexError)
-"""What `Dialect.read` raises for a packet that is refused: it cannot be, or it ends too early."""
+"""Exceptions of `Dialect.read` that refuse a packet: it cannot be, or it ends too early."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from contextlib import suppress
 
 from colony.ir.program import Robot
-from colony.ir.servers import COMMON_SERVERS, ServerSpec
+from colony.ir.servers import ServerSpec
 from colony.robots.described import DescribedRobot
 from colony.robots.discovery import running_robots, session_with
 from colony.robots.request import MisuseError
+from colony.runtime.protocol.bindings import bound_servers
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
 
@@ -26,13 +27,6 @@ def expect_running(robot_address: RobotAddress) -> None:
             f"start it with `colony serve all --robot {robot_address.robot} --map MAP`, "
             "a real one with --hardware or --port PORT in place of the map"
         )
-
-
-def bound_servers(robot: Robot) -> tuple[str, ...]:
-    """Return the servers of sensors and actuators that not every robot has."""
-    common = {server.name for server in COMMON_SERVERS}
-    bound = (*(s.server for s in robot.sensors), *(a.server for a in robot.actuators))
-    return tuple(dict.fromkeys(server for server in bound if server not in common))
 
 
 def additional_servers(

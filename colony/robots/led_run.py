@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from colony.execute.compiled import Compiled
 from colony.ir.servers import DSERVER
 from colony.ir.types import Value
-from colony.robots.bound_servers import additional_servers, bound_servers
+from colony.robots.bound_servers import additional_servers
 from colony.robots.described import DescribedRobot
 from colony.robots.discovery import session_with
 from colony.robots.field_giver import FieldGiver
@@ -29,7 +29,7 @@ from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
-from colony.runtime.protocol.bindings import bind
+from colony.runtime.protocol.bindings import bind, bound_servers
 from colony.runtime.protocol.deployment import deployment
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.robot_address import Local, RobotAddress

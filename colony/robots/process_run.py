@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 from colony.execute.compiled import Compiled
 from colony.os_errors import naming
-from colony.robots.bound_servers import bound_servers, expect_running
+from colony.robots.bound_servers import expect_running
 from colony.robots.described import DescribedRobot
 from colony.robots.driver_watch import DriverWatch
 from colony.robots.led_run import LedRun
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.runtime.assembly.processes.jobs import check_disk_space
+from colony.runtime.protocol.bindings import bound_servers
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 from colony.runtime.transport.live.run_directory import in_run_directory
 from colony.sim.plant.child import SIMULATOR

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from colony.execute.compiled import Compiled
 from colony.ir.servers import DSERVER
-from colony.robots.bound_servers import additional_servers, bound_servers, expect_running
+from colony.robots.bound_servers import additional_servers, expect_running
 from colony.robots.described import DescribedRobot
 from colony.robots.discovery import session_with
 from colony.robots.driver_watch import DriverWatch
@@ -27,7 +27,7 @@ from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import clock, data
 from colony.runtime.observe.summary import Tally
-from colony.runtime.protocol.bindings import bind
+from colony.runtime.protocol.bindings import bind, bound_servers
 from colony.runtime.protocol.deployment import Deployment, deployment, problems
 from colony.runtime.protocol.interface import interface_problem
 from colony.runtime.protocol.topics import CLOCK

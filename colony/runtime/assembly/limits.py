@@ -31,7 +31,7 @@ from colony.runtime.kit.description import describe, server_spec
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
 from colony.runtime.kit.script import Do, Script, do, sleep
 from colony.runtime.library import clock
-from colony.runtime.protocol.bindings import Bindings, bind
+from colony.runtime.protocol.bindings import Bindings, bind, bound_servers
 from colony.runtime.protocol.deployment import LIMITS_RUN, Deployment, deployment, limited_actuators
 from colony.runtime.protocol.topics import CLOCK
 from colony.text.diagnostics import DiagnosticError
@@ -53,7 +53,6 @@ RServer has all that any base has: it refuses the deployment of a program that d
 """
 
 _KNOWN_NAMES = frozenset(server.name for server in _KNOWN)
-_COMMON_NAMES = frozenset(server.name for server in COMMON_SERVERS)
 
 
 def limit_clients(compiled: Compiled) -> tuple[ClientKey, ...]:
@@ -80,7 +79,7 @@ def limit_bindings(robot: Robot, described: Iterable[ServerSpec] = ()) -> Bindin
         DiagnosticError: a sensor or actuator does not fit its server.
     """
     known = {spec.name: spec for spec in (*_KNOWN, *described)}
-    assumed = (_assumed(robot, name) for name in _bound_servers(robot) if name not in known)
+    assumed = (_assumed(robot, name) for name in bound_servers(robot) if name not in known)
     return bind(robot, (*known.values(), *assumed))
 
 
@@ -91,7 +90,7 @@ def limit_deployment(compiled: Compiled, described: Iterable[ServerSpec] = ()) -
         limit_bindings(compiled.robot, described),
         run=LIMITS_RUN,
         seed=0,
-        servers=_bound_servers(compiled.robot),
+        servers=bound_servers(compiled.robot),
         resident=True,
     )
 
@@ -136,12 +135,6 @@ def lead_limits(compiled: Compiled) -> Script:
             except (RobotConnectionError, ValueError, DiagnosticError):
                 continue  # it is not there, or does not fit: then it commands nothing
         yield from sleep(DEPLOY_INTERVAL_S)
-
-
-def _bound_servers(robot: Robot) -> tuple[str, ...]:
-    """Return the servers of a robot's sensors and actuators that not every robot has."""
-    names = (*(s.server for s in robot.sensors), *(a.server for a in robot.actuators))
-    return tuple(dict.fromkeys(name for name in names if name not in _COMMON_NAMES))
 
 
 def _assumed(robot: Robot, server: str) -> ServerSpec:

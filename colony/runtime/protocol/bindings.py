@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from colony.execute.intake import converted
 from colony.ir.fitting import command_named, misfits
 from colony.ir.program import Actuator, Robot, Sensor
-from colony.ir.servers import ServerSpec
+from colony.ir.servers import COMMON_SERVERS, ServerSpec
 from colony.ir.types import Value
 from colony.text.diagnostics import DiagnosticError
 
@@ -75,6 +75,13 @@ class Bindings:
 
     sensors: tuple[SensorBinding, ...]
     actuators: tuple[ActuatorBinding, ...]
+
+
+def bound_servers(robot: Robot) -> tuple[str, ...]:
+    """Return the servers of sensors and actuators that not every robot has."""
+    common = {server.name for server in COMMON_SERVERS}
+    bound = (*(s.server for s in robot.sensors), *(a.server for a in robot.actuators))
+    return tuple(dict.fromkeys(server for server in bound if server not in common))
 
 
 def bind(robot: Robot, servers: tuple[ServerSpec, ...]) -> Bindings:
