@@ -40,9 +40,8 @@ START_S = 300.0
 SERVERS = {"Clock", "RServer", "DServer"}
 """What a program waits for only so long."""
 
-STANDING_S = 0.12
-"""Seconds without a command to move after which a base counts as stopped: more than two late frames, and less
-than the fastest restart takes."""
+STANDING_S = 0.25
+"""Seconds without a command to move after which a base counts as stopped: less than any restart takes."""
 
 FRESH_S = 0.1
 """Age up to which a command that moves counts as now."""
