@@ -103,7 +103,7 @@ def bounded_lines(file: BinaryIO, max_bytes: int) -> Iterator[bytes]:
 
 
 def user_cache(environment: Mapping[str, str], name: str) -> Path | None:
-    """Return a folder of the user's cache: `$XDG_CACHE_HOME/colony/NAME`, or `~/.cache/colony/NAME`.
+    """Return a path in the user's cache: `$XDG_CACHE_HOME/colony/NAME`, or `~/.cache/colony/NAME`.
 
     None if the environment has neither.
     """

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -16,7 +15,7 @@ from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.interruption import interruptible
 from colony.cli.params_choice import choose_params, params_option
 from colony.cli.recorded import program_for
-from colony.cli.reporting import refuse, say
+from colony.cli.reporting import refuse, report, say
 from colony.cli.robot_choice import robot_and_description_option
 from colony.cli.robot_options import (
     connect_option,
@@ -29,10 +28,14 @@ from colony.extras import expect_extras
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
+    from colony.runtime.transport.live.robot_address import RobotAddress
     from colony.watch.scene import Scene
+    from colony.watch.serving import PageServer
     from colony.watch.watched import Watched
 
 POLL_S = 0.1
+
+CLOSING = "closing the page"
 
 
 @click.command("watch", short_help="watch a recording or a running robot in the browser")
@@ -75,7 +78,8 @@ def command(
     the right to read, and for the button the right to stop.
 
     The page listens on this machine alone, and its address ends in a token, without which it shows nothing.
-    The token stays the same, so that a page reconnects to the next `colony watch`.
+    The token stays the same, so that a page reconnects to the next `colony watch`. When the robot runs
+    another program, the page shows that.
 
     \b
     Example:
@@ -98,10 +102,12 @@ def command(
     with ExitStack() as resources:
         if recording is not None:
             watched = _recorded(recording, behavior, map_path, resources)
+            _serve_page(watched, port=port, opens=opens)
         else:
             assert robot is not None
-            watched = _live(robot, connect, security, map_path, resources, may_stop=allow_stop)
-        serve_page(watched, port=port, opens=opens)
+            with reporting_connection_errors():
+                robot_address = robot_address_of(robot, connect, security)
+            _watch_live(robot, robot_address, map_path, port=port, opens=opens, may_stop=allow_stop)
 
 
 def _recorded(recording: str, behavior: str | None, map_path: str | None, resources: ExitStack) -> Watched:
@@ -128,47 +134,42 @@ def _recorded(recording: str, behavior: str | None, map_path: str | None, resour
     return Watched(scene=scene, store=store, is_live=False, explain=trail.explain)
 
 
-def _live(
+def _watch_live(
     robot: str,
-    connect: str | None,
-    security: Path | None,
+    robot_address: RobotAddress,
     map_path: str | None,
-    resources: ExitStack,
     *,
+    port: int | None,
+    opens: bool,
     may_stop: bool,
-) -> Watched:
-    from colony.robots.discovery import session_with
+) -> None:
+    """Show the run of a robot, and every run that follows it, until the command is interrupted."""
     from colony.text.diagnostics import DiagnosticError
-    from colony.watch.asking import Asker, asking_robot
-    from colony.watch.joining import joined_program, listening, read_program
-    from colony.watch.live import STORE_BYTES, LiveSource
-    from colony.watch.pictures import installed_finder
-    from colony.watch.silence import noting_silence
-    from colony.watch.stopping import stop_button
-    from colony.watch.store import SnapshotStore
-    from colony.watch.trail import Trail
-    from colony.watch.watched import Watched
+    from colony.watch.joined_run import JoinedRun, Succession, joined_run
 
-    with reporting_connection_errors():
-        robot_address = robot_address_of(robot, connect, security)
-        session = resources.enter_context(session_with(robot_address))
-        found = read_program(session)
-        try:
-            program = resources.enter_context(joined_program(found, robot))
-            scene = scene_for(program, f"run {found.run}", map_path)
-            store, trail = SnapshotStore(scene.modules, max_bytes=STORE_BYTES), Trail(program)
-            resources.callback(store.close)
-            source = LiveSource(program, store, trail)
-            resources.callback(source.close)
-            sink = resources.enter_context(listening(robot_address, program, found.run, session, source))
-        except DiagnosticError as failure:
-            refuse(failure.diagnostics)
-        resources.enter_context(noting_silence(sink, store, robot))
-        stop = resources.enter_context(stop_button(session)) if may_stop else None
-    find = installed_finder()
-    asker = Asker(lambda: asking_robot(session, find))
-    resources.callback(asker.close)
-    return Watched(scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop, asker=asker)
+    def join() -> AbstractContextManager[JoinedRun]:
+        return joined_run(
+            robot,
+            robot_address,
+            scene_for=lambda program, title: scene_for(program, title, map_path),
+            may_stop=may_stop,
+        )
+
+    with ExitStack() as resources:
+        with reporting_connection_errors():
+            try:
+                runs = resources.enter_context(Succession(robot_address, join))
+            except DiagnosticError as failure:
+                refuse(failure.diagnostics)
+        interrupted = resources.enter_context(interruptible(CLOSING))
+        server = resources.enter_context(page_server(runs.watched, port))
+        _tell(server, opens=opens)
+        while not interrupted():
+            time.sleep(POLL_S)
+            try:
+                runs.follow(server.show)
+            except DiagnosticError as failure:
+                report(failure.diagnostics)
 
 
 def scene_for(program: Program, title: str, map_path: str | None) -> Scene:
@@ -194,28 +195,33 @@ def scene_for(program: Program, title: str, map_path: str | None) -> Scene:
     return scene_of(program, title, clients, world, footprint_of(body))
 
 
-def serve_page(watched: Watched, *, port: int | None, opens: bool) -> None:
+def _serve_page(watched: Watched, *, port: int | None, opens: bool) -> None:
     """Serve the page of a run until the command is interrupted; exit with 2 if the port is taken."""
-    with interruptible("closing the page") as interrupted, page_of(watched, port) as url:
-        click.echo(f"watch at {url}")
-        if opens:
-            import webbrowser
-
-            webbrowser.open(url)
+    with interruptible(CLOSING) as interrupted, page_server(watched, port) as server:
+        _tell(server, opens=opens)
         while not interrupted():
             time.sleep(POLL_S)
 
 
-@contextmanager
-def page_of(watched: Watched, port: int | None) -> Iterator[str]:
-    """Serve the page of a run; the context's value is its address. Exit with 2 if the port is taken."""
+def _tell(server: PageServer, *, opens: bool) -> None:
+    """Print the address of the page, and open it in the browser if asked to."""
+    click.echo(f"watch at {server.url}")
+    if opens:
+        import webbrowser
+
+        from colony.watch.user_files import page_link
+
+        if (link := page_link(os.environ, server.url)) is None or not webbrowser.open(link):
+            say("the page cannot be opened from here: open the address")
+
+
+def page_server(watched: Watched, port: int | None) -> PageServer:
+    """Return a server of the page of a run; exit with 2 if the port is taken."""
     from colony.watch.serving import PageServer
-    from colony.watch.token import user_token
+    from colony.watch.user_files import user_token
 
     try:
-        server = PageServer(watched, port=port, token=user_token(os.environ))
+        return PageServer(watched, port=port, token=user_token(os.environ))
     except OSError as problem:
         say(f"colony: error: --port: cannot listen on {port}: {problem.strerror}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-    with server:
-        yield server.url

@@ -26,8 +26,8 @@ if TYPE_CHECKING:  # imported only for runs that need them
     from colony.robots.route import Route
     from colony.sim.plant.child import ViewDirection
 
-PLANT_START_TIMEOUT_S = 120.0
-"""Timeout in seconds for the simulator to start; without a cache it is compiled first."""
+PLANT_START_TIMEOUT_S = 600.0
+"""Timeout in seconds for the simulator to start; slow computers compile it for minutes."""
 
 PLANT_ANSWER_TIMEOUT_S = 10.0
 """Timeout in seconds for a simulator that already runs to answer."""

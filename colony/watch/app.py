@@ -10,9 +10,10 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from colony.watch.security import PROTOCOL, Guard
+from colony.watch.greeting import REFUSED, greet
+from colony.watch.security import Guard
+from colony.watch.shown import Shown
 from colony.watch.viewer import Viewer
-from colony.watch.watched import Watched
 
 PAGE = Path(__file__).parent / "page"
 """Folder of the page's files."""
@@ -28,8 +29,8 @@ CONTENT_TYPES = {
 MAX_VIEWERS = 20
 """Maximum number of pages at one time."""
 
-REFUSED = 4403
-"""Close code of a WebSocket that is not admitted."""
+REPLACED = 1012
+"""Close code of a WebSocket whose run has a successor: the page comes back for it."""
 
 
 def page_files() -> dict[str, tuple[bytes, str]]:
@@ -38,13 +39,13 @@ def page_files() -> dict[str, tuple[bytes, str]]:
     return {path.name: (path.read_bytes(), CONTENT_TYPES[path.suffix]) for path in found}
 
 
-def build_app(watched: Watched, guard: Guard) -> Starlette:
-    """Return the application that shows a run to pages that the guard admits."""
+def build_app(shown: Shown, guard: Guard) -> Starlette:
+    """Return the application that shows a run, and its successors, to pages that the guard admits."""
     files, viewers = page_files(), set[WebSocket]()
 
     async def page(request: Request) -> Response:
         if not guard.is_for_us(request.headers):
-            return PlainTextResponse("wrong host\n", 421)
+            return PlainTextResponse(f"the page is at http://{guard.host}/\n", 421)
         name = request.path_params.get("name", "index.html")
         if name not in files:
             return PlainTextResponse("not found\n", 404, headers=guard.response_headers)
@@ -52,15 +53,18 @@ def build_app(watched: Watched, guard: Guard) -> Starlette:
         return Response(content, media_type=type_, headers=guard.response_headers)
 
     async def run(socket: WebSocket) -> None:
-        offered = tuple(socket.scope.get("subprotocols", ()))
-        if not guard.admits(socket.headers, offered) or len(viewers) >= MAX_VIEWERS:
+        if not await greet(socket, guard):
+            return
+        if len(viewers) >= MAX_VIEWERS:
             await socket.close(REFUSED)
             return
-        await socket.accept(subprotocol=PROTOCOL)
         viewers.add(socket)
         try:
-            await Viewer(socket, watched).serve()
-        except WebSocketDisconnect:
+            with shown.page() as watched:
+                await Viewer(socket, watched).serve(lambda: shown.is_shown(watched))
+            if not shown.is_shown(watched):
+                await socket.close(REPLACED)
+        except (WebSocketDisconnect, RuntimeError):  # the connection is closed
             pass
         finally:
             viewers.discard(socket)

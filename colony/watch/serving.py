@@ -11,6 +11,7 @@ import uvicorn
 from colony.watch.app import build_app
 from colony.watch.requests import MAX_REQUEST_BYTES
 from colony.watch.security import LOOPBACK, Guard
+from colony.watch.shown import Shown
 from colony.watch.watched import Watched
 
 DEFAULT_PORT = 7450
@@ -23,7 +24,7 @@ class PageServer:
     """A server that runs until it is closed. Mutable.
 
     Args:
-        watched: the run that it shows.
+        watched: the run that it shows first.
         port: its port; None for the default one, or any if that is taken.
         token: what pages must know.
 
@@ -32,14 +33,17 @@ class PageServer:
     """
 
     def __init__(self, watched: Watched, *, port: int | None, token: str) -> None:
+        self._shown = Shown(watched)
         with ExitStack() as resources:
             listener = resources.enter_context(_listener(port))
             self.port: int = listener.getsockname()[1]
             guard = Guard(port=self.port, token=token)
-            self.url = f"http://{LOOPBACK}:{self.port}/#{token}"
+            self.host = guard.host
+            """Address and port of the server."""
+            self.url = f"http://{guard.host}/#{token}"
             """Address of the page, with its token."""
             config = uvicorn.Config(
-                build_app(watched, guard),
+                build_app(self._shown, guard),
                 log_level="critical",
                 access_log=False,
                 lifespan="off",
@@ -55,6 +59,10 @@ class PageServer:
             )
             self._thread.start()
             self._resources = resources.pop_all()
+
+    def show(self, watched: Watched) -> None:
+        """Show another run; pages come back for it. The one before may be closed afterwards."""
+        self._shown.show(watched)
 
     def close(self) -> None:
         """Close all pages' connections, and end. Idempotent."""

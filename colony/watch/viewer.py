@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Callable, Coroutine
 from contextlib import nullcontext, suppress
 from typing import Any, assert_never
 
 import msgspec
 from starlette.concurrency import run_in_threadpool
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
 from colony.watch.marks import Mark
 from colony.watch.player import Player
@@ -29,6 +30,9 @@ GAP_S = 5.0
 
 TIMELINE_S = 1.0
 """Seconds between two timelines of a run that goes on."""
+
+REPLACED_S = 0.1
+"""Seconds between two checks whether another run is to be shown."""
 
 UNSUPPORTED = 1003
 """Code with which a WebSocket is closed that sends a binary message."""
@@ -55,8 +59,8 @@ class Viewer:
         self._timeline_size = -1
         self._answers_shown = 0
 
-    async def serve(self) -> None:
-        """Serve the page until its connection ends."""
+    async def serve(self, is_shown: Callable[[], bool]) -> None:
+        """Serve the page until its connection ends, or its run is no longer shown."""
         watched = self._watched
         await self._send(
             scene=watched.scene,
@@ -64,14 +68,8 @@ class Viewer:
             may_stop=watched.stop is not None,
             may_ask=watched.explain is not None,
         )
-        sender = asyncio.create_task(self._show())
-        try:
-            with nullcontext() if watched.asker is None else watched.asker.page():
-                await self._receive()
-        finally:
-            sender.cancel()
-            with suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
-                await sender
+        with nullcontext() if watched.asker is None else watched.asker.page():
+            await _first_of(self._show(), self._receive(), _until_replaced(is_shown))
 
     async def _send(self, **members: Any) -> None:
         await self._socket.send_text(_encode(members).decode())
@@ -178,3 +176,21 @@ class Viewer:
             await self._send(refused="this page may not stop the robot")
             return
         await self._send(stop=await run_in_threadpool(stop))
+
+
+async def _until_replaced(is_shown: Callable[[], bool]) -> None:
+    while is_shown():
+        await asyncio.sleep(REPLACED_S)
+
+
+async def _first_of(*jobs: Coroutine[Any, Any, None]) -> None:
+    """Do several jobs until one of them ends, also because the connection is gone."""
+    tasks = [asyncio.create_task(job) for job in jobs]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import pytest
 
-from colony.watch.serving import PageServer
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.waiting import until
@@ -42,8 +39,8 @@ def credentials(authority: Authority, name: str, folder: Path) -> Path:
 def opened(watcher: Started) -> Iterator[Page]:
     until(lambda: watcher.ended() or "http" in watcher.out, "the page is served")
     assert not watcher.ended(), watcher.err
-    port, token = watcher.out.split()[-1].removeprefix("http://127.0.0.1:").split("/#")
-    with page(cast(PageServer, SimpleNamespace(port=int(port))), token=token) as shown:
+    host, token = watcher.out.split()[-1].removeprefix("http://").split("/#")
+    with page(host, token=token) as shown:
         yield shown
 
 

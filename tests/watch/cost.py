@@ -16,12 +16,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Thread
 
-from websockets.sync.client import connect
-
 from colony.runtime.library.leader import RunStatus
-from colony.watch.security import PROTOCOL
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, status
 from tests.waiting import until
+from tests.watch.runs import page
 
 READERS = 5
 
@@ -49,14 +47,9 @@ def watched(machine: Machine) -> Iterator[Started]:
     ended = Event()
 
     def read() -> None:
-        with connect(
-            f"ws://{host}/run", origin=f"http://{host}", subprotocols=[PROTOCOL, token], proxy=None
-        ) as page:  # type: ignore[arg-type,list-item]
+        with page(host, token=token) as opened:
             while not ended.is_set():
-                try:
-                    page.recv(timeout=0.5)
-                except TimeoutError:
-                    continue
+                opened.until(lambda message: "snapshot" in message)
 
     with ExitStack() as threads:
         for _ in range(READERS):

@@ -19,9 +19,10 @@ from colony.ir.frame import Frame
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.watch.following import RunFollower
+from colony.watch.greeting import Greeting, Reply
 from colony.watch.recorded import RecordingSource
 from colony.watch.scene import Scene, scene_of
-from colony.watch.security import PROTOCOL
+from colony.watch.security import PROTOCOL, new_nonce, proof
 from colony.watch.serving import PageServer
 from colony.watch.snapshot import Snapshot
 from colony.watch.store import SnapshotStore
@@ -161,14 +162,26 @@ class Page:
 
 
 @contextmanager
-def page(server: PageServer, *, origin: str | None = None, token: str = TOKEN) -> Iterator[Page]:
-    """Open the WebSocket of a page, as the page's own origin unless another is given."""
-    host = f"127.0.0.1:{server.port}"
+def greeted(host: str, *, origin: str | None = None) -> Iterator[tuple[ClientConnection, str, Greeting]]:
+    """Open a WebSocket as a page would, of the page's own origin unless another is given.
+
+    The context's value has the nonce that was offered, and the greeting of the server.
+    """
+    nonce = new_nonce()
     with connect(
         f"ws://{host}/run",
         origin=f"http://{host}" if origin is None else origin,  # type: ignore[arg-type]
-        subprotocols=[PROTOCOL, token],  # type: ignore[list-item]
+        subprotocols=[PROTOCOL, nonce],  # type: ignore[list-item]
         compression=None,
         proxy=None,
     ) as socket:
+        yield socket, nonce, msgspec.json.decode(socket.recv(timeout=60), type=Greeting)
+
+
+@contextmanager
+def page(host: str, *, origin: str | None = None, token: str = TOKEN) -> Iterator[Page]:
+    """Open the WebSocket of a page, and prove that it knows the token."""
+    with greeted(host, origin=origin) as (socket, _, greeting):
+        reply = Reply(proof=proof(token, "page", greeting.nonce, host))
+        socket.send(msgspec.json.encode(reply).decode())
         yield Page(socket)

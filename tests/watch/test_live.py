@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from contextlib import ExitStack
@@ -21,11 +20,11 @@ from colony.watch.live import LiveSource
 from colony.watch.silence import noting_silence
 from colony.watch.snapshot import Snapshot
 from colony.watch.store import SnapshotStore
-from colony.watch.token import user_token
 from colony.watch.trail import Trail
+from colony.watch.user_files import user_token
 from colony.watch.watched import Watched
 from tests.waiting import until
-from tests.watch.runs import FRAMES, PROGRAM, TOKEN, page, run, scene, served, snapshots
+from tests.watch.runs import FRAMES, PROGRAM, page, run, scene, served, snapshots
 
 
 @pytest.fixture
@@ -118,21 +117,8 @@ def test_a_page_that_does_not_read_keeps_no_other_page_waiting() -> None:
     watched = Watched(scene=scene(), store=store, is_live=True)
     with ExitStack() as resources:
         server = resources.enter_context(served(watched))
-        frozen = resources.enter_context(socket.create_connection(("127.0.0.1", server.port)))
-        frozen.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        host = f"127.0.0.1:{server.port}"
-        lines = (
-            "GET /run HTTP/1.1",
-            f"Host: {host}",
-            f"Origin: http://{host}",
-            "Upgrade: websocket",
-            "Connection: Upgrade",
-            "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
-            "Sec-WebSocket-Version: 13",
-            f"Sec-WebSocket-Protocol: colony.watch, {TOKEN}",
-        )
-        frozen.sendall("".join(f"{line}\r\n" for line in (*lines, "")).encode())
-        opened = resources.enter_context(page(server))
+        resources.enter_context(page(server.host))  # its messages wait unread
+        opened = resources.enter_context(page(server.host))
         for log in run():
             source.take(log)
         opened.shown(FRAMES - 1)  # another page gets what the frozen one does not read

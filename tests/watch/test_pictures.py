@@ -119,7 +119,7 @@ def test_a_page_gets_the_pictures_of_all_cameras() -> None:
     with robot(*cameras) as session:
         asker = Asker(lambda: asking_robot(session, find_signs), 0.001)
         watched = Watched(scene=scene(), store=store, is_live=True, asker=asker)
-        with served(watched) as server, page(server) as opened:
+        with served(watched) as server, page(server.host) as opened:
             pictures = opened.until(lambda m: len(m.get("seen", {}).get("pictures", ())) == 2)["seen"][
                 "pictures"
             ]
@@ -188,7 +188,7 @@ def test_a_page_gets_the_ellipse_of_the_pose_that_the_estimator_published() -> N
     with robot(DServer()) as session, session.connect("DServer") as variables:
         asker = Asker(lambda: asking_robot(session, find_nothing), 0.001)
         watched = Watched(scene=scene(), store=store, is_live=True, asker=asker)
-        with served(watched) as server, page(server) as opened:
+        with served(watched) as server, page(server.host) as opened:
             assert opened.until(lambda m: "seen" in m)["seen"] == {"pictures": [], "ellipse": None}
             variables.do(data.set(POSE, pose_list(pose)))
             found = opened.until(lambda m: m.get("seen", {}).get("ellipse"))["seen"]["ellipse"]

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import http.client
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from colony.watch.app import page_files
+from colony.watch.app import REPLACED, page_files
+from colony.watch.greeting import REFUSED
+from colony.watch.security import Guard, proof
 from colony.watch.serving import PageServer
 from colony.watch.viewer import UNSUPPORTED
 from colony.watch.watched import StopAnswer
-from tests.watch.runs import FRAMES, TOKEN, page, recorded, served
+from tests.watch.runs import FRAMES, TOKEN, greeted, page, recorded, scene, served
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +34,7 @@ def get(server: PageServer, path: str, host: str | None = None) -> http.client.H
 
 
 def test_a_page_gets_the_scene_then_frames(server: PageServer) -> None:
-    with page(server) as opened:
+    with page(server.host) as opened:
         first = opened.until(lambda m: True)
         assert first["scene"]["robot"] == "tiny"
         assert (first["live"], first["may_stop"]) == (False, False)
@@ -42,7 +45,7 @@ def test_a_page_gets_the_scene_then_frames(server: PageServer) -> None:
 
 
 def test_a_page_scrubs_and_jumps(server: PageServer) -> None:
-    with page(server) as opened:
+    with page(server.host) as opened:
         opened.ask(do="pause")
         opened.ask(do="seek", t=1.05)
         assert opened.shown(10)["commands"][0]["by"] == "cruise"
@@ -57,7 +60,7 @@ def test_a_page_scrubs_and_jumps(server: PageServer) -> None:
 
 
 def test_what_is_no_request_is_refused(server: PageServer) -> None:
-    with page(server) as opened:
+    with page(server.host) as opened:
         for members in (
             {"do": "explode"},
             {},
@@ -71,7 +74,7 @@ def test_what_is_no_request_is_refused(server: PageServer) -> None:
 
 
 def test_a_binary_message_closes_the_page_that_sent_it(server: PageServer) -> None:
-    with page(server) as opened:
+    with page(server.host) as opened:
         opened.send(b'{"do": "pause"}')
         with pytest.raises(ConnectionClosed) as closed:
             opened.until(lambda m: False)
@@ -79,15 +82,53 @@ def test_a_binary_message_closes_the_page_that_sent_it(server: PageServer) -> No
     assert closed.value.rcvd.code == UNSUPPORTED
 
 
-@pytest.mark.parametrize(
-    ("origin", "token"),
-    [("http://evil.example", TOKEN), ("null", TOKEN), ("", TOKEN), (None, "another-token"), (None, "x")],
-)
-def test_other_origins_and_wrong_tokens_are_refused(
-    server: PageServer, origin: str | None, token: str
-) -> None:
-    with pytest.raises(InvalidStatus, match="403"), page(server, origin=origin, token=token):
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "", "http://localhost:{port}"])
+def test_other_origins_are_refused(server: PageServer, origin: str) -> None:
+    own = origin.format(port=server.port)
+    with pytest.raises(InvalidStatus, match="403"), greeted(server.host, origin=own):
         pass
+
+
+@pytest.mark.parametrize("token", ["another-token", "", TOKEN[:-1]])
+def test_wrong_tokens_are_refused(server: PageServer, token: str) -> None:
+    with page(server.host, token=token) as opened, pytest.raises(ConnectionClosed) as closed:
+        opened.until(lambda m: True)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == REFUSED
+
+
+@pytest.mark.parametrize(
+    "reply", [b"binary", "no JSON", "{}", '{"proof": 1}', r'{"proof": "\ud800"}', '{"do": "stop"}']
+)
+def test_what_is_no_proof_is_refused(server: PageServer, reply: str | bytes) -> None:
+    with greeted(server.host) as (socket, _, _):
+        socket.send(reply)
+        with pytest.raises(ConnectionClosed) as closed:
+            socket.recv(timeout=60)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == REFUSED
+
+
+def test_the_server_proves_itself_and_sends_no_token(server: PageServer) -> None:
+    with greeted(server.host) as (_, nonce, greeting):
+        assert greeting.proof == proof(TOKEN, "server", nonce, server.host)
+        assert TOKEN not in repr(greeting)
+
+
+def test_a_proof_is_of_no_use_to_others(server: PageServer) -> None:
+    """Not of the server to a page's nonce, not to a second nonce, and not to another server."""
+    with greeted(server.host) as (_, _, earlier), greeted(server.host) as (_, nonce, greeting):
+        assert greeting.nonce != earlier.nonce
+        useless = (
+            greeting.proof,
+            proof(TOKEN, "server", greeting.nonce, server.host),
+            proof(TOKEN, "page", nonce, server.host),
+            proof(TOKEN, "page", earlier.nonce, server.host),
+            proof(TOKEN, "page", greeting.nonce, "127.0.0.1:1"),
+        )
+        guard = Guard(port=server.port, token=TOKEN)
+        assert not any(guard.accepts(each, greeting.nonce) for each in useless)
+        assert guard.accepts(proof(TOKEN, "page", greeting.nonce, server.host), greeting.nonce)
 
 
 def test_another_host_is_refused(server: PageServer) -> None:
@@ -120,8 +161,21 @@ def test_the_stop_is_pressed_by_who_may() -> None:
         pressed.append(True)
         return StopAnswer(is_kept=True, text="stopped")
 
-    with recorded(stop) as watched, served(watched) as server, page(server) as opened:
+    with recorded(stop) as watched, served(watched) as server, page(server.host) as opened:
         assert opened.until(lambda m: "scene" in m)["may_stop"]
         opened.ask(do="stop")
         assert opened.until(lambda m: "stop" in m)["stop"] == {"is_kept": True, "text": "stopped"}
     assert pressed == [True]
+
+
+def test_pages_come_back_for_the_run_that_follows() -> None:
+    with recorded() as first, recorded() as second, served(first) as server:
+        with page(server.host) as opened:
+            opened.until(lambda m: "snapshot" in m)
+            server.show(replace(second, scene=scene("the second")))
+            with pytest.raises(ConnectionClosed) as closed:
+                opened.until(lambda m: False)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == REPLACED
+        with page(server.host) as opened:
+            assert opened.until(lambda m: "scene" in m)["scene"]["title"] == "the second"

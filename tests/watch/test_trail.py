@@ -69,7 +69,7 @@ def test_what_is_too_old_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_page_asks_and_is_answered() -> None:
-    with recorded() as watched, served(watched) as server, page(server) as opened:
+    with recorded() as watched, served(watched) as server, page(server.host) as opened:
         opened.ask(do="ask", module="cruise", k=3)
         answer = opened.until(lambda m: "answer" in m)["answer"]
         assert (answer["module"], answer["k"]) == ("cruise", 3)

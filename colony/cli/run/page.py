@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from colony.cli.reporting import say
-from colony.cli.watch import page_of, scene_for
+from colony.cli.watch import page_server, scene_for
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
@@ -37,5 +37,5 @@ def shown_in_browser(compiled: Compiled, map_path: str | None) -> Iterator[Sink]
         source = LiveSource(program, store, trail)
         resources.callback(source.close)
         watched = Watched(scene=scene, store=store, is_live=True, explain=trail.explain)
-        say(f"watch at {resources.enter_context(page_of(watched, None))}")
+        say(f"watch at {resources.enter_context(page_server(watched, None)).url}")
         yield source

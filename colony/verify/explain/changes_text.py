@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import assert_never
 
-from colony.text.wording import duration_text, listed
+from colony.text.wording import duration_text
 from colony.verify.explain.causes import (
     Answered,
     Comparison,
@@ -26,11 +26,11 @@ MAX_PARTS = 24
 """Maximum number of conditions side by side that an answer shows."""
 
 
-def changes_text(change: Change) -> str:
-    """Return what would have to be so together, the first of many."""
+def changes_texts(change: Change) -> tuple[str, ...]:
+    """Return what would have to be so together, clause by clause, the first of many."""
     texts = [change_text(leaf) for leaf in change.leaves[:MAX_PARTS]]
     omitted = len(change.leaves) - MAX_PARTS
-    return listed([*texts, *([f"{omitted} more"] if omitted > 0 else [])])
+    return (*texts, *([f"{omitted} more"] if omitted > 0 else []))
 
 
 def change_text(leaf: Leaf) -> str:

@@ -6,10 +6,11 @@ from dataclasses import fields
 from typing import Any, assert_never
 
 from colony.text.source import Span
+from colony.text.wording import listed
 from colony.verify.explain.answer import Explanation, Question, Sent, Whether, Why, WhyNot
 from colony.verify.explain.causes import Cause
 from colony.verify.explain.causes_text import cause_text
-from colony.verify.explain.changes_text import MAX_PARTS, changes_text
+from colony.verify.explain.changes_text import MAX_PARTS, changes_texts
 from colony.verify.explain.formula import Formula, Leaf
 from colony.verify.explain.text import MAX_LEVEL, head_text, lines, shown_parts
 
@@ -36,7 +37,7 @@ def row(explanation: Explanation) -> dict[str, Any]:
         "changes": [
             {
                 "certain": change.is_certain,
-                "text": changes_text(change),
+                "text": listed(changes_texts(change)),
                 "conditions": [
                     _cause(leaf.cause, leaf.holds, explanation.t_ns, leaf.span)
                     for leaf in change.leaves[:MAX_PARTS]

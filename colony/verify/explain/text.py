@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import assert_never
 
+from colony.text.wording import listed
 from colony.verify.explain.answer import Explanation, Whether
 from colony.verify.explain.causes import Constant
 from colony.verify.explain.causes_text import ago_text, cause_text, detail_text, time_text, truth_text
-from colony.verify.explain.changes_text import MAX_PARTS, changes_text
+from colony.verify.explain.changes_text import MAX_PARTS, changes_texts
 from colony.verify.explain.command import Cut
 from colony.verify.explain.formula import Formula, Group, Leaf, deciding_parts
 
@@ -34,6 +35,9 @@ def lines(explanation: Explanation) -> tuple[str, ...]:
         *(f"  {line}" for line in _changes_lines(explanation)),
     )
 
+
+MAX_CLAUSES = 2
+"""Maximum number of clauses that had to change together which share a line."""
 
 MAX_CAUSES = 4
 """Maximum number of conditions that a short answer has."""
@@ -167,8 +171,20 @@ def _changes_lines(explanation: Explanation) -> Iterator[str]:
     if not changes:
         yield "nothing that was sensed or remembered would have changed this"
     for is_certain, word in ((True, "would"), (False, "might")):
-        texts = [changes_text(change) for change in changes if change.is_certain == is_certain]
-        together = any(len(change.leaves) > 1 for change in changes if change.is_certain == is_certain)
-        only = "only " if together and is_certain else ""
-        if texts:
-            yield f"it {word} change {only}if {'; or if '.join(texts)}"
+        ways = [changes_texts(change) for change in changes if change.is_certain == is_certain]
+        only = " only" if is_certain and any(len(way) > 1 for way in ways) else ""
+        if len(ways) == 1 and len(ways[0]) <= MAX_CLAUSES:
+            yield f"it {word} change{only} if {listed(ways[0])}"
+        elif ways:
+            yield f"it {word} change{only}"
+            yield from (
+                f"  {line}" for i, way in enumerate(ways) for line in _way_lines(way, is_first=i == 0)
+            )
+
+
+def _way_lines(way: Sequence[str], *, is_first: bool) -> Iterator[str]:
+    """Yield what would have to be so together, a line each."""
+    first, *others = way
+    yield f"{'if' if is_first else 'or if'} {first}"
+    for other in others:
+        yield f"  and {other}"

@@ -49,7 +49,11 @@ function receive(message) {
 }
 
 function setUp({ scene, live, may_stop, may_ask }) {
+  const chosen = page.network?.chosen;
+  if (page.scene && page.scene.title !== scene.title) say(`${scene.title} follows`);
   page.scene = scene;
+  page.snapshot = null;
+  timeline.clear();
   page.isLive = live;
   page.mayAsk = may_ask;
   setText($("robot"), scene.robot);
@@ -60,15 +64,19 @@ function setUp({ scene, live, may_stop, may_ask }) {
   page.network = new Network($("network"), $("zoom"), scene, choose);
   page.sensors = new Sensors({ polars: $("polars"), lamps: $("lamps"), strips: $("strips") }, scene);
   page.cameras = new Cameras($("cameras"));
-  page.map = page.map ?? new WorldMap($("map"), scene);
+  page.map = page.map ?? new WorldMap($("map"));
+  page.map.load(scene);
   page.views = [
     page.network, page.sensors, page.map, new Commands($("commands"), scene),
     new Judged({ contracts: $("contracts"), states: $("states") }, scene),
   ];
+  if (scene.modules.includes(chosen)) page.network.choose(chosen);
+  else showReason("Why?", "Choose a module to ask why it commands, or why not.");
 }
 
 function draw() {
   page.fresh = false;
+  if (!page.snapshot) return;
   const { snapshot, player } = page;
   for (const view of page.views) view.show(snapshot);
   timeline.show(snapshot.t);
@@ -98,9 +106,16 @@ function showMode() {
   badge.className = `badge ${kind}`;
 }
 
+const ADVICE = "open the address that `colony watch` printed";
+const CONNECTION_PROBLEMS = {
+  "no token": `${ADVICE}: it ends in a token`,
+  refused: `refused: the token is wrong, or too many pages are open; ${ADVICE}`,
+  stranger: `another program, or another token, is at this address; ${ADVICE}`,
+};
+
 function showConnection(state) {
   page.isOpen = state === "open";
-  if (state === "no token") say("open the address that `colony watch` printed: it ends in a token");
+  if (state in CONNECTION_PROBLEMS) say(CONNECTION_PROBLEMS[state]);
   showMode();
 }
 
@@ -126,7 +141,7 @@ function showAlarms(now, isMoving) {
 
 function choose(module) {
   page.network.choose(module);
-  setText($("reason-title"), module);
+  showReason(module, "");
   if (!page.snapshot) return;
   const state = page.snapshot.modules[page.scene.modules.indexOf(module)];
   setText($("reason-text"), page.mayAsk ? "…" : state);
@@ -141,8 +156,12 @@ function ask(module) {
 
 function showAnswer({ module, k, lines }) {
   if (module !== page.network.chosen) return;
-  setText($("reason-title"), `${module}, frame ${k}`);
-  setText($("reason-text"), lines.join("\n"));
+  showReason(`${module}, frame ${k}`, lines.join("\n"));
+}
+
+function showReason(title, text) {
+  setText($("reason-title"), title);
+  setText($("reason-text"), text);
 }
 
 function say(text) {

@@ -6,7 +6,12 @@ const MARGIN_MM = 800;
 const LEAST_MM = 4000;
 
 export class WorldMap {
-  constructor(canvas, scene) {
+  constructor(canvas) {
+    this.surface = new Surface(canvas, (context, width, height) => this.draw(context, width, height));
+  }
+
+  /** Show a scene, of whose run nothing is known yet. */
+  load(scene) {
     this.scene = scene;
     this.path = [];
     this.pose = null;
@@ -18,8 +23,8 @@ export class WorldMap {
       this.cover(x0, y0);
       this.cover(x1, y1);
     }
-    this.surface = new Surface(canvas, (context, width, height) => this.draw(context, width, height));
     this.surface.measure();
+    this.surface.redraw();
   }
 
   cover(x, y, margin = 0) {

@@ -29,6 +29,12 @@ export class Timeline {
     this.onSeek(this.data.first + part * (this.data.last - this.data.first));
   }
 
+  /** Show nothing, until data come. */
+  clear() {
+    this.data = null;
+    this.surface.redraw();
+  }
+
   load(data) {
     this.data = data;
     this.canvas.setAttribute("aria-valuemin", data.first.toFixed(1));

@@ -8,10 +8,13 @@ from pathlib import Path
 import pytest
 
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release
+from tests.paths import ROOT
 from tests.waiting import until
 from tests.watch.browser.chromium import Browser, needs_chromium
 
 pytestmark = [pytest.mark.long, needs_chromium]
+
+FOLLOW_WALL = str(ROOT / "behaviors" / "follow_wall.colony")
 
 
 @pytest.fixture
@@ -61,6 +64,25 @@ def test_live_stopped_and_reconnected(machine: Machine, browser: Browser) -> Non
     again.tell(signal.SIGTERM)
     assert again.wait() == 0
     assert not run.ended()
+
+
+def test_the_page_follows_the_robot_into_its_next_run(machine: Machine, browser: Browser) -> None:
+    drive = ("--map", MAP, "--processes", "--no-picture", "--duration", "1000")
+    run = machine.start("run", WANDER, *drive)
+    until(lambda: run.ended() or machine.moves(), "the robot drives")
+    server = machine.start("watch", "--robot", ROBOT, "--port", "0")
+    until(lambda: server.ended() or "http" in server.out, "the page is served")
+    browser.open(server.out.split()[-1])
+    until(lambda: browser.text("#mode") == "live", f"it is live: {browser.text('#mode')}")
+    first = browser.text("#title")
+    run.tell(signal.SIGINT)
+    run.wait()
+    until(lambda: browser.text("#mode").startswith("no frames come"), "the page notices that it has ended")
+    machine.start("run", FOLLOW_WALL, *drive)
+    until(lambda: browser.text("#title") != first, "the page shows the next run")
+    until(lambda: browser.text("#mode") == "live", "it is live")
+    assert browser.run("return document.querySelectorAll('[data-module=follow]').length")
+    assert not server.ended()
 
 
 def test_a_run_shows_itself_and_one_looks_back(machine: Machine, browser: Browser) -> None:

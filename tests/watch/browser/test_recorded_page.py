@@ -5,15 +5,20 @@ from __future__ import annotations
 import http.server
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from pathlib import Path
 
 import pytest
+from websockets.sync.server import ServerConnection, serve
+from websockets.typing import Subprotocol
 
+from colony.watch.security import PROTOCOL
 from colony.watch.serving import PageServer
+from colony.watch.user_files import page_link
 from colony.watch.watched import StopAnswer
 from tests.waiting import until
 from tests.watch.browser.chromium import AXE, SIZES, Browser, needs_chromium
-from tests.watch.runs import FRAMES, recorded, served
+from tests.watch.runs import FRAMES, TOKEN, recorded, served
 
 pytestmark = [pytest.mark.long, needs_chromium]
 
@@ -116,6 +121,8 @@ def test_it_passes_axe(browser: Browser, server: PageServer, size: str, scheme: 
 def test_nothing_is_cut_off_sideways(browser: Browser, server: PageServer, size: str, is_whole: bool) -> None:
     browser.resize(size)
     shown(browser, server)
+    browser.run("for (const name of ['follow', 'stop']) document.getElementById(name).hidden = false")
+    browser.run("document.getElementById('message').textContent = 'a long message of the robot, '.repeat(4)")
     root = "document.documentElement"
     assert browser.run(f"return {root}.scrollWidth <= {root}.clientWidth")
     if is_whole:
@@ -170,3 +177,54 @@ def test_a_page_of_another_origin_cannot_press_the_stop(browser: Browser) -> Non
         shown(browser, server).click("#stop")
         until(lambda: "acknowledged" in browser.text("#message"), "the page's own button works")
     assert pressed == [True]
+
+
+class Stranger:
+    """Another program at the address of an open page: it takes every WebSocket, and notes what it gets."""
+
+    def __init__(self, host: str) -> None:
+        self.greeted, self.got = threading.Event(), list[str]()
+        address, port = host.split(":")
+        self._server = serve(
+            self._serve, address, int(port), subprotocols=[Subprotocol(PROTOCOL)], compression=None
+        )
+        self._thread = threading.Thread(target=self._server.serve_forever)
+        self._thread.start()
+
+    def _serve(self, socket: ServerConnection) -> None:
+        assert socket.request is not None
+        self.got += map(str, socket.request.headers.raw_items())
+        socket.send('{"nonce": "00", "proof": "00"}')
+        socket.send('{"scene": {"title": "false"}}')
+        self.greeted.set()
+        self.got += map(str, socket)
+
+    def close(self) -> None:
+        self._server.shutdown()
+        self._thread.join()
+
+
+def test_a_stranger_at_the_port_gets_no_token_and_shows_nothing(browser: Browser) -> None:
+    with recorded() as watched:
+        with served(watched) as server:
+            host, token = server.host, server.url.partition("#")[2]
+            shown(browser, server)
+            title = browser.text("#title")
+        with closing(Stranger(host)) as stranger:
+            until(stranger.greeted.is_set, "the page reconnects")
+            until(lambda: "another program" in browser.text("#message"), "the page says so")
+            browser.press(SPACE)
+            assert browser.text("#mode") == "no connection"
+            assert browser.text("#title") == title
+        assert any(PROTOCOL in each for each in stranger.got)
+        assert not any(token in each or '"do"' in each for each in stranger.got)
+
+
+def test_the_link_leads_to_the_page(browser: Browser, server: PageServer, tmp_path: Path) -> None:
+    link = page_link({"XDG_CACHE_HOME": str(tmp_path)}, server.url)
+    assert link is not None
+    assert TOKEN not in link
+    [file] = tmp_path.rglob("*.html")
+    assert file.stat().st_mode & 0o077 == 0
+    browser.open(link)
+    until(lambda: "frame" in browser.text("#clock"), "a frame is shown")
