@@ -8,9 +8,11 @@ from __future__ import annotations
 import os
 import signal
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
@@ -154,11 +156,11 @@ class NotedRobot:
         A frame that is late on a busy machine is idle for its own 50 ms, and is no stop.
         """
         found = None
-        for t, points in self.heard:
-            if t >= since:
-                if found is not None and t > found + STANDING_S:
-                    break
-                found = None if any(points) else found or t
+        first = bisect_left(self.heard, since, key=lambda heard: heard[0])
+        for t, points in islice(self.heard, first, None):
+            if found is not None and t > found + STANDING_S:
+                break
+            found = None if any(points) else found or t
         return found if found is not None and time.monotonic() > found + STANDING_S else None
 
 
