@@ -16,7 +16,7 @@ import pytest
 from tests.drivers.served_base import CREATE2, Served, pioneer_at, served
 from tests.waiting import until
 
-pytestmark = pytest.mark.thorough  # what a base does within a few frames depends on how busy the machine is
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")

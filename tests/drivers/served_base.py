@@ -42,8 +42,11 @@ START_S = 300.0
 SERVERS = {"Clock", "RServer", "DServer"}
 """What a program waits for only so long."""
 
-STANDING_S = 0.25
-"""Seconds without a command to move after which a base counts as stopped: less than any restart takes."""
+STANDING_S = 0.08
+"""Seconds without a command to move after which a base counts as stopped.
+
+Longer than a late frame, and shorter than any restart: a host of clients is back after 100 ms of standing.
+"""
 
 FRESH_S = 0.1
 """Age up to which a command that moves counts as now."""
