@@ -12,10 +12,12 @@ from types import SimpleNamespace
 import pytest
 
 from colony.ir.frame import Outcome
+from colony.runtime.library.leader import RunProgram, SourceText
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.observe.observer import FrameLog
+from colony.text.diagnostics import DiagnosticError
 from colony.watch import live as live_module
-from colony.watch.joining import Joiner
+from colony.watch.joining import Joiner, joined_program
 from colony.watch.live import LiveSource
 from colony.watch.silence import noting_silence
 from colony.watch.snapshot import Snapshot
@@ -24,7 +26,7 @@ from colony.watch.trail import Trail
 from colony.watch.user_files import user_token
 from colony.watch.watched import Watched
 from tests.waiting import until
-from tests.watch.runs import FRAMES, PROGRAM, page, run, scene, served, snapshots
+from tests.watch.runs import FRAMES, PROGRAM, TEXT, page, run, scene, served, snapshots
 
 
 @pytest.fixture
@@ -124,6 +126,20 @@ def test_a_page_that_does_not_read_keeps_no_other_page_waiting() -> None:
         opened.shown(FRAMES - 1)  # another page gets what the frozen one does not read
     source.close()
     store.close()
+
+
+@pytest.mark.parametrize("path", ["{outside}", "../{name}", "a/../../{name}", ""])
+def test_a_leader_gives_no_file_outside_the_program(path: str, tmp_path: Path) -> None:
+    outside = tmp_path / "outside"
+    given = path.format(outside=outside, name=outside.name)
+    sources = (
+        SourceText(kind="behavior", path="b.colony", data=TEXT.encode()),
+        SourceText(kind="behavior", path=given, data=b"given"),
+    )
+    found = RunProgram(run="1", root="b.colony", sources=sources)
+    with pytest.raises(DiagnosticError, match="outside it"), joined_program(found, "tiny"):
+        pass
+    assert not outside.exists()
 
 
 def test_silence_is_said_and_taken_back(store: SnapshotStore, monkeypatch: pytest.MonkeyPatch) -> None:
