@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Iterator
 
 import pytest
@@ -50,6 +52,24 @@ def test_it_waits_at_the_end_of_what_is_there_and_goes_on() -> None:
     for snapshot in snapshots()[5:]:
         store.add(snapshot)
     assert [player.index(20.0 + x) for x in (0.0, 0.1, 0.25)] == [4, 5, 6]
+    store.close()
+
+
+def test_a_disk_that_becomes_full_keeps_no_part_of_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    store = SnapshotStore(scene().modules)
+    first, second, *_ = snapshots()
+    store.add(first)
+    write, room = os.pwrite, [20]
+
+    def pwrite(descriptor: int, data: bytes, offset: int) -> int:
+        if not room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(descriptor, data[: room.pop()], offset)
+
+    monkeypatch.setattr(os, "pwrite", pwrite)
+    with pytest.raises(OSError, match="No space left"):
+        store.add(second)
+    assert store.span == Span(0, 1)
     store.close()
 
 
