@@ -7,6 +7,7 @@ import asyncio
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from colony.watch.peer import is_stranger
 from colony.watch.security import PROTOCOL, Guard, new_nonce
 
 REFUSED = 4403
@@ -30,9 +31,13 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True):
 
 
 async def greet(socket: WebSocket, guard: Guard) -> bool:
-    """Return True if a WebSocket is one of our own page, which knows the token; close it otherwise."""
+    """Return True if a WebSocket is one of our own page, which knows the token; close it otherwise.
+
+    Those of other users are closed at once: one of them might pass on what a page says that has connected
+    to them while there was no server.
+    """
     offered = guard.nonce(socket.headers, tuple(socket.scope.get("subprotocols", ())))
-    if offered is None:
+    if offered is None or socket.client is None or is_stranger(socket.client.port, guard.port):
         await socket.close(REFUSED)
         return False
     await socket.accept(subprotocol=PROTOCOL)
