@@ -27,7 +27,7 @@ class SourceFile:
 
 
 def is_source_path(name: str) -> bool:
-    """Return True if a name may be the path of a source file: it does not lead out of the program's folder."""
+    """Return True if a name may be the path of a source file: it does not lead out of its folder."""
     path = PurePosixPath(name)
     is_within = bool(path.parts) and not path.is_absolute() and ".." not in path.parts
     return is_within and "\\" not in name and "\0" not in name
