@@ -40,6 +40,8 @@ class RecordingSource:
             store.problem = self._reader.truncation
             if self._reader.damaged:
                 store.problem = "it is damaged at its end"
+            if store.problem is None and store.span.end == 0:
+                store.problem = "it contains no frame"
         except DiagnosticError as failure:
             store.problem = headline(failure.diagnostics[0])
         except OSError as problem:

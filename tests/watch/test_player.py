@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 from collections.abc import Iterator
 
 import pytest
 
+from colony.runtime.recordings.reader import LinesReader
 from colony.watch import store as store_module
 from colony.watch.marks import Mark
 from colony.watch.player import Player
+from colony.watch.recorded import RecordingSource
 from colony.watch.store import SnapshotStore, Span
 from colony.watch.timeline import history_to, path_to, timeline_of
-from tests.watch.runs import FRAMES, scene, snapshots
+from colony.watch.trail import Trail
+from tests.waiting import until
+from tests.watch.runs import FRAMES, PROGRAM, scene, snapshots
 
 
 def filled(**options: int) -> SnapshotStore:
@@ -52,6 +57,14 @@ def test_it_waits_at_the_end_of_what_is_there_and_goes_on() -> None:
     for snapshot in snapshots()[5:]:
         store.add(snapshot)
     assert [player.index(20.0 + x) for x in (0.0, 0.1, 0.25)] == [4, 5, 6]
+    store.close()
+
+
+def test_a_recording_without_frames_says_so() -> None:
+    store = SnapshotStore(scene().modules)
+    with RecordingSource(LinesReader(io.BytesIO(b""), "run.jsonl"), PROGRAM, store, Trail(PROGRAM)):
+        until(lambda: store.is_complete, "the recording is read")
+    assert store.problem == "it contains no frame"
     store.close()
 
 
