@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import os
 
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from colony.watch.peers import is_of_user
+from colony.watch.peers import is_of, own_users
 from colony.watch.security import LOOPBACK, PROTOCOL, Guard, new_nonce
 
 REFUSED = 4403
@@ -32,7 +33,9 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True):
 
 def _is_of_user(socket: WebSocket, guard: Guard) -> bool:
     client = socket.client
-    return client is not None and is_of_user((client.host, client.port), (LOOPBACK, guard.port))
+    return client is not None and is_of(
+        own_users(os.environ, os.getuid()), (client.host, client.port), (LOOPBACK, guard.port)
+    )
 
 
 async def greet(socket: WebSocket, guard: Guard) -> bool:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from colony.watch.peers import is_of_user
+from colony.watch.peers import is_of, own_users
 from tests.watch.runs import greeted, recorded, served
 
 NOBODY = 65534
@@ -29,9 +29,16 @@ def test_a_connection_is_of_the_user_who_opened_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = server.getsockname()
         with socket.create_connection(address) as client:
-            assert is_of_user(client.getsockname(), address)
-            assert os.getuid() == 0 or not is_of_user(client.getsockname(), address, user=os.getuid() + 1)
-        assert not is_of_user(("127.0.0.1", 1), address)
+            assert is_of({os.getuid()}, client.getsockname(), address)
+            assert not is_of({os.getuid() + 1}, client.getsockname(), address)
+        assert not is_of({os.getuid()}, ("127.0.0.1", 1), address)
+
+
+def test_whose_connections_are_accepted() -> None:
+    assert own_users({}, 1000) == {0, 1000}
+    assert own_users({"SUDO_UID": "1001"}, 1000) == {0, 1000}
+    assert own_users({"SUDO_UID": "1001"}, 0) == {0, 1001}
+    assert own_users({"SUDO_UID": "x"}, 0) == {0}
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="needs root, to be another user")
@@ -41,8 +48,8 @@ def test_a_connection_of_another_user_is_not() -> None:
         with another_user():
             client = socket.create_connection(address)
         with client:
-            assert not is_of_user(client.getsockname(), address)
-            assert is_of_user(client.getsockname(), address, user=NOBODY)
+            assert is_of({NOBODY}, client.getsockname(), address)
+            assert not is_of({0}, client.getsockname(), address)
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="needs root, to be another user")

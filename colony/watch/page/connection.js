@@ -5,6 +5,7 @@
 
 const FIRST_DELAY_MS = 250;
 const LAST_DELAY_MS = 3000;
+const GREETING_MS = 5000;
 const REFUSED = 4403;
 
 const encoder = new TextEncoder();
@@ -37,6 +38,7 @@ export class Connection {
     const socket = new WebSocket(`ws://${location.host}/run`, ["colony.watch", nonce]);
     this.socket = null;
     let greeted = false;
+    const silence = setTimeout(() => socket.close(), GREETING_MS);
     socket.addEventListener("message", async (event) => {
       const message = JSON.parse(event.data);
       if (this.socket === socket) {
@@ -45,6 +47,7 @@ export class Connection {
       }
       if (greeted) return;
       greeted = true;
+      clearTimeout(silence);
       if (message.proof !== (await proof(token, "server", nonce))) {
         this.onState("stranger");
         socket.close();
@@ -58,6 +61,7 @@ export class Connection {
       this.onState("open");
     });
     socket.addEventListener("close", (event) => {
+      clearTimeout(silence);
       this.socket = null;
       this.onState(event.code === REFUSED ? "refused" : "closed");
       setTimeout(() => this.open(), this.delay);
