@@ -54,7 +54,7 @@ class Guard:
         self.ending = False
 
     def run(self) -> None:
-        """Guard until asked to end, or until there was no driver for `LINGER_NS`; stop also where it fails."""
+        """Guard until asked to end, until there was no driver for `LINGER_NS`, or until it fails."""
         try:
             while not self.ending:
                 now_ns = time.monotonic_ns()

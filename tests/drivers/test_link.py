@@ -59,7 +59,9 @@ def test_a_simulator_over_tcp() -> None:
         open_link(address, 0)
 
 
-@pytest.mark.parametrize("text", ["tcp:", "tcp:host", "tcp:host:", "tcp::80", "tcp:host:port", "tcp:host:99999"])
+@pytest.mark.parametrize(
+    "text", ["tcp:", "tcp:host", "tcp:host:", "tcp::80", "tcp:host:port", "tcp:host:99999"]
+)
 def test_a_wrong_address(text: str) -> None:
     with pytest.raises(LinkError, match="is no link: write tcp:HOST:PORT"):
         open_link(text, 0)
