@@ -78,7 +78,8 @@ def unwatched_devices(
         if is_asked and server.hardware is not None and server.hardware.watchdog == "none":
             message = f"nothing stops `{name}` when its computer fails or its cable is pulled"
             place = file.value("server", name, "hardware", "watchdog")
-            yield warning("B019", place, message, "the guard of a port ends with its computer")
+            hint = "stay within reach of its switch: the guard of its port ends with the computer"
+            yield warning("B019", place, message, hint)
 
 
 def _identity(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:

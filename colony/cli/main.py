@@ -44,7 +44,7 @@ COMMANDS = {
     "experiment": "simulate many runs, and report statistics",
     "plan": "plan a path from room to room",
     "sim": "inspect the simulated building",
-    "robot": "check, draw and begin descriptions of robots",
+    "robot": "check, draw and start descriptions of robots",
     "vision": "show what the detectors see in a picture",
     "help": "explain an error code or a command",
 }

@@ -135,7 +135,7 @@ def _arbitration(state: RobotState) -> Iterator[str]:
     assert arbitration is not None
     if arbitration.lock_holder is not None:
         yield f"locked by {arbitration.lock_holder}"
-    yield f"the base is commanded by {arbitration.acting or 'no client'}"
+    yield f"the base is commanded by {arbitration.acting or 'nobody'}"
     for outside in arbitration.outside:
         if outside.unlimited:
             yield f"{outside.name} ({outside.connection}) ignores the limits of the program"
@@ -146,7 +146,7 @@ def _actuators(server: str, arbitration: Arbitration) -> Iterator[str]:
     if arbitration.lock_holder is not None:
         yield f"{server} is locked by {arbitration.lock_holder}"
     for actuator in arbitration.actuators:
-        yield f"{server}.{actuator.command} is commanded by {actuator.acting or 'no client'}"
+        yield f"{server}.{actuator.command} is commanded by {actuator.acting or 'nobody'}"
     for outside in dict.fromkeys((o.name, o.connection) for o in arbitration.outside if o.unlimited):
         yield f"{outside[0]} ({outside[1]}) ignores the limits of the program at {server}"
 

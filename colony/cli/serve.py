@@ -116,7 +116,7 @@ def command(server: str, **arguments: Any) -> None:
 
     A server stops its hardware when it ends. A server that already runs under the same name is not started.
 
-    With --port, which includes --hardware, all drivers whose table in the body has a `port` get this one
+    With --port, which implies --hardware, all drivers whose table in the body has a `port` get this one
     (docs/drivers.md).
 
     \b

@@ -1,4 +1,4 @@
-"""The greeting of a page: it and the server prove to each other that they know the token."""
+"""The greeting of a page: it is one of this user, and both sides prove that they know the token."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import asyncio
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from colony.watch.security import PROTOCOL, Guard, new_nonce
+from colony.watch.peers import is_of_user
+from colony.watch.security import LOOPBACK, PROTOCOL, Guard, new_nonce
 
 REFUSED = 4403
 """Close code of a WebSocket that is not admitted."""
@@ -29,10 +30,15 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True):
     proof: str
 
 
+def _is_of_user(socket: WebSocket, guard: Guard) -> bool:
+    client = socket.client
+    return client is not None and is_of_user((client.host, client.port), (LOOPBACK, guard.port))
+
+
 async def greet(socket: WebSocket, guard: Guard) -> bool:
     """Return True if a WebSocket is one of our own page, which knows the token; close it otherwise."""
     offered = guard.nonce(socket.headers, tuple(socket.scope.get("subprotocols", ())))
-    if offered is None:
+    if offered is None or not _is_of_user(socket, guard):
         await socket.close(REFUSED)
         return False
     await socket.accept(subprotocol=PROTOCOL)

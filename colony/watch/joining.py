@@ -28,7 +28,7 @@ from colony.robots.recorded_program import recorded_program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import RobotConnectionError
+from colony.runtime.kit.errors import RobotConnectionError, ServerNotFoundError
 from colony.runtime.library.leader import LEADER, RunProgram, run_keyframe, run_program
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.observe.observer import FrameLog, Observer
@@ -44,15 +44,22 @@ from colony.watch.live import LiveSource, recorded_frame
 KEYFRAME_INTERVAL_S = 0.2
 """Seconds between two requests for a keyframe, until one is usable."""
 
+NO_PROGRAM = "the robot is served, but runs no program to watch: start one with `colony run FILE --connect`"
+
 
 def read_program(session: Session) -> RunProgram:
     """Return the program of the run that a robot's leader leads.
 
     Raises:
-        RobotConnectionError: there is no leader, or it refuses.
+        RobotConnectionError: no program runs, or its leader refuses.
     """
-    with session.connect(LEADER, name="colony watch") as leader:
-        return leader.do(run_program())
+    try:
+        with session.connect(LEADER, name="colony watch") as leader:
+            return leader.do(run_program())
+    except ServerNotFoundError:
+        if (servers := session.servers()) and LEADER not in servers:
+            raise ServerNotFoundError(NO_PROGRAM) from None
+        raise
 
 
 @contextmanager

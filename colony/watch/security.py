@@ -1,5 +1,7 @@
 """The protection against other pages and other users: Host, Origin, a token, and what a page may load.
 
+`peers.py` refuses connections of other users.
+
 The token is in the fragment of the page's address, which browsers do not send. The page itself is public,
 and has no data; it gets all of them through its WebSocket. There server and page prove to each other that
 they know the token, without sending it: another program at the port, after the server has ended, learns

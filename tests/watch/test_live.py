@@ -12,10 +12,11 @@ from types import SimpleNamespace
 import pytest
 
 from colony.ir.frame import Outcome
+from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.observe.observer import FrameLog
 from colony.watch import live as live_module
-from colony.watch.joining import Joiner
+from colony.watch.joining import Joiner, read_program
 from colony.watch.live import LiveSource
 from colony.watch.silence import noting_silence
 from colony.watch.snapshot import Snapshot
@@ -148,3 +149,15 @@ def test_the_token_stays_and_only_its_user_can_read_it(tmp_path: Path) -> None:
     file.write_text("short")
     assert len(user_token(environment)) >= 32
     assert user_token({}) != user_token({})
+
+
+def test_a_robot_that_runs_no_program_is_said_to_run_none() -> None:
+    def connect(server: str, **_: object) -> object:
+        raise ServerNotFoundError(f"rome has no {server}: found Clock, RServer")
+
+    session = SimpleNamespace(connect=connect, servers=lambda: ("Clock", "RServer"))
+    with pytest.raises(ServerNotFoundError, match="runs no program to watch"):
+        read_program(session)  # type: ignore[arg-type]
+    session.servers = tuple
+    with pytest.raises(ServerNotFoundError, match="has no Leader"):
+        read_program(session)  # type: ignore[arg-type]

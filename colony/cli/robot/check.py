@@ -22,7 +22,7 @@ def check_command(names: tuple[str, ...], format_: str) -> None:
     """Check the interface and the body of robots, and hold both to each other.
 
     NAME is the name of a robot that comes with colony or is in the folder robots, or the path of an
-    interface; the body stands beside it, in the file ROBOT.toml that is called like the robot. All errors are
+    interface; the body is beside it, in ROBOT.toml, which is named after the robot. All errors are
     reported, each with its location and a hint: servers, fields and commands that one of the two lacks, other
     elements or bearings than the device has, ranges beyond the limits of the base, rates slower than
     `within`.

@@ -9,9 +9,9 @@ from colony.cli.robot.new import new_command
 from colony.cli.robot.show import show_command
 
 
-@click.group("robot", no_args_is_help=False, short_help="check, draw and begin descriptions of robots")
+@click.group("robot", no_args_is_help=False, short_help="check, draw and start descriptions of robots")
 def command() -> None:
-    """Check, draw and begin descriptions of robots: an interface, NAME.colony, and a body, NAME.toml.
+    """Check, draw and start descriptions of robots: an interface, NAME.colony, and a body, NAME.toml.
 
     \b
     Example:

@@ -17,14 +17,14 @@ FOLDER = Path("robots")
 SUFFIXES = (".colony", ".toml")
 
 
-@click.command("new", short_help="begin a description")
+@click.command("new", short_help="start a description")
 @click.argument("name", metavar="NAME")
 def new_command(name: str) -> None:
     """Write robots/NAME/NAME.colony and NAME.toml: a small robot with a laser scanner and bumpers.
 
-    Both files check, and say how to go on. Existing files are never overwritten.
+    Both pass `colony robot check`, and say how to go on. Existing files are never overwritten.
 
-    Exit code: 0, or 2 if the name is none or that of a robot that comes with colony, or a file exists or
+    Exit code: 0, or 2 if NAME is invalid or the name of a robot that comes with colony, or a file exists or
     cannot be written.
 
     \b

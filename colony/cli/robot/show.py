@@ -35,7 +35,7 @@ def show_command(name: str, picture: Path | None) -> None:
     """List the drive and the limits of a robot, its sensors, actuators and cameras, and draw it.
 
     NAME is the name of a robot that comes with colony or is in the folder robots, or the path of an
-    interface; the body stands beside it. Both are checked first, as by `colony robot check`.
+    interface; the body is beside it. Both are checked first, as by `colony robot check`.
 
     Exit code: 0, 1 if the two have errors, 2 if a file cannot be read or written.
 

@@ -91,7 +91,7 @@ PICTURE = "run.png"
     multiple=True,
     metavar="NAME=VALUE",
     help="Hold what the program reads at this value: a variable of DServer, as if an operator kept setting "
-    "it, or a sensor that nobody simulates, such as a button. May be repeated.",
+    "it, or a sensor that nothing simulates, such as a button. May be repeated.",
 )
 @click.option(
     "--scenario",

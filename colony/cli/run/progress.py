@@ -50,8 +50,12 @@ class Progress:
 
 
 def _progress_text(log: FrameLog) -> str:
-    winners = ", ".join(f"{name} by {v.by or 'no client'}" for name, v in log.verdicts.items())
-    return f"{log.tick.t_ns / 1e9:.1f} s, {winners}"
+    """Return the time and who commands what; verdicts come in any order, so the names are sorted."""
+    commanders = ", ".join(
+        f"{name} by {verdict.by or verdict.outside or 'nobody'}"
+        for name, verdict in sorted(log.verdicts.items())
+    )
+    return f"{log.tick.t_ns / 1e9:.1f} s, {commanders}"
 
 
 class _Bar:

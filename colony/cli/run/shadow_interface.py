@@ -51,12 +51,11 @@ class Decisions:
 
 
 def _would_send(actuator: Actuator, verdict: Verdict) -> str:
-    if verdict.values is None:
-        command = "nothing"
-    else:
-        pairs = zip(actuator.fields, verdict.values, strict=True)
-        command = ", ".join(f"{field.name} = {_value(field, value)}" for field, value in pairs)
     fault = f" ({verdict.fault})" if verdict.fault else ""
+    if verdict.values is None:
+        return f"nothing to {actuator.name}{fault}"
+    pairs = zip(actuator.fields, verdict.values, strict=True)
+    command = ", ".join(f"{field.name} = {_value(field, value)}" for field, value in pairs)
     return f"{actuator.name}({command}) by {verdict.by or 'nobody'}{fault}"
 
 

@@ -18,7 +18,13 @@ def main() -> None:
     """Run an emulator from the command line."""
     prog = "python -m colony.drivers.pioneer.emulator"
     parser = emulator_options(prog, "Emulate a Pioneer on a pseudoterminal.", baud=BAUD)
-    parser.add_argument("--model", choices=sorted(MODELS), default="p3dx-sh", metavar="MODEL")
+    parser.add_argument(
+        "--model",
+        choices=sorted(MODELS),
+        default="p3dx-sh",
+        metavar="MODEL",
+        help="the model: the name that the robot gives of itself (default: p3dx-sh)",
+    )
     options = parser.parse_args()
     robot = Firmware(MODELS[options.model], around=options.room)
     run_emulator(Emulator(robot, baud=options.baud, link=options.link))

@@ -47,7 +47,8 @@ def _notes(program: Program, trace: Trace, sensors_shown: int) -> Iterator[str]:
     if trace.needed_missing:
         yield f"missing, which matters: {', '.join(trace.needed_missing)}"
     if sensors_shown + len(trace.needed_missing) < len(program.robot.sensors):
-        yield "all other sensors: missing (their readings make no difference)"
+        which = "all other sensors" if sensors_shown or trace.needed_missing else "all sensors"
+        yield f"{which}: missing (their readings make no difference)"
     if trace.found:
         yield f"in the last frame: {'; '.join(trace.found)}"
     if trace.cause:

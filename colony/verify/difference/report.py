@@ -89,7 +89,8 @@ def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
     if result.needed_missing:
         yield f"missing, which matters: {', '.join(result.needed_missing)}"
     if len(shown_sensors) + len(result.needed_missing) < len(sensors):
-        yield "all other sensors: missing (their readings make no difference)"
+        which = "all other sensors" if shown_sensors or result.needed_missing else "all sensors"
+        yield f"{which}: missing (their readings make no difference)"
 
 
 def _sent(a: Program, b: Program, result: Different, outcome_a: Outcome, outcome_b: Outcome) -> Iterator[str]:

@@ -141,10 +141,9 @@ function showAlarms(now, isMoving) {
 
 function choose(module) {
   page.network.choose(module);
-  showReason(module, "");
-  if (!page.snapshot) return;
+  if (!page.snapshot) return showReason(module, "");
   const state = page.snapshot.modules[page.scene.modules.indexOf(module)];
-  setText($("reason-text"), page.mayAsk ? "…" : state);
+  showReason(module, page.mayAsk ? "…" : state);
   ask(module);
 }
 
@@ -159,9 +158,17 @@ function showAnswer({ module, k, lines }) {
   showReason(`${module}, frame ${k}`, lines.join("\n"));
 }
 
+/** Show a reason, line by line: what does not fit in a line goes on below it, further in. */
 function showReason(title, text) {
   setText($("reason-title"), title);
-  setText($("reason-text"), text);
+  if (text === page.reason) return;
+  page.reason = text;
+  $("reason-text").replaceChildren(...text.split("\n").map((line) => {
+    const indent = line.search(/\S|$/);
+    const shown = element("div", {}, line.slice(indent));
+    shown.style.marginLeft = `${indent / 2 + 2}ch`;
+    return shown;
+  }));
 }
 
 function say(text) {

@@ -3,6 +3,7 @@
 import { palette, Surface } from "./drawing.js";
 
 const MARGIN_MM = 800;
+const NEAR_MM = 400;
 const LEAST_MM = 4000;
 
 export class WorldMap {
@@ -38,10 +39,10 @@ export class WorldMap {
     for (const [x, y] of this.path) this.include(x, y);
   }
 
-  /** Make room for a place, in large steps, so that the map rarely moves. */
+  /** Make room for a place and for a robot there, in large steps, so that the map rarely moves. */
   include(x, y) {
     const [a, b, c, d] = this.box ?? [Infinity, Infinity, -Infinity, -Infinity];
-    if (x < a || y < b || x > c || y > d) this.cover(x, y, MARGIN_MM);
+    if (x < a + NEAR_MM || y < b + NEAR_MM || x > c - NEAR_MM || y > d - NEAR_MM) this.cover(x, y, MARGIN_MM);
   }
 
   show(snapshot) {

@@ -74,7 +74,7 @@ def test_what_would_be_sent() -> None:
     shown.frame(50, None, -0.0, hitch=(1.0, True))
     shown.frame(100, "go", 0.0, hitch=(0.0, False), fault="missing")
     assert shown.lines == [
-        "    0.00 s  would send drive(velocity = 333.3 mm/s, turn = 0 deg/s) by go; hitch(nothing) by nobody",
+        "    0.00 s  would send drive(velocity = 333.3 mm/s, turn = 0 deg/s) by go; nothing to hitch",
         "    0.05 s  would send drive(velocity = 0 mm/s, turn = 0 deg/s) by nobody; "
         "hitch(position = closed, lamp = true) by close",
         "    0.10 s  would send drive(velocity = 0 mm/s, turn = 0 deg/s) by go (missing); "

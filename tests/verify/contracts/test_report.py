@@ -226,3 +226,10 @@ def test_elements_with_bearings_are_named_by_angle() -> None:
     rays = next(s for s in load_text(text).robot.sensors if s.name == "rays")
     frame = Snapshot(0, {"rays": (5000.0, 5000.0, 5000.0, 400.0, 5000.0, 5000.0)})
     assert reading_cell(rays, frame) == "all 5 m, [10 deg] 0.4 m"
+
+
+def test_where_no_reading_matters_all_are_missing() -> None:
+    text = "contract c: drive is commanded"
+    found = refuted(text)
+    rows = table(program(text), found.contract, found.trace)
+    assert rows[2] == "all sensors: missing (their readings make no difference)"

@@ -179,6 +179,35 @@ def test_a_page_of_another_origin_cannot_press_the_stop(browser: Browser) -> Non
     assert pressed == [True]
 
 
+def test_the_stop_button_stays_where_it_is_when_a_client_is_late(browser: Browser) -> None:
+    place = "const b = document.querySelector('#stop').getBoundingClientRect(); return [b.x, b.y]"
+    with recorded(lambda: StopAnswer(is_kept=True, text="")) as watched, served(watched) as server:
+        browser.resize("phone")
+        paused(browser, server)
+        before = browser.run(place)
+        browser.run("document.querySelector('#kinds').value = '8'")
+        browser.press("n")
+        at_frame(browser, 8)
+        assert browser.text("#alarms") == "drive/cruise late"
+        assert browser.run(place) == before
+        browser.resize("desktop")
+
+
+def test_what_is_too_long_for_a_line_goes_on_further_in(browser: Browser, server: PageServer) -> None:
+    browser.resize("phone")
+    paused(browser, server)
+    browser.run("document.querySelector('[data-module=cruise]').focus()")
+    browser.press(ENTER)
+    until(lambda: "frame 0" in browser.text("#reason-title"), "an answer comes")
+    lines = "return [...document.querySelectorAll('#reason-text div')].map("
+    margins = browser.run(f"{lines}e => parseFloat(getComputedStyle(e).marginLeft))")
+    indents = browser.run(f"{lines}e => parseFloat(getComputedStyle(e).textIndent))")
+    assert len(margins) > 1
+    assert min(margins) == -indents[0] > 0
+    assert len(set(margins)) > 1
+    browser.resize("desktop")
+
+
 class Stranger:
     """Another program at the address of an open page: it takes every WebSocket, and notes what it gets."""
 
