@@ -51,6 +51,24 @@ def decided_by_hand(text: str) -> str:
     return text.replace("sensor   sonar[24] : mm  ", "sensor   sonar[24] : mm bearing -180 deg")
 
 
+MENDS = {
+    """
+module back_off {
+  when recently(front_bumper, 1.5 s)
+  do   drive(velocity = -150 mm/s, turn = if room_left > room_right then 30 deg/s else -30 deg/s)
+}
+""": """
+module back_off {
+  when recently(front_bumper, 1.5 s)
+  do   drive(velocity = -150 mm/s,
+             turn = if captured(room_left > room_right, recently(front_bumper, 1.5 s))
+                    then 30 deg/s else -30 deg/s)
+}
+"""
+}
+"""What behaviors do otherwise today: parts of their files as upgraded, and what has taken their place."""
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """All behaviors as they stood in version 1, upgraded."""
@@ -58,6 +76,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, text in named(BEHAVIORS).items():
         assert text is not None
         (path / name).write_text(decided_by_hand(text))
+    return path
+
+
+@pytest.fixture(scope="module")
+def mended(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The upgraded behaviors, with what was mended since."""
+    path = tmp_path_factory.mktemp("mended")
+    texts = {file.name: file.read_text() for file in folder.iterdir()}
+    for before, after in MENDS.items():
+        assert any(before in text for text in texts.values())
+        texts = {name: text.replace(before, after) for name, text in texts.items()}
+    for name, text in texts.items():
+        (path / name).write_text(text)
     return path
 
 
@@ -79,9 +110,9 @@ def test_a_behavior_checks_after_its_upgrade(path: Path, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
-def test_a_behavior_is_what_it_has_become(path: Path, folder: Path) -> None:
+def test_a_behavior_is_what_it_has_become(path: Path, mended: Path) -> None:
     """It has other text, and decides the same bit for bit: what it sends, and its values of the same name."""
-    program, current = load_file(folder / path.name), load_file(CURRENT[path.stem])
+    program, current = load_file(mended / path.name), load_file(CURRENT[path.stem])
     if any(wire.actuator for wire in program.wires):
         result = difference(program, current)
         assert isinstance(result, Same)
