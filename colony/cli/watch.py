@@ -147,6 +147,7 @@ def _watch_live(
     may_stop: bool,
 ) -> None:
     """Show the run of a robot, and every run that follows it, until the command is interrupted."""
+    from colony.files import reason
     from colony.text.diagnostics import DiagnosticError
     from colony.watch.joined_run import JoinedRun, Succession, joined_run
 
@@ -173,6 +174,8 @@ def _watch_live(
                 runs.follow(server.show)
             except DiagnosticError as failure:
                 report(failure.diagnostics)
+            except OSError as problem:
+                say(f"colony: error: the next run cannot be shown yet: {reason(problem)}")
 
 
 def scene_for(program: Program, title: str, map_path: str | None) -> Scene:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 from typing import Literal
 
 from colony.execute.code import Code, ContractCode
@@ -23,6 +24,13 @@ class SourceFile:
     kind: Literal["behavior", "python"]
     path: str
     data: bytes
+
+
+def is_source_path(name: str) -> bool:
+    """Return True if a name may be the path of a source file: it does not lead out of its folder."""
+    path = PurePosixPath(name)
+    is_within = bool(path.parts) and not path.is_absolute() and ".." not in path.parts
+    return is_within and "\\" not in name and "\0" not in name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,7 @@ from colony.dsl.files import SHIPPED, SourceTree, load_tree, real_path
 from colony.dsl.robot_import import ProgramContext
 from colony.dsl.site import SiteParams
 from colony.dsl.site_reading import params_of
+from colony.execute.compiled import is_source_path
 from colony.ir.program import Program
 from colony.os_errors import naming
 from colony.runtime.recordings.recorded import RunInfo
@@ -34,6 +35,9 @@ def recorded_program(run: RunInfo, name: str, folder: Path, params: SiteParams |
     """
     if not any(s.path == run.program and s.kind == "behavior" for s in run.sources):
         raise DiagnosticError([unusable(name, "the recording does not contain its program")])
+    for source in run.sources:
+        if not is_source_path(source.path):
+            raise DiagnosticError([unusable(name, f"its program has a file outside it: {source.path!r}")])
     try:
         for source in run.sources:
             path = folder / source.kind / source.path

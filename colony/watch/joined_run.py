@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 
+from colony.files import reason
 from colony.ir.program import Program
 from colony.robots.discovery import session_with
 from colony.runtime.kit.errors import RobotConnectionError
@@ -97,6 +98,7 @@ class Succession:
         self._resources = ExitStack()
         self._joined = self._resources.enter_context(join())
         self._refused = ""
+        self._lacking = ""
         self._due_s = 0.0
 
     @property
@@ -111,14 +113,23 @@ class Succession:
 
         Raises:
             DiagnosticError: the program of the new run has errors; said once.
+            OSError: this machine lacks what the new run needs, such as room on its disk; said once, and tried
+                again.
         """
         now = time.monotonic()
         if now < self._due_s or now - self._joined.sink.heard_s < SILENCE_S:
             return
-        with suppress(LiveError, RobotConnectionError):
-            if self._run() not in (self._joined.run, self._refused):
-                self._replace(show)
-        self._due_s = time.monotonic() + LOOK_INTERVAL_S
+        try:
+            with suppress(LiveError, RobotConnectionError):
+                if self._run() not in (self._joined.run, self._refused):
+                    self._replace(show)
+            self._lacking = ""
+        except OSError as problem:
+            before, self._lacking = self._lacking, reason(problem)
+            if self._lacking != before:
+                raise
+        finally:
+            self._due_s = time.monotonic() + LOOK_INTERVAL_S
 
     def _run(self) -> str:
         with session_with(self._robot_address) as session:

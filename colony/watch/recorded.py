@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 
+from colony.files import reason
 from colony.ir.program import Program
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.diagnostics import DiagnosticError, headline
@@ -39,10 +40,12 @@ class RecordingSource:
             store.problem = self._reader.truncation
             if self._reader.damaged:
                 store.problem = "it is damaged at its end"
+            if store.problem is None and store.span.end == 0:
+                store.problem = "it contains no frame"
         except DiagnosticError as failure:
             store.problem = headline(failure.diagnostics[0])
         except OSError as problem:
-            store.problem = str(problem)
+            store.problem = f"the frames cannot be read or kept: {reason(problem)}"
         finally:
             store.is_complete = True
 

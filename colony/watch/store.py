@@ -45,7 +45,7 @@ class _Segment:
 
     def add(self, snapshot: Snapshot, text: bytes, mark: Mark, winner: int) -> None:
         offset = self.offsets[-1]
-        os.pwrite(self.file.fileno(), text, offset)
+        _write(self.file.fileno(), text, offset)
         self.offsets.append(offset + len(text))
         self.times.append(snapshot.t)
         x, y, _ = snapshot.pose or (float("nan"), float("nan"), 0.0)
@@ -57,6 +57,13 @@ class _Segment:
     def read(self, i: int) -> bytes:
         start, end = self.offsets[i], self.offsets[i + 1]
         return os.pread(self.file.fileno(), end - start, start)
+
+
+def _write(descriptor: int, data: bytes, offset: int) -> None:
+    """Write all of the data: a disk that becomes full takes a part first, and only then fails."""
+    while data:
+        written = os.pwrite(descriptor, data, offset)
+        data, offset = data[written:], offset + written
 
 
 class SnapshotStore:

@@ -52,6 +52,8 @@ class Viewer:
         self._socket, self._watched = socket, watched
         self._player = Player(watched.store, follows=watched.is_live)
         self._changed = asyncio.Event()
+        self._asked: Ask | None = None
+        self._is_asked = asyncio.Event()
         self._shown: int | None = None
         self._shown_s = 0.0
         self._state: object = None
@@ -69,7 +71,7 @@ class Viewer:
             may_ask=watched.explain is not None,
         )
         with nullcontext() if watched.asker is None else watched.asker.page():
-            await _first_of(self._show(), self._receive(), _until_replaced(is_shown))
+            await _first_of(self._show(), self._receive(), self._answer(), _until_replaced(is_shown))
 
     async def _send(self, **members: Any) -> None:
         await self._socket.send_text(_encode(members).decode())
@@ -155,20 +157,27 @@ class Viewer:
                     await self._send(refused="nothing of that kind in this direction")
             case Follow():
                 player.follow()
-            case Ask(module=module, k=k):
-                await self._answer(module, k)
+            case Ask():
+                self._asked = request
+                self._is_asked.set()
             case Stop():
                 await self._stop()
             case _:
                 assert_never(request)
 
-    async def _answer(self, module: str, k: int) -> None:
+    async def _answer(self) -> None:
+        """Answer the newest question; no other request waits for the answer, above all no stop."""
         explain = self._watched.explain
-        if explain is None or module not in self._watched.scene.modules:
-            await self._send(refused=f"nobody can say why of `{module}`")
-            return
-        lines = await run_in_threadpool(explain, k, module)
-        await self._send(answer={"module": module, "k": k, "lines": lines})
+        while True:
+            await self._is_asked.wait()
+            self._is_asked.clear()
+            assert self._asked is not None
+            module, k = self._asked.module, self._asked.k
+            if explain is None or module not in self._watched.scene.modules:
+                await self._send(refused=f"nobody can say why of `{module}`")
+                continue
+            lines = await run_in_threadpool(explain, k, module)
+            await self._send(answer={"module": module, "k": k, "lines": lines})
 
     async def _stop(self) -> None:
         stop = self._watched.stop

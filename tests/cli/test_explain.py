@@ -131,6 +131,7 @@ def test_of_a_program_in_the_shadow_of_a_robot_it_is_told_that_nothing_was_sent(
         (["--when", "drve is idle"], "no actuator `drve`; did you mean `drive`?"),
         (["--when", "near < 3 m"], "found `near < 3 m`; expected `ACTUATOR by MODULE`"),
         (["--when", "avoid is odd"], "found `avoid is odd`; expected `ACTUATOR by MODULE`"),
+        (["--when", "avoid is odd"], "`MODULE is active` (or inactive, silent, blind, late, lost, refused)"),
         (["--when", "keep_middle is active"], "`keep_middle is active` never begins"),
         (["--when", "drive by avoid", "--nth", "9"], "`drive by avoid` begins 2 times"),
     ],
@@ -145,6 +146,11 @@ def test_misuse_is_told_in_one_line(run: Colony, arguments: list[str], said: str
 def test_a_search_can_begin_later(run: Colony) -> None:
     ran = run("explain", "run.mcap", "wander", "--when", "drive by back_off", "--at", "2.5")
     assert "1. from 3.5 s" in ran.out
+
+
+def test_a_client_that_was_never_late_is_not_late(run: Colony) -> None:
+    ran = run("explain", "run.mcap", "wander", "--when", "avoid is not late")
+    assert "1. from 0 s to the end" in ran.out
 
 
 def test_a_recording_that_breaks_off_is_explained_as_far_as_it_goes(run: Colony, recording: bytes) -> None:

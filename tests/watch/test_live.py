@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import errno
+import math
+import os
 import threading
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from colony.ir.frame import Outcome
 from colony.runtime.kit.errors import ServerNotFoundError
+from colony.runtime.library.leader import RunProgram, SourceText
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.observe.observer import FrameLog
+from colony.text.diagnostics import DiagnosticError
+from colony.watch import joined_run
 from colony.watch import live as live_module
-from colony.watch.joining import Joiner, read_program
+from colony.watch.joining import Joiner, joined_program, read_program
 from colony.watch.live import LiveSource
 from colony.watch.silence import noting_silence
 from colony.watch.snapshot import Snapshot
@@ -25,7 +33,7 @@ from colony.watch.trail import Trail
 from colony.watch.user_files import user_token
 from colony.watch.watched import Watched
 from tests.waiting import until
-from tests.watch.runs import FRAMES, PROGRAM, page, run, scene, served, snapshots
+from tests.watch.runs import FRAMES, PROGRAM, TEXT, page, run, scene, served, snapshots
 
 
 @pytest.fixture
@@ -125,6 +133,52 @@ def test_a_page_that_does_not_read_keeps_no_other_page_waiting() -> None:
         opened.shown(FRAMES - 1)  # another page gets what the frozen one does not read
     source.close()
     store.close()
+
+
+def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
+    store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(joined_run, "LOOK_INTERVAL_S", 0)
+    monkeypatch.setattr(joined_run, "session_with", lambda address: nullcontext())
+    monkeypatch.setattr(joined_run, "read_program", lambda session: SimpleNamespace(run="2"))
+    watched = Watched(scene=scene(), store=store, is_live=True)
+    sink: Any = SimpleNamespace(heard_s=-math.inf)
+    address: Any = None
+    runs = {name: joined_run.JoinedRun(run=name, watched=watched, sink=sink) for name in "12"}
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    joins: Iterator[joined_run.JoinedRun | OSError] = iter((runs["1"], full, full, runs["2"]))
+
+    @contextmanager
+    def join() -> Iterator[joined_run.JoinedRun]:
+        joined = next(joins)
+        if isinstance(joined, OSError):
+            raise joined
+        yield joined
+
+    shown: list[Watched] = []
+    with joined_run.Succession(address, join) as succession:
+        with pytest.raises(OSError, match="No space left"):
+            succession.follow(shown.append)
+        succession.follow(shown.append)
+        assert not shown
+        succession.follow(shown.append)
+        succession.follow(shown.append)
+        assert shown == [watched]
+    store.close()
+
+
+@pytest.mark.parametrize("path", ["{outside}", "../{name}", "a/../../{name}", ""])
+def test_a_leader_gives_no_file_outside_the_program(path: str, tmp_path: Path) -> None:
+    outside = tmp_path / "outside"
+    given = path.format(outside=outside, name=outside.name)
+    sources = (
+        SourceText(kind="behavior", path="b.colony", data=TEXT.encode()),
+        SourceText(kind="behavior", path=given, data=b"given"),
+    )
+    found = RunProgram(run="1", root="b.colony", sources=sources)
+    with pytest.raises(DiagnosticError, match="outside it"), joined_program(found, "tiny"):
+        pass
+    assert not outside.exists()
 
 
 def test_silence_is_said_and_taken_back(store: SnapshotStore, monkeypatch: pytest.MonkeyPatch) -> None:

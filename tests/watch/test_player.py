@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import errno
+import io
+import os
 from collections.abc import Iterator
 
 import pytest
 
+from colony.runtime.recordings.reader import LinesReader
 from colony.watch import store as store_module
 from colony.watch.marks import Mark
 from colony.watch.player import Player
+from colony.watch.recorded import RecordingSource
 from colony.watch.store import SnapshotStore, Span
 from colony.watch.timeline import history_to, path_to, timeline_of
-from tests.watch.runs import FRAMES, scene, snapshots
+from colony.watch.trail import Trail
+from tests.waiting import until
+from tests.watch.runs import FRAMES, PROGRAM, scene, snapshots
 
 
 def filled(**options: int) -> SnapshotStore:
@@ -50,6 +57,32 @@ def test_it_waits_at_the_end_of_what_is_there_and_goes_on() -> None:
     for snapshot in snapshots()[5:]:
         store.add(snapshot)
     assert [player.index(20.0 + x) for x in (0.0, 0.1, 0.25)] == [4, 5, 6]
+    store.close()
+
+
+def test_a_recording_without_frames_says_so() -> None:
+    store = SnapshotStore(scene().modules)
+    with RecordingSource(LinesReader(io.BytesIO(b""), "run.jsonl"), PROGRAM, store, Trail(PROGRAM)):
+        until(lambda: store.is_complete, "the recording is read")
+    assert store.problem == "it contains no frame"
+    store.close()
+
+
+def test_a_disk_that_becomes_full_keeps_no_part_of_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    store = SnapshotStore(scene().modules)
+    first, second, *_ = snapshots()
+    store.add(first)
+    write, room = os.pwrite, [20]
+
+    def pwrite(descriptor: int, data: bytes, offset: int) -> int:
+        if not room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(descriptor, data[: room.pop()], offset)
+
+    monkeypatch.setattr(os, "pwrite", pwrite)
+    with pytest.raises(OSError, match="No space left"):
+        store.add(second)
+    assert store.span == Span(0, 1)
     store.close()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -166,6 +167,28 @@ def test_the_stop_is_pressed_by_who_may() -> None:
         opened.ask(do="stop")
         assert opened.until(lambda m: "stop" in m)["stop"] == {"is_kept": True, "text": "stopped"}
     assert pressed == [True]
+
+
+def test_a_stop_does_not_wait_for_an_answer() -> None:
+    is_stopped = threading.Event()
+
+    def stop() -> StopAnswer:
+        is_stopped.set()
+        return StopAnswer(is_kept=True, text="stopped")
+
+    def explain(k: int, module: str) -> tuple[str, ...]:
+        return ("after the stop" if is_stopped.wait(10) else "no stop came",)
+
+    with (
+        recorded(stop) as watched,
+        served(replace(watched, explain=explain)) as server,
+        page(server.host) as opened,
+    ):
+        for k in range(3):
+            opened.ask(do="ask", module="cruise", k=k)
+        opened.ask(do="stop")
+        newest = opened.until(lambda m: m.get("answer", {}).get("k") == 2)
+        assert newest["answer"]["lines"] == ["after the stop"]
 
 
 def test_pages_come_back_for_the_run_that_follows() -> None:

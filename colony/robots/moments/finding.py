@@ -62,7 +62,7 @@ class Condition(NamedTuple):
 
 FORMS = (
     "`ACTUATOR by MODULE`, `ACTUATOR is idle` (or commanded, or outside), `MODULE is active` (or inactive, "
-    "silent, late, lost, refused), `SENSOR is missing` (or present), each also with `is not`"
+    "silent, blind, late, lost, refused), `SENSOR is missing` (or present), each also with `is not`"
 )
 """The forms of conditions, for messages."""
 

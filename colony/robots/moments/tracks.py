@@ -23,6 +23,9 @@ Tracks = dict[str, list[Change]]
 
 IDLE = "idle"
 OUTSIDE = "outside"
+IN_TIME = "in time"
+"""The value of a client's track while it answers in time."""
+
 UNKNOWN = "unknown"
 """The value of a track while memory is not known, or its verdict was not recorded."""
 
@@ -39,7 +42,7 @@ class TrackWriter:
         values = dict(_of_runtime(recorded))
         values |= dict(_of_moment(moment)) if moment is not None else {}
         for name in self.tracks.keys() - values.keys():
-            values[name] = "in time" if name.startswith("client ") else UNKNOWN
+            values[name] = UNKNOWN
         for name, value in values.items():
             track = self.tracks.setdefault(name, [])
             if not track or track[-1].value != value:
@@ -54,8 +57,7 @@ def _of_runtime(recorded: RecordedFrame) -> Iterator[tuple[str, str]]:
             OUTSIDE if outside else IDLE if verdict.by is None else f"by {verdict.by}",
         )
         for client, fate in verdict.fates:
-            if fate in MISSED:
-                yield f"client {client}", fate
+            yield f"client {client}", fate if fate in MISSED else IN_TIME
 
 
 def _of_moment(moment: Moment) -> Iterator[tuple[str, str]]:

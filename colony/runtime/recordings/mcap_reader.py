@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, Literal, NoReturn
 import msgspec
 from mcap.records import Attachment, Channel, Metadata
 
-from colony.execute.compiled import SourceFile
+from colony.execute.compiled import SourceFile, is_source_path
 from colony.files import size_text
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
@@ -236,12 +236,11 @@ class McapReader:
 def _source(attachment: Attachment) -> Iterator[SourceFile]:
     """Yield the source file in an attachment, if its kind is known and its path is safe."""
     kind, _, name = attachment.name.partition("/")
-    path = PurePosixPath(name)
-    if not path.parts or path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name:
+    if not is_source_path(name):
         return
     match kind:
         case "behavior" | "python":
-            yield SourceFile(kind=kind, path=str(path), data=attachment.data)
+            yield SourceFile(kind=kind, path=str(PurePosixPath(name)), data=attachment.data)
         case _:
             pass
 

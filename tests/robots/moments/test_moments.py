@@ -12,7 +12,7 @@ from colony.dsl.load import load_file
 from colony.ir.program import Program
 from colony.robots.moments.building import build_index, index_path
 from colony.robots.moments.finding import moment_at
-from colony.robots.moments.index import Index, StaleIndexError, decode, encode
+from colony.robots.moments.index import VERSION, Index, StaleIndexError, decode, encode
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.reader import LinesReader
 from colony.runtime.recordings.recorded import RecordingReader
@@ -79,7 +79,8 @@ def test_what_is_no_checkpoint_is_refused(program: Program) -> None:
 def test_an_index_that_is_not_whole_is_refused(program: Program, recording: tuple[str, bytes]) -> None:
     index = indexed(program, recording)
     data = encode(index)
-    for bad in (b"", b"nothing", data[:40], data[:60] + b"!" + data[61:], data.replace(b"[1,", b"[2,", 1)):
+    later = data.replace(b"[%d," % VERSION, b"[%d," % (VERSION + 1), 1)
+    for bad in (b"", b"nothing", data[:40], data[:60] + b"!" + data[61:], later):
         with pytest.raises(StaleIndexError):
             decode(bad)
     mark = index.marks[-1]
