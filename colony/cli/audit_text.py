@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator, Program
 from colony.ir.site import Site
+from colony.runtime.observe.summary import SHADOW_TEXT
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.wording import counted
 from colony.verify.audit.report import AuditReport, Difference
@@ -30,7 +31,7 @@ def render(
     lines = [
         f"{name}: {title}{by}, {counted(report.frames, 'frame')}"
         f" from {_seconds(report.first_ns)} to {_seconds(report.last_ns)}",
-        *(["  SHADOW: this is what it would have sent; it commanded nothing"] if reader.shadow else []),
+        *([f"  {SHADOW_TEXT}"] if reader.shadow else []),
         *_indented(_site(program.site, None if run is None else run.site)),
         *_indented(_counts(report)),
         *_indented(_contracts(report, program)),

@@ -158,7 +158,11 @@ class _Chosen:
 
 
 class _Asked:
-    """A recording that is asked about: its program and its index. Mutable: a damaged index is rebuilt."""
+    """A recording that is asked about: its program and its index. Mutable: a damaged index is rebuilt.
+
+    Attributes:
+        shadow: once `found` was called, whether the program ran in the shadow of a robot.
+    """
 
     def __init__(self, recording: str, file: str | None, folder: Path) -> None:
         from colony.dsl.site_reading import params_of
@@ -169,6 +173,7 @@ class _Asked:
         with self._reading() as reader:
             self.run = reader.run
             self.program: Program = program_for(reader, recording, file, folder)
+        self.shadow = False  # until a frame was read
         self.index: Index = self._index()
         if not self.index.frames:
             damage = f": damaged {self.index.damaged[0]}" if self.index.damaged else ""
@@ -238,7 +243,9 @@ class _Asked:
         for _ in range(2):
             try:
                 with self._reading() as reader:
-                    return moment_at(self.program, reader, self.index, t_ns)
+                    moment = moment_at(self.program, reader, self.index, t_ns)
+                    self.shadow = reader.shadow
+                    return moment
             except StaleIndexError:
                 self.index = self._built()
         raise AssertionError("an index that was just built has a wrong checksum")
@@ -288,8 +295,11 @@ def _questions(
 
 
 def _print_text(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explanation]) -> None:
+    from colony.runtime.observe.summary import SHADOW_TEXT
     from colony.verify.explain.text import lines
 
+    if asked.shadow:
+        click.echo(SHADOW_TEXT)
     if chosen is not None:
         click.echo(f"`{chosen.text}` begins {counted(len(chosen.spans), 'time')}:")
         for i, span in enumerate(chosen.spans[:MAX_SPANS], 1):
@@ -326,6 +336,7 @@ def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
         "file": asked.file,
         "program": run.program if run else None,
         "robot": asked.program.robot.name,
+        "shadow": asked.shadow,
         "frames": index.frames,
         "from": index.first_ns / 1e9,
         "to": index.last_ns / 1e9,

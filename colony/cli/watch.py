@@ -124,7 +124,10 @@ def _recorded(recording: str, behavior: str | None, map_path: str | None, resour
     try:
         reader = read_recording(resources.enter_context(open_recording(recording)), recording)
         program = program_for(reader, recording, behavior, folder)
-        scene = scene_for(program, Path(recording).name, map_path)
+        title = Path(recording).name
+        if reader.run is not None and reader.run.shadow:
+            title += " (SHADOW: nothing of it was sent)"
+        scene = scene_for(program, title, map_path)
     except DiagnosticError as failure:
         refuse(failure.diagnostics)
     store = SnapshotStore(scene.modules)

@@ -54,17 +54,19 @@ class Guard:
         self.ending = False
 
     def run(self) -> None:
-        """Guard until asked to end, or until there was no driver for `LINGER_NS`."""
-        while not self.ending:
-            now_ns = time.monotonic_ns()
-            if not self._drivers and now_ns - self._alone_since_ns >= LINGER_NS:
-                break
-            if self._decided_ns is not None and now_ns - self._decided_ns >= self._deadline_ns:
-                self._halt()
-            self._port.do_what_is_due()
-            for key, _ in self._selector.select(max(0, self._due_ns() - time.monotonic_ns()) / 1e9):
-                key.data()
-        self._end()
+        """Guard until asked to end, until there was no driver for `LINGER_NS`, or until it fails."""
+        try:
+            while not self.ending:
+                now_ns = time.monotonic_ns()
+                if not self._drivers and now_ns - self._alone_since_ns >= LINGER_NS:
+                    break
+                if self._decided_ns is not None and now_ns - self._decided_ns >= self._deadline_ns:
+                    self._halt()
+                self._port.do_what_is_due()
+                for key, _ in self._selector.select(max(0, self._due_ns() - time.monotonic_ns()) / 1e9):
+                    key.data()
+        finally:
+            self._end()
 
     def watch_signals(self) -> None:
         """End at SIGTERM and SIGINT."""
@@ -106,7 +108,8 @@ class Guard:
         up = kinds.UP + str(self._port.baud).encode()
         status = up if why_lost is None else kinds.LOST + why_lost.encode()
         if status != self._status:
-            print(why_lost or f"{self._port.name} is open", flush=True)
+            with suppress(OSError):  # a full disk must not end what stops the base
+                print(why_lost or f"{self._port.name} is open", flush=True)
         self._status = status
         self._send_all(status)
         self._halt_unknown()

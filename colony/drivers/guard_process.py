@@ -22,7 +22,8 @@ def claimed(path: str) -> socket.socket | None:
     except BlockingIOError:
         os.close(lock)
         return None
-    os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
+    with suppress(OSError):  # where the disk is full, nobody learns the process id
+        os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
     with suppress(FileNotFoundError):
         os.unlink(path)  # of a guard that was killed
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)

@@ -100,11 +100,12 @@ class _Descriptor:
 
 def _tcp(text: str) -> Link:
     host, _, port = text.removeprefix(TCP).rpartition(":")
-    if not host or not port.isdecimal():
+    is_port = port.isdecimal() and len(port) < 6 and 0 < int(port) < 65_536
+    if not host or not is_port:
         raise LinkError(f"{text} is no link: write tcp:HOST:PORT, for example tcp:localhost:8101")
     try:
         connection = socket.create_connection((host.strip("[]"), int(port)), CONNECT_S)
-    except (OSError, OverflowError) as problem:
+    except (OSError, UnicodeError) as problem:  # the latter for what no host can be called
         why = getattr(problem, "strerror", None) or str(problem)
         raise LinkError(f"{text}: {why}: does the simulator run, and listen on this port?") from None
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -125,7 +126,7 @@ def _serial(path: str, baud: int) -> Link:
         settings = termios.tcgetattr(port.fd)
         settings[6][termios.VMIN] = 1  # so that no bytes and a pulled cable are not the same
         termios.tcsetattr(port.fd, termios.TCSANOW, settings)
-    except (OSError, ValueError, termios.error) as problem:
+    except (OSError, ValueError, OverflowError, termios.error) as problem:
         raise LinkError(_why_not(path, problem)) from None
     return _Descriptor(port, port.fd)
 

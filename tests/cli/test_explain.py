@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,15 @@ def test_json_lines_are_explained_with_the_program_beside_them(colony: Colony) -
     assert "run.jsonl" in colony("explain", "run.jsonl", "--at", "1.1").err
     ran = colony("explain", "run.jsonl", "wander", "--at", "1.1", "--why-not", "cruise")
     assert ran.out.startswith("1.1 s: drive is not by cruise; drive is by avoid\n")
+
+
+def test_of_a_program_in_the_shadow_of_a_robot_it_is_told_that_nothing_was_sent(colony: Colony) -> None:
+    Path("run.jsonl").write_bytes(
+        re.sub(rb', "@sum": "[0-9a-f]*"}', b', "@shadow": true}', recorded(as_lines))
+    )
+    asked = ("explain", "run.jsonl", "wander", "--at", "1.1")
+    assert colony(*asked).out.startswith("SHADOW: this is what it would have sent; it commanded nothing\n")
+    assert json.loads(colony(*asked, "--format", "json").out)["shadow"] is True
 
 
 @pytest.mark.parametrize(

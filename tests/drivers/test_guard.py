@@ -39,6 +39,15 @@ while True:
     time.sleep(0.02)
 """
 
+FAILING = """
+import sys
+from colony.drivers.guard import Guard
+from colony.drivers.guard_process import claimed
+guard = Guard(claimed(sys.argv[1]), sys.argv[2], 0, bytes.fromhex(sys.argv[3]))
+guard._due_ns = lambda: 1 // 0
+guard.run()
+"""
+
 
 def wait_for(condition: Callable[[], object]) -> None:
     """Wait until something holds."""
@@ -156,6 +165,29 @@ def test_a_guard_that_is_ended_stops_the_base_and_the_session(
     wait_for(lambda: not guard_runs(robot))
     stopped_after(robot)
     wait_for(lambda: robot.count(GOODBYE))
+
+
+def test_a_guard_whose_log_cannot_be_written_stops_the_base_and_lets_it_drive(robot: TinyRobot) -> None:
+    Path(f"{guard_socket(robot)}.log").symlink_to("/dev/full")
+    driver = base(os.fspath(robot.port))
+    try:
+        wait_for(driver.state)
+        assert robot.heard[0][0] == Tiny.stop_bytes[2:-1]
+        robot.pull_out()
+        wait_for(lambda: "there is no port" in (driver.problem or ""))
+        robot.heard.clear()
+        robot.plug_in()
+        wait_for(driver.state)
+        assert robot.heard[0][0] == Tiny.stop_bytes[2:-1]
+    finally:
+        driver.close()
+
+
+def test_a_guard_that_fails_stops_the_base_first(robot: TinyRobot) -> None:
+    arguments = [os.fspath(guard_socket(robot)), os.fspath(robot.port), Tiny.stop_bytes.hex()]
+    ran = subprocess.run([sys.executable, "-c", FAILING, *arguments], capture_output=True, text=True)
+    assert "ZeroDivisionError" in ran.stderr
+    wait_for(lambda: robot.count(SPEEDS) > 2)  # the first was sent when the port was opened
 
 
 def test_a_guard_without_drivers_ends(robot: TinyRobot) -> None:

@@ -59,10 +59,27 @@ def test_a_simulator_over_tcp() -> None:
         open_link(address, 0)
 
 
-@pytest.mark.parametrize("text", ["tcp:", "tcp:host", "tcp:host:", "tcp::80", "tcp:host:port"])
+@pytest.mark.parametrize(
+    "text", ["tcp:", "tcp:host", "tcp:host:", "tcp::80", "tcp:host:port", "tcp:host:99999"]
+)
 def test_a_wrong_address(text: str) -> None:
     with pytest.raises(LinkError, match="is no link: write tcp:HOST:PORT"):
         open_link(text, 0)
+
+
+def test_what_no_host_can_be_called() -> None:
+    with pytest.raises(LinkError, match=r"tcp:a\.\.b:80: .*: does the simulator run"):
+        open_link("tcp:a..b:80", 0)
+
+
+def test_a_rate_that_no_port_has() -> None:
+    master, slave = os.openpty()
+    try:
+        with pytest.raises(LinkError, match="does not take these settings"):
+            open_link(os.ttyname(slave), 1 << 31)
+    finally:
+        os.close(slave)
+        os.close(master)
 
 
 def test_what_is_no_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -48,6 +48,10 @@ NO_ECHO_MM = 5000.0  # from here on a sonar has heard nothing
 EMPTY_V, FULL_V = 11.0, 12.8
 """Voltages of empty and full batteries of 12 V; the level between them is a rough guess."""
 
+OPTION_KINDS = {"model": ((str,), "a text"), "joystick": ((bool,), "true or false")}
+NUMBER = ((int, float), "a number")
+"""What the options of drivers are: a joystick that is "no" may not drive."""
+
 
 class Pioneer(Dialect[bytes]):
     """The dialect. Mutable: has the pose by dead reckoning.
@@ -246,5 +250,9 @@ def panel(port: str, *, baud: int = 0, **options: bool | float | str) -> SerialF
 
 
 def _dialect(baud: int, options: dict[str, bool | float | str]) -> Pioneer:
+    for name, value in options.items():
+        kinds, text = OPTION_KINDS.get(name, NUMBER)
+        if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+            raise ValueError(f"{name} is {value!r}; it is {text}")
     whole = {name: round(value) if isinstance(value, float) else value for name, value in options.items()}
     return Pioneer(baud=baud, **whole)  # type: ignore[arg-type]  # checked where they are used

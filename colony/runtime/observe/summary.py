@@ -15,6 +15,9 @@ from colony.runtime.protocol.messages import Fate, Hold
 from colony.runtime.protocol.topics import client_address
 from colony.text.wording import counted, printable
 
+SHADOW_TEXT = "SHADOW: this is what it would have sent; it commanded nothing"
+"""What is said of a program in the shadow of a robot."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
@@ -310,7 +313,7 @@ def render(summary: RunSummary) -> str:
     head = f"{summary.robot}: {length}, seed {summary.seed}{end}"
     lines = [head]
     if summary.shadow:
-        lines.append("  SHADOW: this is what it would have sent; it commanded nothing")
+        lines.append(f"  {SHADOW_TEXT}")
     if summary.params is not None:
         proved = "" if summary.params.proved else ", UNPROVED"
         lines.append(f"  with the params of {summary.params.file} ({summary.params.hash[:12]}){proved}")

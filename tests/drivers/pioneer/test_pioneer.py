@@ -9,6 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from colony.drivers.dialect import ImplausibleError, OpeningError
+from colony.drivers.pioneer import pioneer
 from colony.drivers.pioneer.codec import Command, argument_of, command, decoder
 from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
@@ -267,6 +268,21 @@ def test_options_that_no_robot_has() -> None:
         Pioneer(front_bumpers=8)
     with pytest.raises(ValueError, match="sonar_cycle is 200 ms; 2 to 120"):
         Pioneer(sonar_cycle=200)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"joystick": "no"}, "joystick is 'no'; it is true or false"),
+        ({"joystick": 0.0}, "joystick is 0.0; it is true or false"),
+        ({"model": 7.0}, "model is 7.0; it is a text"),
+        ({"sonar_cycle": "fast"}, "sonar_cycle is 'fast'; it is a number"),
+        ({"front_bumpers": True}, "front_bumpers is True; it is a number"),
+    ],
+)
+def test_options_of_another_kind(options: dict[str, bool | float | str], text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        pioneer._dialect(0, options)
 
 
 def test_registers_that_move_faster_than_the_robot_are_refused() -> None:
