@@ -1,8 +1,7 @@
 """The guard of a port: the one process that holds a serial port, and stops the base when its driver dies.
 
-Drivers connect over a unix socket of packets (`guard_packets.py`). What arrives from the port goes to all of
-them. At most one driver commands: the one that sent a hello. The guard knows no protocol: the hello brings
-the bytes that stop the base, those that end the session, and the deadline.
+Drivers connect over a unix socket of packets (`guard_packets.py`), and all get what arrives from the port. At
+most one commands: its hello has the bytes that stop the base, those that end the session, and a deadline.
 
 - Decided bytes carry out the frame that was just decided. Only the commanding driver sends them, a newer
   packet replaces one that waits, and one that is older than the deadline is dropped.
@@ -10,9 +9,8 @@ the bytes that stop the base, those that end the session, and the deadline.
   reopens, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly. If the driver
   asks for it, plain packets stay. If the handshake comes first, a new line hears the driver first.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
-- The guard itself sends nothing but that and the goodbye, at its end: only decisions keep a base moving.
-
-It ends 2 s after its last driver.
+- The guard itself sends nothing but that and the goodbye, at its end, 2 s after its last driver: only
+  decisions keep a base moving.
 """
 
 from __future__ import annotations
@@ -75,8 +73,8 @@ class Guard:
     def _due_ns(self) -> int:
         alone_ns = None if self._drivers else self._alone_since_ns + LINGER_NS
         dead_ns = None if self._decided_ns is None else self._decided_ns + self._deadline_ns
-        due = [t_ns for t_ns in (self._port.due_ns(), alone_ns, dead_ns) if t_ns is not None]
-        return min(due, default=time.monotonic_ns() + LINGER_NS)
+        due = (self._port.due_ns(), alone_ns, dead_ns)
+        return min((t_ns for t_ns in due if t_ns is not None), default=time.monotonic_ns() + LINGER_NS)
 
     def _halt(self, *, drops_plain: bool = True) -> None:
         """Drop what waits and send the stop."""
@@ -105,13 +103,12 @@ class Guard:
 
     def _on_status(self, why_lost: str | None) -> None:
         """Tell all drivers and the log; a port that is open again may have a base that moves."""
-        up = kinds.UP + str(self._port.baud).encode()
-        status = up if why_lost is None else kinds.LOST + why_lost.encode()
-        if status != self._status:
-            with suppress(OSError):  # a full disk must not end what stops the base
+        up, before = kinds.UP + str(self._port.baud).encode(), self._status
+        self._status = up if why_lost is None else kinds.LOST + why_lost.encode()
+        with suppress(OSError):  # a full disk must not end what stops the base
+            if self._status != before:
                 print(why_lost or f"{self._port.name} is open", flush=True)
-        self._status = status
-        self._send_all(status)
+        self._send_all(self._status)
         self._halt_unknown()
 
     # --- drivers -------------------------------------------------------------------------------------
