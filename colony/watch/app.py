@@ -11,7 +11,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from colony.watch.greeting import REFUSED, greet
-from colony.watch.security import Guard
+from colony.watch.security import Admission
 from colony.watch.shown import Shown
 from colony.watch.viewer import Viewer
 
@@ -39,21 +39,21 @@ def page_files() -> dict[str, tuple[bytes, str]]:
     return {path.name: (path.read_bytes(), CONTENT_TYPES[path.suffix]) for path in found}
 
 
-def build_app(shown: Shown, guard: Guard) -> Starlette:
-    """Return the application that shows a run, and its successors, to pages that the guard admits."""
+def build_app(shown: Shown, admission: Admission) -> Starlette:
+    """Return the application that shows a run, and its successors, to the pages that are admitted."""
     files, viewers = page_files(), set[WebSocket]()
 
     async def page(request: Request) -> Response:
-        if not guard.is_for_us(request.headers):
-            return PlainTextResponse(f"the page is at http://{guard.host}/\n", 421)
+        if not admission.is_for_us(request.headers):
+            return PlainTextResponse(f"the page is at http://{admission.host}/\n", 421)
         name = request.path_params.get("name", "index.html")
         if name not in files:
-            return PlainTextResponse("not found\n", 404, headers=guard.response_headers)
+            return PlainTextResponse("not found\n", 404, headers=admission.response_headers)
         content, type_ = files[name]
-        return Response(content, media_type=type_, headers=guard.response_headers)
+        return Response(content, media_type=type_, headers=admission.response_headers)
 
     async def run(socket: WebSocket) -> None:
-        if not await greet(socket, guard):
+        if not await greet(socket, admission):
             return
         if len(viewers) >= MAX_VIEWERS:
             await socket.close(REFUSED)

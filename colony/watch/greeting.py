@@ -9,7 +9,7 @@ import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from colony.watch.peers import is_of, own_users
-from colony.watch.security import LOOPBACK, PROTOCOL, Guard, new_nonce
+from colony.watch.security import LOOPBACK, PROTOCOL, Admission, new_nonce
 
 REFUSED = 4403
 """Close code of a WebSocket that is not admitted."""
@@ -31,26 +31,26 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True):
     proof: str
 
 
-def _is_of_user(socket: WebSocket, guard: Guard) -> bool:
+def _is_of_user(socket: WebSocket, admission: Admission) -> bool:
     client = socket.client
     return client is not None and is_of(
-        own_users(os.environ, os.getuid()), (client.host, client.port), (LOOPBACK, guard.port)
+        own_users(os.environ, os.getuid()), (client.host, client.port), (LOOPBACK, admission.port)
     )
 
 
-async def greet(socket: WebSocket, guard: Guard) -> bool:
+async def greet(socket: WebSocket, admission: Admission) -> bool:
     """Return True if a WebSocket is one of our own page, which knows the token; close it otherwise."""
-    offered = guard.nonce(socket.headers, tuple(socket.scope.get("subprotocols", ())))
-    if offered is None or not _is_of_user(socket, guard):
+    offered = admission.nonce(socket.headers, tuple(socket.scope.get("subprotocols", ())))
+    if offered is None or not _is_of_user(socket, admission):
         await socket.close(REFUSED)
         return False
     await socket.accept(subprotocol=PROTOCOL)
     nonce = new_nonce()
-    greeting = Greeting(nonce=nonce, proof=guard.proof(offered))
+    greeting = Greeting(nonce=nonce, proof=admission.proof(offered))
     try:
         await socket.send_text(msgspec.json.encode(greeting).decode())
         text = await asyncio.wait_for(socket.receive_text(), PROOF_TIMEOUT_S)
-        if guard.accepts(msgspec.json.decode(text, type=Reply).proof, nonce):
+        if admission.accepts(msgspec.json.decode(text, type=Reply).proof, nonce):
             return True
         await socket.close(REFUSED)
     except WebSocketDisconnect:

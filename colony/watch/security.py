@@ -48,7 +48,7 @@ def proof(token: str, side: Side, nonce: str, host: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Guard:
+class Admission:
     """Decides what may talk to the server.
 
     Attributes:

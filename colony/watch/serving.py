@@ -10,7 +10,7 @@ import uvicorn
 
 from colony.watch.app import build_app
 from colony.watch.requests import MAX_REQUEST_BYTES
-from colony.watch.security import LOOPBACK, Guard
+from colony.watch.security import LOOPBACK, Admission
 from colony.watch.shown import Shown
 from colony.watch.watched import Watched
 
@@ -37,13 +37,13 @@ class PageServer:
         with ExitStack() as resources:
             listener = resources.enter_context(_listener(port))
             self.port: int = listener.getsockname()[1]
-            guard = Guard(port=self.port, token=token)
-            self.host = guard.host
+            admission = Admission(port=self.port, token=token)
+            self.host = admission.host
             """Address and port of the server."""
-            self.url = f"http://{guard.host}/#{token}"
+            self.url = f"http://{admission.host}/#{token}"
             """Address of the page, with its token."""
             config = uvicorn.Config(
-                build_app(self._shown, guard),
+                build_app(self._shown, admission),
                 log_level="critical",
                 access_log=False,
                 lifespan="off",

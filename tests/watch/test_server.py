@@ -12,7 +12,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from colony.watch.app import REPLACED, page_files
 from colony.watch.greeting import REFUSED
-from colony.watch.security import Guard, proof
+from colony.watch.security import Admission, proof
 from colony.watch.serving import PageServer
 from colony.watch.viewer import UNSUPPORTED
 from colony.watch.watched import StopAnswer
@@ -127,9 +127,9 @@ def test_a_proof_is_of_no_use_to_others(server: PageServer) -> None:
             proof(TOKEN, "page", earlier.nonce, server.host),
             proof(TOKEN, "page", greeting.nonce, "127.0.0.1:1"),
         )
-        guard = Guard(port=server.port, token=TOKEN)
-        assert not any(guard.accepts(each, greeting.nonce) for each in useless)
-        assert guard.accepts(proof(TOKEN, "page", greeting.nonce, server.host), greeting.nonce)
+        admission = Admission(port=server.port, token=TOKEN)
+        assert not any(admission.accepts(each, greeting.nonce) for each in useless)
+        assert admission.accepts(proof(TOKEN, "page", greeting.nonce, server.host), greeting.nonce)
 
 
 def test_another_host_is_refused(server: PageServer) -> None:
