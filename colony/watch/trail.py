@@ -119,8 +119,10 @@ class Trail:
         with self._lock:
             segment = next((s for s in reversed(self._segments) if s.first <= k), None)
             frames, packed = ([], None) if segment is None else (list(segment.frames), segment.packed)
-        if segment is None or k > segment.last:
+        if segment is None:
             return (f"frame {k} is too old to be explained here",)
+        if k > segment.last:
+            return (f"frame {k} has not come, or was lost",)
         if packed is not None:
             frames = self._decode(zlib.decompress(packed))
         follower = Follower(self._program, segment.checkpoint)
