@@ -34,6 +34,9 @@ from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import RobotAddress
 
+BEHIND_NS = 1_000_000_000
+"""Nanoseconds behind the robot from which a shadow counts as too slow."""
+
 REPEAT_INTERVAL_S = 1.0
 """Seconds between two requests to DServer to show the variables that the program reads.
 
@@ -77,7 +80,8 @@ def run_shadow(
             recording = recording_into(request.record, compiled, seed=request.seed, live=live)
             window.record(recording)
         with _joined(robot_address, shadow, window, ui) as (host, failed):
-            _follow(host, robot_address, deployed, window, ui, _Stop(interrupted, recording), failed)
+            lag = LagReports(shadow, ui.report)
+            _follow(host, robot_address, deployed, window, ui, _Stop(interrupted, recording), failed, lag)
     if recording is not None:
         recording.expect_frames()
     summary = tally.summary(
@@ -102,6 +106,24 @@ class _Stop:
 
     def __call__(self) -> bool:
         return self._interrupted() or (self._recording is not None and self._recording.truncation is not None)
+
+
+class LagReports:
+    """Reports that the shadow has fallen behind the robot, once each time."""
+
+    def __init__(self, shadow: Shadow, report: Callable[[str], None]) -> None:
+        self._shadow, self._report = shadow, report
+        self._is_behind = False
+
+    def check(self) -> None:
+        """Look how far it is behind."""
+        behind_ns = self._shadow.behind_ns
+        if behind_ns > BEHIND_NS and not self._is_behind:
+            self._report(
+                f"the shadow is {behind_ns / 1e9:.1f} s behind the robot: this computer, or a module in "
+                "Python, is too slow; in a run clients would be late"
+            )
+        self._is_behind = behind_ns > (BEHIND_NS // 2 if self._is_behind else BEHIND_NS)
 
 
 def _expect_accepted(robot_address: RobotAddress, deployed: Deployment) -> None:
@@ -161,6 +183,7 @@ def _follow(
     ui: UserInterface,
     stop: Callable[[], bool],
     failed: list[BaseException],
+    lag: LagReports,
 ) -> None:
     """Wait until the window is over.
 
@@ -181,6 +204,7 @@ def _follow(
                 failure = f"no frame of {robot_address.robot} came in {START_TIMEOUT_S:g} s"
             if failure is not None:
                 raise RunAbortedError(failure)
+            lag.check()
             window.changed.wait(HEALTH_CHECK_INTERVAL_S)
             if window.begun and not window.over:
                 window.changed.clear()

@@ -61,6 +61,9 @@ class Shadow(QuietNode):
 
     Raises:
         DiagnosticError: a module in Python cannot be imported or built.
+
+    Attributes:
+        behind_ns: age of the newest tick when it was handled, in nanoseconds: how far the shadow is behind.
     """
 
     address = "Shadow"
@@ -83,12 +86,14 @@ class Shadow(QuietNode):
         self._sinks = sinks
         self._tick: Tick | None = None
         self._is_first = True
+        self.behind_ns = 0
         self.listens = self._assembler.listens
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         """Decide every frame that is complete; there are no effects."""
         match message:
             case Tick():
+                self.behind_ns = max(0, now_ns - message.t_ns)
                 self._take_tick(message)
             case ServerFrame():
                 self._take_frame(message)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from colony.robots.shadow_run import LagReports
 from colony.runtime.assembly.shadow import MIN_SILENCE_NS
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.messages import Sample
+from colony.runtime.protocol.messages import Sample, Tick
 from colony.verify.audit.audit import audit
 from tests.runtime.assembly.shadow_stage import MS, RAMP, READINGS, ROBOT, Stage, program, shadow
 from tests.runtime.scripted import FAR, Log, Script, session
@@ -185,3 +186,20 @@ def test_a_frame_that_never_comes_costs_the_memory_and_no_more() -> None:
 def test_it_listens_to_measurements_alone() -> None:
     heard = set(Stage().shadow.listens)
     assert heard == {topics.TICKS, *map(topics.frames, ("Clock", *READINGS))}
+
+
+# --- too slow ----------------------------------------------------------------------------------------
+
+
+def test_it_knows_how_far_it_is_behind_and_says_it_once() -> None:
+    node, reports = shadow(RAMP), list[str]()
+    lag = LagReports(node, reports.append)
+    for k, behind_ms in enumerate([0, 40, 900, 1100, 3000, 600, 1200, 400, 0, 2500]):
+        tick = Tick(k=k, t_ns=k * 50 * MS, start=0, run="another")
+        node.handle(tick, tick.t_ns + behind_ms * MS)
+        assert node.behind_ns == behind_ms * MS
+        lag.check()
+    assert [text.partition(" behind")[0] for text in reports] == [
+        "the shadow is 1.1 s",
+        "the shadow is 2.5 s",
+    ]
