@@ -66,6 +66,12 @@ IDLE_FRAME_NS = 50_000_000
 READY_TIMEOUT_NS = 5_000_000_000
 """Timeout, in nanoseconds, for the clients of a run to report ready."""
 
+LEADER_LEASE_NS = 525_000_000
+"""Nanoseconds without a sign of life after which a connection to the Clock is lost, such as that of a leader.
+
+A robot whose leader is frozen stops soon, so it is shorter than at other servers.
+"""
+
 
 class Clock:
     """The logical time of one robot. Mutable.
@@ -127,6 +133,7 @@ class Clock:
             ),
             on_lost=self._lost,
             stop=self._stop,
+            lease_ns=LEADER_LEASE_NS,
         )
         self.listens = (
             topics.fetches(self.address),

@@ -38,7 +38,7 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 
-LEASE_NS = 525_000_000
+LEASE_NS = 750_000_000
 """Nanoseconds without a sign of life after which a connection is lost; a client sends six a second."""
 
 MAX_ANSWER_BYTES = 8 * 1024 * 1024
@@ -199,6 +199,7 @@ class CallDispatcher:
             could not do all of it. None if the server has nothing to stop.
         other_limit_messages: returns messages for `status` about limits reached in other parts of the server.
         failing: returns a line for `status` for each driver, or function of a user, that fails now.
+        lease_ns: nanoseconds without a sign of life after which a connection is lost.
     """
 
     def __init__(
@@ -211,8 +212,10 @@ class CallDispatcher:
         stop: Callable[[str, int], None] | None = None,
         other_limit_messages: Callable[[], Iterable[str]] = lambda: (),
         failing: Callable[[], tuple[str, ...]] = lambda: (),
+        lease_ns: int = LEASE_NS,
     ) -> None:
         self._server = server
+        self._lease_ns = lease_ns
         self._failing = failing
         self._stop = stop
         self._other_limit_messages = other_limit_messages
@@ -461,7 +464,7 @@ class CallDispatcher:
         if not self._connections:
             self._next_wake_ns = None
             return
-        due = min(c.last_message_ns for c in self._connections.values()) + LEASE_NS + 1
+        due = min(c.last_message_ns for c in self._connections.values()) + self._lease_ns + 1
         if self._next_wake_ns is None or now_ns >= self._next_wake_ns or due < self._next_wake_ns:
             self._next_wake_ns = max(due, now_ns + 1)
             yield WakeAt(self._next_wake_ns)
@@ -469,7 +472,7 @@ class CallDispatcher:
     def _expire(self, now_ns: int) -> Iterator[Effect]:
         if self._next_wake_ns is None or now_ns < self._next_wake_ns:
             return
-        expired = [k for k, c in self._connections.items() if now_ns - c.last_message_ns > LEASE_NS]
+        expired = [k for k, c in self._connections.items() if now_ns - c.last_message_ns > self._lease_ns]
         for connection in expired:
             yield from self._end(connection, now_ns)
             yield self._fail(connection, 0, _CLOSED)

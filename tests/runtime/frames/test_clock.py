@@ -9,10 +9,9 @@ import msgspec
 import pytest
 
 from colony.ir.frame import Answer
-from colony.runtime.frames.clock import IDLE_FRAME_NS, READY_TIMEOUT_NS
+from colony.runtime.frames.clock import IDLE_FRAME_NS, LEADER_LEASE_NS, READY_TIMEOUT_NS
 from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
 from colony.runtime.library import clock as library
-from colony.runtime.protocol.calls import LEASE_NS
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.interface import Interface, interface_of
 from colony.runtime.protocol.messages import (
@@ -182,7 +181,7 @@ def test_a_run_ends_with_its_leader() -> None:
             leader.alive()
         assert stage.ticks[-1].run == "run"
         if silently:
-            stage.until(stage.now_ns + LEASE_NS - 100 * MS)
+            stage.until(stage.now_ns + LEADER_LEASE_NS - 100 * MS)
             assert stage.ticks[-1].run == "run"
             stage.until(stage.now_ns + 200 * MS)
         else:
