@@ -121,8 +121,9 @@ class Succession:
             return
         try:
             with suppress(LiveError, RobotConnectionError):
-                if self._run() not in (self._joined.run, self._refused):
-                    self._replace(show)
+                run = self._run()
+                if run not in (self._joined.run, self._refused):
+                    self._replace(run, show)
             self._lacking = ""
         except OSError as problem:
             before, self._lacking = self._lacking, reason(problem)
@@ -135,17 +136,17 @@ class Succession:
         with session_with(self._robot_address) as session:
             return read_program(session).run
 
-    def _replace(self, show: Callable[[Watched], None]) -> None:
+    def _replace(self, run: str, show: Callable[[Watched], None]) -> None:
         with ExitStack() as resources:
             try:
                 joined = resources.enter_context(self._join())
             except DiagnosticError:
-                self._refused = self._run()
+                self._refused = run
                 raise
             show(joined.watched)
-            resources, self._resources = self._resources, resources.pop_all()
+            before, self._resources = self._resources, resources.pop_all()
             self._joined = joined
-            resources.close()
+            before.close()
 
     def close(self) -> None:
         """End watching. Idempotent."""

@@ -50,7 +50,7 @@ EMPTY_V, FULL_V = 11.0, 12.8
 
 OPTION_KINDS = {"model": ((str,), "a text"), "joystick": ((bool,), "true or false")}
 NUMBER = ((int, float), "a number")
-"""What the options of drivers are: a joystick that is "no" may not drive."""
+"""Types of the options that are no numbers, and of those that are: a joystick that is "no" may not drive."""
 
 
 class Pioneer(Dialect[bytes]):

@@ -16,7 +16,7 @@ from colony.runtime.protocol.topics import client_address
 from colony.text.wording import counted, printable
 
 SHADOW_TEXT = "SHADOW: this is what it would have sent; it commanded nothing"
-"""What is said of a program in the shadow of a robot."""
+"""Line about a program in the shadow of a robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
