@@ -43,12 +43,23 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
     return (*aligned(rows), *_notes(program, trace, len(sensors)))
 
 
-def _notes(program: Program, trace: Trace, sensors_shown: int) -> Iterator[str]:
-    if trace.needed_missing:
-        yield f"missing, which matters: {', '.join(trace.needed_missing)}"
-    if sensors_shown + len(trace.needed_missing) < len(program.robot.sensors):
-        which = "all other sensors" if sensors_shown or trace.needed_missing else "all sensors"
+def missing_lines(shown: int, needed_missing: Sequence[str], sensors: int) -> Iterator[str]:
+    """Yield notes on the sensors that are missing in a run.
+
+    Args:
+        shown: the number of sensors that the table shows.
+        needed_missing: names of the sensors that have to be missing.
+        sensors: the number of all sensors.
+    """
+    if needed_missing:
+        yield f"missing, which matters: {', '.join(needed_missing)}"
+    if shown + len(needed_missing) < sensors:
+        which = "all other sensors" if shown or needed_missing else "all sensors"
         yield f"{which}: missing (their readings make no difference)"
+
+
+def _notes(program: Program, trace: Trace, sensors_shown: int) -> Iterator[str]:
+    yield from missing_lines(sensors_shown, trace.needed_missing, len(program.robot.sensors))
     if trace.found:
         yield f"in the last frame: {'; '.join(trace.found)}"
     if trace.cause:

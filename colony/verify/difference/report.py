@@ -10,7 +10,7 @@ from colony.ir.program import Program
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
 from colony.verify.contracts.report import reason_text
-from colony.verify.contracts.table import aligned, decision_text, reading_cell
+from colony.verify.contracts.table import aligned, decision_text, missing_lines, reading_cell
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
 
 _MAX_REASONS = 3
@@ -86,11 +86,7 @@ def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
             ]
         )
     yield from aligned(rows)
-    if result.needed_missing:
-        yield f"missing, which matters: {', '.join(result.needed_missing)}"
-    if len(shown_sensors) + len(result.needed_missing) < len(sensors):
-        which = "all other sensors" if shown_sensors or result.needed_missing else "all sensors"
-        yield f"{which}: missing (their readings make no difference)"
+    yield from missing_lines(len(shown_sensors), result.needed_missing, len(sensors))
 
 
 def _sent(a: Program, b: Program, result: Different, outcome_a: Outcome, outcome_b: Outcome) -> Iterator[str]:
