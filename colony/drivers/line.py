@@ -16,7 +16,7 @@ from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
 from colony.runtime.kit.background import next_pause_s
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
-from colony.runtime.servers.drivers import BaseState, Reading
+from colony.runtime.servers.drivers import BEING_OPENED, BaseState, Reading
 
 WAKE_S = 0.02
 """Seconds between two looks at the time while the device is being opened, and at most while it is silent."""
@@ -175,7 +175,7 @@ class Line(Generic[Packet]):
         self._is_ready, self._heard_ns = self._command is None, time.monotonic_ns()
         if self._command is not None:
             if self._problems is None:
-                self._problem = "the device is being opened"
+                self._problem = BEING_OPENED
             now_ns = time.monotonic_ns()
             self._opening = OpeningRun(self._dialect.opening(), connection.send, now_ns)
             self._end_opening(now_ns)

@@ -10,6 +10,7 @@ from colony.robots.discovery import session_with
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.robot_state import failing_parts
+from colony.runtime.servers.drivers import BEING_OPENED
 from colony.runtime.transport.live.errors import LiveError
 from colony.runtime.transport.live.robot_address import RobotAddress
 
@@ -25,7 +26,7 @@ class DriverReports:
     """Reports which servers have a driver that fails. Mutable: remembers which do.
 
     Each reason is reported once in an outage. Of servers that fail for one reason, such as those of one port,
-    only the first has it spelled out.
+    only the first has it spelled out. A device that is being opened has not failed.
 
     Attributes:
         first: the first line about each server whose driver has failed, in order.
@@ -39,10 +40,11 @@ class DriverReports:
     def update(self, server: str, failing: tuple[str, ...] | None) -> None:
         """Take the parts of a server that fail; None, which changes nothing, if it does not answer."""
         if failing:
-            self.first.setdefault(server, failing[0])
+            if failing[0] != BEING_OPENED:
+                self.first.setdefault(server, failing[0])
             self._note(server, failing[0])
-        elif failing is not None and self._reasons.pop(server, None) is not None:
-            self._report(f"{server} works again")
+        elif failing is not None and (reasons := self._reasons.pop(server, None)) is not None:
+            self._report(f"{server} works" if reasons == [BEING_OPENED] else f"{server} works again")
 
     def _note(self, server: str, reason: str) -> None:
         reported = self._reasons.setdefault(server, [])
@@ -51,7 +53,10 @@ class DriverReports:
         others = (s for s, reasons in self._reasons.items() if s != server and reasons[-1:] == [reason])
         likewise = next(others, None)
         reported.append(reason)
-        self._report(f"{server} fails: {reason if likewise is None else f'as {likewise} does'}")
+        if reason == BEING_OPENED:
+            self._report(f"{server}: {reason}")
+        else:
+            self._report(f"{server} fails: {reason if likewise is None else f'as {likewise} does'}")
 
 
 class DriverWatch:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from colony.robots.driver_watch import MAX_REASONS, DriverReports
+from colony.runtime.servers.drivers import BEING_OPENED
 
 
 def test_each_reason_of_an_outage_and_its_end_are_one_line() -> None:
@@ -49,3 +50,16 @@ def test_the_reasons_of_an_outage_are_limited() -> None:
     assert len(reports) == MAX_REASONS
     drivers.update("Lidar", ())
     assert reports[-1] == "Lidar works again"
+
+
+def test_a_device_that_is_being_opened_has_not_failed() -> None:
+    reports: list[str] = []
+    drivers = DriverReports(reports.append)
+    for failing in [(BEING_OPENED,), (BEING_OPENED,), ()]:
+        drivers.update("RServer", failing)
+    assert reports == [f"RServer: {BEING_OPENED}", "RServer works"]
+    assert drivers.first == {}
+    for failing in [(BEING_OPENED,), ("no answer",), ()]:
+        drivers.update("RServer", failing)
+    assert reports[2:] == [f"RServer: {BEING_OPENED}", "RServer fails: no answer", "RServer works again"]
+    assert drivers.first == {"RServer": "no answer"}

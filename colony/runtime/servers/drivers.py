@@ -19,6 +19,9 @@ from colony.runtime.protocol.messages import Sample
 MAX_PROBLEM_LENGTH = 200
 """Maximum length of the problem of a driver, in characters; the rest is cut off."""
 
+BEING_OPENED = "the device is being opened"
+"""The problem of a driver whose device has not failed, and is not ready yet."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseState:
