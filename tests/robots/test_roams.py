@@ -35,6 +35,11 @@ def test_roams_a_while(robot: str, behavior: str) -> None:
     assert roam.way_mm > 3_000.0
 
 
+@pytest.mark.parametrize("seed", [2, 44])
+def test_omni_sees_thin_posts_beside_its_way(seed: int) -> None:
+    assert is_good(run(Case("omni", "wander", "office.yaml", seed), duration_s=5.0))
+
+
 def test_what_is_not_good() -> None:
     wander, bounce = (Roam(case=Case("rome", name, FLOORS[0], 1)) for name in ("wander", "bounce"))
     assert is_good(wander)
