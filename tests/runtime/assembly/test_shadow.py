@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from colony.robots.shadow_run import LagReports
-from colony.runtime.assembly.shadow import MIN_SILENCE_NS
+from colony.runtime.assembly.shadow import MIN_SILENCE_NS, MISSED_FRAMES
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Sample, Tick
@@ -177,9 +177,37 @@ def test_a_frame_that_never_comes_costs_the_memory_and_no_more() -> None:
     stage.tick(3)
     stage.answer(3, "PServer", "DServer")
     stage.frames(range(4, 60))
-    assert stage.ks()[:3] == [0, 1, 2]
-    assert stage.ks()[-1] == 59
-    assert len(stage.restarts()) == 1
+    again = 3 + MISSED_FRAMES + 1
+    assert stage.ks() == [0, 1, 2, *range(again, 60)]
+    assert stage.restarts() == [again]
+    stage.close()
+
+
+def test_a_server_that_is_heard_later_than_the_clock_costs_a_few_frames() -> None:
+    """So it is after a suspension, when the links to the robot's processes come back one after the other."""
+    stage = Stage()
+    stage.frames(range(3))
+    for k in range(60, 63):
+        stage.tick(k)
+        stage.answer(k, "PServer", "DServer")
+    stage.frames(range(63, 80))
+    again = 60 + MISSED_FRAMES + 1
+    assert stage.ks() == [0, 1, 2, *range(again, 80)]
+    stage.close()
+
+
+def test_ticks_that_wait_during_a_suspension_make_no_server_silent() -> None:
+    stage = Stage()
+    stage.frames(range(3))
+    waiting = range(3, 3 + 30)
+    for k in waiting:  # all come at once, before the first of the answers
+        stage.tick(k, now_ns=(1000 + waiting.stop) * 50 * MS)
+    for k in waiting:
+        stage.answer(k)
+    stage.frames(range(waiting.stop, waiting.stop + 5))
+    assert stage.ks() == list(range(waiting.stop + 5))
+    assert set(stage.log.winners()) == {"cruise"}
+    assert stage.restarts() == []
     stage.close()
 
 
