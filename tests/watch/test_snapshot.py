@@ -49,7 +49,7 @@ def test_a_module_in_python_that_is_not_applicable_is_inactive() -> None:
     store = SnapshotStore(("never",))
     follower = RunFollower(program, store, Trail(program))
     for readings, state in (({"bump": True}, "inactive"), ({}, "silent")):
-        (log,) = logs(program, [Frame(0, readings)])  # type: ignore[arg-type]
+        (log,) = logs(program, [Frame(0, readings)])
         verdict = replace_verdict(log.verdicts["drive"], fates=(("never", "silent"),))
         assert follower.take(replace(log, verdicts={"drive": verdict})).modules == (state,)
     store.close()
