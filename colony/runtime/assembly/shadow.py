@@ -77,6 +77,7 @@ class Shadow(QuietNode):
 
     Attributes:
         behind_ns: age of the newest tick when it was handled, in nanoseconds: how far the shadow is behind.
+        deciding: number of the frame that is being decided, None between two; other threads may read it.
     """
 
     address = "Shadow"
@@ -100,6 +101,7 @@ class Shadow(QuietNode):
         self._tick: Tick | None = None
         self._is_first = True
         self.behind_ns = 0
+        self.deciding: int | None = None
         self.listens = self._assembler.listens
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
@@ -113,7 +115,9 @@ class Shadow(QuietNode):
             case _:
                 return ()
         for assembled in self._assembler.pop_complete():
+            self.deciding = assembled.tick.k
             self._decide(assembled)
+        self.deciding = None
         return ()
 
     def close(self) -> None:

@@ -226,8 +226,17 @@ def test_it_knows_how_far_it_is_behind_and_says_it_once() -> None:
         tick = Tick(k=k, t_ns=k * 50 * MS, start=0, run="another")
         node.handle(tick, tick.t_ns + behind_ms * MS)
         assert node.behind_ns == behind_ms * MS
-        lag.check()
+        lag.check(0.0)
     assert [text.partition(" behind")[0] for text in reports] == [
         "the shadow is 1.1 s",
         "the shadow is 2.5 s",
     ]
+
+
+def test_it_says_once_that_a_frame_takes_long_or_never_ends() -> None:
+    node, reports = shadow(RAMP), list[str]()
+    lag = LagReports(node, reports.append)
+    for now_s, deciding in ((0.0, None), (1.0, 3), (1.9, 3), (2.0, 4), (3.1, 4), (9.0, 4), (9.1, None)):
+        node.deciding = deciding
+        lag.check(now_s)
+    assert [text.partition(" behind")[0] for text in reports] == ["the shadow is 1.1 s"]
