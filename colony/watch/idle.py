@@ -2,7 +2,7 @@
 
 The description by itself is a program without modules. Its limits run on the robot while no program does
 (`runtime.assembly.limits`), so its frames, and who commands its actuators, are heard as those of any run are.
-A robot without limits has frames as well, but what it is sent is not told in terms of the description.
+A robot without limits has frames as well, but no verdict names what it is sent as the description does.
 """
 
 from __future__ import annotations
