@@ -303,12 +303,14 @@ def _cast(
 @inlined
 def _measured(near: float, bits: np.uint64, model: LidarModel, noise: float, quantiles: Floats) -> float:
     """Return the range that is measured of what has this nearness: infinity if there is no echo."""
-    reading = math.inf
-    if near >= 1.0 / model.full_range and (bits >> np.uint64(64 - DROPOUT_BITS)) >= np.uint64(model.dropouts):
-        reading = 1.0 / near
-        spread = model.noise + noise * reading
-        reading += spread * quantiles[np.int64(bits & np.uint64(_QUANTILES - 1))]
-        reading = min(max(reading, 0.0), model.full_range)
+    reading = 1.0 / near
+    spread = model.noise + noise * reading
+    reading += spread * quantiles[bits & np.uint64(_QUANTILES - 1)]
+    reading = min(max(reading, 0.0), model.full_range)
+    has_echo = (near >= 1.0 / model.full_range) & (
+        (bits >> np.uint64(64 - DROPOUT_BITS)) >= np.uint64(model.dropouts)
+    )
+    reading = reading if has_echo else math.inf
     return reading
 
 
