@@ -310,8 +310,7 @@ def _measured(near: float, bits: np.uint64, model: LidarModel, noise: float, qua
     has_echo = (near >= 1.0 / model.full_range) & (
         (bits >> np.uint64(64 - DROPOUT_BITS)) >= np.uint64(model.dropouts)
     )
-    reading = reading if has_echo else math.inf
-    return reading
+    return reading if has_echo else math.inf
 
 
 @inlined
