@@ -52,7 +52,8 @@ def is_out_of_memory(problem: BaseException) -> bool:
     """Return True if memory for an object, a library or a thread could not be allocated.
 
     Under a memory limit (`ulimit -v`) libraries report the lack of memory in different ways. A library that
-    was found but cannot be loaded therefore counts as out of memory under such a limit.
+    was found but cannot be loaded therefore counts as out of memory under such a limit, and so does an error
+    that Python itself left without an exception.
     """
     if isinstance(problem, MemoryError) or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM):
         return True
@@ -62,5 +63,7 @@ def is_out_of_memory(problem: BaseException) -> bool:
         return True
     if isinstance(problem, ModuleNotFoundError):
         return False
-    loading = isinstance(problem, ImportError) or (isinstance(problem, OSError) and problem.errno is None)
-    return loading and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
+    is_vague = isinstance(problem, ImportError | SystemError) or (
+        isinstance(problem, OSError) and problem.errno is None
+    )
+    return is_vague and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY

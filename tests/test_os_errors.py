@@ -43,6 +43,7 @@ def test_lack_of_memory() -> None:
     assert is_out_of_memory(RuntimeError("can't start new thread"))
     assert not is_out_of_memory(OSError(errno.ENOSPC, "No space left on device"))
     assert not is_out_of_memory(RuntimeError("a bug"))
+    assert not is_out_of_memory(ModuleNotFoundError("x"))
     assert not is_out_of_memory(KeyError("can't start new thread"))
     limited = resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
     assert is_out_of_memory(ImportError("no module named x")) is limited
@@ -54,7 +55,7 @@ def test_where_memory_is_limited_what_cannot_be_loaded_is_a_lack_of_it() -> None
         "resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))\n"
         "print(is_out_of_memory(ImportError('x')), is_out_of_memory(OSError('no number')), "
         "is_out_of_memory(OSError(28, 'No space')), is_out_of_memory(RuntimeError('x')), "
-        "is_out_of_memory(ModuleNotFoundError('x')))"
+        "is_out_of_memory(ModuleNotFoundError('x')), is_out_of_memory(SystemError('x')))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout == "True True False False False\n"
+    assert done.stdout == "True True False False False True\n"

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from colony.body.device_consistency import Located, device_contradictions
 from colony.body.devices import Base, Camera, CeilingCamera, Proximity
 from colony.body.model import Body, Circle, Omnidirectional, Polygon, Server
-from colony.ir.servers import COMMON_SERVERS, PROXIMITY, RSERVER
+from colony.ir.servers import COMMON_SERVERS, MAX_SERVER_NAME, PROXIMITY, RESERVED_NAMES, RSERVER
 from colony.ir.types import DISTANCE, Array, type_text
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.suggestions import did_you_mean
-from colony.text.wording import quoted
+from colony.text.wording import quoted, shortened
 
 _COMMON_NAMES = frozenset(server.name for server in COMMON_SERVERS)
 
@@ -37,10 +37,25 @@ def contradictions(body: Body, places: Located) -> Iterator[Diagnostic]:
             yield error(
                 "B009", places.key(*keys), f"`{name}` has no device: neither simulated nor real", hint
             )
+        yield from _unusable_name(name, places)
         yield from _fixed_name(name, server, places)
         yield from _faults(server, places, keys)
         yield from device_contradictions(server.simulated, body, places, (*keys, "simulated"))
         yield from _fields(name, body, places)
+
+
+def _unusable_name(name: str, places: Located) -> Iterator[Diagnostic]:
+    """Yield an error for a name that no process of a server can have."""
+    if name in RESERVED_NAMES:
+        message = f"`{name}` is a name of the runtime's own, and no server can have it"
+    elif len(name) > MAX_SERVER_NAME or name.startswith("_"):
+        message = (
+            f"`{shortened(name)}` cannot be the name of a server: expected at most {MAX_SERVER_NAME} "
+            "characters, of which the first is a letter"
+        )
+    else:
+        return
+    yield error("B009", places.key("server", name), message, "give the server another name")
 
 
 def _fixed_name(name: str, server: Server, places: Located) -> Iterator[Diagnostic]:

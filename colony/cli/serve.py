@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,6 @@ from colony.cli.shipped_files import map_option, movers_option, start_option
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
-    from colony.dsl.descriptions import RobotChoice
     from colony.execute.compiled import Compiled
     from colony.robots.described import DescribedRobot
     from colony.robots.serving import Settings
@@ -278,44 +276,24 @@ def _description() -> tuple[DescribedRobot, Interface | None, Compiled | None]:
     Exits with 1 if the description has errors.
     """
     from colony.compile.pipeline import compile_program
-    from colony.dsl.language_version import VERSION_LINE
-    from colony.dsl.load import check_text
+    from colony.dsl.descriptions import existing_choice
     from colony.robots.described import described_robot, rome
+    from colony.robots.description import described_program
     from colony.runtime.protocol.deployment import limited_actuators
     from colony.runtime.protocol.interface import interface_of
     from colony.text.diagnostics import DiagnosticError
 
-    choice = _existing(chosen_robot())
+    choice = existing_choice(chosen_robot(), Path())
     if choice is None:
         return rome(), None, None
-    checked = check_text(f"{VERSION_LINE}\nimport robot\n", "--robot", robot=choice)
-    if checked.program is None:
-        report(checked.diagnostics)
-        raise click.exceptions.Exit(EXIT_ERRORS)
-    robot = checked.program.robot
     try:
-        described = described_robot(robot)
+        program = described_program(choice)
+        described = described_robot(program.robot)
     except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_ERRORS) from None
-    compiled = compile_program(checked.program).compiled
-    return described, interface_of(robot), compiled if limited_actuators(compiled) else None
-
-
-def _existing(choice: RobotChoice | None) -> RobotChoice | None:
-    """Return the choice; for a robot's name that is no description that of the project, None without one."""
-    from colony.dsl.descriptions import find_description, find_project
-
-    if choice is None or not choice.is_name:
-        return choice
-    project = find_project(Path())
-    folder = None if project is None else project.folder
-    if find_description(choice.text, Path(), folder) is not None:
-        return choice
-    if project is None or project.robot is None:
-        return None
-    found = find_description(project.robot, project.folder, project.folder)
-    return None if found is None else replace(choice, text=os.fspath(found))
+    compiled = compile_program(program).compiled
+    return described, interface_of(program.robot), compiled if limited_actuators(compiled) else None
 
 
 def _state_folder(robot: str) -> Path:

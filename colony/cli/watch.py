@@ -16,7 +16,7 @@ from colony.cli.interruption import interruptible
 from colony.cli.params_choice import choose_params, params_option
 from colony.cli.recorded import program_for
 from colony.cli.reporting import refuse, report, say
-from colony.cli.robot_choice import robot_and_description_option
+from colony.cli.robot_choice import chosen_robot, robot_and_description_option
 from colony.cli.robot_options import (
     connect_option,
     reporting_connection_errors,
@@ -53,7 +53,8 @@ CLOSING = "closing the page"
 )
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
 @robot_and_description_option(
-    "Watch this robot, which runs a program; for a recording, the description of its robot."
+    "Watch this robot. While it runs no program, its description, by default the one called NAME, says what "
+    "there is to see. For a recording, the description of its robot."
 )
 @connect_option()
 @security_option()
@@ -73,9 +74,10 @@ def command(
     commands against their limits, the map and the path, contracts, and late or lost clients.
 
     A recording can be played at any speed, and searched for the next change of winner, broken contract,
-    fault, or late client. With --robot the page shows a robot that runs, as it runs, and lets you look back.
-    Watching commands nothing, unless you give --allow-stop and press the button. Behind a gateway you need
-    the right to read, and for the button the right to stop.
+    fault, or late client. With --robot the page shows a robot that runs, as it runs, and lets you look back;
+    while no program runs, it shows what the robot senses, and what it is sent. Watching commands nothing,
+    unless you give --allow-stop and press the button. Behind a gateway you need the right to read, and for
+    the button the right to stop.
 
     The page listens on this machine alone, and its address ends in a token, without which it shows nothing.
     The token stays the same, so that a page reconnects to the next `colony watch`. When the robot runs
@@ -146,15 +148,20 @@ def _watch_live(
     opens: bool,
     may_stop: bool,
 ) -> None:
-    """Show the run of a robot, and every run that follows it, until the command is interrupted."""
+    """Show the run of a robot, or the robot without one, and all that follows, until interrupted."""
     from colony.files import reason
+    from colony.robots.description import served_program
     from colony.text.diagnostics import DiagnosticError
     from colony.watch.joined_run import JoinedRun, Succession, joined_run
+
+    choice = chosen_robot()
+    assert choice is not None
 
     def join() -> AbstractContextManager[JoinedRun]:
         return joined_run(
             robot,
             robot_address,
+            description=lambda interface: served_program(interface, choice),
             scene_for=lambda program, title: scene_for(program, title, map_path),
             may_stop=may_stop,
         )

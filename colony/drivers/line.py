@@ -35,6 +35,18 @@ def handshake_first(dialect: Dialect[Packet], port: str) -> bool:
     return dialect.handshake_first and port.startswith(TCP)
 
 
+def check_options(port: object, baud: object) -> None:
+    """Check the values that a body gives for a port and its baud rate.
+
+    Raises:
+        TypeError: the port is no text, or the baud rate no whole number.
+    """
+    if not isinstance(port, str):
+        raise TypeError(f'`port` is {port}; expected a text, such as "/dev/ttyUSB0" or "tcp:HOST:PORT"')
+    if not str(baud).isdecimal():
+        raise TypeError(f"`baud` is {baud}; expected a whole number, such as 115200")
+
+
 class Line(Generic[Packet]):
     """A line to one device. Mutable; shared by its thread and the server's.
 

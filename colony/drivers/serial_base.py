@@ -9,7 +9,7 @@ from typing import Generic
 from colony.drivers.decoder import Packet
 from colony.drivers.dialect import Dialect
 from colony.drivers.guarded import Command
-from colony.drivers.line import Line, handshake_first, to_stderr
+from colony.drivers.line import Line, check_options, handshake_first, to_stderr
 from colony.ir.types import ScalarValue
 from colony.runtime.kit.once import Report, exception_text
 from colony.runtime.servers.drivers import BaseState, Reading
@@ -33,6 +33,9 @@ class SerialBase(Generic[Packet]):
         baud: the baud rate; 0 for that of the dialect.
         frame_ns: the length of the robot's frames in ns.
         report: takes each problem once in each outage, and the end of the outage.
+
+    Raises:
+        TypeError: the port is no text, or the baud rate no whole number.
     """
 
     register_bits: int | None = None  # `Registers` unwraps them
@@ -46,6 +49,7 @@ class SerialBase(Generic[Packet]):
         frame_ns: int = DEFAULT_FRAME_NS,
         report: Report = to_stderr,
     ) -> None:
+        check_options(port, baud)
         self._dialect = dialect
         self._report = report
         command = Command(
@@ -105,6 +109,9 @@ class SerialFields(Generic[Packet]):
         names: the dialect's name of each field or ring, by the name of the server's field.
         baud: the baud rate; 0 for that of the dialect.
         report: takes each problem once in each outage, and the end of the outage.
+
+    Raises:
+        TypeError: the port is no text, or the baud rate no whole number.
     """
 
     def __init__(
@@ -116,6 +123,7 @@ class SerialFields(Generic[Packet]):
         baud: int = 0,
         report: Report = to_stderr,
     ) -> None:
+        check_options(port, baud)
         self._names = dict(names)
         self._line = Line(dialect, port, baud, None, report)
 

@@ -152,6 +152,25 @@ def find_body(robot: Robot) -> Path | None:
     return body if body.is_file() else None
 
 
+def existing_choice(choice: RobotChoice | None, folder: Path) -> RobotChoice | None:
+    """Return the choice; for a robot's name that is no description that of the project, None without one.
+
+    Args:
+        choice: the choice.
+        folder: where relative paths begin.
+    """
+    if choice is None or not choice.is_name:
+        return choice
+    project = find_project(folder)
+    place = None if project is None else project.folder
+    if find_description(choice.text, folder, place) is not None:
+        return choice
+    if project is None or project.robot is None:
+        return None
+    found = find_description(project.robot, project.folder, project.folder)
+    return None if found is None else RobotChoice(text=str(found), origin=choice.origin, is_name=True)
+
+
 def body_beside(interface: Path, robot: str) -> Path:
     """Return the place of a robot's body: beside the file of its interface, called like the robot."""
     return interface.with_name(f"{robot}.toml")

@@ -109,15 +109,21 @@ class _Stop:
 
 
 class LagReports:
-    """Reports that the shadow has fallen behind the robot, once each time."""
+    """Reports that the shadow has fallen behind the robot, or decides no more, once each time. Mutable."""
 
     def __init__(self, shadow: Shadow, report: Callable[[str], None]) -> None:
         self._shadow, self._report = shadow, report
         self._is_behind = False
+        self._deciding: int | None = None
+        self._since_s = 0.0
 
-    def check(self) -> None:
-        """Look how far it is behind."""
-        behind_ns = self._shadow.behind_ns
+    def check(self, now_s: float) -> None:
+        """Look how far it is behind, and since when it decides one frame; `now_s` is by a monotonic clock."""
+        behind_ns, deciding = self._shadow.behind_ns, self._shadow.deciding
+        if deciding != self._deciding:
+            self._deciding, self._since_s = deciding, now_s
+        if deciding is not None:
+            behind_ns = max(behind_ns, round((now_s - self._since_s) * 1e9))
         if behind_ns > BEHIND_NS and not self._is_behind:
             self._report(
                 f"the shadow is {behind_ns / 1e9:.1f} s behind the robot: this computer, or a module in "
@@ -204,7 +210,7 @@ def _follow(
                 failure = f"no frame of {robot_address.robot} came in {START_TIMEOUT_S:g} s"
             if failure is not None:
                 raise RunAbortedError(failure)
-            lag.check()
+            lag.check(time.monotonic())
             window.changed.wait(HEALTH_CHECK_INTERVAL_S)
             if window.begun and not window.over:
                 window.changed.clear()

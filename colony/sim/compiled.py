@@ -1,7 +1,7 @@
 """Compilation of the simulator's inner loops with numba, cached on disk if possible.
 
-The annotations of a compiled function are its signature: `float`, `int`, an array type of this file, or a
-`NamedTuple` of those. A function is therefore compiled once, when it is defined.
+The annotations of a compiled function are its signature: `float`, `int`, `bool`, an array type of this file,
+or a `NamedTuple` of those. A function is therefore compiled once, when it is defined.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ Bytes2 = NDArray[np.uint8]
 _NATIVE = {
     "float": numba.float64,
     "int": numba.int64,
+    "bool": numba.boolean,
     "Floats": numba.float64[::1],
     "Floats2": numba.float64[:, ::1],
     "Ints": numba.int64[::1],

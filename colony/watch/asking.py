@@ -197,14 +197,14 @@ def _ellipse(connections: Connections, names: tuple[str, ...]) -> PoseEllipse | 
 
 
 def whole_image(connection: Connection) -> Image | None:
-    """Read the newest image of a camera; None if it is too large, or changed while it was read.
+    """Read the newest image of a camera; None if it is too large, empty, or changed while it was read.
 
     Raises:
         RobotConnectionError: the camera refuses, or does not answer.
     """
     size = connection.do(camera.size())
     line = size.width * size.channels
-    if size.height * line > MAX_IMAGE_BYTES:
+    if min(size.height, size.width, size.channels) <= 0 or size.height * line > MAX_IMAGE_BYTES:
         return None
     rows = max(1, BAND_BYTES // line)
     bands = [
@@ -212,7 +212,7 @@ def whole_image(connection: Connection) -> Image | None:
         for first in range(0, size.height, rows)
     ]
     shape = {(band.t_ns, band.width, band.channels) for band in bands}
-    if len(shape) > 1:
+    if len(shape) > 1 or sum(band.height for band in bands) != size.height:
         return None
     return Image(
         t_ns=bands[0].t_ns,

@@ -5,21 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from colony.files import reason
 from colony.ir.program import Program
+from colony.robots.description import NoDescriptionError
 from colony.robots.discovery import session_with
+from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError
+from colony.runtime.library.leader import RunProgram
+from colony.runtime.protocol.interface import Interface
 from colony.runtime.transport.live.errors import LiveError
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.text.diagnostics import DiagnosticError
 from colony.watch.asking import Asker, asking_robot
-from colony.watch.joining import Joiner, joined_program, listening, read_program
+from colony.watch.idle import START_ONE, IdleRobot, idle_robot, listening_idle
+from colony.watch.idle import TITLE as IDLE_TITLE
+from colony.watch.joining import joined_program, listening, read_program
 from colony.watch.live import STORE_BYTES, LiveSource
 from colony.watch.pictures import installed_finder
 from colony.watch.scene import Scene
-from colony.watch.silence import SILENCE_S, noting_silence
+from colony.watch.silence import SILENCE_S, Heard, noting_silence
 from colony.watch.stopping import stop_button
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
@@ -31,11 +37,17 @@ LOOK_INTERVAL_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JoinedRun:
-    """A run that is watched: its name, what pages show of it, and the sink of its frames."""
+    """A run that is watched.
 
-    run: str
+    Attributes:
+        run: its name; the robot as it is, if it runs no program.
+        watched: what pages show of it.
+        sink: what hears its frames.
+    """
+
+    run: str | IdleRobot
     watched: Watched
-    sink: Joiner
+    sink: Heard
 
 
 @contextmanager
@@ -43,32 +55,47 @@ def joined_run(
     robot: str,
     robot_address: RobotAddress,
     *,
+    description: Callable[[Interface], Program],
     scene_for: Callable[[Program, str], Scene],
     may_stop: bool,
 ) -> Iterator[JoinedRun]:
-    """Watch the run of a robot as long as the context lasts.
+    """Watch the run of a robot, or the robot alone if it runs no program, as long as the context lasts.
 
     Args:
         robot: its name.
         robot_address: where it is.
+        description: returns the description that a robot with this interface is served with; see
+            `served_program`.
         scene_for: returns the scene of a program, with a title.
         may_stop: True if pages may stop the robot.
 
     Raises:
-        LiveError, RobotConnectionError: the robot cannot be joined, or runs no program.
-        DiagnosticError: the program has errors, or does not fit the robot.
+        LiveError, RobotConnectionError: the robot cannot be joined, or runs no program and its description is
+            not known.
+        DiagnosticError: the program, or the description, has errors, or does not fit the robot.
     """
     with ExitStack() as resources:
         session = resources.enter_context(session_with(robot_address))
-        found = read_program(session)
-        program = resources.enter_context(joined_program(found, robot))
-        scene = scene_for(program, f"run {found.run}")
+        found = _found(session)
+        if isinstance(found, IdleRobot):
+            program = _without_program(found, description)
+            scene = replace(scene_for(program, IDLE_TITLE), is_idle=True)
+        else:
+            program = resources.enter_context(joined_program(found, robot))
+            scene = scene_for(program, f"run {found.run}")
         store, trail = SnapshotStore(scene.modules, max_bytes=STORE_BYTES), Trail(program)
         resources.callback(store.close)
         source = LiveSource(program, store, trail)
         resources.callback(source.close)
-        sink = resources.enter_context(listening(robot_address, program, found.run, session, source))
-        resources.enter_context(noting_silence(sink, store, robot))
+        listened: AbstractContextManager[Heard] = (
+            listening_idle(robot_address, program, found, source)
+            if isinstance(found, IdleRobot)
+            else listening(robot_address, program, found.run, session, source)
+        )
+        sink = resources.enter_context(listened)
+        change = "a program starts" if scene.is_idle else "its run has ended"
+        silence = f"no frames come from {robot}: {change}, or it is silent"
+        resources.enter_context(noting_silence(sink, store, silence))
         stop = resources.enter_context(stop_button(session)) if may_stop else None
         find = installed_finder()
         asker = Asker(lambda: asking_robot(session, find))
@@ -76,19 +103,35 @@ def joined_run(
         watched = Watched(
             scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop, asker=asker
         )
-        yield JoinedRun(run=found.run, watched=watched, sink=sink)
+        yield JoinedRun(run=_identity(found), watched=watched, sink=sink)
+
+
+def _found(session: Session) -> RunProgram | IdleRobot:
+    return read_program(session) or idle_robot(session)
+
+
+def _without_program(idle: IdleRobot, description: Callable[[Interface], Program]) -> Program:
+    """Return the description of a robot without a program, which stands in for one."""
+    try:
+        return description(idle.interface)
+    except NoDescriptionError as problem:
+        give = f"give it with `--robot NAME=DESCRIPTION`, or {START_ONE}"
+        raise NoDescriptionError(f"the robot runs no program, and {problem}: {give}") from None
+
+
+def _identity(found: RunProgram | IdleRobot) -> str | IdleRobot:
+    return found if isinstance(found, IdleRobot) else found.run
 
 
 class Succession:
-    """The runs of a robot, watched one after the other. Mutable.
+    """The runs of a robot, watched one after the other, and the robot alone between them. Mutable.
 
     Args:
         robot_address: where the robot is.
         join: joins the run of now, as `joined_run` does.
 
     Raises:
-        LiveError, RobotConnectionError: the robot cannot be joined, or runs no program.
-        DiagnosticError: the program has errors, or does not fit the robot.
+        LiveError, RobotConnectionError, DiagnosticError: as by `joined_run`.
     """
 
     def __init__(
@@ -97,8 +140,9 @@ class Succession:
         self._robot_address, self._join = robot_address, join
         self._resources = ExitStack()
         self._joined = self._resources.enter_context(join())
-        self._refused = ""
+        self._refused: str | IdleRobot | None = None
         self._lacking = ""
+        self._may_differ = False
         self._due_s = 0.0
 
     @property
@@ -109,7 +153,7 @@ class Succession:
     def follow(self, show: Callable[[Watched], None]) -> None:
         """Where another run has followed, show that and end the one before; may block.
 
-        While frames come the robot is not asked.
+        While frames come the robot is not asked, but once after a silence: it may be another by then.
 
         Raises:
             DiagnosticError: the program of the new run has errors; said once.
@@ -117,11 +161,14 @@ class Succession:
                 again.
         """
         now = time.monotonic()
-        if now < self._due_s or now - self._joined.sink.heard_s < SILENCE_S:
+        is_silent = now - self._joined.sink.heard_s >= SILENCE_S
+        self._may_differ |= is_silent
+        if now < self._due_s or not self._may_differ:
             return
         try:
             with suppress(LiveError, RobotConnectionError):
                 run = self._run()
+                self._may_differ = is_silent
                 if run not in (self._joined.run, self._refused):
                     self._replace(run, show)
             self._lacking = ""
@@ -132,15 +179,15 @@ class Succession:
         finally:
             self._due_s = time.monotonic() + LOOK_INTERVAL_S
 
-    def _run(self) -> str:
+    def _run(self) -> str | IdleRobot:
         with session_with(self._robot_address) as session:
-            return read_program(session).run
+            return _identity(_found(session))
 
-    def _replace(self, run: str, show: Callable[[Watched], None]) -> None:
+    def _replace(self, run: str | IdleRobot, show: Callable[[Watched], None]) -> None:
         with ExitStack() as resources:
             try:
                 joined = resources.enter_context(self._join())
-            except DiagnosticError:
+            except (DiagnosticError, NoDescriptionError):
                 self._refused = run
                 raise
             show(joined.watched)

@@ -44,21 +44,19 @@ from colony.watch.live import LiveSource, recorded_frame
 KEYFRAME_INTERVAL_S = 0.2
 """Seconds between two requests for a keyframe, until one is usable."""
 
-NO_PROGRAM = "the robot is served, but runs no program to watch: start one with `colony run FILE --connect`"
 
-
-def read_program(session: Session) -> RunProgram:
-    """Return the program of the run that a robot's leader leads.
+def read_program(session: Session) -> RunProgram | None:
+    """Return the program of the run that a robot's leader leads; None for a robot without a leader.
 
     Raises:
-        RobotConnectionError: no program runs, or its leader refuses.
+        RobotConnectionError: the robot is not there, or its leader refuses.
     """
     try:
         with session.connect(LEADER, name="colony watch") as leader:
             return leader.do(run_program())
     except ServerNotFoundError:
         if (servers := session.servers()) and LEADER not in servers:
-            raise ServerNotFoundError(NO_PROGRAM) from None
+            return None
         raise
 
 
@@ -214,12 +212,25 @@ def listening(
     servers = (*described.servers, *additional_servers(program.robot, described, robot_address))
     compiled = compile_program(program).compiled
     joiner = Joiner(source, keyframe, frames_to_keep(compiled.frame_ns))
-    listener = Listener(build_observer(compiled, bind(compiled.robot, servers), (joiner,), run))
     with ExitStack() as resources:
         resources.callback(joiner.close)
+        observer = build_observer(compiled, bind(compiled.robot, servers), (joiner,), run)
+        resources.enter_context(observing(robot_address, observer))
+        yield joiner
+
+
+@contextmanager
+def observing(robot_address: RobotAddress, observer: Observer) -> Iterator[None]:
+    """Let an observer hear a robot, without a message to it, as long as the context lasts.
+
+    Raises:
+        LiveError: the robot cannot be joined.
+    """
+    listener = Listener(observer)
+    with ExitStack() as resources:
         host = resources.enter_context(Host.open(robot_address, (listener,), announces=False))
         thread = threading.Thread(target=host.run, name="listener", daemon=True)
         thread.start()
         resources.callback(thread.join)
         resources.callback(host.stop)
-        yield joiner
+        yield

@@ -119,6 +119,7 @@ class Scene:
         has_pose: True if the program reads the robot's position and heading.
         map: the map, if one was given.
         footprint_mm: the corners of the robot seen from above, x ahead and y left; empty if unknown.
+        is_idle: True if the robot runs no program, so that all of this is of its description.
     """
 
     title: str
@@ -135,6 +136,7 @@ class Scene:
     has_pose: bool
     map: MapScene | None = None
     footprint_mm: tuple[tuple[float, float], ...] = ()
+    is_idle: bool = False
 
 
 def scene_of(

@@ -27,8 +27,8 @@ class Heard(Protocol):
 
 
 @contextmanager
-def noting_silence(sink: Heard, store: SnapshotStore, robot: str) -> Iterator[None]:
-    """Say in the store, as long as the context lasts, whether a robot is silent."""
+def noting_silence(sink: Heard, store: SnapshotStore, text: str) -> Iterator[None]:
+    """Say `text` in the store whenever a robot is silent, as long as the context lasts."""
     ended = threading.Event()
 
     def check() -> None:
@@ -36,7 +36,7 @@ def noting_silence(sink: Heard, store: SnapshotStore, robot: str) -> Iterator[No
         while not ended.wait(CHECK_INTERVAL_S):
             is_silent = time.monotonic() - sink.heard_s > SILENCE_S
             if is_silent and store.problem is None:
-                store.problem = said = f"no frames come from {robot}: its run has ended, or it is silent"
+                store.problem = said = text
             elif not is_silent and said is not None and store.problem == said:
                 store.problem = said = None
 

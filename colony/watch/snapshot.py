@@ -199,10 +199,15 @@ class SnapshotMaker:
         outcome: Outcome | None,
         interpreter: Interpreter | None,
     ) -> ModuleState:
-        """Return a module's recorded fate; where it was not recorded, what the interpreter says."""
+        """Return a module's recorded fate; where it was not recorded, what the interpreter says.
+
+        The client of a module in Python is recorded as silent also where the answer was "not applicable".
+        """
         actuator = self._actuators[name]
         verdict = None if actuator is None else verdicts.get(actuator)
         fate = None if verdict is None else dict(verdict.fates).get(name)
+        if fate == "silent" and interpreter is not None and not interpreter.is_silent(name):
+            return "inactive"
         if fate is not None:
             return fate
         if interpreter is None or outcome is None:

@@ -5,6 +5,15 @@ from __future__ import annotations
 import pytest
 
 from colony.body.device_consistency import MAX_POSITIONS
+from colony.ir.servers import MAX_SERVER_NAME, RESERVED_NAMES
+from colony.robots.serving import SUPERVISOR
+from colony.runtime.assembly.limits import LIMITS
+from colony.runtime.assembly.sharing import SHARED
+from colony.runtime.library.leader import LEADER
+from colony.runtime.protocol.topics import CLOCK, OBSERVER
+from colony.runtime.transport.live.configuration import GATEWAY
+from colony.runtime.transport.live.names import MAX_NAME_LENGTH
+from colony.sim.plant.child import SIMULATOR
 from tests.body.test_disagreements import DEVICES_BODY
 from tests.body.test_reader import LIDAR, SMALL, body_of, problems
 
@@ -116,6 +125,26 @@ def test_a_contradiction_is_found_at_its_place(old: str, new: str, place: str | 
     [(code, text, said)] = problems(BODY.replace(old, new, 1))
     assert (code, said) == ("B009", message)
     assert place in (None, text)
+
+
+@pytest.mark.parametrize("name", sorted(RESERVED_NAMES))
+def test_a_name_of_the_runtime_is_no_name_of_a_server(name: str) -> None:
+    message = f"`{name}` is a name of the runtime's own, and no server can have it"
+    assert problems(SMALL + LIDAR.replace("Lidar", name)) == [("B009", f"server.{name}", message)]
+
+
+@pytest.mark.parametrize("name", ["_Lidar", "L" * (MAX_SERVER_NAME + 1)])
+def test_a_name_that_no_process_can_have(name: str) -> None:
+    [(code, text, message)] = problems(SMALL + LIDAR.replace("Lidar", name))
+    assert (code, text) == ("B009", f"server.{name}")
+    assert "cannot be the name of a server" in message
+    assert problems(SMALL + LIDAR.replace("Lidar", "L" * MAX_SERVER_NAME)) == []
+
+
+def test_the_names_are_those_that_the_runtime_uses() -> None:
+    named = {CLOCK, GATEWAY, LEADER, LIMITS, OBSERVER, SHARED, SIMULATOR, SUPERVISOR, "all"}
+    assert named == RESERVED_NAMES
+    assert MAX_SERVER_NAME == MAX_NAME_LENGTH
 
 
 def test_a_camera_far_away() -> None:

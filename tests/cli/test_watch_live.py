@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started
+from colony.runtime.kit.errors import CallRefusedError
+from colony.runtime.library import robot
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, release
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.waiting import until
 from tests.watch.runs import Page, page
@@ -17,13 +21,18 @@ pytestmark = pytest.mark.long
 
 
 @pytest.fixture
-def driving(tmp_path: Path) -> Iterator[Machine]:
+def machine(tmp_path: Path) -> Iterator[Machine]:
     machine = Machine(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
+    yield machine
+    machine.close()
+
+
+@pytest.fixture
+def driving(machine: Machine) -> Machine:
     run = machine.start("run", WANDER, "--map", MAP, "--processes", "--no-picture", "--duration", "1000")
     until(lambda: run.ended() or machine.moves(), "the robot drives")
     assert not run.ended(), run.err
-    yield machine
-    machine.close()
+    return machine
 
 
 def credentials(authority: Authority, name: str, folder: Path) -> Path:
@@ -68,3 +77,65 @@ def test_users_of_a_gateway_have_their_rights(driving: Machine, tmp_path: Path) 
                 shown.until(lambda m: m.get("snapshot", {}).get("stopped_by") is not None)
             else:
                 until(driving.moves, "the robot drives on")
+
+
+def shown_scene(watcher: Started) -> dict[str, Any]:
+    """Return the scene of a page that is opened now."""
+    with opened(watcher) as shown:
+        scene = shown.until(lambda m: "scene" in m)["scene"]
+        assert isinstance(scene, dict)
+        return scene
+
+
+def is_sensed(snapshot: dict[str, Any], scene: dict[str, Any]) -> bool:
+    """Whether the sonars of a frame have readings, and the command of the base is known."""
+    sonar = [sensor["name"] for sensor in scene["sensors"]].index("sonar")
+    return bool(snapshot and snapshot["sensors"][sonar] and snapshot["commands"][0]["is_decided"])
+
+
+def test_a_robot_is_watched_before_a_program_after_it_and_restarted(machine: Machine) -> None:
+    serve = ("serve", "all", "--robot", f"{ROBOT}=rome", "--map", MAP)
+    servers = machine.start(*serve)
+    until(lambda: servers.ended() or machine.stands(), "the robot is there")
+    watcher = machine.start("watch", "--robot", ROBOT, "--allow-stop", "--port", "0")
+    with opened(watcher) as shown:
+        scene = shown.until(lambda m: "scene" in m)["scene"]
+        assert scene["is_idle"]
+        assert scene["modules"] == []
+        shown.until(lambda m: is_sensed(m.get("snapshot", {}), scene))
+        with machine.session() as session, session.connect("RServer", name="test", priority=5) as base:
+            moving = base.send(robot.move(1000.0))
+            shown.until(lambda m: "snapshot" in m and m["snapshot"]["commands"][0]["outside"])
+            shown.ask(do="stop")
+            assert shown.until(lambda m: "stop" in m)["stop"]["is_kept"]
+            with pytest.raises(CallRefusedError):
+                moving.result()
+            shown.until(lambda m: m.get("snapshot", {}).get("stopped_by") is not None)
+            release(session)
+    run = machine.start("run", WANDER, "--connect", "--robot", ROBOT)
+    until(lambda: run.ended() or "cruise" in shown_scene(watcher)["modules"], "the program is shown")
+    assert not run.ended(), run.err
+    run.tell(signal.SIGINT)
+    assert run.wait() == 130
+    until(lambda: shown_scene(watcher)["is_idle"], "the robot is shown without it")
+
+    servers.tell(signal.SIGINT)
+    assert servers.wait() == 0
+    with opened(watcher) as shown:
+        shown.until(lambda m: (m.get("problem") or "").startswith("no frames come from rome"))
+        servers = machine.start(*serve)
+        scene = shown_scene(watcher)
+        shown.until(lambda m: m.get("problem", "?") is None and is_sensed(m.get("snapshot", {}), scene))
+    assert scene["is_idle"]
+    assert not servers.ended(), servers.err
+    assert not watcher.ended(), watcher.err
+
+
+def test_a_robot_whose_description_is_not_known_is_not_watched_without_a_program(machine: Machine) -> None:
+    servers = machine.start("serve", "all", "--robot", f"{ROBOT}=create2", "--map", MAP)
+    until(lambda: servers.ended() or machine.stands(), "the robot is there")
+    watcher = machine.start("watch", "--robot", f"{ROBOT}=amr", "--port", "0")
+    assert watcher.wait() == 2
+    assert "its description is not this `amr`, but another `create2`" in watcher.err
+    named = machine.start("watch", "--robot", ROBOT, "--port", "0")
+    assert shown_scene(named)["robot"] == "create2", "as the robot says"

@@ -7,10 +7,12 @@ import os
 import socket
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from colony.drivers import link
+from colony.drivers.create2 import create2
 from colony.drivers.link import LinkError, open_link
 
 
@@ -130,3 +132,19 @@ def _read(opened: link.Link, size: int) -> bytes:
     while len(data) < size:
         data += opened.read()
     return data
+
+
+@pytest.mark.parametrize(
+    ("port", "baud", "message"),
+    [
+        (7, 0, "`port` is 7; expected a text"),
+        (True, 0, "`port` is True; expected a text"),
+        ("/dev/ttyUSB0", 57600.5, "`baud` is 57600.5; expected a whole number"),
+        ("/dev/ttyUSB0", "fast", "`baud` is fast; expected a whole number"),
+    ],
+)
+def test_options_that_are_no_port_or_no_rate(port: Any, baud: Any, message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        create2.base(port, baud=baud, frame_ns=1)
+    with pytest.raises(TypeError, match=message):
+        create2.fields(port, baud=baud)

@@ -17,13 +17,16 @@ from typing import Any
 import pytest
 
 from colony.ir.frame import Outcome
+from colony.robots.description import NoDescriptionError
 from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library.leader import RunProgram, SourceText
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.interface import Interface
 from colony.text.diagnostics import DiagnosticError
 from colony.watch import joined_run
 from colony.watch import live as live_module
+from colony.watch.idle import IdleRobot
 from colony.watch.joining import Joiner, joined_program, read_program
 from colony.watch.live import LiveSource
 from colony.watch.silence import noting_silence
@@ -167,6 +170,77 @@ def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
     store.close()
 
 
+def test_where_nothing_is_known_of_a_robot_without_a_program_its_last_run_stays(
+    store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(joined_run, "LOOK_INTERVAL_S", 0)
+    monkeypatch.setattr(joined_run, "session_with", lambda address: nullcontext())
+    alone = IdleRobot("", Interface(), frozenset())
+    monkeypatch.setattr(joined_run, "read_program", lambda session: None)
+    monkeypatch.setattr(joined_run, "idle_robot", lambda session: alone)
+    watched = Watched(scene=scene(), store=store, is_live=True)
+    sink: Any = SimpleNamespace(heard_s=-math.inf)
+    address: Any = None
+    joined: list[str] = []
+
+    @contextmanager
+    def join() -> Iterator[joined_run.JoinedRun]:
+        joined.append("")
+        if len(joined) > 1:
+            raise NoDescriptionError("its description is not found")
+        yield joined_run.JoinedRun(run="1", watched=watched, sink=sink)
+
+    shown: list[Watched] = []
+    with joined_run.Succession(address, join) as succession:
+        for _ in range(3):
+            succession.follow(shown.append)
+    assert not shown
+    assert len(joined) == 2, "it is not tried again"
+    store.close()
+
+
+def test_after_a_silence_the_robot_is_asked_what_it_is_although_frames_come(
+    store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(joined_run, "LOOK_INTERVAL_S", 0)
+    monkeypatch.setattr(joined_run, "session_with", lambda address: nullcontext())
+    monkeypatch.setattr(joined_run, "read_program", lambda session: None)
+    answers: list[IdleRobot] = []
+
+    def idle_robot(session: object) -> IdleRobot:
+        if not answers:
+            raise ServerNotFoundError("rome has no Clock")
+        return answers.pop()
+
+    monkeypatch.setattr(joined_run, "idle_robot", idle_robot)
+    one, other = (IdleRobot("limits", Interface(robot=name), frozenset()) for name in ("one", "other"))
+    sinks: list[Any] = [SimpleNamespace(heard_s=math.inf) for _ in range(2)]
+    watched = Watched(scene=scene(), store=store, is_live=True)
+    address: Any = None
+    joins = iter(zip((one, other), sinks, strict=True))
+
+    @contextmanager
+    def join() -> Iterator[joined_run.JoinedRun]:
+        run, sink = next(joins)
+        yield joined_run.JoinedRun(run=run, watched=watched, sink=sink)
+
+    shown: list[Watched] = []
+    with joined_run.Succession(address, join) as succession:
+        answers.append(other)
+        succession.follow(shown.append)
+        assert answers, "while frames come it is not asked"
+        answers.clear()
+        sinks[0].heard_s = -math.inf
+        succession.follow(shown.append)
+        sinks[0].heard_s = math.inf
+        answers += [other, other]
+        succession.follow(shown.append)
+        succession.follow(shown.append)
+    assert shown == [watched]
+    assert len(answers) == 1, "once"
+    store.close()
+
+
 @pytest.mark.parametrize("path", ["{outside}", "../{name}", "a/../../{name}", ""])
 def test_a_leader_gives_no_file_outside_the_program(path: str, tmp_path: Path) -> None:
     outside = tmp_path / "outside"
@@ -185,8 +259,8 @@ def test_silence_is_said_and_taken_back(store: SnapshotStore, monkeypatch: pytes
     monkeypatch.setattr("colony.watch.silence.SILENCE_S", 0.05)
     monkeypatch.setattr("colony.watch.silence.CHECK_INTERVAL_S", 0.01)
     sink = SimpleNamespace(heard_s=time.monotonic() - 1)
-    with noting_silence(sink, store, "rome"):
-        until(lambda: (store.problem or "").startswith("no frames come from rome"), "it is said")
+    with noting_silence(sink, store, "no frames come from rome"):
+        until(lambda: store.problem == "no frames come from rome", "it is said")
         sink.heard_s = time.monotonic() + 1000
         until(lambda: store.problem is None, "it is taken back")
     store.close()
@@ -205,13 +279,12 @@ def test_the_token_stays_and_only_its_user_can_read_it(tmp_path: Path) -> None:
     assert user_token({}) != user_token({})
 
 
-def test_a_robot_that_runs_no_program_is_said_to_run_none() -> None:
+def test_a_robot_without_a_leader_runs_no_program() -> None:
     def connect(server: str, **_: object) -> object:
         raise ServerNotFoundError(f"rome has no {server}: found Clock, RServer")
 
     session = SimpleNamespace(connect=connect, servers=lambda: ("Clock", "RServer"))
-    with pytest.raises(ServerNotFoundError, match="runs no program to watch"):
-        read_program(session)  # type: ignore[arg-type]
+    assert read_program(session) is None  # type: ignore[arg-type]
     session.servers = tuple
     with pytest.raises(ServerNotFoundError, match="has no Leader"):
         read_program(session)  # type: ignore[arg-type]

@@ -111,6 +111,27 @@ def test_a_camera_is_read_in_bands_within_bounds(monkeypatch: pytest.MonkeyPatch
         assert whole_image(camera) is None
 
 
+@pytest.mark.parametrize("side", ["height", "width", "channels"])
+def test_a_camera_whose_images_are_empty_has_no_picture(side: str) -> None:
+    sides = {"height": 4, "width": 4, "channels": 1, side: 0}
+    empty = type("Empty", (Still,), sides)(image_of(PLATE))
+    with robot(CServer(empty)) as session, asking_robot(session, find_nothing) as ask:
+        assert ask().pictures == ()
+
+
+class Short(Still):
+    """A camera that gives fewer rows than it is asked for."""
+
+    def rows(self, first: int, count: int) -> Image:
+        return self.image.rows(first, count - 1)
+
+
+def test_a_camera_that_leaves_out_rows_has_no_picture() -> None:
+    short = CServer(Short(image_of(PLATE)))
+    with robot(short) as session, asking_robot(session, find_nothing) as ask:
+        assert ask().pictures == ()
+
+
 def test_a_page_gets_the_pictures_of_all_cameras() -> None:
     cameras = [CServer(Still(image_of(PLATE)), address=name) for name in ("CServerFront", "CServerSide")]
     store = SnapshotStore(scene().modules)

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
-from colony.ir.frame import Outcome
+from colony.dsl.load import load_text
+from colony.ir.frame import Frame, Outcome
 from colony.runtime.protocol.messages import Stopped, Tick
 from colony.verify.reference.interpreter import Interpreter
+from colony.watch.following import RunFollower
 from colony.watch.marks import Mark, mark_of
-from tests.watch.runs import PROGRAM, frame, run, scene, snapshots
+from colony.watch.store import SnapshotStore
+from colony.watch.trail import Trail
+from tests.verify.audit.recorded_runs import logs
+from tests.watch.runs import PROGRAM, frame, replace_verdict, run, scene, snapshots
 
 MODULES = ("back_off", "avoid", "tired", "cruise")
 
@@ -23,6 +29,30 @@ def test_modules_have_their_fates() -> None:
     assert shown[8].modules == ("inactive", "inactive", "inactive", "late")
     assert shown[15].modules == ("won", "inactive", "inactive", "suppressed")
     assert shown[18].modules == ("won", "inactive", "silent", "suppressed")
+
+
+class NeverApplicable:
+    """A module in Python that never commands."""
+
+    def step(self, frame: Mapping[str, object]) -> None:
+        """Answer "not applicable"."""
+
+
+def test_a_module_in_python_that_is_not_applicable_is_inactive() -> None:
+    program = load_text(
+        f"""language 2
+        robot tiny {{ sensor bump : bool from RServer.bumper
+          actuator drive {{ velocity : mm/s range -400 .. 400 }} to RServer.drive idle drive(velocity = 0) }}
+        module never from python "{__name__}:NeverApplicable" {{ reads bump commands drive }}
+        network {{ drive = never }}"""
+    )
+    store = SnapshotStore(("never",))
+    follower = RunFollower(program, store, Trail(program))
+    for readings, state in (({"bump": True}, "inactive"), ({}, "silent")):
+        (log,) = logs(program, [Frame(0, readings)])
+        verdict = replace_verdict(log.verdicts["drive"], fates=(("never", "silent"),))
+        assert follower.take(replace(log, verdicts={"drive": verdict})).modules == (state,)
+    store.close()
 
 
 def test_live_wires_lead_from_the_winner_to_the_actuator() -> None:

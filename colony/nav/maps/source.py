@@ -15,6 +15,8 @@ from colony.text.source import Source, Span
 
 MAX_BYTES = 4_000_000
 GRID_SUFFIXES = (".yaml", ".yml")
+IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
+"""Suffixes of the images of occupancy grids."""
 
 
 def is_grid(path: str | os.PathLike[str]) -> bool:
@@ -54,7 +56,7 @@ def load_source(path: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Sou
     except OSError as failure:
         if failure.errno == errno.EFBIG:
             message = f"the file is larger than {size_text(max_bytes)}; expected a map"
-            span, hint = Span(empty, 0, 0), "did you mean another file?"
+            span, hint = Span(empty, 0, 0), _image_hint(shown) or "did you mean another file?"
             raise DiagnosticError([error("M002", span, message, hint)]) from None
         message = f"cannot read the map: {reason(failure)}"
         suggestion = Shipped.MAP.hint(shown) if failure.errno == errno.ENOENT else None
@@ -65,4 +67,11 @@ def load_source(path: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> Sou
         valid = Source(shown, data[: failure.start].decode("utf-8", "replace"))
         message = f"byte 0x{data[failure.start]:02x} is not UTF-8 text; expected a map"
         span = Span(valid, len(valid.text), len(valid.text))
-        raise DiagnosticError([error("M002", span, message, "save the file as UTF-8 text")]) from None
+        hint = _image_hint(shown) or "save the file as UTF-8 text"
+        raise DiagnosticError([error("M002", span, message, hint)]) from None
+
+
+def _image_hint(path: str) -> str | None:
+    """Return a hint for the image of a grid, given in place of its YAML file; None for another file."""
+    is_image = os.path.splitext(path)[1].lower() in IMAGE_SUFFIXES
+    return "this is an image: give the YAML file of the occupancy grid" if is_image else None

@@ -145,6 +145,8 @@ def _start_in_grid(
         if nearest is None:
             raise ValueError(f"there is no free place for a robot with a radius of {radius_mm:.0f} mm")
         x, y = nearest
+    elif grid.state_at(x, y) is Cell.OCCUPIED:
+        raise ValueError(f"({x:.0f}, {y:.0f}) is in an occupied cell")
     elif room < radius_mm:
         found = f"({x:.0f}, {y:.0f}) is {room:.0f} mm from a wall or from cells that are unknown"
         raise ValueError(f"{found}; expected at least {radius_mm:.0f} mm")

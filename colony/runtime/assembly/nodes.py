@@ -5,7 +5,7 @@ Each process builds the nodes that run in it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
@@ -89,15 +89,19 @@ def build_observer(
     run: str,
     *,
     requests: bool = False,
+    decided: Collection[str] | None = None,
 ) -> Observer:
-    """Build the node that sees every frame and, with `requests`, the clients' requests."""
+    """Build the node that sees every frame and, with `requests`, the clients' requests.
+
+    `decided` are the actuators that get verdicts, by default all.
+    """
     actuators, modules = compiled.robot.actuators, compiled.python_modules
     frames_kept = frames_to_keep(compiled.frame_ns)
     answer_assembler = FrameAssembler((), modules, run=run, frames_kept=frames_kept, awaited="living")
     degrading = (a.name for a in actuators if a.on_loss == "degrade")
     return Observer(
         FrameAssembler(bindings.sensors, run=run, frames_kept=frames_kept, declared_units=True),
-        tuple(a.name for a in actuators),
+        tuple(a.name for a in actuators if decided is None or a.name in decided),
         Monitor(
             ProgramExecutor(compiled, simplified=False, answers_given=True), degrading, modules, actuators
         ),

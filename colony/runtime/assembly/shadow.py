@@ -10,7 +10,8 @@ holds the one to the other. What differs is what surrounds them:
 - `last.ACTUATOR.FIELD` is what the shadow would have sent, not what the robot was given.
 - A server counts as down when the Clock says so, or when it has answered no tick for a second: the Clock does
   not watch every server that the program reads.
-- After a frame that it missed, all memory restarts, as it does after a restart of the Clock.
+- After a frame that it missed, all memory restarts, as it does after a restart of the Clock. As it fetches
+  nothing, a frame counts as missed once its server has sent `MISSED_FRAMES` more.
 - Modules in Python run in this process.
 """
 
@@ -47,6 +48,18 @@ MIN_SILENCE_NS = 1_000_000_000
 That is less than the retention of frames, so that no frame waits in vain.
 """
 
+MISSED_FRAMES = 5
+"""Number of frames that a server sends after one that has not come, before that counts as missed.
+
+A server sends its frames in order, and other readers have a frame that they miss sent again.
+"""
+
+SUSPENDED_NS = MIN_SILENCE_NS // 4
+"""Nanoseconds that the shadow falls behind from one tick to the next, from which it counts as suspended.
+
+The ticks of that time may all be handled before the first of the frames that answer them.
+"""
+
 _NOBODY: frozenset[str] = frozenset()
 
 
@@ -64,6 +77,7 @@ class Shadow(QuietNode):
 
     Attributes:
         behind_ns: age of the newest tick when it was handled, in nanoseconds: how far the shadow is behind.
+        deciding: number of the frame that is being decided, None between two; other threads may read it.
     """
 
     address = "Shadow"
@@ -87,20 +101,23 @@ class Shadow(QuietNode):
         self._tick: Tick | None = None
         self._is_first = True
         self.behind_ns = 0
+        self.deciding: int | None = None
         self.listens = self._assembler.listens
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         """Decide every frame that is complete; there are no effects."""
         match message:
             case Tick():
-                self.behind_ns = max(0, now_ns - message.t_ns)
-                self._take_tick(message)
+                before_ns, self.behind_ns = self.behind_ns, max(0, now_ns - message.t_ns)
+                self._take_tick(message, suspended_ns=self.behind_ns - before_ns)
             case ServerFrame():
                 self._take_frame(message)
             case _:
                 return ()
         for assembled in self._assembler.pop_complete():
+            self.deciding = assembled.tick.k
             self._decide(assembled)
+        self.deciding = None
         return ()
 
     def close(self) -> None:
@@ -109,20 +126,26 @@ class Shadow(QuietNode):
 
     # --- what the robot says -------------------------------------------------------------------------
 
-    def _take_tick(self, tick: Tick) -> None:
-        """Turn a tick of the robot into one of the shadow's own epoch."""
+    def _take_tick(self, tick: Tick, *, suspended_ns: int) -> None:
+        """Turn a tick of the robot into one of the shadow's own epoch.
+
+        Args:
+            tick: the tick.
+            suspended_ns: nanoseconds that the shadow fell behind since the tick before.
+        """
         previous = self._tick
         if previous is None:
             self._heard_ns = dict.fromkeys(self._heard_ns, tick.t_ns)
         elif tick.k <= previous.k or tick.t_ns <= previous.t_ns:
             return
         is_next = previous is not None and tick.k == previous.k + 1
-        follows = is_next and not self._assembler.lost
+        follows = is_next and not self._assembler.lost and not self._assembler.is_passed_over(MISSED_FRAMES)
         elapsed_ns = 0 if previous is None else tick.t_ns - previous.t_ns
         if not follows:
             self._answers.clear()
-        if not is_next:  # nothing was heard meanwhile
-            self._heard_ns = {s: heard_ns + elapsed_ns for s, heard_ns in self._heard_ns.items()}
+        unheard_ns = elapsed_ns if not is_next else suspended_ns if suspended_ns > SUSPENDED_NS else 0
+        if unheard_ns:  # no server was heard meanwhile
+            self._heard_ns = {s: heard_ns + unheard_ns for s, heard_ns in self._heard_ns.items()}
         silent = self._silent(tick.t_ns, 3 * elapsed_ns)
         own = Tick(
             k=tick.k,

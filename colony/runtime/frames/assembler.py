@@ -178,6 +178,16 @@ class FrameAssembler:
             return True
         return self._distance(self._next) >= self._frames_kept and not self._only_modules_down()
 
+    def is_passed_over(self, frames: int) -> bool:
+        """Return True if the next frame waits for a server that has sent one at least `frames` later."""
+        if (tick := self._ticks.get(self._next)) is None:
+            return False
+        received, absent = self._frames.get(self._next, {}), self._absent(tick)
+        waiting = {s for s in self._servers if s not in received and s not in absent}
+        return bool(waiting) and any(
+            k >= self._next + frames and not waiting.isdisjoint(sent) for k, sent in self._frames.items()
+        )
+
     def take(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
         """Take a message, and return fetches of earlier ticks and frames that are missing."""
         if isinstance(message, ServerFrame):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -27,6 +28,14 @@ _ORDER = (CLOCK, RSERVER.name, PROXIMITY, DSERVER.name, RUNTIME.name)
 """The servers that come first, in order."""
 
 ANSWER_TIMEOUT_S = 1.0
+
+PRESENCE_TIMEOUT_S = 1.0
+"""Maximum seconds to wait until this process is linked to all servers that have a socket here.
+
+On a busy computer a link takes longer than `Session.servers` waits, which also emergency stops wait for.
+"""
+
+PRESENCE_INTERVAL_S = 0.02
 
 READER = "colony ps"
 """Name of the connections that read the state of servers, which do not count among theirs."""
@@ -73,8 +82,12 @@ def as_json(states: Sequence[RobotState]) -> str:
 
 def state_of(session: Session, robot_address: RobotAddress) -> RobotState:
     """Ask all servers in parallel, and report those without an answer as silent."""
-    processes = dict(robot_address.directory.running()) if isinstance(robot_address, Local) else {}
-    present_servers = {address for address in session.servers() if "/" not in address} - {OBSERVER}
+    processes, linked = dict[str, int](), set[str]()
+    if isinstance(robot_address, Local):
+        processes = dict(robot_address.directory.running())
+        linked = processes.keys() & {*CORE_SERVERS, *robot_address.directory.servers()}
+    present = present_nodes(session.servers, linked)
+    present_servers = {address for address in present if "/" not in address} - {OBSERVER}
     names = sorted({*CORE_SERVERS, *present_servers, *processes} - {OBSERVER}, key=_order)
     with ThreadPoolExecutor(max_workers=len(names)) as pool:
         futures = {
@@ -99,6 +112,19 @@ def state_of(session: Session, robot_address: RobotAddress) -> RobotState:
             if isinstance(details, actuator.Arbitration)
         },
     )
+
+
+def present_nodes(nodes: Callable[[], Iterable[str]], expected: Set[str]) -> set[str]:
+    """Return the nodes that are present, once all that are expected are, or after a second.
+
+    Args:
+        nodes: function that returns the addresses of the nodes that have been found.
+        expected: addresses of nodes whose processes run on this machine.
+    """
+    give_up_at_s = time.monotonic() + PRESENCE_TIMEOUT_S
+    while not expected <= (found := set(nodes())) and time.monotonic() < give_up_at_s:
+        time.sleep(PRESENCE_INTERVAL_S)
+    return found
 
 
 def _order(name: str) -> tuple[int, str]:

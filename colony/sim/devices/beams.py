@@ -142,12 +142,27 @@ def _cast_at_short_outline(
     low = _rough_bearing(0.5 * (u0 + u1), 0.5 * (v0 + v1)) - half_width
     first, last, again = _beams_within(low, 2.0 * half_width, model, nearness.shape[0])
     begin_tolerance, end_tolerance = _WITHIN_RAD * (abs(u0) + abs(v0)), _WITHIN_RAD * (abs(u1) + abs(v1))
-    a, b = (v1 - v0) / height, (u0 - u1) / height
     for part in range(2):
         for i in range(first if part == 0 else 0, (last if part == 0 else again) + 1):
             du, dv = beams[U, i], beams[V, i]
-            if du * v0 - dv * u0 >= -begin_tolerance and u1 * dv - v1 * du >= -end_tolerance:
+            if (
+                nearness[i] < most
+                and du * v0 - dv * u0 >= -begin_tolerance
+                and u1 * dv - v1 * du >= -end_tolerance
+            ):
+                a, b = (v1 - v0) / height, (u0 - u1) / height
                 nearness[i] = max(nearness[i], min(du * a + dv * b, most))
+
+
+@inlined
+def _seen(first: int, last: int, most: float, nearness: Floats) -> int:
+    """Return the number of beams that do not end before a distance, whose reciprocal is `most`."""
+    seen = 0
+    if last >= first:
+        part = nearness[first : last + 1]
+        for i in range(part.shape[0]):  # without branches, so that the compiler vectorizes it
+            seen += 1 if part[i] < most else 0
+    return seen
 
 
 @inlined
@@ -165,10 +180,7 @@ def _is_hidden(
         low = _rough_bearing(dy * cosine - dx * sine, -dx * cosine - dy * sine) - half_width
         first, last, again = _beams_within(low, 2.0 * half_width, model, nearness.shape[0])
         most = 1.0 / math.sqrt(gap)
-        for i in range(first, last + 1):
-            hidden &= nearness[i] >= most
-        for i in range(again + 1):
-            hidden &= nearness[i] >= most
+        hidden = _seen(first, last, most, nearness) + _seen(0, again, most, nearness) == 0
     return hidden
 
 
@@ -291,13 +303,14 @@ def _cast(
 @inlined
 def _measured(near: float, bits: np.uint64, model: LidarModel, noise: float, quantiles: Floats) -> float:
     """Return the range that is measured of what has this nearness: infinity if there is no echo."""
-    reading = math.inf
-    if near >= 1.0 / model.full_range and (bits >> np.uint64(64 - DROPOUT_BITS)) >= np.uint64(model.dropouts):
-        reading = 1.0 / near
-        spread = model.noise + noise * reading
-        reading += spread * quantiles[np.int64(bits & np.uint64(_QUANTILES - 1))]
-        reading = min(max(reading, 0.0), model.full_range)
-    return reading
+    reading = 1.0 / near
+    spread = model.noise + noise * reading
+    reading += spread * quantiles[bits & np.uint64(_QUANTILES - 1)]
+    reading = min(max(reading, 0.0), model.full_range)
+    has_echo = (near >= 1.0 / model.full_range) & (
+        (bits >> np.uint64(64 - DROPOUT_BITS)) >= np.uint64(model.dropouts)
+    )
+    return reading if has_echo else math.inf
 
 
 @inlined

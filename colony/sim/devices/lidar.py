@@ -31,6 +31,7 @@ class _Scanners:
         self._quantiles = normal_quantiles()
         self._robots = np.empty(0, dtype=np.int64)
         self._seeds = np.empty(0, dtype=np.int64)
+        self._all = np.empty(0, dtype=np.int64)
         self.ranges = np.empty((0, beams.shape[1]))
         self._taken_in: Situation | None = None
         self._taken: list[int] = []
@@ -41,6 +42,7 @@ class _Scanners:
         """Add the scanner of a robot, and return its number."""
         self._robots = np.append(self._robots, robot)
         self._seeds = np.append(self._seeds, seed)
+        self._all = np.arange(len(self._robots))
         self.ranges = np.empty((len(self._robots), self._beams.shape[1]))
         self._cast_in = None
         return len(self._robots) - 1
@@ -57,13 +59,14 @@ class _Scanners:
             return
         is_taken = self._taken_in is situation and member in self._taken
         self._cast_in, self._cast = situation, set(self._taken if is_taken else [member])
+        members = self._all if len(self._cast) == len(self._all) else np.array(list(self._cast))
         scan(
             situation.poses,
             situation.radii,
             situation.people,
             situation.walls,
             situation.boxes,
-            np.array(list(self._cast)),
+            members,
             self._robots,
             self._seeds,
             event,

@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.sim.compiled import Bools2, Floats, Floats2, Ints, compiled, inlined
+from colony.sim.compiled import Bools2, Floats, Floats2, Ints, called, compiled, inlined
 from colony.sim.config import RobotConfig
 from colony.sim.world.people import Crowd
 from colony.sim.world.wall_boxes import GROUP, box_gap
@@ -428,7 +428,7 @@ def _drivetrain_of(robot: int, drivetrains: Floats2) -> Drivetrain:
     return Drivetrain(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
 
 
-@compiled
+@called
 def move(
     bases: Bases, drivetrains: Floats2, walls: Floats2, boxes: Floats2, crowd: Crowd, noise: Floats2,
     noise_column: int, slices: int, time_s: float,
@@ -446,6 +446,7 @@ def move(
         slices: number of slices.
         time_s: the time in seconds.
     """
+    counts = NearCounts(0, 0, 0)
     for robot in range(bases.poses.shape[0]):
         drive = _drivetrain_of(robot, drivetrains)
         fastest = math.hypot(
@@ -456,6 +457,9 @@ def move(
         for index in range(slices):
             column = noise_column + bases.scales.shape[1] * index
             _move_slice(robot, bases, drive, walls, crowd, counts, time_s / slices, noise, column)
-    for robot in range(bases.poses.shape[0]):  # robots that moved later may touch robots that moved before
-        counts = _gather(robot, bases, walls, boxes, crowd, 0.0, bases.radii[robot])
-        _update_bumpers(robot, bases, walls, crowd, counts, bases.radii[robot])
+    if bases.poses.shape[0] > 1:  # robots that moved later may touch robots that moved before
+        for robot in range(bases.poses.shape[0]):
+            counts = _gather(robot, bases, walls, boxes, crowd, 0.0, bases.radii[robot])
+            _update_bumpers(robot, bases, walls, crowd, counts, bases.radii[robot])
+    elif counts.walls + counts.people == 0:
+        bases.contacts[:] = False

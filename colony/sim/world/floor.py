@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.chance import SLIPS, deviate, uniform
-from colony.sim.compiled import Floats2, Ints, compiled, inlined
+from colony.sim.compiled import Floats2, Ints, called, inlined
 from colony.sim.hazards.scenery import Joint, Slip
 
 
@@ -85,7 +85,7 @@ def _slip(
         odometry[robot, 1] += ahead * spin_mm * math.cos(heading) - left * spin_mm * math.sin(heading)
 
 
-@compiled
+@called
 def slip(
     floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2, travel: Floats2
 ) -> None:

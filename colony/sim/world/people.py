@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.sim.chance import PEOPLE, uniform
-from colony.sim.compiled import Floats, Floats2, compiled, inlined
+from colony.sim.compiled import Floats, Floats2, called, inlined
 from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Person
 
 LONGEST_STOP_S = 15.0
@@ -182,7 +182,7 @@ def _step(row: Floats, poses: Floats2, berths: Floats, wanted_v: float, speed: f
     row[Y] = row[Y0] + row[S] * row[W] + row[V] * row[U]
 
 
-@compiled
+@called
 def walk(crowd: Crowd, poses: Floats2, radii: Floats, dt: float) -> None:
     """Let all people walk for `dt` seconds among robots with hulls of these radii at `poses`."""
     berths = radii + crowd.radius + _BERTH_MM

@@ -28,10 +28,10 @@ from colony.sim.sensors.compass import disturbance_deg
 from colony.sim.sensors.rings import Rings
 from colony.sim.sensors.sonar import CrossTalk, corner_reflectors, wall_table
 from colony.sim.timeline import Timeline
-from colony.sim.world.base import SLICE_S, bases_at, drivetrain_of, move
+from colony.sim.world.base import SLICE_S, bases_at, drivetrain_of
 from colony.sim.world.contacts import contact_bearings
-from colony.sim.world.floor import floor_of, slip
-from colony.sim.world.people import X, Y, crowd_of, make_way, walk
+from colony.sim.world.floor import floor_of
+from colony.sim.world.people import X, Y, crowd_of, make_way
 from colony.sim.world.placing import (
     check_clearance,
     checked_docks,
@@ -39,6 +39,7 @@ from colony.sim.world.placing import (
     checked_poses,
     checked_walls,
 )
+from colony.sim.world.stepping import step
 from colony.sim.world.wall_boxes import wall_boxes
 
 T = TypeVar("T")
@@ -228,23 +229,23 @@ class World:
         noises = self._wheels * slices
         noise_column = self._noise.take(self._channels + noises * substeps)
         self._sonar_noise_column = noise_column
-        for substep in range(substeps):
-            self._substep(dt_s / substeps, slices, noise_column + self._channels + noises * substep)
+        step(
+            self._bases,
+            self._drivetrains,
+            self._walls,
+            self._boxes,
+            self._crowd,
+            self._floor,
+            self._noise.table,
+            noise_column + self._channels,
+            noises,
+            substeps,
+            slices,
+            self._has_events,
+            dt_s,
+        )
         self._steps += 1
         self._forget()
-
-    def _substep(self, dt_s: float, slices: int, noise_column: int) -> None:
-        """Move people, then robots, and then apply wheel slip."""
-        bases, before = self._bases, None
-        if self._has_events:
-            before = bases.poses.copy()
-            walk(self._crowd, bases.poses, bases.radii, dt_s)
-        noise = self._noise.table
-        move(
-            bases, self._drivetrains, self._walls, self._boxes, self._crowd, noise, noise_column, slices, dt_s
-        )
-        if before is not None:
-            slip(self._floor, before, bases.poses, bases.speeds, bases.odometry, bases.travel)
 
     def sonar(self, robot: int) -> NDArray[np.float64]:
         """Return the sonar readings, (channels,) float64 in mm, counterclockwise.
@@ -339,10 +340,9 @@ class World:
     def situation(self) -> Situation:
         """Return what stands where now; it stays the same when the world goes on."""
         if self._situation is None:
-            people = np.ascontiguousarray(self.people)
             bases = self._bases
             self._situation = Situation(
-                bases.poses.copy(), bases.radii, people, self._audible_walls, self._audible_boxes
+                bases.poses.copy(), bases.radii, self.people, self._audible_walls, self._audible_boxes
             )
         return self._situation
 
@@ -360,7 +360,7 @@ class World:
     @property
     def people(self) -> NDArray[np.float64]:
         """The positions of the people: a copy, (people, 2), x and y in mm of their centers."""
-        return self._crowd.people[:, [X, Y]]
+        return self._crowd.people[:, X : Y + 1].copy()
 
     def distance(self, robot: int) -> float:
         """Return the distance that a robot has driven so far, in any direction, in mm."""

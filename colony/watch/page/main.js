@@ -50,7 +50,7 @@ function receive(message) {
 
 function setUp({ scene, live, may_stop, may_ask }) {
   const chosen = page.network?.chosen;
-  if (page.scene && page.scene.title !== scene.title) say(`${scene.title} follows`);
+  if (page.scene && page.scene.title !== scene.title) say(scene.is_idle ? scene.title : `${scene.title} follows`);
   page.scene = scene;
   page.snapshot = null;
   timeline.clear();
@@ -61,6 +61,7 @@ function setUp({ scene, live, may_stop, may_ask }) {
   document.title = `${scene.robot} – colony watch`;
   $("stop").hidden = !may_stop;
   $("follow").hidden = !live;
+  $("network").hidden = scene.is_idle;
   page.network = new Network($("network"), $("zoom"), scene, choose);
   page.sensors = new Sensors({ polars: $("polars"), lamps: $("lamps"), strips: $("strips") }, scene);
   page.cameras = new Cameras($("cameras"));
@@ -71,6 +72,7 @@ function setUp({ scene, live, may_stop, may_ask }) {
     new Judged({ contracts: $("contracts"), states: $("states") }, scene),
   ];
   if (scene.modules.includes(chosen)) page.network.choose(chosen);
+  else if (scene.is_idle) showReason("No program runs", "Once `colony run FILE --connect` starts one, this page shows it.");
   else showReason("Why?", "Choose a module to ask why it commands, or why not.");
 }
 

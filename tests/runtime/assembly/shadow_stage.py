@@ -64,12 +64,12 @@ class Stage:
         self.shadow = shadow(text, self.log)
         self.effects: list[object] = list(self.shadow.start(0))
 
-    def take(self, message: Message) -> None:
-        self.effects += self.shadow.handle(message, 0)
+    def take(self, message: Message, now_ns: int = 0) -> None:
+        self.effects += self.shadow.handle(message, now_ns)
 
-    def tick(self, k: int, **members: object) -> None:
+    def tick(self, k: int, *, now_ns: int = 0, **members: object) -> None:
         settings = {"start": 17, "run": "another", **members}
-        self.take(Tick(k=1000 + k, t_ns=(1000 + k) * 50 * MS, **settings))  # type: ignore[arg-type]
+        self.take(Tick(k=1000 + k, t_ns=(1000 + k) * 50 * MS, **settings), now_ns)  # type: ignore[arg-type]
 
     def answer(self, k: int, *servers: str) -> None:
         t_ns = (1000 + k) * 50 * MS

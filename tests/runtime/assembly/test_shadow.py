@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from colony.robots.shadow_run import LagReports
-from colony.runtime.assembly.shadow import MIN_SILENCE_NS
+from colony.runtime.assembly.shadow import MIN_SILENCE_NS, MISSED_FRAMES
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Sample, Tick
@@ -177,9 +177,37 @@ def test_a_frame_that_never_comes_costs_the_memory_and_no_more() -> None:
     stage.tick(3)
     stage.answer(3, "PServer", "DServer")
     stage.frames(range(4, 60))
-    assert stage.ks()[:3] == [0, 1, 2]
-    assert stage.ks()[-1] == 59
-    assert len(stage.restarts()) == 1
+    again = 3 + MISSED_FRAMES + 1
+    assert stage.ks() == [0, 1, 2, *range(again, 60)]
+    assert stage.restarts() == [again]
+    stage.close()
+
+
+def test_a_server_that_is_heard_later_than_the_clock_costs_a_few_frames() -> None:
+    """So it is after a suspension, when the links to the robot's processes come back one after the other."""
+    stage = Stage()
+    stage.frames(range(3))
+    for k in range(60, 63):
+        stage.tick(k)
+        stage.answer(k, "PServer", "DServer")
+    stage.frames(range(63, 80))
+    again = 60 + MISSED_FRAMES + 1
+    assert stage.ks() == [0, 1, 2, *range(again, 80)]
+    stage.close()
+
+
+def test_ticks_that_wait_during_a_suspension_make_no_server_silent() -> None:
+    stage = Stage()
+    stage.frames(range(3))
+    waiting = range(3, 3 + 30)
+    for k in waiting:  # all come at once, before the first of the answers
+        stage.tick(k, now_ns=(1000 + waiting.stop) * 50 * MS)
+    for k in waiting:
+        stage.answer(k)
+    stage.frames(range(waiting.stop, waiting.stop + 5))
+    assert stage.ks() == list(range(waiting.stop + 5))
+    assert set(stage.log.winners()) == {"cruise"}
+    assert stage.restarts() == []
     stage.close()
 
 
@@ -198,8 +226,17 @@ def test_it_knows_how_far_it_is_behind_and_says_it_once() -> None:
         tick = Tick(k=k, t_ns=k * 50 * MS, start=0, run="another")
         node.handle(tick, tick.t_ns + behind_ms * MS)
         assert node.behind_ns == behind_ms * MS
-        lag.check()
+        lag.check(0.0)
     assert [text.partition(" behind")[0] for text in reports] == [
         "the shadow is 1.1 s",
         "the shadow is 2.5 s",
     ]
+
+
+def test_it_says_once_that_a_frame_takes_long_or_never_ends() -> None:
+    node, reports = shadow(RAMP), list[str]()
+    lag = LagReports(node, reports.append)
+    for now_s, deciding in ((0.0, None), (1.0, 3), (1.9, 3), (2.0, 4), (3.1, 4), (9.0, 4), (9.1, None)):
+        node.deciding = deciding
+        lag.check(now_s)
+    assert [text.partition(" behind")[0] for text in reports] == ["the shadow is 1.1 s"]

@@ -85,6 +85,28 @@ def test_the_page_follows_the_robot_into_its_next_run(machine: Machine, browser:
     assert not server.ended()
 
 
+def test_the_page_says_that_no_program_runs_until_one_does(machine: Machine, browser: Browser) -> None:
+    servers = machine.start("serve", "all", "--robot", ROBOT, "--map", MAP)
+    until(lambda: servers.ended() or machine.stands(), "the robot is there")
+    server = machine.start("watch", "--robot", ROBOT, "--map", MAP, "--port", "0")
+    until(lambda: server.ended() or "http" in server.out, "the page is served")
+    browser.open(server.out.split()[-1])
+    until(lambda: browser.text("#title") == "no program runs; sensors only", "the page says so")
+    assert browser.text("#reason-title") == "No program runs"
+    assert browser.run("return document.querySelector('#network').hidden")
+    until(lambda: browser.text("#mode") == "live", "it is live")
+    until(lambda: "nearest" in browser.text("#polars"), "the sonars are shown")
+    run = machine.start("run", WANDER, "--connect", "--robot", ROBOT)
+    until(lambda: browser.text("#title").startswith("run "), "the page shows the run")
+    until(lambda: "won" in browser.text("#network .module.won .state"), "a module commands")
+    assert not browser.run("return document.querySelector('#network').hidden")
+    run.tell(signal.SIGINT)
+    run.wait()
+    until(lambda: browser.text("#title").startswith("no program runs"), "the page shows the robot alone")
+    until(lambda: browser.text("#mode") == "live", "it is live")
+    assert browser.errors() == []
+
+
 def test_a_run_shows_itself_and_one_looks_back(machine: Machine, browser: Browser) -> None:
     run = machine.start("run", WANDER, "--map", MAP, "--watch", "--no-picture", "--duration", "1000")
     until(lambda: run.ended() or "watch at" in run.err, "the page is served")

@@ -19,6 +19,8 @@ _WALL_SHIFT_CELLS = 1.0  # walls may be so much farther in than the cells around
 def clearance_mm(grid: Grid, walls: NDArray[np.float64], x_mm: float, y_mm: float, limit_mm: float) -> float:
     """Return the distance of a place to the nearest wall or cell that is unknown, at most `limit_mm`.
 
+    It is 0 in an occupied cell, however far the walls around it are.
+
     Args:
         grid: the grid.
         walls: (n, 4), its walls in mm.
@@ -26,6 +28,8 @@ def clearance_mm(grid: Grid, walls: NDArray[np.float64], x_mm: float, y_mm: floa
         y_mm: y of the place.
         limit_mm: beyond this distance nothing is looked at.
     """
+    if grid.state_at(x_mm, y_mm) is Cell.OCCUPIED:
+        return 0.0
     place = np.array([x_mm, y_mm])
     nearest = _unknown_distance(grid, grid.to_cells(place), limit_mm / grid.cell_mm) * grid.cell_mm
     along = walls[:, 2:] - walls[:, :2]

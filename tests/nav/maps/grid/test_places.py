@@ -53,6 +53,15 @@ def test_unknown_cells_and_the_border_are_no_place_for_a_robot() -> None:
         world_of_grid(half).start(300.0, (900.0, 1000.0, 0.0))
 
 
+def test_nobody_starts_within_an_obstacle_however_large_it_is() -> None:
+    block = grid_of("\n".join(["." * 60 + "#" * 60] * 60), x_mm=-5000.0, y_mm=-1500.0)
+    world = world_of_grid(block)
+    x, y, _ = world.start(300.0)
+    assert block.state_at(x, y) is Cell.FREE
+    with pytest.raises(ValueError, match=r"\(-500, 0\) is in an occupied cell"):
+        world.start(300.0, (-500.0, 0.0, 0.0))
+
+
 def test_there_may_be_no_room() -> None:
     with pytest.raises(ValueError, match="no free place for a robot with a radius of 1100 mm"):
         room().start(1100.0)

@@ -16,7 +16,7 @@ from colony.nav.maps.grid.image import MAX_CELLS
 from colony.nav.maps.grid.model import Cell
 from colony.nav.maps.grid.reader import load_grid
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.maps.world_map import world_of_grid
+from colony.nav.maps.world_map import load_world, world_of_grid
 from colony.sim.hazards.hazards import Hazards, scenery_of
 from colony.text.diagnostics import DiagnosticError, headline
 from tests.nav.maps.grid.small_grids import written
@@ -205,3 +205,13 @@ def test_a_dock_that_is_not_in_a_free_cell_is_reported(tmp_path: Path) -> None:
         assert problem(written(tmp_path, shades, docks=docks)).startswith(
             f"{where}{at} is in a cell that is {state}"
         )
+
+
+@pytest.mark.parametrize("name", ["map.png", "map.PGM"])
+def test_the_image_of_a_grid_is_no_map(tmp_path: Path, name: str) -> None:
+    image = tmp_path / name
+    image.write_bytes(b"P5\n1 1\n255\n\xfe")
+    with pytest.raises(DiagnosticError) as caught:
+        load_world(image)
+    [found] = caught.value.diagnostics
+    assert (found.code, found.hint) == ("M002", "this is an image: give the YAML file of the occupancy grid")

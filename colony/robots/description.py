@@ -1,0 +1,60 @@
+"""A robot's description by itself, as a program without modules: its interface, its limits, its contracts."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from colony.dsl.descriptions import RobotChoice, existing_choice, find_description, find_project
+from colony.dsl.language_version import VERSION_LINE
+from colony.dsl.load import load_text
+from colony.ir.program import Program
+from colony.runtime.kit.errors import RobotConnectionError
+from colony.runtime.protocol.interface import Interface, interface_of, interface_problem
+
+
+class NoDescriptionError(RobotConnectionError):
+    """The description that a robot is served with is not known here."""
+
+
+def described_program(choice: RobotChoice) -> Program:
+    """Return the program that a description is.
+
+    Raises:
+        DiagnosticError: it has errors, or there is no such description.
+    """
+    return load_text(f"{VERSION_LINE}\nimport robot\n", "--robot", robot=choice)
+
+
+def served_program(interface: Interface, choice: RobotChoice) -> Program:
+    """Return the description that a robot is served with, as a program.
+
+    Args:
+        interface: the interface that the robot is served with; without parts for one without a description.
+        choice: the description that was chosen for it. If that is no more than the robot's name, the
+            description may also be called as the interface says.
+
+    Raises:
+        NoDescriptionError: it is not found, or another was chosen.
+        DiagnosticError: it has errors.
+    """
+    problem = "its description is not found"
+    for candidate in _candidates(interface, choice):
+        program = described_program(candidate)
+        if interface_problem(interface_of(program.robot), interface) is None:
+            return program
+        problem = f"its description is not this `{program.robot.name}`, but another `{interface.robot}`"
+    raise NoDescriptionError(problem)
+
+
+def _candidates(interface: Interface, choice: RobotChoice) -> tuple[RobotChoice, ...]:
+    if not choice.is_name:
+        return (choice,)
+    if not interface.parts:  # whatever the robot is called
+        return ()
+    by_name, said = existing_choice(choice, Path()), interface.robot
+    project = find_project(Path())
+    place = None if project is None else project.folder
+    path = find_description(said, Path(), place) if re.fullmatch(r"\w+", said) else None
+    as_said = None if path is None else RobotChoice(text=str(path), origin="the robot")
+    return tuple(found for found in (by_name, as_said) if found is not None)

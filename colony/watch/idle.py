@@ -1,0 +1,139 @@
+"""A robot that runs no program, watched all the same: its description stands in for the program.
+
+The description by itself is a program without modules. Its limits run on the robot while no program does
+(`runtime.assembly.limits`), so its frames, and who commands its actuators, are heard as those of any run are.
+A robot without limits has frames as well, but no verdict names what it is sent as the description does.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from colony.compile.pipeline import compile_program
+from colony.ir.program import Program
+from colony.ir.servers import ServerSpec
+from colony.robots.bound_servers import additional_servers
+from colony.robots.described import described_robot
+from colony.runtime.assembly.limits import limit_bindings, limit_servers
+from colony.runtime.assembly.nodes import build_observer
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.errors import ServerNotFoundError
+from colony.runtime.library import clock
+from colony.runtime.observe.observer import FrameLog, Observer, Sink
+from colony.runtime.protocol.bindings import Bindings
+from colony.runtime.protocol.deployment import LIMITS_RUN
+from colony.runtime.protocol.interface import Interface
+from colony.runtime.protocol.topics import CLOCK
+from colony.runtime.transport.live.robot_address import RobotAddress
+from colony.watch.joining import observing
+from colony.watch.live import LiveSource, recorded_frame
+from colony.watch.scene import shown_states
+
+TITLE = "no program runs; sensors only"
+"""What pages show in place of the name of a run."""
+
+START_ONE = "start a program with `colony run FILE --connect`"
+
+
+class IdleRobot(NamedTuple):
+    """A robot that runs no program.
+
+    Attributes:
+        run: the run of its frames: that of its limits, or "".
+        interface: that of the description that it is served with; without parts if it has none.
+        servers: the servers that its Clock watches.
+    """
+
+    run: str
+    interface: Interface
+    servers: frozenset[str]
+
+
+def idle_robot(session: Session) -> IdleRobot:
+    """Return what a robot without a leader says of itself.
+
+    Raises:
+        RobotConnectionError: its Clock does not answer, or a program runs whose leader is not there.
+    """
+    with session.connect(CLOCK, name="colony watch") as connection:
+        found = connection.do(clock.participants())
+        interface = connection.do(clock.interface())
+    if found.run not in ("", LIMITS_RUN):
+        raise ServerNotFoundError("the program that the robot runs has lost its leader: try again")
+    return IdleRobot(found.run, interface, frozenset(s.server for s in found.servers))
+
+
+class IdleSink:
+    """A sink of the frames of a robot without a program, for a source. Mutable.
+
+    Nobody gives the memory before a frame: that of a description with memory is known from the first frame of
+    an epoch on.
+
+    Args:
+        source: what the frames are for.
+        program: the description.
+    """
+
+    def __init__(self, source: LiveSource, program: Program) -> None:
+        self._source = source
+        self._has_memory = bool(shown_states(program) or compile_program(program).compiled.code.memory_cells)
+        self._is_following = False
+        self.heard_s = time.monotonic()
+        """Time at which the last frame came, by this machine's monotonic clock."""
+
+    def take(self, log: FrameLog) -> None:
+        """Take a frame."""
+        self.heard_s = time.monotonic()
+        if log.restart or log.tick.k == log.tick.start:
+            self._is_following = True
+        elif log.skipped:
+            self._is_following = False
+        unknown = self._has_memory and not self._is_following
+        self._source.put(recorded_frame(log, damaged=unknown, memory_unknown=unknown))
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+@contextmanager
+def listening_idle(
+    robot_address: RobotAddress, program: Program, idle: IdleRobot, source: LiveSource
+) -> Iterator[IdleSink]:
+    """Listen to a robot without a program as long as the context lasts; its value is the sink of the frames.
+
+    Raises:
+        LiveError: the robot cannot be joined.
+        DiagnosticError: the description does not fit the robot.
+    """
+    robot, described = program.robot, described_robot(program.robot)
+    servers = (*described.servers, *additional_servers(robot, described, robot_address))
+    sink = IdleSink(source, program)
+    with observing(robot_address, idle_observer(program, idle, servers, sink)):
+        yield sink
+
+
+def idle_observer(program: Program, idle: IdleRobot, servers: tuple[ServerSpec, ...], sink: Sink) -> Observer:
+    """Return an observer of a robot that runs no program.
+
+    Args:
+        program: its description.
+        idle: the robot.
+        servers: what its servers offer; others are assumed to be as the description says.
+        sink: what the frames are for.
+
+    Raises:
+        DiagnosticError: the description does not fit the servers.
+    """
+    compiled = compile_program(program).compiled
+    bindings = limit_bindings(program.robot, servers)
+    decided: Collection[str] = ()
+    if idle.run == LIMITS_RUN:
+        limited = limit_servers(compiled)
+        decided = [b.actuator for b in bindings.actuators if b.server in limited]
+    else:  # the Clock does not say of other servers that they are down
+        sensors = tuple(b for b in bindings.sensors if b.server in idle.servers)
+        bindings = Bindings(sensors=sensors, actuators=bindings.actuators)
+    return build_observer(compiled, bindings, (sink,), idle.run, decided=decided)
