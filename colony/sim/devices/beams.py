@@ -195,16 +195,18 @@ def _cast_at_walls(
     last_x = last_y = math.nan
     last_bearing = 0.0
     farthest = model.full_range * model.full_range
+    gaps = np.empty(boxes.shape[0])
+    for group in range(boxes.shape[0]):  # without branches, so that the compiler vectorizes it
+        gaps[group] = box_gap(boxes, group, x, y)
     for is_far in range(2):  # first what is near, which hides much of the rest
         for group in range(boxes.shape[0]):
-            group_gap = box_gap(boxes, group, x, y)
             is_outline = boxes[group, IS_OUTLINE] != 0.0
-            is_turn = (1 if is_outline and group_gap > _NEAR_MM * _NEAR_MM else 0) == is_far
+            is_turn = (1 if is_outline and gaps[group] > _NEAR_MM * _NEAR_MM else 0) == is_far
             if (
-                group_gap < farthest
+                gaps[group] < farthest
                 and is_turn
                 and not (
-                    is_far == 1 and _is_hidden(boxes, group, group_gap, x, y, sine, cosine, model, nearness)
+                    is_far == 1 and _is_hidden(boxes, group, gaps[group], x, y, sine, cosine, model, nearness)
                 )
             ):
                 for wall in range(group * GROUP, min((group + 1) * GROUP, walls.shape[0])):

@@ -469,8 +469,10 @@ class World:
     def _current_state(self) -> _Snapshot:
         """Return the current state as plain Python numbers, converted once per step."""
         if self._snapshot is None:
-            arrays = (self._bases.poses, self._bases.odometry, self._bases.speeds, self._bases.contacts)
-            self._snapshot = _Snapshot(*(array.tolist() for array in arrays))
+            bases = self._bases
+            self._snapshot = _Snapshot(
+                bases.poses.tolist(), bases.odometry.tolist(), bases.speeds.tolist(), bases.contacts.tolist()
+            )
         return self._snapshot
 
     def _forget(self) -> None:
