@@ -52,8 +52,8 @@ def is_out_of_memory(problem: BaseException) -> bool:
     """Return True if memory for an object, a library or a thread could not be allocated.
 
     Under a memory limit (`ulimit -v`) libraries report the lack of memory in different ways. A library that
-    was found but cannot be loaded therefore counts as out of memory under such a limit, and so does an error
-    that Python itself left without an exception.
+    was found but cannot be loaded therefore counts as out of memory under such a limit, and so does a
+    `SystemError`, which Python raises where C code failed without an exception.
     """
     if isinstance(problem, MemoryError) or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM):
         return True

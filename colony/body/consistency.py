@@ -45,9 +45,9 @@ def contradictions(body: Body, places: Located) -> Iterator[Diagnostic]:
 
 
 def _unusable_name(name: str, places: Located) -> Iterator[Diagnostic]:
-    """Yield an error for a name that no process of a server can have."""
+    """Yield an error for a name that the process of a server cannot have."""
     if name in RESERVED_NAMES:
-        message = f"`{name}` is a name of the runtime's own, and no server can have it"
+        message = f"`{name}` is reserved for the runtime, and no server can have it"
     elif len(name) > MAX_SERVER_NAME or name.startswith("_"):
         message = (
             f"`{shortened(name)}` cannot be the name of a server: expected at most {MAX_SERVER_NAME} "

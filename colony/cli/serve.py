@@ -270,8 +270,8 @@ def server_named(text: str, settings: Settings) -> str:
 def _description() -> tuple[DescribedRobot, Interface | None, Compiled | None]:
     """Return the robot that the options describe, RoME if they give no more than an unknown name.
 
-    The interface is what programs must have been checked against; None without a description. So are the
-    limits of the description, if it has any.
+    The interface is what programs must have been checked against. The compiled program is the description's
+    limits. Both are None without a description, and the second also for a description without limits.
 
     Exits with 1 if the description has errors.
     """

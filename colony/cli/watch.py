@@ -75,7 +75,7 @@ def command(
 
     A recording can be played at any speed, and searched for the next change of winner, broken contract,
     fault, or late client. With --robot the page shows a robot that runs, as it runs, and lets you look back;
-    while no program runs, it shows what the robot senses, and what it is sent. Watching commands nothing,
+    while no program runs, it shows what the robot senses and is sent. Watching commands nothing,
     unless you give --allow-stop and press the button. Behind a gateway you need the right to read, and for
     the button the right to stop.
 
@@ -148,7 +148,7 @@ def _watch_live(
     opens: bool,
     may_stop: bool,
 ) -> None:
-    """Show the run of a robot, or the robot without one, and all that follows, until interrupted."""
+    """Show the run of a robot, or the robot without one, and what follows, until interrupted."""
     from colony.files import reason
     from colony.robots.description import served_program
     from colony.text.diagnostics import DiagnosticError

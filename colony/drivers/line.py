@@ -39,10 +39,10 @@ def check_options(port: object, baud: object) -> None:
     """Check the values that a body gives for a port and its baud rate.
 
     Raises:
-        TypeError: the port is no text, or the baud rate no whole number.
+        TypeError: the port is not text, or the baud rate is not a whole number.
     """
     if not isinstance(port, str):
-        raise TypeError(f'`port` is {port}; expected a text, such as "/dev/ttyUSB0" or "tcp:HOST:PORT"')
+        raise TypeError(f'`port` is {port}; expected text, such as "/dev/ttyUSB0" or "tcp:HOST:PORT"')
     if not str(baud).isdecimal():
         raise TypeError(f"`baud` is {baud}; expected a whole number, such as 115200")
 

@@ -35,7 +35,7 @@ class SerialBase(Generic[Packet]):
         report: takes each problem once in each outage, and the end of the outage.
 
     Raises:
-        TypeError: the port is no text, or the baud rate no whole number.
+        TypeError: the port is not text, or the baud rate is not a whole number.
     """
 
     register_bits: int | None = None  # `Registers` unwraps them
@@ -111,7 +111,7 @@ class SerialFields(Generic[Packet]):
         report: takes each problem once in each outage, and the end of the outage.
 
     Raises:
-        TypeError: the port is no text, or the baud rate no whole number.
+        TypeError: the port is not text, or the baud rate is not a whole number.
     """
 
     def __init__(

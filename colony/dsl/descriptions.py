@@ -153,7 +153,7 @@ def find_body(robot: Robot) -> Path | None:
 
 
 def existing_choice(choice: RobotChoice | None, folder: Path) -> RobotChoice | None:
-    """Return the choice; for a robot's name that is no description that of the project, None without one.
+    """Return the choice; if it is a robot's name and no description has it, that of the project, or None.
 
     Args:
         choice: the choice.

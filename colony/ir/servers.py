@@ -143,7 +143,7 @@ PROXIMITY = "PServer"
 RESERVED_NAMES = frozenset(
     {"Clock", "Gateway", "Leader", "Limits", "Observer", "Simulator", "Supervisor", "all", "clients"}
 )
-"""Names that no server of a body has: other processes of robots have them, or `colony serve` does."""
+"""Names that no server of a body may have: those of other processes, and words of `colony serve`."""
 
 MAX_SERVER_NAME = 64
 """Maximum number of characters of a server's name, which is part of keys and of file names."""

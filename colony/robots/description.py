@@ -1,4 +1,4 @@
-"""A robot's description by itself, as a program without modules: its interface, its limits, its contracts."""
+"""A robot's description alone, as a program without modules: its interface, its limits, its contracts."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from colony.runtime.protocol.interface import Interface, interface_of, interface
 
 
 class NoDescriptionError(RobotConnectionError):
-    """The description that a robot is served with is not known here."""
+    """The description that a robot is served with is not found here, or the robot has none."""
 
 
 def described_program(choice: RobotChoice) -> Program:
-    """Return the program that a description is.
+    """Return a description as a program.
 
     Raises:
         DiagnosticError: it has errors, or there is no such description.
@@ -32,18 +32,20 @@ def served_program(interface: Interface, choice: RobotChoice) -> Program:
     Args:
         interface: the interface that the robot is served with; without parts for one without a description.
         choice: the description that was chosen for it. If that is no more than the robot's name, the
-            description may also be called as the interface says.
+            description may also be that of the project, or the one that is called as the interface says.
 
     Raises:
-        NoDescriptionError: it is not found, or another was chosen.
+        NoDescriptionError: it is not found, or another was chosen; or the robot has none.
         DiagnosticError: it has errors.
     """
-    problem = "its description is not found"
+    problem = "its description is not found" if interface.parts else "it is served without a description"
     for candidate in _candidates(interface, choice):
         program = described_program(candidate)
         if interface_problem(interface_of(program.robot), interface) is None:
             return program
-        problem = f"its description is not this `{program.robot.name}`, but another `{interface.robot}`"
+        found, served = program.robot.name, interface.robot
+        other = f"`{served}`, not `{found}`" if found != served else f"another `{served}` than the one here"
+        problem = f"its description is {other}"
     raise NoDescriptionError(problem)
 
 

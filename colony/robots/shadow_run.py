@@ -109,7 +109,7 @@ class _Stop:
 
 
 class LagReports:
-    """Reports that the shadow has fallen behind the robot, or decides no more, once each time. Mutable."""
+    """Reports, once each time, that the shadow is behind the robot, or stuck in a frame. Mutable."""
 
     def __init__(self, shadow: Shadow, report: Callable[[str], None]) -> None:
         self._shadow, self._report = shadow, report
@@ -118,7 +118,7 @@ class LagReports:
         self._since_s = 0.0
 
     def check(self, now_s: float) -> None:
-        """Look how far it is behind, and since when it decides one frame; `now_s` is by a monotonic clock."""
+        """Check how far it is behind, and how long a decision takes; `now_s` is by a monotonic clock."""
         behind_ns, deciding = self._shadow.behind_ns, self._shadow.deciding
         if deciding != self._deciding:
             self._deciding, self._since_s = deciding, now_s

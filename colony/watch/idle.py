@@ -1,8 +1,9 @@
-"""A robot that runs no program, watched all the same: its description stands in for the program.
+"""Watching a robot that runs no program: its description stands in for the program.
 
 The description by itself is a program without modules. Its limits run on the robot while no program does
 (`runtime.assembly.limits`), so its frames, and who commands its actuators, are heard as those of any run are.
-A robot without limits has frames as well, but no verdict names what it is sent as the description does.
+A robot without limits has frames as well, but no verdicts on the description's actuators: what it is sent is
+not heard.
 """
 
 from __future__ import annotations
@@ -69,8 +70,8 @@ def idle_robot(session: Session) -> IdleRobot:
 class IdleSink:
     """A sink of the frames of a robot without a program, for a source. Mutable.
 
-    Nobody gives the memory before a frame: that of a description with memory is known from the first frame of
-    an epoch on.
+    No process gives the memory before a frame, so that of a description is known from the first frame of an
+    epoch on.
 
     Args:
         source: what the frames are for.

@@ -40,7 +40,7 @@ class JoinedRun:
     """A run that is watched.
 
     Attributes:
-        run: its name; the robot as it is, if it runs no program.
+        run: its name; what the robot says of itself, if it runs no program.
         watched: what pages show of it.
         sink: what hears its frames.
     """
@@ -115,7 +115,7 @@ def _without_program(idle: IdleRobot, description: Callable[[Interface], Program
     try:
         return description(idle.interface)
     except NoDescriptionError as problem:
-        give = f"give it with `--robot NAME=DESCRIPTION`, or {START_ONE}"
+        give = f"give the description with `--robot NAME=DESCRIPTION`, or {START_ONE}"
         raise NoDescriptionError(f"the robot runs no program, and {problem}: {give}") from None
 
 
@@ -128,7 +128,7 @@ class Succession:
 
     Args:
         robot_address: where the robot is.
-        join: joins the run of now, as `joined_run` does.
+        join: joins the current run, as `joined_run` does.
 
     Raises:
         LiveError, RobotConnectionError, DiagnosticError: as by `joined_run`.
@@ -153,10 +153,10 @@ class Succession:
     def follow(self, show: Callable[[Watched], None]) -> None:
         """Where another run has followed, show that and end the one before; may block.
 
-        While frames come the robot is not asked, but once after a silence: it may be another by then.
+        The robot is asked while it is silent, and once when frames come again: it may run something else.
 
         Raises:
-            DiagnosticError: the program of the new run has errors; said once.
+            DiagnosticError: the program of the new run, or the robot's description, has errors; said once.
             OSError: this machine lacks what the new run needs, such as room on its disk; said once, and tried
                 again.
         """

@@ -129,7 +129,7 @@ def test_a_contradiction_is_found_at_its_place(old: str, new: str, place: str | 
 
 @pytest.mark.parametrize("name", sorted(RESERVED_NAMES))
 def test_a_name_of_the_runtime_is_no_name_of_a_server(name: str) -> None:
-    message = f"`{name}` is a name of the runtime's own, and no server can have it"
+    message = f"`{name}` is reserved for the runtime, and no server can have it"
     assert problems(SMALL + LIDAR.replace("Lidar", name)) == [("B009", f"server.{name}", message)]
 
 

@@ -136,6 +136,6 @@ def test_a_robot_whose_description_is_not_known_is_not_watched_without_a_program
     until(lambda: servers.ended() or machine.stands(), "the robot is there")
     watcher = machine.start("watch", "--robot", f"{ROBOT}=amr", "--port", "0")
     assert watcher.wait() == 2
-    assert "its description is not this `amr`, but another `create2`" in watcher.err
+    assert "its description is `create2`, not `amr`" in watcher.err
     named = machine.start("watch", "--robot", ROBOT, "--port", "0")
     assert shown_scene(named)["robot"] == "create2", "as the robot says"

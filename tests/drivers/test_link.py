@@ -137,8 +137,8 @@ def _read(opened: link.Link, size: int) -> bytes:
 @pytest.mark.parametrize(
     ("port", "baud", "message"),
     [
-        (7, 0, "`port` is 7; expected a text"),
-        (True, 0, "`port` is True; expected a text"),
+        (7, 0, "`port` is 7; expected text"),
+        (True, 0, "`port` is True; expected text"),
         ("/dev/ttyUSB0", 57600.5, "`baud` is 57600.5; expected a whole number"),
         ("/dev/ttyUSB0", "fast", "`baud` is fast; expected a whole number"),
     ],

@@ -30,9 +30,9 @@ def test_the_description_is_the_one_of_the_robot(choice: RobotChoice, served: Ro
 @pytest.mark.parametrize(
     ("choice", "served", "message"),
     [
-        (AMR, ROME, "is not this `amr`, but another `rome`"),
-        (by_name("lab"), None, "is not found"),
-        (by_name("rome"), None, "is not found"),
+        (AMR, ROME, "is `rome`, not `amr`"),
+        (by_name("lab"), None, "is served without a description"),
+        (by_name("rome"), None, "is served without a description"),
     ],
 )
 def test_no_other_description_is_taken_for_it(

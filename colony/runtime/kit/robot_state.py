@@ -32,7 +32,8 @@ ANSWER_TIMEOUT_S = 1.0
 PRESENCE_TIMEOUT_S = 1.0
 """Maximum seconds to wait until this process is linked to all servers that have a socket here.
 
-On a busy computer a link takes longer than `Session.servers` waits, which also emergency stops wait for.
+On a busy computer a link takes longer than `Session.servers` waits, which is short, because emergency stops
+wait for it as well.
 """
 
 PRESENCE_INTERVAL_S = 0.02
@@ -115,7 +116,7 @@ def state_of(session: Session, robot_address: RobotAddress) -> RobotState:
 
 
 def present_nodes(nodes: Callable[[], Iterable[str]], expected: Set[str]) -> set[str]:
-    """Return the nodes that are present, once all that are expected are, or after a second.
+    """Return the nodes that are present, as soon as all expected ones are, or after `PRESENCE_TIMEOUT_S`.
 
     Args:
         nodes: function that returns the addresses of the nodes that have been found.

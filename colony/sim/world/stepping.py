@@ -28,7 +28,7 @@ def step(
         floor: the floor; changed.
         noise: (robots, k), standard normal numbers, one per slice and wheel.
         noise_column: the first column of `noise` for the wheels.
-        noises: the columns of `noise` for one substep.
+        noises: the number of columns of `noise` that a substep takes.
         substeps: the number of substeps of equal length: in each, people walk before robots move.
         slices: the number of slices of a substep.
         has_events: whether there are people, or joints in the floor.
