@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from colony.body.device_consistency import Located, device_contradictions
 from colony.body.devices import Base, Camera, CeilingCamera, Proximity
 from colony.body.model import Body, Circle, Omnidirectional, Polygon, Server
-from colony.ir.servers import COMMON_SERVERS, MAX_SERVER_NAME, PROXIMITY, RESERVED_NAMES, RSERVER
+from colony.ir.servers import COMMON_SERVERS, MAX_SERVER_NAME, PROXIMITY, RESERVED_SERVER_NAMES, RSERVER
 from colony.ir.types import DISTANCE, Array, type_text
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.suggestions import did_you_mean
@@ -46,7 +46,7 @@ def contradictions(body: Body, places: Located) -> Iterator[Diagnostic]:
 
 def _unusable_name(name: str, places: Located) -> Iterator[Diagnostic]:
     """Yield an error for a name that the process of a server cannot have."""
-    if name in RESERVED_NAMES:
+    if name in RESERVED_SERVER_NAMES:
         message = f"`{name}` is reserved for the runtime, and no server can have it"
     elif len(name) > MAX_SERVER_NAME or name.startswith("_"):
         message = (

@@ -150,7 +150,7 @@ def _watch_live(
 ) -> None:
     """Show the run of a robot, or the robot without one, and what follows, until interrupted."""
     from colony.files import reason
-    from colony.robots.description import served_program
+    from colony.robots.description import NoDescriptionError, served_program
     from colony.text.diagnostics import DiagnosticError
     from colony.watch.joined_run import JoinedRun, Succession, joined_run
 
@@ -181,6 +181,8 @@ def _watch_live(
                 runs.follow(server.show)
             except DiagnosticError as failure:
                 report(failure.diagnostics)
+            except NoDescriptionError as problem:
+                say(f"colony: error: {problem}")
             except OSError as problem:
                 say(f"colony: error: the next run cannot be shown yet: {reason(problem)}")
 

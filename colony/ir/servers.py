@@ -140,7 +140,7 @@ COMMON_SERVERS = (DSERVER, RUNTIME)
 PROXIMITY = "PServer"
 """Name of the server of a ring of sonars (thesis section 4.6.2)."""
 
-RESERVED_NAMES = frozenset(
+RESERVED_SERVER_NAMES = frozenset(
     {"Clock", "Gateway", "Leader", "Limits", "Observer", "Simulator", "Supervisor", "all", "clients"}
 )
 """Names that no server of a body may have: those of other processes, and words of `colony serve`."""

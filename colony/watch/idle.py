@@ -33,7 +33,7 @@ from colony.watch.joining import observing
 from colony.watch.live import LiveSource, recorded_frame
 from colony.watch.scene import shown_states
 
-TITLE = "no program runs; sensors only"
+IDLE_TITLE = "no program runs"
 """What pages show in place of the name of a run."""
 
 START_ONE = "start a program with `colony run FILE --connect`"

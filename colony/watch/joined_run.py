@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
 from colony.files import reason
@@ -19,8 +19,7 @@ from colony.runtime.transport.live.errors import LiveError
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.text.diagnostics import DiagnosticError
 from colony.watch.asking import Asker, asking_robot
-from colony.watch.idle import START_ONE, IdleRobot, idle_robot, listening_idle
-from colony.watch.idle import TITLE as IDLE_TITLE
+from colony.watch.idle import IDLE_TITLE, START_ONE, IdleRobot, idle_robot, listening_idle
 from colony.watch.joining import joined_program, listening, read_program
 from colony.watch.live import STORE_BYTES, LiveSource
 from colony.watch.pictures import installed_finder
@@ -40,12 +39,12 @@ class JoinedRun:
     """A run that is watched.
 
     Attributes:
-        run: its name; what the robot says of itself, if it runs no program.
+        identity: the name of the run; what the robot says of itself, if it runs no program.
         watched: what pages show of it.
         sink: what hears its frames.
     """
 
-    run: str | IdleRobot
+    identity: str | IdleRobot
     watched: Watched
     sink: Heard
 
@@ -103,7 +102,7 @@ def joined_run(
         watched = Watched(
             scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop, asker=asker
         )
-        yield JoinedRun(run=_identity(found), watched=watched, sink=sink)
+        yield JoinedRun(identity=_identity(found), watched=watched, sink=sink)
 
 
 def _found(session: Session) -> RunProgram | IdleRobot:
@@ -157,6 +156,7 @@ class Succession:
 
         Raises:
             DiagnosticError: the program of the new run, or the robot's description, has errors; said once.
+            NoDescriptionError: no program runs now, and the robot's description is not known; said once.
             OSError: this machine lacks what the new run needs, such as room on its disk; said once, and tried
                 again.
         """
@@ -166,11 +166,11 @@ class Succession:
         if now < self._due_s or not self._may_differ:
             return
         try:
-            with suppress(LiveError, RobotConnectionError):
-                run = self._run()
-                self._may_differ = is_silent
-                if run not in (self._joined.run, self._refused):
-                    self._replace(run, show)
+            self._look(show, is_silent=is_silent)
+            self._lacking = ""
+        except NoDescriptionError:
+            raise
+        except (LiveError, RobotConnectionError):  # the robot is silent, or not there
             self._lacking = ""
         except OSError as problem:
             before, self._lacking = self._lacking, reason(problem)
@@ -179,16 +179,19 @@ class Succession:
         finally:
             self._due_s = time.monotonic() + LOOK_INTERVAL_S
 
-    def _run(self) -> str | IdleRobot:
+    def _look(self, show: Callable[[Watched], None], *, is_silent: bool) -> None:
         with session_with(self._robot_address) as session:
-            return _identity(_found(session))
+            identity = _identity(_found(session))
+        self._may_differ = is_silent
+        if identity not in (self._joined.identity, self._refused):
+            self._replace(identity, show)
 
-    def _replace(self, run: str | IdleRobot, show: Callable[[Watched], None]) -> None:
+    def _replace(self, identity: str | IdleRobot, show: Callable[[Watched], None]) -> None:
         with ExitStack() as resources:
             try:
                 joined = resources.enter_context(self._join())
             except (DiagnosticError, NoDescriptionError):
-                self._refused = run
+                self._refused = identity
                 raise
             show(joined.watched)
             before, self._resources = self._resources, resources.pop_all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.body.device_consistency import MAX_POSITIONS
-from colony.ir.servers import MAX_SERVER_NAME, RESERVED_NAMES
+from colony.ir.servers import MAX_SERVER_NAME, RESERVED_SERVER_NAMES
 from colony.robots.serving import SUPERVISOR
 from colony.runtime.assembly.limits import LIMITS
 from colony.runtime.assembly.sharing import SHARED
@@ -127,7 +127,7 @@ def test_a_contradiction_is_found_at_its_place(old: str, new: str, place: str | 
     assert place in (None, text)
 
 
-@pytest.mark.parametrize("name", sorted(RESERVED_NAMES))
+@pytest.mark.parametrize("name", sorted(RESERVED_SERVER_NAMES))
 def test_a_name_of_the_runtime_is_no_name_of_a_server(name: str) -> None:
     message = f"`{name}` is reserved for the runtime, and no server can have it"
     assert problems(SMALL + LIDAR.replace("Lidar", name)) == [("B009", f"server.{name}", message)]
@@ -143,7 +143,7 @@ def test_a_name_that_no_process_can_have(name: str) -> None:
 
 def test_the_names_are_those_that_the_runtime_uses() -> None:
     named = {CLOCK, GATEWAY, LEADER, LIMITS, OBSERVER, SHARED, SIMULATOR, SUPERVISOR, "all"}
-    assert named == RESERVED_NAMES
+    assert named == RESERVED_SERVER_NAMES
     assert MAX_SERVER_NAME == MAX_NAME_LENGTH
 
 

@@ -147,7 +147,7 @@ def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
     watched = Watched(scene=scene(), store=store, is_live=True)
     sink: Any = SimpleNamespace(heard_s=-math.inf)
     address: Any = None
-    runs = {name: joined_run.JoinedRun(run=name, watched=watched, sink=sink) for name in "12"}
+    runs = {name: joined_run.JoinedRun(identity=name, watched=watched, sink=sink) for name in "12"}
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     joins: Iterator[joined_run.JoinedRun | OSError] = iter((runs["1"], full, full, runs["2"]))
 
@@ -170,7 +170,7 @@ def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
     store.close()
 
 
-def test_where_nothing_is_known_of_a_robot_without_a_program_its_last_run_stays(
+def test_where_nothing_is_known_of_a_robot_without_a_program_it_is_said_once_and_its_last_run_stays(
     store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(joined_run, "LOOK_INTERVAL_S", 0)
@@ -188,11 +188,13 @@ def test_where_nothing_is_known_of_a_robot_without_a_program_its_last_run_stays(
         joined.append("")
         if len(joined) > 1:
             raise NoDescriptionError("its description is not found")
-        yield joined_run.JoinedRun(run="1", watched=watched, sink=sink)
+        yield joined_run.JoinedRun(identity="1", watched=watched, sink=sink)
 
     shown: list[Watched] = []
     with joined_run.Succession(address, join) as succession:
-        for _ in range(3):
+        with pytest.raises(NoDescriptionError, match="its description is not found"):
+            succession.follow(shown.append)
+        for _ in range(2):
             succession.follow(shown.append)
     assert not shown
     assert len(joined) == 2, "it is not tried again"
@@ -222,7 +224,7 @@ def test_after_a_silence_the_robot_is_asked_what_it_is_although_frames_come(
     @contextmanager
     def join() -> Iterator[joined_run.JoinedRun]:
         run, sink = next(joins)
-        yield joined_run.JoinedRun(run=run, watched=watched, sink=sink)
+        yield joined_run.JoinedRun(identity=run, watched=watched, sink=sink)
 
     shown: list[Watched] = []
     with joined_run.Succession(address, join) as succession:

@@ -461,5 +461,5 @@ def move(
         for robot in range(bases.poses.shape[0]):
             counts = _gather(robot, bases, walls, boxes, crowd, 0.0, bases.radii[robot])
             _update_bumpers(robot, bases, walls, crowd, counts, bases.radii[robot])
-    elif counts.walls + counts.people == 0:
+    elif counts.walls + counts.people == 0:  # nothing is near, so that no slice looked at the bumpers
         bases.contacts[:] = False

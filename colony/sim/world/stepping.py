@@ -14,7 +14,7 @@ from colony.sim.world.people import Crowd, walk
 @compiled
 def step(
     bases: Bases, drivetrains: Floats2, walls: Floats2, boxes: Floats2, crowd: Crowd, floor: Floor,
-    noise: Floats2, noise_column: int, noises: int, substeps: int, slices: int, has_events: bool,
+    noise: Floats2, noise_column: int, noise_columns: int, substeps: int, slices: int, has_events: bool,
     time_s: float,
 ) -> None:  # fmt: skip
     """Take a step of `time_s` seconds.
@@ -28,7 +28,7 @@ def step(
         floor: the floor; changed.
         noise: (robots, k), standard normal numbers, one per slice and wheel.
         noise_column: the first column of `noise` for the wheels.
-        noises: the number of columns of `noise` that a substep takes.
+        noise_columns: the number of columns of `noise` that a substep takes.
         substeps: the number of substeps of equal length: in each, people walk before robots move.
         slices: the number of slices of a substep.
         has_events: whether there are people, or joints in the floor.
@@ -36,7 +36,7 @@ def step(
     """
     substep_s = time_s / substeps
     for substep in range(substeps):
-        column = noise_column + noises * substep
+        column = noise_column + noise_columns * substep
         if has_events:
             before = bases.poses.copy()
             walk(crowd, bases.poses, bases.radii, substep_s)

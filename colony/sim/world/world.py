@@ -226,8 +226,8 @@ class World:
     def _step(self, dt_s: float) -> None:
         substeps = math.ceil(dt_s / SUBSTEP_S - 1e-9) if self._has_events else 1
         slices = math.ceil(dt_s / substeps / SLICE_S - 1e-9)
-        noises = self._wheels * slices
-        noise_column = self._noise.take(self._channels + noises * substeps)
+        noise_columns = self._wheels * slices
+        noise_column = self._noise.take(self._channels + noise_columns * substeps)
         self._sonar_noise_column = noise_column
         step(
             self._bases,
@@ -238,7 +238,7 @@ class World:
             self._floor,
             self._noise.table,
             noise_column + self._channels,
-            noises,
+            noise_columns,
             substeps,
             slices,
             self._has_events,

@@ -91,7 +91,7 @@ def test_the_page_says_that_no_program_runs_until_one_does(machine: Machine, bro
     server = machine.start("watch", "--robot", ROBOT, "--map", MAP, "--port", "0")
     until(lambda: server.ended() or "http" in server.out, "the page is served")
     browser.open(server.out.split()[-1])
-    until(lambda: browser.text("#title") == "no program runs; sensors only", "the page says so")
+    until(lambda: browser.text("#title") == "no program runs", "the page says so")
     assert browser.text("#reason-title") == "No program runs"
     assert browser.run("return document.querySelector('#network').hidden")
     until(lambda: browser.text("#mode") == "live", "it is live")
