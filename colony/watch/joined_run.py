@@ -93,7 +93,7 @@ def joined_run(
         )
         sink = resources.enter_context(listened)
         change = "a program starts" if scene.is_idle else "its run has ended"
-        silence = f"no frames come from {robot}: {change}, or it is silent"
+        silence = f"no frames come from {robot}: {change}, or the robot is silent"
         resources.enter_context(noting_silence(sink, store, silence))
         stop = resources.enter_context(stop_button(session)) if may_stop else None
         find = installed_finder()

@@ -154,6 +154,8 @@ class _DeviceConnection(Generic[R]):
                     sock.settimeout(None)
                     if self._adopt(sock):
                         self._receive(sock)
+            except (FileNotFoundError, ConnectionRefusedError):
+                self._problem = "the Simulator is not running yet, or no longer"
             except OSError as problem:
                 self._problem = describe(problem)
             except PlantProtocolError as problem:

@@ -185,8 +185,8 @@ def test_without_a_plant_there_is_no_value_and_a_command_fails(tmp_path: Path) -
     path = tmp_path / "plant"
     with closing(RemoteDevice(path, "amr", "Lift")) as lift:
         assert lift.fields() == {}
-        wait_for(lambda: lift.problem == "No such file or directory")
-        refused = "the simulator takes no command: No such file or directory"
+        wait_for(lambda: lift.problem == "the Simulator is not running yet, or no longer")
+        refused = "the simulator takes no command: the Simulator is not running yet, or no longer"
         with pytest.raises(ConnectionError, match=refused):
             lift.command("move", {"position": UP})
         lift.safe()
