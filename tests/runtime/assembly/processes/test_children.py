@@ -16,13 +16,15 @@ from colony.runtime.assembly.processes.children import Children, Death, Job, des
 from colony.runtime.assembly.processes.restarts import MAX_PAUSE_NS, MAX_QUICK_DEATHS, STABLE_NS, Restarts
 from tests.waiting import PATIENCE_S, until
 
+# Unbuffered, `print` writes a line and its end separately, so that a death in between would join two lines.
+
 OBEYS = """
 import sys
 from colony.runtime.assembly.processes.shutdown import Shutdown, on_parent_exit, on_signals
 shutdown = Shutdown()
 with on_signals(shutdown):
     on_parent_exit(shutdown)
-    print("here", flush=True)
+    print("here\\n", end="", flush=True)
     shutdown.wait()
 print("closed:", shutdown.reason, flush=True)
 """
@@ -42,7 +44,7 @@ print("closed:", shutdown.reason, flush=True)
 IGNORES = """
 import signal, time
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
-print("here", flush=True)
+print("here\\n", end="", flush=True)
 while True: time.sleep(1)
 """
 
@@ -55,7 +57,7 @@ with on_signals(shutdown):
     forked = os.fork()
     while not forked:
         signal.pause()
-    print(forked, flush=True)
+    print(f"{forked}\\n", end="", flush=True)
     shutdown.wait()
 shutdown.end_forked()
 """
@@ -73,7 +75,7 @@ FAILS = "raise OSError('no such luck')"
 GRUMBLES = """
 import signal, sys, time
 signal.signal(signal.SIGUSR1, lambda *_: sys.exit("it is enough"))
-print("trouble", flush=True)
+print("trouble\\n", end="", flush=True)
 time.sleep(60)
 """
 
