@@ -152,6 +152,12 @@ def find_body(robot: Robot) -> Path | None:
     return body if body.is_file() else None
 
 
+def find_in_project(text: str, folder: Path) -> Path | None:
+    """Return the path of the description that a text names in `folder`, or in the project around it."""
+    project = find_project(folder)
+    return find_description(text, folder, None if project is None else project.folder)
+
+
 def existing_choice(choice: RobotChoice | None, folder: Path) -> RobotChoice | None:
     """Return the choice; if it is a robot's name and no description has it, that of the project, or None.
 
@@ -162,8 +168,7 @@ def existing_choice(choice: RobotChoice | None, folder: Path) -> RobotChoice | N
     if choice is None or not choice.is_name:
         return choice
     project = find_project(folder)
-    place = None if project is None else project.folder
-    if find_description(choice.text, folder, place) is not None:
+    if find_in_project(choice.text, folder) is not None:
         return choice
     if project is None or project.robot is None:
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from colony.dsl.descriptions import RobotChoice, existing_choice, find_description, find_project
+from colony.dsl.descriptions import RobotChoice, existing_choice, find_in_project
 from colony.dsl.language_version import VERSION_LINE
 from colony.dsl.load import load_text
 from colony.ir.program import Program
@@ -55,8 +55,6 @@ def _candidates(interface: Interface, choice: RobotChoice) -> tuple[RobotChoice,
     if not interface.parts:  # whatever the robot is called
         return ()
     by_name, said = existing_choice(choice, Path()), interface.robot
-    project = find_project(Path())
-    place = None if project is None else project.folder
-    path = find_description(said, Path(), place) if re.fullmatch(r"\w+", said) else None
+    path = find_in_project(said, Path()) if re.fullmatch(r"\w+", said) else None
     as_said = None if path is None else RobotChoice(text=str(path), origin="the robot")
     return tuple(found for found in (by_name, as_said) if found is not None)

@@ -29,12 +29,12 @@ from colony.runtime.protocol.deployment import LIMITS_RUN
 from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.robot_address import RobotAddress
-from colony.watch.joining import observing
+from colony.watch.joining import WATCHER, observing
 from colony.watch.live import LiveSource, recorded_frame
 from colony.watch.scene import shown_states
 
 IDLE_TITLE = "no program runs"
-"""What pages show in place of the name of a run."""
+"""The title of the page, in place of the name of a run."""
 
 START_ONE = "start a program with `colony run FILE --connect`"
 
@@ -59,7 +59,7 @@ def idle_robot(session: Session) -> IdleRobot:
     Raises:
         RobotConnectionError: its Clock does not answer, or a program runs whose leader is not there.
     """
-    with session.connect(CLOCK, name="colony watch") as connection:
+    with session.connect(CLOCK, name=WATCHER) as connection:
         found = connection.do(clock.participants())
         interface = connection.do(clock.interface())
     if found.run not in ("", LIMITS_RUN):

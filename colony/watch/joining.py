@@ -41,6 +41,9 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.watch.live import LiveSource, recorded_frame
 
+WATCHER = "colony watch"
+"""The name of the connections to a robot that is watched."""
+
 KEYFRAME_INTERVAL_S = 0.2
 """Seconds between two requests for a keyframe, until one is usable."""
 
@@ -52,7 +55,7 @@ def read_program(session: Session) -> RunProgram | None:
         RobotConnectionError: the robot is not there, or its leader refuses.
     """
     try:
-        with session.connect(LEADER, name="colony watch") as leader:
+        with session.connect(LEADER, name=WATCHER) as leader:
             return leader.do(run_program())
     except ServerNotFoundError:
         if (servers := session.servers()) and LEADER not in servers:
@@ -204,7 +207,7 @@ def listening(
     """
 
     def keyframe() -> tuple[int, Keyframe | None]:
-        with session.connect(LEADER, name="colony watch") as leader:
+        with session.connect(LEADER, name=WATCHER) as leader:
             found = leader.do(run_keyframe())
         return found.k, read_keyframe(msgspec.json.decode(found.text)) if found.text else None
 
