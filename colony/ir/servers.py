@@ -143,7 +143,10 @@ PROXIMITY = "PServer"
 RESERVED_SERVER_NAMES = frozenset(
     {"Clock", "Gateway", "Leader", "Limits", "Observer", "Simulator", "Supervisor", "all", "clients"}
 )
-"""Names that no server of a body may have: those of other processes, and words of `colony serve`."""
+"""Names that no server of a body may have: those of other processes, and words of `colony serve`.
+
+They are spelled out because nothing here imports the runtime; a test holds them to its constants.
+"""
 
 MAX_SERVER_NAME = 64
 """Maximum number of characters of a server's name, which is part of keys and of file names."""

@@ -138,11 +138,16 @@ def test_a_page_that_does_not_read_keeps_no_other_page_waiting() -> None:
     store.close()
 
 
+def look_without_a_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a succession look at each call, by what the test puts in place of a session."""
+    monkeypatch.setattr(joined_run, "LOOK_INTERVAL_S", 0)
+    monkeypatch.setattr(joined_run, "session_with", lambda address: nullcontext())
+
+
 def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
     store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(joined_run, "LOOK_INTERVAL_S", 0)
-    monkeypatch.setattr(joined_run, "session_with", lambda address: nullcontext())
+    look_without_a_robot(monkeypatch)
     monkeypatch.setattr(joined_run, "read_program", lambda session: SimpleNamespace(run="2"))
     watched = Watched(scene=scene(), store=store, is_live=True)
     sink: Any = SimpleNamespace(heard_s=-math.inf)
@@ -173,8 +178,7 @@ def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
 def test_where_nothing_is_known_of_a_robot_without_a_program_it_is_said_once_and_its_last_run_stays(
     store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(joined_run, "LOOK_INTERVAL_S", 0)
-    monkeypatch.setattr(joined_run, "session_with", lambda address: nullcontext())
+    look_without_a_robot(monkeypatch)
     alone = IdleRobot("", Interface(), frozenset())
     monkeypatch.setattr(joined_run, "read_program", lambda session: None)
     monkeypatch.setattr(joined_run, "idle_robot", lambda session: alone)
@@ -204,8 +208,7 @@ def test_where_nothing_is_known_of_a_robot_without_a_program_it_is_said_once_and
 def test_after_a_silence_the_robot_is_asked_what_it_is_although_frames_come(
     store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(joined_run, "LOOK_INTERVAL_S", 0)
-    monkeypatch.setattr(joined_run, "session_with", lambda address: nullcontext())
+    look_without_a_robot(monkeypatch)
     monkeypatch.setattr(joined_run, "read_program", lambda session: None)
     answers: list[IdleRobot] = []
 
