@@ -90,7 +90,7 @@ class ZenohSession:
             if isinstance(robot_address, Local) and server_names and settings is None:
                 stops = _open(robot_address, configuration.stop_settings(robot_address.directory), resources)
             if settings is None:
-                settings = configuration.settings(robot_address, server_names=server_names[:1])
+                settings = configuration.settings(robot_address, server=next(iter(server_names), None))
             session = _open(robot_address, settings, resources)
             return cls(robot_address, session, resources.pop_all(), stops)
 

@@ -2,6 +2,7 @@
 
     <run directory>/<robot>/RServer.sock     the socket on which RServer listens
     <run directory>/<robot>/RServer.claim    locked by the process that runs RServer; contains its process id
+    <run directory>/<robot>/3.slot           a link to the socket of a server that all processes know by number
     <run directory>/<robot>/base             the origin of the robot's time
     <run directory>/ttyUSB0-<hash>.guard     the socket of the guard of a port (`colony.drivers.guard`)
 
@@ -41,6 +42,9 @@ CLAIM_BYTES = 32
 
 BASE_BYTES = 4096
 """Size limit in bytes of the file `base`."""
+
+SLOTS = 32
+"""Maximum number of servers whose names not every robot has, such as devices and servers of users."""
 
 CLAIM_TRIES = 10
 CLAIM_PAUSE_S = 0.01
@@ -144,6 +148,33 @@ class RobotDirectory:
     def endpoint(self, server: str) -> str:
         """Return the zenoh endpoint of a server's socket."""
         return f"unixsock-stream/{self.socket(server)}"
+
+    def slot_endpoints(self) -> tuple[str, ...]:
+        """Return the zenoh endpoints of all slots, in order."""
+        return tuple(f"unixsock-stream/{self._slot(number)}" for number in range(SLOTS))
+
+    def take_slot(self, server: str) -> int:
+        """Return the number of the slot of `server`, which this process has claimed: its last one, or a free one.
+
+        Raises:
+            RunDirectoryError: running servers have all slots, or the folder cannot be used.
+        """
+        with in_run_directory(self.path), _locked(self.path):
+            links = [self._slot(number) for number in range(SLOTS)]
+            holders = [link.readlink().stem if link.is_symlink() else None for link in links]
+            if server in holders:
+                return holders.index(server)
+            for number, holder in enumerate(holders):
+                if holder is None or _holder(self.path / f"{holder}.claim") is None:
+                    links[number].unlink(missing_ok=True)
+                    links[number].symlink_to(self.socket(server).name)
+                    return number
+        raise RunDirectoryError(
+            f"{self.robot} has {SLOTS} servers besides the standard ones: {server} is too many"
+        )
+
+    def _slot(self, number: int) -> Path:
+        return self.path / f"{number}.slot"
 
     def servers(self) -> tuple[str, ...]:
         """Return the servers that have a socket here, including servers that were killed."""
