@@ -87,6 +87,11 @@ class SerialBase(Generic[Packet]):
         except OSError as problem:
             self._report(f"the stop was not sent: {exception_text(problem)}")
 
+    @property
+    def unreached(self) -> str | None:
+        """Why the last stop has not left this computer, or not yet; None once it has."""
+        return self._line.unreached
+
     def watch_bumpers(self, watched: bool) -> None:
         """Let the base itself stop at a bumper or not, if it can."""
         self._dialect.watch_bumpers(watched)

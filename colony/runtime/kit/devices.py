@@ -24,7 +24,7 @@ from colony.runtime.kit.once import OnceReporter, Report, failure_text
 from colony.runtime.kit.service import Service
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.drivers import DeviceDriver, Reading, problems_of
+from colony.runtime.servers.drivers import DeviceDriver, Reading, problems_of, unreached_of
 from colony.text.wording import listed
 
 
@@ -209,6 +209,7 @@ def _command(spec: CommandSpec, driver: DeviceDriver) -> Command:
         CommandDescription(name=spec.name, parameters=parameters),
         in_units(perform, factors),
         partial(driver.safe),
+        partial(unreached_of, driver),
     )
 
 

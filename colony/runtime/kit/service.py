@@ -154,6 +154,7 @@ class Service:
         if self._retry_due_ns is None and not self._performer.is_safe:
             self._retry_due_ns = now_ns + RETRY_SAFE_NS
             yield WakeAt(self._retry_due_ns)
+        yield from self._calls.answer_stops(now_ns)
 
     def _handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         actuators = self._actuators
@@ -202,6 +203,7 @@ class Service:
             (*methods, *reserved),
             on_lost=on_lost,
             stop=actuators.stop,
+            unreached=lambda: self._performer.unreached,
             other_limit_messages=self._limit_messages,
             failing=self._failing,
         )

@@ -21,7 +21,7 @@ from colony.runtime.assembly.processes.driver_factory import DriverError
 from colony.runtime.assembly.processes.spec import Hardware
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 from colony.runtime.servers.commanding import NotSentError
-from colony.runtime.servers.drivers import BaseLimits, BaseState, DeviceDriver, problems_of
+from colony.runtime.servers.drivers import BaseLimits, BaseState, DeviceDriver, problems_of, unreached_of
 from colony.text.suggestions import did_you_mean
 from colony.text.wording import listed
 
@@ -118,6 +118,7 @@ class HardwareBase:
         self._clock = clock
         self._report = report
         self._problems = OnceReporter(report)
+        self._stop_failure: str | None = None
 
     @property
     def problem(self) -> str | None:
@@ -140,10 +141,17 @@ class HardwareBase:
 
     def stop(self) -> None:
         """Stop."""
+        self._stop_failure = None
         try:
             self._driver.stop()
         except (Exception, SystemExit) as problem:
             self._note("stop", problem)
+            self._stop_failure = f"{self._name} failed to stop: {exception_text(problem)}"
+
+    @property
+    def unreached(self) -> str | None:
+        """Why the last stop has not reached the base, or not yet; None if it has."""
+        return self._stop_failure or next(iter(unreached_of(self._driver)), None)
 
     def watch_bumpers(self, watched: bool) -> None:
         """Have the base stop by itself at a bumper or not, if its driver has a method for that."""
