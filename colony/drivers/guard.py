@@ -50,7 +50,7 @@ class Guard:
         self._selector.register(listener, selectors.EVENT_READ, self._accept)
         self._listener = listener
         self._port = GuardedPort(port, baud, self._selector, self._on_data, self._on_status)
-        self._status = kinds.LOST + b"the port is not open yet"
+        self._status: bytes | None = None  # until the port was tried
         self._drivers: list[socket.socket] = []
         self._alone_since_ns = time.monotonic_ns()
         self._commanding: socket.socket | None = None
@@ -111,7 +111,7 @@ class Guard:
     def _why_unsent(self, *, is_due: bool) -> str | None:
         """Return why the newest stop or decision was not sent, "" if it was, None while it may be."""
         if not self._port.is_open:
-            return self._status[1:].decode()
+            return "" if self._status is None else self._status[1:].decode()
         match self._port.is_sent:
             case True:
                 return ""
@@ -151,7 +151,8 @@ class Guard:
             driver.setblocking(False)
             self._drivers.append(driver)
             self._selector.register(driver, selectors.EVENT_READ, lambda: self._receive(driver))
-            self._send(driver, self._status)
+            if self._status is not None:
+                self._send(driver, self._status)
 
     def _receive(self, driver: socket.socket) -> None:
         try:

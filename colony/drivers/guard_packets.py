@@ -12,7 +12,7 @@ DECIDED = b"D"
 """From the driver that commands: u64 time of the decision (CLOCK_MONOTONIC, ns), bytes that carry it out."""
 
 ASK = b"A"
-"""From the driver that commands: stop now if it says so, and answer once the newest stop or decision is sent."""
+"""From the driver that commands: stop, if it says so, and answer once the newest stop or decision is sent."""
 
 ASK_BODY = struct.Struct("<I?")
 """Body of a question: its number, and whether to stop."""

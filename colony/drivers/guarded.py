@@ -39,6 +39,9 @@ START_AGAIN_S = 1.0
 
 CONNECT_PAUSE_S = 0.02
 
+KILL_S = 1.0
+"""Seconds that a killed guard may take to end."""
+
 _CREDENTIALS = struct.Struct("3i")
 """The process, user and group at the other end of a socket."""
 
@@ -161,10 +164,15 @@ class GuardConnection:
         self._socket.send(ASK + ASK_BODY.pack(number, stops), socket.MSG_DONTWAIT)
 
     def kill_guard(self) -> None:
-        """Kill the guard, which may be frozen; its lock and its port are free then."""
+        """Kill the guard, which may be frozen, and wait until its lock and its port are free."""
         credentials = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-        with suppress(ProcessLookupError):
-            os.kill(_CREDENTIALS.unpack(credentials)[0], signal.SIGKILL)
+        with suppress(OSError):  # it has just ended
+            process = os.pidfd_open(_CREDENTIALS.unpack(credentials)[0])
+            try:
+                signal.pidfd_send_signal(process, signal.SIGKILL)
+                select.select([process], [], [], KILL_S)
+            finally:
+                os.close(process)
 
     def close(self) -> None:
         """End the connection; if it commands, the guard stops the base. Idempotent."""

@@ -26,7 +26,7 @@ from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
 from colony.runtime.kit.background import next_pause_s
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
-from colony.runtime.servers.drivers import BEING_OPENED, BaseState, Reading
+from colony.runtime.servers.drivers import BaseState, Reading
 
 WAKE_S = 0.02
 """Seconds between two checks of what is due."""
@@ -88,7 +88,7 @@ class Line(Generic[Packet]):
         self._report = report
         self._problems: OnceReporter | None = None
         self._implausible = OnceReporter(report)
-        self._problem: str | None = "the port is not open yet"
+        self._problem: str | None = None
         self._lock = threading.Lock()
         self._measured = Measurements(
             rings=dialect.rings,
@@ -115,8 +115,13 @@ class Line(Generic[Packet]):
 
     @property
     def problem(self) -> str | None:
-        """Why the device does not work: while it is opened, and from a failure until it works again."""
-        return self._problem if self._problems is not None or self._opening is not None else None
+        """Why the device does not work, from its first failure until it works again; else None."""
+        return self._problem if self._problems is not None else None
+
+    @property
+    def is_opening(self) -> bool:
+        """True while the device is being opened, and has not failed."""
+        return not self._is_ready and self._problems is None
 
     def decide(self, data: bytes, *, confirms: bool = False) -> None:
         """Send bytes that carry out the frame that is being decided, in the thread that decides it.
@@ -128,7 +133,7 @@ class Line(Generic[Packet]):
         """
         connection = self._connection
         if connection is None or not self._is_ready:
-            raise ConnectionError(f"the base is not ready: {self._problem or 'it is being opened'}")
+            raise ConnectionError(f"the device is not ready: {self._problem or 'it is being opened'}")
         connection.decide(data, time.monotonic_ns())
         if confirms:
             self._ask_sent(connection)
@@ -256,9 +261,12 @@ class Line(Generic[Packet]):
             self._end_opening(now_ns)
         elif self._is_ready and now_ns - self._heard_ns > self._dialect.silent_s * 1e9:
             self._lose_silent()
-        elif self._is_ready and self._command is not None:
-            if now_ns - max(self._heard_ns, self._asked_ns) > self._dialect.silent_s * 5e8:
-                self._ask_sent(connection)  # the guard may be frozen
+        elif (
+            self._is_ready
+            and self._command is not None
+            and now_ns - max(self._heard_ns, self._asked_ns) > self._dialect.silent_s * 5e8
+        ):
+            self._ask_sent(connection)  # the guard may be frozen
 
     def _begin(self, connection: GuardConnection, baud: int) -> None:
         if baud != self._baud:
@@ -269,8 +277,6 @@ class Line(Generic[Packet]):
         self._dialect.restart()
         self._is_ready, self._heard_ns = self._command is None, time.monotonic_ns()
         if self._command is not None:
-            if self._problems is None:
-                self._problem = BEING_OPENED
             now_ns = time.monotonic_ns()
             self._opening = OpeningRun(self._dialect.opening(), connection.send, now_ns)
             self._end_opening(now_ns)

@@ -309,7 +309,7 @@ def test_a_pulled_cable(robot: TinyRobot) -> None:
         robot.pull_out()
         wait_for(lambda: driver.state() is None)
         wait_for(lambda: "there is no port" in (driver.problem or ""))
-        with pytest.raises(ConnectionError, match="the base is not ready: there is no port"):
+        with pytest.raises(ConnectionError, match="the device is not ready: there is no port"):
             driver.drive(100.0, 0.0)
         robot.heard.clear()
         robot.plug_in()

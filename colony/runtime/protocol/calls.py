@@ -169,7 +169,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
 
     `full` has a message for each limit that is reached, or has been since the server started, and for
     anything else that needs attention. `failing` has a line for each part of a driver, or of a user's server,
-    that fails now.
+    that fails now. `opening` is true while the device is being opened.
     """
 
     server: str
@@ -178,6 +178,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     last_malformed: str | None
     full: tuple[str, ...] = ()
     failing: tuple[str, ...] = ()
+    opening: bool = False
 
 
 _RIGHTS: dict[Right, tuple[Right, ...]] = {
@@ -208,6 +209,7 @@ class CallDispatcher:
             stop is complete when `stop` returns. Otherwise `answer_stops` answers it.
         other_limit_messages: returns messages for `status` about limits reached in other parts of the server.
         failing: returns a line for `status` for each driver, or function of a user, that fails now.
+        opening: returns True while the device of the server is being opened.
         lease_ns: nanoseconds without a sign of life after which a connection is lost.
     """
 
@@ -222,11 +224,12 @@ class CallDispatcher:
         unreached: Callable[[], tuple[str, ...]] | None = None,
         other_limit_messages: Callable[[], Iterable[str]] = lambda: (),
         failing: Callable[[], tuple[str, ...]] = lambda: (),
+        opening: Callable[[], bool] = lambda: False,
         lease_ns: int = LEASE_NS,
     ) -> None:
         self._server = server
         self._lease_ns = lease_ns
-        self._failing = failing
+        self._failing, self._opening = failing, opening
         self._stop = stop
         self._unreached = unreached
         self._unanswered_stops: dict[tuple[str, int], int] = {}
@@ -498,6 +501,7 @@ class CallDispatcher:
             last_malformed=self._last_malformed,
             full=(*self._limit_messages, *self._other_limit_messages()),
             failing=self._failing(),
+            opening=self._opening(),
         )
 
     # --- leases --------------------------------------------------------------------------------------

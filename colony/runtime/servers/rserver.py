@@ -50,7 +50,7 @@ from colony.runtime.servers.base_actuator import (
     values_of,
 )
 from colony.runtime.servers.commanding import ActuatorCounts, CommandDispatcher, NotSentError
-from colony.runtime.servers.drivers import BaseDriver, problems_of, unreached_of
+from colony.runtime.servers.drivers import BaseDriver, is_opening, problems_of, unreached_of
 from colony.runtime.servers.outside_control import CLOCK_GRACE_NS
 from colony.runtime.servers.piloting import Pilot
 
@@ -97,6 +97,7 @@ class RServer:
             unreached=lambda: unreached_of(driver),
             other_limit_messages=self._limit_messages,
             failing=lambda: problems_of(driver),
+            opening=lambda: is_opening(driver),
         )
         self._fixed_watchdog_ns = watchdog_ns
         self._activate(deployment)
