@@ -110,15 +110,15 @@ def _lines(state: RobotState) -> Iterator[str]:
 
 
 def _server(server: ServerState) -> str:
-    from colony.runtime.servers.drivers import BEING_OPENED
-
     parts = [server.state]
     if server.process is not None:
         parts.append(f"process {server.process}")
     if server.malformed:
         parts.append(f"{server.malformed} malformed messages")
     parts += server.full
-    parts += (text if text == BEING_OPENED else f"FAILS: {text}" for text in server.failing)
+    if server.opening:
+        parts.append("the device is being opened")
+    parts += (f"FAILS: {text}" for text in server.failing)
     if server.problem is not None:
         parts.append(server.problem)
     return ", ".join(parts)

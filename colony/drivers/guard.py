@@ -9,6 +9,8 @@ most one commands: its hello has the bytes that stop the base, those that end th
   reopens, and when the guard ends, all that waits is dropped and the stop is sent, repeatedly. If the driver
   asks for it, plain packets stay. If the handshake comes first, a new line hears the driver first.
 - A packet that is half written is finished first, so that the stop is never part of another packet.
+- The commanding driver may ask whether its stop was sent: the answer comes once the bytes have left this
+  computer, or says why they cannot. The driver kills a guard that does not answer, and starts the next one.
 - The guard itself sends nothing but that and the goodbye, at its end, 2 s after its last driver: only
   decisions keep a base moving.
 """
@@ -33,6 +35,12 @@ LINGER_NS = 2_000_000_000
 GOODBYE_NS = 500_000_000
 """Time that the stops, and then the goodbye, may take at the end."""
 
+SEND_NS = 100_000_000
+"""Time in ns after which a stop or decision counts as not sent. Shorter than `line.ANSWER_S`."""
+
+UNSENT_CHECK_NS = 2_000_000
+"""Time in ns between two checks that it has been sent."""
+
 
 class Guard:
     """The guard, over its listening socket. Mutable; one thread."""
@@ -42,13 +50,14 @@ class Guard:
         self._selector.register(listener, selectors.EVENT_READ, self._accept)
         self._listener = listener
         self._port = GuardedPort(port, baud, self._selector, self._on_data, self._on_status)
-        self._status = kinds.LOST + b"the port is not open yet"
+        self._status: bytes | None = None  # until the port was tried
         self._drivers: list[socket.socket] = []
         self._alone_since_ns = time.monotonic_ns()
         self._commanding: socket.socket | None = None
         self._stop, self._goodbye = stop, b""
         self._deadline_ns, self._handshake_first = 0, False
         self._decided_ns: int | None = None  # time of the last decision, while the base may move
+        self._asked: list[tuple[int, int]] = []  # numbers of questions, and until when they are answered
         self.ending = False
 
     def run(self) -> None:
@@ -61,6 +70,7 @@ class Guard:
                 if self._decided_ns is not None and now_ns - self._decided_ns >= self._deadline_ns:
                     self._halt()
                 self._port.do_what_is_due()
+                self._answer()
                 for key, _ in self._selector.select(max(0, self._due_ns() - time.monotonic_ns()) / 1e9):
                     key.data()
         finally:
@@ -73,7 +83,8 @@ class Guard:
     def _due_ns(self) -> int:
         alone_ns = None if self._drivers else self._alone_since_ns + LINGER_NS
         dead_ns = None if self._decided_ns is None else self._decided_ns + self._deadline_ns
-        due = (self._port.due_ns(), alone_ns, dead_ns)
+        asked_ns = time.monotonic_ns() + UNSENT_CHECK_NS if self._asked else None
+        due = (self._port.due_ns(), alone_ns, dead_ns, asked_ns)
         return min((t_ns for t_ns in due if t_ns is not None), default=time.monotonic_ns() + LINGER_NS)
 
     def _halt(self, *, drops_plain: bool = True) -> None:
@@ -87,6 +98,27 @@ class Guard:
         self._halt()
         if self._handshake_first and self._port.is_new:
             self._port.outbox.clear()
+
+    def _answer(self) -> None:
+        """Answer the questions whose stops or decisions were sent, or cannot be."""
+        now_ns, asked, self._asked = time.monotonic_ns(), self._asked, []
+        for number, due_ns in asked:
+            if (why := self._why_unsent(is_due=now_ns >= due_ns)) is None:
+                self._asked.append((number, due_ns))
+            elif self._commanding is not None:
+                self._send(self._commanding, kinds.SENT + struct.pack("<I", number) + why.encode())
+
+    def _why_unsent(self, *, is_due: bool) -> str | None:
+        """Return why the newest stop or decision was not sent, "" if it was, None while it may be."""
+        if not self._port.is_open:
+            return "" if self._status is None else self._status[1:].decode()
+        match self._port.is_sent:
+            case True:
+                return ""
+            case None:
+                return "the device is being opened"
+            case False:
+                return f"{self._port.name} takes no bytes" if is_due else None
 
     def _end(self) -> None:
         """Stop, say goodbye, and release the port."""
@@ -119,7 +151,8 @@ class Guard:
             driver.setblocking(False)
             self._drivers.append(driver)
             self._selector.register(driver, selectors.EVENT_READ, lambda: self._receive(driver))
-            self._send(driver, self._status)
+            if self._status is not None:
+                self._send(driver, self._status)
 
     def _receive(self, driver: socket.socket) -> None:
         try:
@@ -135,8 +168,11 @@ class Guard:
             self._port.outbox.add(body)
         elif kind == kinds.HELLO and len(body) >= kinds.HELLO_HEAD.size:
             self._greet(driver, body)
-        elif driver is self._commanding and kind == kinds.STOP:
-            self._halt(drops_plain=False)  # the last settings of its opening may wait
+        elif driver is self._commanding and kind == kinds.ASK and len(body) == kinds.ASK_BODY.size:
+            number, stops = kinds.ASK_BODY.unpack(body)
+            if stops:
+                self._halt(drops_plain=False)  # the last settings of its opening may wait
+            self._asked.append((number, time.monotonic_ns() + SEND_NS))
         elif driver is self._commanding and kind == kinds.DECIDED and len(body) > 8:
             self._decide(struct.unpack_from("<Q", body)[0], body[8:])
 
@@ -166,7 +202,7 @@ class Guard:
         driver.close()
         self._alone_since_ns = time.monotonic_ns()
         if driver is self._commanding:
-            self._commanding = None
+            self._commanding, self._asked = None, []
             self._halt()
 
     def _send_all(self, packet: bytes) -> None:

@@ -29,18 +29,21 @@ class Outbox:
         self._decided = b""
         self._plain: deque[bytes] = deque()
         self._line_free_ns = 0
+        self._is_newest = False  # what was handed out last is the newest stop or decision
+        self._is_sent: bool | None = None
 
     def stop(self, stop: bytes, now_ns: int, *, drops_plain: bool = True) -> None:
         """Drop the decision that waits, and plain packets if asked to; send `stop` repeatedly from now on."""
         self._decided, self._stop = b"", stop
+        self._is_newest, self._is_sent = False, not stop
         if drops_plain:
             self._plain.clear()
         self._stops_due = [now_ns + after_ns for after_ns in REPEATS_NS] if stop else []
 
     def decide(self, packet: bytes) -> None:
         """Send what was decided, in place of an older decision that waits, and repeat the stop no longer."""
-        self._decided = packet
-        self._stops_due = []
+        self._decided, self._stops_due = packet, []
+        self._is_newest = self._is_sent = False
 
     def add(self, packet: bytes) -> None:
         """Send a plain packet after those before it."""
@@ -51,6 +54,11 @@ class Outbox:
         """Forget everything: the port is lost."""
         self.stop(b"", 0)
         self._rest, self._line_free_ns = b"", 0
+        self._is_sent = None
+
+    def is_sent(self, now_ns: int) -> bool | None:
+        """Return True once the line has carried the newest stop or decision; None if there was none."""
+        return self._is_sent and now_ns >= self._line_free_ns
 
     def due_ns(self) -> int | None:
         """Return when the next packet is due; None if none waits."""
@@ -65,16 +73,20 @@ class Outbox:
         packet, self._rest = self._rest, b""
         if packet:
             return packet
+        self._is_newest = True
         if self._stops_due and now_ns >= self._stops_due[0]:
             self._stops_due.pop(0)
             return self._stop
         if self._decided:
             packet, self._decided = self._decided, b""
             return packet
+        self._is_newest = False
         return self._plain.popleft() if self._plain else b""
 
     def wrote(self, packet: bytes, taken: int, now_ns: int) -> None:
         """Note that the port took `taken` bytes of a packet."""
         self._rest = packet[taken:]
+        if self._is_newest and not self._rest:
+            self._is_sent = True
         wire_ns = taken * 10_000_000_000 // self._baud if self._baud else 0
         self._line_free_ns = now_ns + max(wire_ns, NO_ROOM_NS if self._rest else 0)

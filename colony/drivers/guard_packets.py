@@ -11,8 +11,14 @@ HELLO_HEAD = struct.Struct("<I?H")
 DECIDED = b"D"
 """From the driver that commands: u64 time of the decision (CLOCK_MONOTONIC, ns), bytes that carry it out."""
 
-STOP = b"S"
-"""From the driver that commands: stop now."""
+ASK = b"A"
+"""From the driver that commands: stop, if it says so, and answer once the newest stop or decision is sent."""
+
+ASK_BODY = struct.Struct("<I?")
+"""Body of a question: its number, and whether to stop."""
+
+SENT = b"S"
+"""To the driver that commands: u32 number of the question; empty, or why nothing was sent, as text."""
 
 PLAIN = b"P"
 """From any driver: bytes of a handshake, a setting or a query, which keep no base moving."""

@@ -12,6 +12,9 @@ from colony.drivers.link import Link, open_link
 RETRY_NS = (100_000_000, 2_000_000_000)
 """Pauses before a lost port is opened again: the first, which doubles, and the longest."""
 
+STABLE_NS = 1_000_000_000
+"""Time in ns after which a port that is lost is opened again without a pause."""
+
 
 class GuardedPort:
     """A port and what waits for it. Mutable; of the guard's thread.
@@ -42,27 +45,33 @@ class GuardedPort:
         self._on_status = on_status
         self.is_new = False
         self._link: Link | None = None
-        self._retry_ns, self._pause_ns = 0, RETRY_NS[0]
+        self._retry_ns, self._pause_ns, self._opened_ns = 0, RETRY_NS[0], 0
 
     @property
     def is_open(self) -> bool:
         """True while bytes can be sent."""
         return self._link is not None
 
+    @property
+    def is_sent(self) -> bool | None:
+        """True once the newest stop or decision has left this computer; None if there was none."""
+        is_sent = self.outbox.is_sent(time.monotonic_ns())
+        return is_sent and self._link is not None and self._link.unsent() == 0
+
     def due_ns(self) -> int | None:
         """Return when `do_what_is_due` has something to do."""
         return self._retry_ns if self._link is None else self.outbox.due_ns()
 
     def do_what_is_due(self) -> None:
-        """Open the port again, and write what the line has room for."""
-        if self._link is None and time.monotonic_ns() >= self._retry_ns:
-            self._open()
+        """Write what the line has room for, and open a port that is lost."""
         try:
             while self._link is not None and (packet := self.outbox.next(time.monotonic_ns())):
                 self.is_new = False
                 self.outbox.wrote(packet, self._link.write(packet), time.monotonic_ns())
         except OSError as problem:
             self._lose(f"{self.name} is lost: {problem.strerror or problem}")
+        if self._link is None and time.monotonic_ns() >= self._retry_ns:
+            self._open()
 
     def write_all(self, within_ns: int) -> None:
         """Write all that is due before `within_ns` have passed, and wait for it."""
@@ -82,7 +91,7 @@ class GuardedPort:
         except OSError as problem:
             self._lose(str(problem))
             return
-        self.is_new = True
+        self.is_new, self._opened_ns = True, time.monotonic_ns()
         self._selector.register(self._link, selectors.EVENT_READ, self._read)
         self._pause_ns = RETRY_NS[0]
         self._on_status(None)
@@ -102,6 +111,9 @@ class GuardedPort:
             self._selector.unregister(link)
             link.close()
         self.outbox.clear()
+        if link is not None and time.monotonic_ns() - self._opened_ns >= STABLE_NS:
+            self._retry_ns = 0  # whether it can be opened again says more than why it was lost
+            return
         self._retry_ns = time.monotonic_ns() + self._pause_ns
         self._pause_ns = min(2 * self._pause_ns, RETRY_NS[1])
         self._on_status(why)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import socket
 import struct
 import subprocess
@@ -14,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from colony.drivers.guard_packets import (
+    ASK,
+    ASK_BODY,
     DATA,
     DECIDED,
     HELLO,
@@ -22,7 +25,7 @@ from colony.drivers.guard_packets import (
     MAX_PACKET_BYTES,
     PLAIN,
     REFUSED,
-    STOP,
+    SENT,
     UP,
 )
 from colony.drivers.link import TCP, LinkError
@@ -35,6 +38,12 @@ START_AGAIN_S = 1.0
 """Seconds after which another guard is started: the first may have found one that was just ending."""
 
 CONNECT_PAUSE_S = 0.02
+
+KILL_S = 1.0
+"""Seconds that a killed guard may take to end."""
+
+_CREDENTIALS = struct.Struct("3i")
+"""The process, user and group at the other end of a socket."""
 
 _guards: list[subprocess.Popen[bytes]] = []
 """The guards that this process has started, which outlive it."""
@@ -79,7 +88,19 @@ class Arrived:
     t_ns: int
 
 
-Event = Up | Lost | Arrived
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """The answer to the question with this number: why the newest stop or decision was not sent, or empty."""
+
+    number: int
+    why: str
+
+
+Event = Up | Lost | Arrived | Sent
+
+
+class GuardError(LinkError):
+    """The guard has ended, or does not answer."""
 
 
 class GuardConnection:
@@ -95,7 +116,7 @@ class GuardConnection:
 
         Raises:
             LinkError: the guard refuses this connection.
-            ConnectionError: the guard has ended.
+            GuardError: the guard has ended.
         """
         if not self._readable.poll(timeout_s * 1000):
             return None
@@ -114,7 +135,9 @@ class GuardConnection:
             return Lost(body.decode())
         if kind == REFUSED:
             raise LinkError(body.decode())
-        raise ConnectionResetError("the guard of the port has ended")
+        if kind == SENT:
+            return Sent(struct.unpack_from("<I", body)[0], body[4:].decode())
+        raise GuardError("the guard of the port has ended")
 
     def decide(self, data: bytes, decided_ns: int) -> None:
         """Have bytes sent that carry out a frame that was decided at `decided_ns`.
@@ -132,13 +155,24 @@ class GuardConnection:
         """
         self._socket.send(PLAIN + data, socket.MSG_DONTWAIT)
 
-    def stop(self) -> None:
-        """Have the stop sent.
+    def ask_sent(self, number: int, *, stops: bool) -> None:
+        """Have the stop sent if it `stops`, and ask whether the newest stop or decision was; `Sent` answers.
 
         Raises:
             OSError: the guard has ended, or does not read.
         """
-        self._socket.send(STOP, socket.MSG_DONTWAIT)
+        self._socket.send(ASK + ASK_BODY.pack(number, stops), socket.MSG_DONTWAIT)
+
+    def kill_guard(self) -> None:
+        """Kill the guard, which may be frozen, and wait until its lock and its port are free."""
+        credentials = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+        with suppress(OSError):  # it has just ended
+            process = os.pidfd_open(_CREDENTIALS.unpack(credentials)[0])
+            try:
+                signal.pidfd_send_signal(process, signal.SIGKILL)
+                select.select([process], [], [], KILL_S)
+            finally:
+                os.close(process)
 
     def close(self) -> None:
         """End the connection; if it commands, the guard stops the base. Idempotent."""

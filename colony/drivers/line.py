@@ -10,16 +10,35 @@ from typing import Generic
 
 from colony.drivers.decoder import Packet
 from colony.drivers.dialect import REFUSALS, Dialect, OpeningError
-from colony.drivers.guarded import Arrived, Command, Event, GuardConnection, Lost, Up, connect
+from colony.drivers.guarded import (
+    Arrived,
+    Command,
+    Event,
+    GuardConnection,
+    GuardError,
+    Lost,
+    Sent,
+    Up,
+    connect,
+)
 from colony.drivers.link import TCP, LinkError
 from colony.drivers.measurements import Measurements
 from colony.drivers.opening import OpeningRun
 from colony.runtime.kit.background import next_pause_s
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
-from colony.runtime.servers.drivers import BEING_OPENED, BaseState, Reading
+from colony.runtime.servers.drivers import BaseState, Reading
 
 WAKE_S = 0.02
-"""Seconds between two looks at the time while the device is being opened, and at most while it is silent."""
+"""Seconds between two checks of what is due."""
+
+ANSWER_S = 0.13
+"""Seconds that a guard has to answer a stop; with `WAKE_S`, it is killed within 150 ms."""
+
+STATUS_S = 10.0
+"""Seconds that a guard has to say whether the port is open: it may be opening it."""
+
+SUCCESSOR_PAUSE_S = 0.2
+"""Seconds after which a line that only listens looks for the successor of a guard that has ended."""
 
 CLOSE_S = 1.0
 """Seconds that the thread has to end when the line is closed."""
@@ -69,7 +88,7 @@ class Line(Generic[Packet]):
         self._report = report
         self._problems: OnceReporter | None = None
         self._implausible = OnceReporter(report)
-        self._problem: str | None = "the port is not open yet"
+        self._problem: str | None = None
         self._lock = threading.Lock()
         self._measured = Measurements(
             rings=dialect.rings,
@@ -83,6 +102,11 @@ class Line(Generic[Packet]):
         self._heard_ns = 0
         self._heard_bytes = self._heard_packets = 0
         self._connection: GuardConnection | None = None
+        self._knows_port = False  # the guard has said whether the port is open
+        self._asked_number = 0
+        self._asked_ns = 0
+        self._unreached: str | None = None
+        self._answer_due: float | None = None
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"line {port}", daemon=True)
         self._thread.start()
@@ -91,22 +115,31 @@ class Line(Generic[Packet]):
 
     @property
     def problem(self) -> str | None:
-        """Why the device does not work: while it is opened, and from a failure until it works again."""
-        return self._problem if self._problems is not None or self._opening is not None else None
+        """Why the device does not work, from its first failure until it works again; else None."""
+        return self._problem if self._problems is not None else None
 
-    def decide(self, data: bytes) -> None:
+    @property
+    def is_opening(self) -> bool:
+        """True while the device is being opened, and has not failed."""
+        return not self._is_ready and self._problems is None
+
+    def decide(self, data: bytes, *, confirms: bool = False) -> None:
         """Send bytes that carry out the frame that is being decided, in the thread that decides it.
+
+        With `confirms`, `unreached` says what has become of them.
 
         Raises:
             OSError: the device is not ready, or the guard has ended.
         """
         connection = self._connection
         if connection is None or not self._is_ready:
-            raise ConnectionError(f"the base is not ready: {self._problem or 'it is being opened'}")
+            raise ConnectionError(f"the device is not ready: {self._problem or 'it is being opened'}")
         connection.decide(data, time.monotonic_ns())
+        if confirms:
+            self._ask_sent(connection)
 
     def stop(self) -> None:
-        """Send the stop, if the device is ready.
+        """Send the stop, if the device is ready; `unreached` says what has become of it.
 
         Until then nothing was decided since the stop of the guard, and without a guard nothing could move the
         base. More stops would disturb the handshake of a device that takes each packet for a part of it.
@@ -114,8 +147,22 @@ class Line(Generic[Packet]):
         Raises:
             OSError: the guard has just ended.
         """
-        if (connection := self._connection) is not None and self._is_ready:
-            connection.stop()
+        self._ask_sent(self._connection, stops=self._is_ready)
+
+    def _ask_sent(self, connection: GuardConnection | None, *, stops: bool = False) -> None:
+        """Ask the guard to stop, or only whether it has sent what it was given last."""
+        with self._lock:
+            self._asked_number += 1
+            self._unreached = f"{self._port}: the guard has not sent it"
+        if connection is not None and self._knows_port:
+            self._expect(connection, stops=stops)
+
+    @property
+    def unreached(self) -> str | None:
+        """Why the newest stop has not left this computer, or not yet; None once it has."""
+        if self._unreached is None or self._is_ready:
+            return self._unreached
+        return self._problem or self._unreached
 
     def base(self) -> BaseState | None:
         """Return the newest state of the base; None until the device is ready."""
@@ -144,26 +191,64 @@ class Line(Generic[Packet]):
                 self._serve(connect(self._port, self._baud, self._first_bytes, self._command))
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
+                if isinstance(problem, GuardError) and self._knows_port:
+                    pause_s = 0.0
+                    self._closed.wait(0.0 if self._command is not None else SUCCESSOR_PAUSE_S)
+                    continue
             pause_s = next_pause_s(pause_s, time.monotonic() - began)
             self._closed.wait(pause_s)
 
     def _serve(self, connection: GuardConnection) -> None:
         """Take what arrives, until the connection or the device is lost, which raises."""
+        self._knows_port, self._answer_due = False, time.monotonic() + STATUS_S
         self._connection = connection
+        wake_s = WAKE_S if self._command is not None else 10 * WAKE_S
         try:
             while not self._closed.is_set():
-                self._take(connection, connection.receive(WAKE_S if self._opening else 10 * WAKE_S))
+                event = connection.receive(wake_s)
+                if event is None:
+                    self._expect_answer(connection)
+                self._take(connection, event)
+        except BrokenPipeError:  # what the guard said before it closed the connection is still there
+            while True:
+                connection.receive(0.0)
         finally:
             self._connection, self._is_ready, self._opening = None, False, None
             connection.close()
 
+    def _expect(self, connection: GuardConnection, *, stops: bool) -> None:
+        """Expect an answer to what the guard is asked here."""
+        self._answer_due = self._answer_due or time.monotonic() + ANSWER_S
+        self._asked_ns = time.monotonic_ns()
+        connection.ask_sent(self._asked_number, stops=stops)
+
+    def _expect_answer(self, connection: GuardConnection) -> None:
+        """Kill a guard that has not answered in time, although nothing is left to be read.
+
+        Raises:
+            GuardError: it was killed.
+        """
+        if self._answer_due is not None and time.monotonic() >= self._answer_due:
+            connection.kill_guard()
+            raise GuardError(f"the guard of {self._port} did not answer, and was killed")
+
     def _take(self, connection: GuardConnection, event: Event | None) -> None:
         match event:
             case Up(baud=baud):
+                self._knows_port, self._answer_due = True, None
                 self._begin(connection, baud)
+                if self._unreached is not None and self._command is not None:
+                    self._expect(connection, stops=self._is_ready)
             case Lost(why=why):
+                self._knows_port, self._answer_due = True, None
                 self._is_ready, self._opening = False, None
                 self._lose(LinkError(why))
+            case Sent(number=number, why=why):
+                with self._lock:
+                    if number == self._asked_number:
+                        self._answer_due, self._unreached = None, f"{self._port}: {why}" if why else None
+                    else:  # the answer to a newer question follows
+                        self._answer_due = time.monotonic() + ANSWER_S
             case Arrived(data=data, t_ns=t_ns):
                 self._heard_bytes += len(data)
                 for packet in self._decoder.feed(data):
@@ -176,6 +261,12 @@ class Line(Generic[Packet]):
             self._end_opening(now_ns)
         elif self._is_ready and now_ns - self._heard_ns > self._dialect.silent_s * 1e9:
             self._lose_silent()
+        elif (
+            self._is_ready
+            and self._command is not None
+            and now_ns - max(self._heard_ns, self._asked_ns) > self._dialect.silent_s * 5e8
+        ):
+            self._ask_sent(connection)  # the guard may be frozen
 
     def _begin(self, connection: GuardConnection, baud: int) -> None:
         if baud != self._baud:
@@ -186,8 +277,6 @@ class Line(Generic[Packet]):
         self._dialect.restart()
         self._is_ready, self._heard_ns = self._command is None, time.monotonic_ns()
         if self._command is not None:
-            if self._problems is None:
-                self._problem = BEING_OPENED
             now_ns = time.monotonic_ns()
             self._opening = OpeningRun(self._dialect.opening(), connection.send, now_ns)
             self._end_opening(now_ns)
@@ -196,6 +285,8 @@ class Line(Generic[Packet]):
         if self._opening is not None and self._opening.is_done:
             self._opening, self._is_ready, self._heard_ns = None, True, now_ns
             self._note_success()
+            if self._unreached is not None and self._connection is not None:
+                self._expect(self._connection, stops=True)
 
     def _lose_silent(self) -> None:
         silence = f"nothing was heard for {self._dialect.silent_s:g} s"

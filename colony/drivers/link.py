@@ -13,6 +13,7 @@ import fcntl
 import os
 import socket
 import stat
+import sys
 import termios
 from collections.abc import Iterator
 from contextlib import suppress
@@ -40,6 +41,10 @@ class Link(Protocol):
 
     def write(self, data: bytes) -> int:
         """Send bytes, and return how many of them were taken: fewer than all if there is no room."""
+        ...
+
+    def unsent(self) -> int:
+        """Return the number of bytes that were taken and have not left this computer."""
         ...
 
     def fileno(self) -> int:
@@ -89,6 +94,10 @@ class _Descriptor:
             return os.write(self._descriptor, data)
         except BlockingIOError:
             return 0
+
+    def unsent(self) -> int:
+        found = fcntl.ioctl(self._descriptor, termios.TIOCOUTQ, bytes(4))
+        return int.from_bytes(found, sys.byteorder)
 
     def fileno(self) -> int:
         return self._descriptor

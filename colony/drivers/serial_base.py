@@ -65,6 +65,11 @@ class SerialBase(Generic[Packet]):
         """Why the base does not work, from its first failure until it works again; else None."""
         return self._line.problem
 
+    @property
+    def is_opening(self) -> bool:
+        """True while the device is being opened, and has not failed."""
+        return self._line.is_opening
+
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:
         """Drive as decided in this frame.
 
@@ -86,6 +91,11 @@ class SerialBase(Generic[Packet]):
             self._line.stop()
         except OSError as problem:
             self._report(f"the stop was not sent: {exception_text(problem)}")
+
+    @property
+    def unreached(self) -> str | None:
+        """Why the last stop has not left this computer, or not yet; None once it has."""
+        return self._line.unreached
 
     def watch_bumpers(self, watched: bool) -> None:
         """Let the base itself stop at a bumper or not, if it can."""
@@ -129,8 +139,13 @@ class SerialFields(Generic[Packet]):
 
     @property
     def problem(self) -> str | None:
-        """Why the device does not work now; None while it does."""
+        """Why the device does not work, from its first failure until it works again; else None."""
         return self._line.problem
+
+    @property
+    def is_opening(self) -> bool:
+        """True while the device is being opened, and has not failed."""
+        return self._line.is_opening
 
     def fields(self) -> Mapping[str, Reading | None]:
         """Return the newest reading of each field."""

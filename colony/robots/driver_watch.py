@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 
 from colony.robots.discovery import session_with
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.robot_state import failing_parts
-from colony.runtime.servers.drivers import BEING_OPENED
 from colony.runtime.transport.live.errors import LiveError
 from colony.runtime.transport.live.robot_address import RobotAddress
+from colony.text.wording import listed
 
 WATCH_INTERVAL_S = 1.0
 """Seconds between two looks at the drivers."""
@@ -25,8 +25,8 @@ MAX_REASONS = 5
 class DriverReports:
     """Reports which servers have a driver that fails. Mutable: remembers which do.
 
-    Each reason is reported once in an outage. Of servers that fail for one reason, such as those of one port,
-    only the first has it spelled out. A device that is being opened has not failed.
+    Each reason is reported once in an outage. Servers that fail for one reason, such as those of one port,
+    share a line, and so does the end of their outage.
 
     Attributes:
         first: the first line about each server whose driver has failed, in order.
@@ -34,29 +34,37 @@ class DriverReports:
 
     def __init__(self, report: Callable[[str], None]) -> None:
         self._report = report
-        self._reasons: dict[str, list[str]] = {}  # of each outage that lasts, the newest one last
+        self._reasons: dict[str, list[str]] = {}  # of each server that fails, the newest one last
+        self._recovered: dict[str, str] = {}  # the last reason of servers that work again
         self.first: dict[str, str] = {}
 
-    def update(self, server: str, failing: tuple[str, ...] | None) -> None:
-        """Take the parts of a server that fail; None, which changes nothing, if it does not answer."""
-        if failing:
-            if failing[0] != BEING_OPENED:
-                self.first.setdefault(server, failing[0])
-            self._note(server, failing[0])
-        elif failing is not None and (reasons := self._reasons.pop(server, None)) is not None:
-            self._report(f"{server} works" if reasons == [BEING_OPENED] else f"{server} works again")
+    def update(self, found: Mapping[str, tuple[str, ...] | None]) -> None:
+        """Take the parts of servers that fail; None, which changes nothing, for one that does not answer."""
+        fresh: dict[str, list[str]] = {}
+        known = self._known()
+        for server, failing in found.items():
+            if failing:
+                self._note(server, failing[0])
+                if failing[0] in self._reasons[server] and failing[0] not in known:
+                    fresh.setdefault(failing[0], []).append(server)
+            elif failing is not None and server in self._reasons:
+                self._recovered[server] = self._reasons.pop(server)[-1]
+        for reason, servers in fresh.items():
+            self._report(f"{listed(servers, 'and')} {'fail' if len(servers) > 1 else 'fails'}: {reason}")
+        for reason in set(self._recovered.values()) - self._known():
+            servers = [server for server, last in self._recovered.items() if last == reason]
+            self._report(f"{listed(servers, 'and')} {'work' if len(servers) > 1 else 'works'} again")
+            self._recovered = {s: last for s, last in self._recovered.items() if last != reason}
+
+    def _known(self) -> set[str]:
+        return {reason for reasons in self._reasons.values() for reason in reasons}
 
     def _note(self, server: str, reason: str) -> None:
-        reported = self._reasons.setdefault(server, [])
-        if reason in reported or len(reported) >= MAX_REASONS:
-            return
-        others = (s for s, reasons in self._reasons.items() if s != server and reasons[-1:] == [reason])
-        likewise = next(others, None)
-        reported.append(reason)
-        if reason == BEING_OPENED:
-            self._report(f"{server}: {reason}")
-        else:
-            self._report(f"{server} fails: {reason if likewise is None else f'as {likewise} does'}")
+        self.first.setdefault(server, reason)
+        self._recovered.pop(server, None)
+        reasons = self._reasons.setdefault(server, [])
+        if reason not in reasons and len(reasons) < MAX_REASONS:
+            reasons.append(reason)
 
 
 class DriverWatch:
@@ -99,8 +107,9 @@ class DriverWatch:
 
     def _watch(self, session: Session) -> None:
         while not self._closed.wait(WATCH_INTERVAL_S):
+            found: dict[str, tuple[str, ...] | None] = {}
             for server in self._servers:
-                failing = failing_parts(session, server)
+                found[server] = failing_parts(session, server)
                 if self._closed.is_set():
                     return
-                self._reports.update(server, failing)
+            self._reports.update(found)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.cli.conftest import Colony
 from tests.cli.machine import Machine
-from tests.drivers.test_guard import guard_runs
+from tests.drivers.test_guard import guard_pid, guard_runs
 from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny
 from tests.drivers.tiny_robot import TinyRobot
 from tests.test_drivers_page import write_files
@@ -33,6 +33,16 @@ def test_the_robot_of_the_page(machine: Machine, tmp_path: Path) -> None:
         before = len(rover.heard)
         until(lambda: stop in [data for data, _ in rover.heard[before:]], "the base stands")
         until(lambda: rover.speeds == (300, 0) or served.ended(), "a new RServer drives it again")
+        guard = guard_pid(rover)
+        os.kill(guard, signal.SIGSTOP)
+        stopped = machine.start("stop", "--robot", "rome")
+        assert stopped.wait() == 1
+        assert "RServer is stopped, but the stop has not reached its device: the guard of" in stopped.err
+        until(lambda: rover.speeds == (0, 0), "the next guard stops the base")
+        assert guard_pid(rover) != guard
+        until(lambda: machine.start("stop", "--robot", "rome").wait() == 0, "a stop is acknowledged again")
+        assert machine.start("stop", "--robot", "rome", "--release").wait() == 0
+        until(lambda: rover.speeds == (300, 0) or served.ended(), "it drives again")
         assert "nothing stops `RServer`" in served.err
         run.tell(signal.SIGINT)
         assert run.wait() == 130

@@ -85,6 +85,7 @@ def robot(tmp_path: Path) -> Iterator[TinyRobot]:
     yield robot
     if guard_runs(robot):
         os.kill(guard_pid(robot), signal.SIGTERM)
+        os.kill(guard_pid(robot), signal.SIGCONT)
         wait_for(lambda: not guard_runs(robot))
     robot.close()
     for process in guarded._guards:
@@ -140,6 +141,66 @@ def test_a_killed_guard_has_a_successor(robot: TinyRobot, driving: subprocess.Po
     wait_for(lambda: guard_runs(robot) and guard_pid(robot) != first)
     robot.speeds = (0, 0)
     wait_for(lambda: robot.speeds == (300, 0))
+
+
+def test_each_successor_of_a_killed_guard_is_started_at_once(robot: TinyRobot) -> None:
+    pauses: list[float] = []
+    driver = base(os.fspath(robot.port))
+    try:
+        wait_for(driver.state)
+        driver._line._closed.wait = lambda s: bool(pauses.append(s))  # type: ignore[method-assign]
+        for _ in range(5):
+            first = guard_pid(robot)
+            os.kill(first, signal.SIGKILL)
+            wait_for(lambda first=first: guard_runs(robot) and guard_pid(robot) != first)
+            wait_for(driver.state)
+        assert len(pauses) >= 5
+        assert max(pauses) < 0.5  # pauses that double would be 1.6 s long by now
+    finally:
+        driver.close()
+
+
+def test_a_stop_is_reached_once_it_is_on_the_wire(robot: TinyRobot) -> None:
+    driver = base(os.fspath(robot.port))
+    try:
+        wait_for(driver.state)
+        driver.drive(100.0, 0.0)
+        wait_for(lambda: robot.speeds == (100, 0))
+        driver.stop()
+        wait_for(lambda: driver.unreached is None)
+        wait_for(lambda: robot.speeds == (0, 0))
+        robot.pull_out()
+        wait_for(lambda: "there is no port" in (driver.problem or ""))
+        driver.stop()
+        wait_for(lambda: "there is no port" in (driver.unreached or ""))
+        robot.plug_in()
+        wait_for(lambda: driver.unreached is None)
+    finally:
+        driver.close()
+
+
+@pytest.mark.parametrize("is_stopped", [True, False])
+def test_a_frozen_guard_is_killed_and_its_successor_stops_the_base(
+    robot: TinyRobot, is_stopped: bool
+) -> None:
+    reports: list[str] = []
+    driver = SerialBase(Tiny(), os.fspath(robot.port), report=reports.append)
+    try:
+        wait_for(driver.state)
+        driver.drive(100.0, 0.0)
+        wait_for(lambda: robot.speeds == (100, 0))
+        first = guard_pid(robot)
+        os.kill(first, signal.SIGSTOP)
+        if is_stopped:
+            driver.stop()
+            assert driver.unreached
+        wait_for(lambda: guard_runs(robot) and guard_pid(robot) != first)
+        wait_for(lambda: robot.speeds == (0, 0))
+        wait_for(driver.state)
+        assert driver.unreached is None
+        assert reports[0] == f"the guard of {robot.port} did not answer, and was killed"
+    finally:
+        driver.close()
 
 
 def test_the_successor_of_a_killed_guard_stops_the_base_for_one_that_only_listens(
@@ -226,7 +287,7 @@ def test_one_driver_alone_commands(robot: TinyRobot) -> None:
     first = connect(os.fspath(robot.port), 0, b"", command)
     os.kill(guard_pid(robot), signal.SIGSTOP)
     second = connect(os.fspath(robot.port), 0, b"", command)
-    second.stop()  # the guard refuses before it has read this, which would lose what it said
+    second.ask_sent(1, stops=True)  # the guard refuses before it has read this, which would lose what it said
     os.kill(guard_pid(robot), signal.SIGCONT)
     try:
         refusals = []
@@ -248,7 +309,7 @@ def test_a_pulled_cable(robot: TinyRobot) -> None:
         robot.pull_out()
         wait_for(lambda: driver.state() is None)
         wait_for(lambda: "there is no port" in (driver.problem or ""))
-        with pytest.raises(ConnectionError, match="the base is not ready: there is no port"):
+        with pytest.raises(ConnectionError, match="the device is not ready: there is no port"):
             driver.drive(100.0, 0.0)
         robot.heard.clear()
         robot.plug_in()

@@ -51,6 +51,23 @@ def test_a_decision_ends_the_repeats() -> None:
     assert written(outbox, 1000 * MS) == [b"go"]
 
 
+def test_a_stop_is_sent_once_the_line_has_carried_all_of_it() -> None:
+    outbox = Outbox(9600)
+    assert outbox.is_sent(0) is None
+    outbox.stop(b"stop", 0)
+    packet = outbox.next(0)
+    outbox.wrote(packet, 2, 0)
+    assert outbox.is_sent(10 * MS) is False
+    outbox.wrote(outbox.next(10 * MS), 2, 10 * MS)
+    assert [outbox.is_sent(10 * MS), outbox.is_sent(13 * MS)] == [False, True]
+    outbox.add(b"query")
+    outbox.decide(b"go")
+    assert written(outbox, 20 * MS) == [b"go"]
+    assert outbox.is_sent(30 * MS)
+    outbox.clear()
+    assert outbox.is_sent(40 * MS) is None
+
+
 def test_nothing_waits_where_it_cannot_be_dropped() -> None:
     outbox = Outbox(9600)  # 9 bytes take 9.375 ms
     outbox.add(b"nine byte")

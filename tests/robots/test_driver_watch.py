@@ -3,63 +3,55 @@
 from __future__ import annotations
 
 from colony.robots.driver_watch import MAX_REASONS, DriverReports
-from colony.runtime.servers.drivers import BEING_OPENED
+
+BUS, POWER, PORT = ("no bus",), ("no power",), ("no port",)
+FINE: tuple[str, ...] = ()
 
 
 def test_each_reason_of_an_outage_and_its_end_are_one_line() -> None:
     reports: list[str] = []
     drivers = DriverReports(reports.append)
-    bus, power = "no bus", "no power"
-    states: list[tuple[str, ...] | None] = [(), (bus, power), (power,), None, (bus,), (), ()]
-    for failing in states:
-        drivers.update("Lidar", failing)
-        drivers.update("Lift", ())
-        drivers.update("Floor", None)
-    drivers.update("Lidar", (power,))
+    for failing in (FINE, BUS + POWER, POWER, None, BUS, FINE, FINE, POWER):
+        drivers.update({"Lidar": failing, "Lift": FINE, "Floor": None})
     assert reports == [
         "Lidar fails: no bus",
         "Lidar fails: no power",
         "Lidar works again",
         "Lidar fails: no power",
     ]
-    assert drivers.first == {"Lidar": bus}
+    assert drivers.first == {"Lidar": "no bus"}
 
 
-def test_one_reason_of_several_servers_is_spelled_out_once() -> None:
+def test_servers_of_one_reason_share_a_line_and_so_does_their_end() -> None:
     reports: list[str] = []
     drivers = DriverReports(reports.append)
-    for server in ("RServer", "Sonar", "Battery"):
-        drivers.update(server, ("no port",))
-    drivers.update("RServer", ())
-    drivers.update("Panel", ("no port",))
+    for looks in (
+        {"RServer": PORT, "Sonar": PORT, "Battery": FINE, "Lidar": BUS},
+        {"RServer": PORT, "Sonar": PORT, "Battery": PORT, "Lidar": BUS},
+        {"RServer": FINE, "Sonar": PORT, "Battery": PORT, "Lidar": BUS},
+        {"RServer": None, "Sonar": FINE, "Battery": FINE, "Lidar": BUS},
+        {"RServer": FINE, "Sonar": PORT, "Battery": FINE, "Lidar": BUS},
+    ):
+        drivers.update(looks)
     assert reports == [
-        "RServer fails: no port",
-        "Sonar fails: as RServer does",
-        "Battery fails: as RServer does",
-        "RServer works again",
-        "Panel fails: as Sonar does",
+        "RServer and Sonar fail: no port",
+        "Lidar fails: no bus",
+        "RServer, Sonar and Battery work again",
+        "Sonar fails: no port",
     ]
-    assert set(drivers.first.values()) == {"no port"}
+    assert drivers.first == {
+        "RServer": "no port",
+        "Sonar": "no port",
+        "Lidar": "no bus",
+        "Battery": "no port",
+    }
 
 
 def test_the_reasons_of_an_outage_are_limited() -> None:
     reports: list[str] = []
     drivers = DriverReports(reports.append)
     for number in range(20):
-        drivers.update("Lidar", (f"error {number}",))
+        drivers.update({"Lidar": (f"error {number}",)})
     assert len(reports) == MAX_REASONS
-    drivers.update("Lidar", ())
+    drivers.update({"Lidar": FINE})
     assert reports[-1] == "Lidar works again"
-
-
-def test_a_device_that_is_being_opened_has_not_failed() -> None:
-    reports: list[str] = []
-    drivers = DriverReports(reports.append)
-    for failing in [(BEING_OPENED,), (BEING_OPENED,), ()]:
-        drivers.update("RServer", failing)
-    assert reports == [f"RServer: {BEING_OPENED}", "RServer works"]
-    assert drivers.first == {}
-    for failing in [(BEING_OPENED,), ("no answer",), ()]:
-        drivers.update("RServer", failing)
-    assert reports[2:] == [f"RServer: {BEING_OPENED}", "RServer fails: no answer", "RServer works again"]
-    assert drivers.first == {"RServer": "no answer"}

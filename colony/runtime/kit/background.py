@@ -108,7 +108,7 @@ class Background:
         self._lost: BlockingDevice | None = None
         self._newest: dict[str, tuple[Value | tuple[ScalarValue | None, ...], int]] = {}
         self._problem = "it is not open yet"
-        self._safe_due = False
+        self._safe_due = self._safe_missed = False
         self._commands: dict[str, Mapping[str, ScalarValue]] = {}
         self._sending_since_ns: int | None = None
         self._threads = [
@@ -124,6 +124,15 @@ class Background:
     def problem(self) -> str | None:
         """Why the device does not work, from its first failure until it works again; else None."""
         return None if self._problems is None else self._problem
+
+    @property
+    def unreached(self) -> str | None:
+        """Why the device has not taken the last command, or `safe`, or not yet; None once it has."""
+        with self._changed:
+            if self._safe_missed:
+                return f"the device does not work: {self._problem}"
+            is_pending = self._safe_due or self._commands or self._sending_since_ns is not None
+            return "the device has not taken what it was sent" if is_pending else None
 
     def fields(self) -> Mapping[str, Reading | None]:
         """Return the newest readings with their ages; none while the device does not work."""
@@ -155,6 +164,7 @@ class Background:
         with self._changed:
             self._commands.clear()
             self._safe_due = self._device is not None  # one that is opened later is made safe then
+            self._safe_missed = self._device is None
             self._changed.notify_all()
 
     def close(self) -> None:
@@ -188,7 +198,7 @@ class Background:
         """Take commands for a device from now on; False, and release it, if the driver is closed already."""
         with self._changed:
             if not self._closed.is_set():
-                self._device = device
+                self._device, self._safe_missed = device, False
                 return True
         device.close()
         return False
@@ -252,6 +262,7 @@ class Background:
                     return  # the other thread found the problem first, and released it
                 self._lost = device
                 if device is self._device:
+                    self._safe_missed = self._safe_due or self._sending_since_ns is not None
                     self._device, self._newest, self._commands = None, {}, {}
             with suppress(Exception):
                 device.close()

@@ -27,7 +27,7 @@ from colony.runtime.kit.description import (
     in_base_units,
     parameter_type,
 )
-from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
+from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text, headline
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of
 from colony.runtime.servers.command_values import expected_instead
 from colony.runtime.servers.commanding import NotSentError
@@ -41,11 +41,15 @@ class Parameter(NamedTuple):
 
 
 class Command(NamedTuple):
-    """A command: its description, the function that performs it, and the one that makes its device safe."""
+    """A command: its description, the function that performs it, and the one that makes its device safe.
+
+    `unreached` returns why the device has not been reached by either, or not yet, although they returned.
+    """
 
     description: CommandDescription
     perform: Callable[..., object]
     safe: Callable[[], object] | None
+    unreached: Callable[[], tuple[str, ...]] = tuple
 
 
 def command(
@@ -191,6 +195,7 @@ class CommandPerformer:
         self._problems = OnceReporter(report)
         self._actuators: dict[str, ActuatorSpec] = {}
         self._unsafe: set[str] = set()
+        self._unstopped: dict[str, str] = {}  # why the devices of commands are neither idle nor safe
 
     @property
     def failing(self) -> tuple[str, ...]:
@@ -255,6 +260,12 @@ class CommandPerformer:
         """True unless a device could not be made safe, and has performed no command since."""
         return not self._unsafe
 
+    @property
+    def unreached(self) -> tuple[str, ...]:
+        """One line for each device that is neither idle nor safe after a stop, or not yet."""
+        waiting = (line for command in self._commands.values() for line in command.unreached())
+        return tuple(dict.fromkeys((*self._unstopped.values(), *waiting)))
+
     def retry(self) -> None:
         """Try again to make the devices safe that could not be made safe."""
         for name in tuple(self._unsafe):
@@ -289,10 +300,12 @@ class CommandPerformer:
 
     def _note_safe(self, name: str) -> None:
         self._unsafe.discard(name)
+        self._unstopped.pop(name, None)
         self._problems.note_success(f"{_SAFE_OF}{name}")
 
     def _report_failure(self, name: str, what: str, failure: BaseException) -> None:
         problem = failure_text(f"{what}{self._server}.{name}", failure)
+        self._unstopped[name] = headline(problem)
         self._problems.report(f"{what}{name}", type(failure).__name__, problem)
 
     # --- deployments ---------------------------------------------------------------------------------

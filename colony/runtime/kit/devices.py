@@ -24,7 +24,7 @@ from colony.runtime.kit.once import OnceReporter, Report, failure_text
 from colony.runtime.kit.service import Service
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.drivers import DeviceDriver, Reading, problems_of
+from colony.runtime.servers.drivers import DeviceDriver, Reading, is_opening, problems_of, unreached_of
 from colony.text.wording import listed
 
 
@@ -85,6 +85,11 @@ class DeviceReader:
     def failing(self) -> tuple[str, ...]:
         """One line for each problem that the driver has now, or says that it has."""
         return (*problems_of(self._driver), *self._problems.failing)
+
+    @property
+    def opening(self) -> bool:
+        """True while the device is being opened."""
+        return is_opening(self._driver)
 
     def read(self, now_ns: int) -> Fields:
         """Return the fields at `now_ns`; None for those without a value."""
@@ -209,6 +214,7 @@ def _command(spec: CommandSpec, driver: DeviceDriver) -> Command:
         CommandDescription(name=spec.name, parameters=parameters),
         in_units(perform, factors),
         partial(driver.safe),
+        partial(unreached_of, driver),
     )
 
 

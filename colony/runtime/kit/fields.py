@@ -120,6 +120,11 @@ class FieldReader:
         """One line for each field that cannot be read now."""
         return self._problems.failing
 
+    @property
+    def opening(self) -> bool:
+        """False: its fields are functions, and no device is opened."""
+        return False
+
     def read(self, now_ns: int) -> Fields:
         """Return the fields at `now_ns`; None for those without a value."""
         samples = {field.description.name: self._sample(field, now_ns) for field in self._fields}

@@ -49,7 +49,8 @@ class ServerState(msgspec.Struct, frozen=True, kw_only=True):
 
     `state` is "up", "down" (absent) or "silent" (present, but not answering). `process` is known only on the
     robot's own machine. `connections` are those of its clients; `full` describes the limits that it reached,
-    `failing` the drivers, or functions of a user, that fail now.
+    `failing` the drivers, or functions of a user, that fail now; `opening` means that the device is being
+    opened.
     """
 
     server: str
@@ -59,6 +60,7 @@ class ServerState(msgspec.Struct, frozen=True, kw_only=True):
     malformed: int = 0
     full: tuple[str, ...] = ()
     failing: tuple[str, ...] = ()
+    opening: bool = False
     problem: str | None = None
 
 
@@ -159,15 +161,20 @@ def _query(session: Session, name: str, is_present: bool, process: int | None) -
         malformed=status.malformed,
         full=status.full,
         failing=status.failing,
+        opening=status.opening,
     )
     return server_state, details
 
 
 def failing_parts(session: Session, server: str) -> tuple[str, ...] | None:
-    """Return a line for each part of a server that fails now; None if the server does not answer."""
+    """Return a line for each part of a server that fails now.
+
+    None if the server does not answer, or if its device is being opened and has not failed.
+    """
     try:
         with session.connect(server, name=READER, timeout_s=ANSWER_TIMEOUT_S) as connection:
-            return connection.do(STATUS).failing
+            status = connection.do(STATUS)
+            return None if status.opening and not status.failing else status.failing
     except RobotConnectionError:
         return None
 

@@ -75,6 +75,11 @@ class Reads(Protocol):
         """One line for each problem that reading them has now."""
         ...
 
+    @property
+    def opening(self) -> bool:
+        """True while the device that they are read from is being opened."""
+        ...
+
     def read(self, now_ns: int) -> Fields:
         """Return the fields at `now_ns`; None for those without a value."""
         ...
@@ -154,6 +159,7 @@ class Service:
         if self._retry_due_ns is None and not self._performer.is_safe:
             self._retry_due_ns = now_ns + RETRY_SAFE_NS
             yield WakeAt(self._retry_due_ns)
+        yield from self._calls.answer_stops(now_ns)
 
     def _handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         actuators = self._actuators
@@ -184,7 +190,11 @@ class Service:
         actuators = self._actuators
         if actuators is None:
             return CallDispatcher(
-                self.address, methods, other_limit_messages=self._limit_messages, failing=self._failing
+                self.address,
+                methods,
+                other_limit_messages=self._limit_messages,
+                failing=self._failing,
+                opening=lambda: self._reader.opening,
             )
         deploy = calls.method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES)
         reserved = (deploy, *actuators.methods)
@@ -202,8 +212,10 @@ class Service:
             (*methods, *reserved),
             on_lost=on_lost,
             stop=actuators.stop,
+            unreached=lambda: self._performer.unreached,
             other_limit_messages=self._limit_messages,
             failing=self._failing,
+            opening=lambda: self._reader.opening,
         )
 
     def _failing(self) -> tuple[str, ...]:

@@ -44,6 +44,12 @@ LEASE_NS = 750_000_000
 MAX_ANSWER_BYTES = 8 * 1024 * 1024
 """Byte limit of the replies kept for all connections together."""
 
+STOP_DEADLINE_NS = 150_000_000
+"""Nanoseconds that a stop may take to reach the devices of a server, before it is refused as not reached."""
+
+STOP_CHECK_NS = 2_000_000
+"""Nanoseconds between two checks that a stop has reached the devices."""
+
 STOPS_KEPT = 256
 """Number of replies to emergency stops that are kept, so that a repeated call does not stop again."""
 
@@ -74,8 +80,9 @@ class RefusedError(Exception):
     """A call that a server refuses to carry out.
 
     `code` is for programs: "arguments", "size", "method", "right", "closed", "malformed", "full", or a code
-    of the server's own. Further codes are "flood", from the server's inbox, for calls that came too fast, and
-    "not kept", for an emergency stop that the Clock could not write to its file.
+    of the server's own. Further codes are "flood", from the server's inbox, for calls that came too fast;
+    "not kept", for an emergency stop that the Clock could not write to its file; and "not reached", for one
+    that has not reached a device.
     """
 
     def __init__(self, code: str, message: str) -> None:
@@ -162,7 +169,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
 
     `full` has a message for each limit that is reached, or has been since the server started, and for
     anything else that needs attention. `failing` has a line for each part of a driver, or of a user's server,
-    that fails now.
+    that fails now. `opening` is true while the device is being opened.
     """
 
     server: str
@@ -171,6 +178,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     last_malformed: str | None
     full: tuple[str, ...] = ()
     failing: tuple[str, ...] = ()
+    opening: bool = False
 
 
 _RIGHTS: dict[Right, tuple[Right, ...]] = {
@@ -197,8 +205,11 @@ class CallDispatcher:
         on_lost: called when a connection has ended, by `close` or by its lease; returns effects.
         stop: carries out an emergency stop, given the connection and the time; raises `RefusedError` if it
             could not do all of it. None if the server has nothing to stop.
+        unreached: returns a line for each device that the last stop has not reached, or not yet; None if the
+            stop is complete when `stop` returns. Otherwise `answer_stops` answers it.
         other_limit_messages: returns messages for `status` about limits reached in other parts of the server.
         failing: returns a line for `status` for each driver, or function of a user, that fails now.
+        opening: returns True while the device of the server is being opened.
         lease_ns: nanoseconds without a sign of life after which a connection is lost.
     """
 
@@ -210,14 +221,18 @@ class CallDispatcher:
         admit: Callable[[Caller], None] = lambda caller: None,
         on_lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
         stop: Callable[[str, int], None] | None = None,
+        unreached: Callable[[], tuple[str, ...]] | None = None,
         other_limit_messages: Callable[[], Iterable[str]] = lambda: (),
         failing: Callable[[], tuple[str, ...]] = lambda: (),
+        opening: Callable[[], bool] = lambda: False,
         lease_ns: int = LEASE_NS,
     ) -> None:
         self._server = server
         self._lease_ns = lease_ns
-        self._failing = failing
+        self._failing, self._opening = failing, opening
         self._stop = stop
+        self._unreached = unreached
+        self._unanswered_stops: dict[tuple[str, int], int] = {}
         self._other_limit_messages = other_limit_messages
         built_in = (
             method("open", Open, lambda *_: None, right="read"),
@@ -240,7 +255,7 @@ class CallDispatcher:
         """Handle a call, a sign of life, a malformed message, or a wake; ignore every other message."""
         match message:
             case Call(method=called) if called == EMERGENCY_STOP and self._stop is not None:
-                yield self._stop_at_once(self._stop, message, now_ns)
+                yield from self._stop_at_once(self._stop, message, now_ns)
             case Call():
                 yield from self._call(message, now_ns)
             case Alive():
@@ -276,6 +291,28 @@ class CallDispatcher:
             else:
                 yield from self.answer(call_id, result)
 
+    def answer_stops(self, now_ns: int) -> Iterator[Effect]:
+        """Answer the stops that have reached the devices, or have not in `STOP_DEADLINE_NS`.
+
+        To be called after every message, by servers that gave `unreached`.
+        """
+        if not self._unanswered_stops:
+            return
+        unreached = () if self._unreached is None else self._unreached()
+        for stop_id, since_ns in tuple(self._unanswered_stops.items()):
+            problem = None
+            if unreached:
+                if now_ns < since_ns + STOP_DEADLINE_NS:
+                    continue
+                text = f"{self._server} is stopped, but the stop has not reached its device"
+                problem = Problem(
+                    code="not reached", message=f"{text}: {'; '.join(unreached)}"[:MAX_TEXT_LENGTH]
+                )
+            del self._unanswered_stops[stop_id]
+            yield self._answer_stop(*stop_id, problem)
+        if self._unanswered_stops:
+            yield WakeAt(now_ns + STOP_CHECK_NS)
+
     def notify(self, caller: Caller, subject: str, body: object) -> Iterator[Effect]:
         """Send a notice to a caller, if it is still connected."""
         if caller.connection in self._connections:
@@ -285,17 +322,21 @@ class CallDispatcher:
 
     # --- calls ---------------------------------------------------------------------------------------
 
-    def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Effect:
+    def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Iterator[Effect]:
         """Carry out an emergency stop, even without an open connection, and regardless of priority.
 
         A repeated call does not stop again, as the first stop may have been released in the meantime.
         """
-        earlier_reply = self._stops.get((call.connection, call.number))
-        if earlier_reply is not None:
-            return earlier_reply
+        stop_id = call.connection, call.number
+        if (earlier_reply := self._stops.get(stop_id)) is not None:
+            yield earlier_reply
+            return
+        if stop_id in self._unanswered_stops:
+            return
         if call.right == "read":
             text = f"{self._server}.{EMERGENCY_STOP} needs the right to stop, not to read"
-            return self._fail(call.connection, call.number, Problem(code="right", message=text))
+            yield self._fail(*stop_id, Problem(code="right", message=text))
+            return
         connection = self._connections.get(call.connection)
         if connection is not None:
             connection.last_message_ns = now_ns
@@ -303,11 +344,16 @@ class CallDispatcher:
         try:
             stop(call.connection, now_ns)
         except RefusedError as refused:
-            sent = self._fail(call.connection, call.number, refused.problem)
+            yield self._answer_stop(*stop_id, refused.problem)
         else:
-            reply = Reply(connection=call.connection, number=call.number)
-            sent = Send(topics.replies(self._server, call.connection), reply)
-        self._stops[call.connection, call.number] = sent
+            if self._unreached is None:
+                yield self._answer_stop(*stop_id, None)
+            else:
+                self._unanswered_stops[stop_id] = now_ns
+
+    def _answer_stop(self, connection: str, number: int, problem: Problem | None) -> Effect:
+        reply = Reply(connection=connection, number=number, problem=problem)
+        sent = self._stops[connection, number] = Send(topics.replies(self._server, connection), reply)
         if len(self._stops) > STOPS_KEPT:
             self._stops.popitem(last=False)
         return sent
@@ -455,6 +501,7 @@ class CallDispatcher:
             last_malformed=self._last_malformed,
             full=(*self._limit_messages, *self._other_limit_messages()),
             failing=self._failing(),
+            opening=self._opening(),
         )
 
     # --- leases --------------------------------------------------------------------------------------

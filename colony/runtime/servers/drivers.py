@@ -19,9 +19,6 @@ from colony.runtime.protocol.messages import Sample
 MAX_PROBLEM_LENGTH = 200
 """Maximum length of the problem of a driver, in characters; the rest is cut off."""
 
-BEING_OPENED = "the device is being opened"
-"""The problem of a driver whose device has not failed, and is not ready yet."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseState:
@@ -141,11 +138,36 @@ def problems_of(driver: object) -> tuple[str, ...]:
         return ()
 
 
+def is_opening(driver: object) -> bool:
+    """Return True if a driver says, by its property `is_opening`, that its device is not ready yet.
+
+    A device that is being opened has not failed: its driver has no `problem`.
+    """
+    try:
+        return getattr(driver, "is_opening", False) is True
+    except Exception:  # a property of a user's class
+        return False
+
+
+def unreached_of(driver: object) -> tuple[str, ...]:
+    """Return why the last stop, or `safe`, has not reached the device of a driver; nothing if it has.
+
+    A driver whose stop takes a while after the method has returned has a property `unreached`: the reason, or
+    None once the stop has reached the device.
+    """
+    try:
+        why = getattr(driver, "unreached", None)
+    except Exception as problem:  # a property of a user's class
+        why = f"`unreached` failed: {type(problem).__name__}"
+    return (str(why)[:MAX_PROBLEM_LENGTH],) if why else ()
+
+
 class DeviceDriver(Protocol):
     """A device with fields and commands of any kind, in the units that the robot's interface declares.
 
     A driver may be a class of a user. Whatever it raises is reported, and counts as no value or as a command
-    that was not sent. A driver may have a property `problem`: why its device does not work now, or None.
+    that was not sent. A driver may have the properties `problem` (`problems_of`), `is_opening` and
+    `unreached` (`unreached_of`).
     """
 
     def fields(self) -> Mapping[str, Reading | None]:

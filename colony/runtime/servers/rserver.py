@@ -50,7 +50,7 @@ from colony.runtime.servers.base_actuator import (
     values_of,
 )
 from colony.runtime.servers.commanding import ActuatorCounts, CommandDispatcher, NotSentError
-from colony.runtime.servers.drivers import BaseDriver, problems_of
+from colony.runtime.servers.drivers import BaseDriver, is_opening, problems_of, unreached_of
 from colony.runtime.servers.outside_control import CLOCK_GRACE_NS
 from colony.runtime.servers.piloting import Pilot
 
@@ -94,8 +94,10 @@ class RServer:
             methods,
             on_lost=self._lost,
             stop=self._stop,
+            unreached=lambda: unreached_of(driver),
             other_limit_messages=self._limit_messages,
             failing=lambda: problems_of(driver),
+            opening=lambda: is_opening(driver),
         )
         self._fixed_watchdog_ns = watchdog_ns
         self._activate(deployment)
@@ -143,6 +145,7 @@ class RServer:
                 return
         yield from self._apply_changes(now_ns)
         yield from self._check_watchdog(now_ns)
+        yield from self._calls.answer_stops(now_ns)
 
     def _limit_messages(self) -> Iterable[str]:
         return self._publisher.limit_messages

@@ -246,9 +246,11 @@ def test_a_slow_device_gets_the_newest_command_and_safe_in_place_of_what_waits()
         stage.driver.command("set", {"to": 3.0})
         stage.driver.safe()
         stage.driver.command("set", {"to": 4.0})
+        assert stage.driver.unreached == "the device has not taken what it was sent"
         device.free.set()
         until(lambda: len(device.sent) == 4, "all is sent")
         assert device.sent == ["safe", "set 1", "safe", "set 4"]
+        until(lambda: stage.driver.unreached is None, "all is taken")
 
 
 def test_commands_for_a_stuck_device_count_as_not_sent_and_closing_does_not_wait() -> None:

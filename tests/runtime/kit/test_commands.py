@@ -23,6 +23,7 @@ from tests.runtime.kit.command_stage import (
     Stage,
     frames,
     program,
+    replies,
     verdicts,
 )
 from tests.runtime.kit.lift_stage import FRAME_NS, MS
@@ -334,8 +335,13 @@ def test_a_safe_that_fails_ends_nothing() -> None:
             raise OSError("cable")
 
     stage = Stage(program("run", HOLDING), lift=Broken())
-    stop_by_call(stage)
+    assert replies(stage.handle(STOP), "eve/1") == []
     assert stage.take() == ["safe"]
+    [reply] = replies(stage.pass_time(150 * MS), "eve/1")
+    assert reply.problem is not None
+    assert reply.problem.code == "not reached"
+    assert reply.problem.message.endswith("its device: safe of Lift.move failed: OSError: cable")
+    stage.take()
     stage.tick(1, released_ns=stage.now)
     stage.bid(1, 300.0, True)
     assert stage.take() == ["safe", (300.0, True)]  # tried again, until a command is performed

@@ -21,6 +21,7 @@ from colony.runtime.kit.devices import DeviceReader, device_server
 from colony.runtime.kit.fields import MAX_AGE_NS
 from colony.runtime.kit.once import RECOVERED_AFTER
 from colony.runtime.kit.service import RETRY_SAFE_NS, Service
+from colony.runtime.library import emergency
 from colony.runtime.library.ask import STATUS
 from colony.runtime.protocol.calls import Status
 from colony.runtime.protocol.messages import Reply, Sample, Send, Tick, Wake, WakeAt
@@ -510,6 +511,34 @@ def test_a_device_that_cannot_be_made_safe_is_tried_again_until_it_is() -> None:
     assert not [e for e in server.handle(Wake(), 3 * wake.t_ns) if isinstance(e, WakeAt)]
     list(server.handle(Wake(), 9 * wake.t_ns))
     assert device.safes == 4
+
+
+@pytest.mark.parametrize("reached_ms", [0, 40, None])
+def test_a_stop_is_answered_once_it_has_reached_the_device(reached_ms: int | None) -> None:
+    class Guarded(Device):
+        unreached: str | None = None
+
+        def safe(self) -> None:
+            self.unreached = "the guard has not sent it"
+
+    device, answers = Guarded(), dict[int, Reply]()
+    move = CommandSpec("move", (ParameterSpec("to", DISTANCE, "where"),))
+    server = device_server(ServerSpec("Arm", commands=(move,)), device, print)
+    list(server.start(0))
+    for ms in range(0, 200, 2):
+        device.unreached = None if reached_ms is not None and ms > reached_ms else device.unreached
+        message = call_of(emergency.stop(), "eve/1") if ms % 30 == 0 else Wake()
+        for effect in server.handle(message, ms * MS):
+            if isinstance(effect, Send) and isinstance(effect.message, Reply):
+                answers.setdefault(ms, effect.message)
+    [first, *repeated] = answers
+    assert first == (150 if reached_ms is None else reached_ms + 2)
+    assert [answers[ms] for ms in repeated] == [answers[first]] * len(repeated)
+    problem = answers[first].problem
+    assert (problem is None) == (reached_ms is not None)
+    assert problem is None or problem.message.endswith(
+        "has not reached its device: the guard has not sent it"
+    )
 
 
 def test_a_driver_that_exits_ends_nothing() -> None:

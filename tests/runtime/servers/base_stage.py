@@ -40,11 +40,12 @@ LIMITS = BaseLimits(velocity=600.0, turn=90.0, acceleration=800.0, turn_accelera
 class RollingBase:
     """A base without errors that takes on its speeds at once; `pushed` is what it turns besides, in deg/s.
 
-    `held`: something keeps it from moving. `mute`: it gives nothing.
+    `held`: something keeps it from moving. `mute`: it gives nothing. `unreached`: why stops do not reach it.
     """
 
     limits = LIMITS
     register_bits: int | None = None
+    unreached: str | None = None
 
     def __init__(self) -> None:
         self.now_ns = 0

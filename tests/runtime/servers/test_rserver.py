@@ -377,3 +377,21 @@ def test_a_server_that_stood_still_moves_nothing_by_what_waited_for_it() -> None
     stage.k = 40
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     assert stage.base.velocity == 300.0
+
+
+def test_a_stop_that_does_not_reach_the_base_is_refused_after_150_ms_and_holds() -> None:
+    stage = Stage()
+    stage.base.unreached = "the guard of /dev/ttyUSB0 has not sent it"
+    stage.tick()
+    number = stage.send("eve/1", emergency.stop())
+    stage.wait(stage.now_ns + 149 * MS)
+    assert ("eve/1", number) not in stage.replies
+    stage.wait(stage.now_ns + 1 * MS)
+    problem = stage.replies["eve/1", number].problem
+    assert problem is not None
+    assert (problem.code, "/dev/ttyUSB0" in problem.message) == ("not reached", True)
+    assert stage.base.stops
+    stage.tick()
+    assert stage.frames[-1].stopped is not None
+    stage.base.unreached = None
+    stage.do("eve/1", emergency.stop())

@@ -21,7 +21,14 @@ from colony.runtime.assembly.processes.driver_factory import DriverError
 from colony.runtime.assembly.processes.spec import Hardware
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 from colony.runtime.servers.commanding import NotSentError
-from colony.runtime.servers.drivers import BaseLimits, BaseState, DeviceDriver, problems_of
+from colony.runtime.servers.drivers import (
+    BaseLimits,
+    BaseState,
+    DeviceDriver,
+    is_opening,
+    problems_of,
+    unreached_of,
+)
 from colony.text.suggestions import did_you_mean
 from colony.text.wording import listed
 
@@ -118,11 +125,17 @@ class HardwareBase:
         self._clock = clock
         self._report = report
         self._problems = OnceReporter(report)
+        self._stop_failure: str | None = None
 
     @property
     def problem(self) -> str | None:
         """What fails at the base now, or None: what the driver says itself, or else which methods fail."""
         return "; ".join(problems_of(self._driver) or self._problems.failing) or None
+
+    @property
+    def is_opening(self) -> bool:
+        """True while the base is being opened, and has not failed."""
+        return is_opening(self._driver)
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:
         """Drive.
@@ -140,10 +153,17 @@ class HardwareBase:
 
     def stop(self) -> None:
         """Stop."""
+        self._stop_failure = None
         try:
             self._driver.stop()
         except (Exception, SystemExit) as problem:
             self._note("stop", problem)
+            self._stop_failure = f"{self._name} failed to stop: {exception_text(problem)}"
+
+    @property
+    def unreached(self) -> str | None:
+        """Why the last stop has not reached the base, or not yet; None if it has."""
+        return self._stop_failure or next(iter(unreached_of(self._driver)), None)
 
     def watch_bumpers(self, watched: bool) -> None:
         """Have the base stop by itself at a bumper or not, if its driver has a method for that."""
@@ -172,7 +192,7 @@ class HardwareBase:
         close_driver(self._driver, self._report)
 
     def _note(self, method: str, problem: BaseException) -> None:
-        if isinstance(problem, OSError) and problems_of(self._driver):
+        if isinstance(problem, OSError) and (problems_of(self._driver) or self.is_opening):
             return  # the driver says itself why its device does not work
         text = failure_text(f"{method} of {self._name}", problem)
         self._problems.report(method, type(problem).__name__, text)

@@ -190,7 +190,11 @@ def test_a_command_that_fails_was_not_sent_and_is_reported_once() -> None:
         with pytest.raises(NotSentError, match="d:Motors failed to drive: OSError: 'drive failed'"):
             made.drive(100.0, 5.0)
         made.stop()
-    assert driver.sent == [("drive", 100.0, 5.0), ("stop",)] * 2
+    assert made.unreached == "d:Motors failed to stop: stop failed"
+    driver.failing = set()
+    made.stop()
+    assert made.unreached is None
+    assert driver.sent == [("drive", 100.0, 5.0), ("stop",)] * 2 + [("stop",)]
     assert reports == [
         "drive of d:Motors failed: OSError: drive failed",
         "stop of d:Motors failed: OSError: stop failed",
