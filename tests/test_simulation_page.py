@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,10 @@ def test_the_commands_run(line: str, colony: Colony, tmp_path: Path, monkeypatch
 
 
 def test_the_line_of_the_summary_is_as_it_is_written() -> None:
-    other = OtherSummary(name="rome", robot="rome", behavior="wander", bumps=0, distance_mm=29_300.0)
-    assert BLOCKS["text"] == f"{_other_line(other)}\n"
+    first = OtherSummary(name="rome", robot="rome", behavior="wander", bumps=0, distance_mm=29_300.0)
+    unread = ("teleop_turn", "teleop_velocity")
+    second = replace(first, name="rome_2", behavior="teleop", distance_mm=0.0, unread=unread)
+    assert BLOCKS["text"] == f"{_other_line(first)}\n{_other_line(second)}\n"
 
 
 def test_the_python_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,10 +11,14 @@ from functools import cached_property
 from pathlib import Path
 
 from colony.body.model import Body
+from colony.compile.pipeline import compile_program
+from colony.execute.needs import needs_of_clients
+from colony.ir.frame import Frame, Outcome
 from colony.nav.maps.free_space import FreeSpace, NoRoomError
 from colony.nav.maps.world_map import WorldMap
 from colony.robots.behavior import behavior_from
 from colony.robots.request import MisuseError, OtherRobot, RunRequest
+from colony.robots.scenario import Scenario, player
 from colony.runtime.assembly.loop import Loop
 from colony.runtime.observe.summary import OtherSummary
 from colony.runtime.transport.virtual import VirtualClock
@@ -127,18 +131,29 @@ class RunningRobot:
         self, other: OtherRobot, plant: Plant, number: int, *, seed: int, report: Callable[[str], None]
     ) -> None:
         behavior = behavior_from(other.program)
+        scenario = other.scenario or Scenario()
         drivers = simulated_drivers(
-            plant, number, body=other.described.body, servers=other.described.servers, seed=seed
+            plant,
+            number,
+            body=other.described.body,
+            servers=other.described.servers,
+            seed=seed,
+            given=scenario.value_at,
         )
+        needs = needs_of_clients(compile_program(other.program).compiled.code)
+        needed = {sensor for client in needs.values() for sensor in client.sensors}
+        without_default = {s.name for s in behavior.robot.sensors if s.default is None and s.sent is None}
+        self._unread = needed & without_default
         try:
             self._loop = Loop(
                 behavior.robot,
                 behavior.executor(),
                 drivers,
-                {},
+                {"scenario": player(scenario.variables)} if scenario.variables else {},
                 clock=VirtualClock(),
                 advance=lambda: None,
                 seed=seed * 1_000_003 + number,
+                watch=self._note if self._unread else None,
                 report=lambda problem: report(f"{other.name}: {problem}"),
             )
         except ValueError as problem:
@@ -159,6 +174,10 @@ class RunningRobot:
         """Run this frame."""
         self._loop.frame()
 
+    def _note(self, frame: Frame, outcome: Outcome) -> None:
+        """Note which sensors have a value in a frame."""
+        self._unread -= frame.readings.keys()
+
     def summary(self) -> OtherSummary:
         """Return what became of it so far."""
         return OtherSummary(
@@ -167,6 +186,7 @@ class RunningRobot:
             behavior=Path(self._other.file).stem,
             bumps=self._world.bumps(self.number),
             distance_mm=self._world.distance(self.number),
+            unread=tuple(sorted(self._unread)),
         )
 
 

@@ -43,6 +43,7 @@ class OtherRobot:
         described: the robot, as its description has it.
         program: its behavior, checked against this description.
         start: its initial pose, x and y in mm and the heading in degrees; None for a free one.
+        scenario: what it reads that nobody simulates.
     """
 
     name: str
@@ -50,6 +51,7 @@ class OtherRobot:
     described: DescribedRobot
     program: Program
     start: tuple[float, float, float] | None = None
+    scenario: Scenario | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,17 +10,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from colony.execute.compiled import Compiled
+from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
 from colony.nav.maps.building import Building
 from colony.os_errors import describe
 from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath
 from colony.robots.request import MisuseError, RunAbortedError
-from colony.robots.robot_devices import mixed_devices, simulated_devices
+from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices
 from colony.runtime.assembly.limits import limit_deployment
 from colony.runtime.assembly.processes.children import Job, last_lines
 from colony.runtime.assembly.processes.jobs import HARDWARE, limits_part, server_jobs, server_parts
-from colony.runtime.assembly.processes.spec import Device, write_spec
+from colony.runtime.assembly.processes.spec import Device, encoded_server, write_spec
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.summary import Travel
@@ -117,8 +118,14 @@ def plant_spec(robot_address: Local, robot: SimulatedRobot) -> PlantSpec:
         hazards=robot.hazards,
         movers=robot.movers,
         body=None if robot.described.path is None else os.path.abspath(robot.described.path),
-        real=tuple(mixed_devices(robot.described).hardware) if robot.hardware else (),
+        servers=tuple(map(encoded_server, _simulated_servers(robot))),
     )
+
+
+def _simulated_servers(robot: SimulatedRobot) -> Iterator[ServerSpec]:
+    """Yield the servers whose devices are in the plant, apart from the base, a ring and cameras."""
+    real = real_devices(robot.described).hardware if robot.hardware else {}
+    return (spec for spec in simulated_devices(robot.described).servers if spec.name not in real)
 
 
 def device_of(robot_address: Local) -> Device:

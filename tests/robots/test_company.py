@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +16,8 @@ from colony.ir.program import Program
 from colony.robots.building_run import run_in_building
 from colony.robots.described import described_robot
 from colony.robots.request import MisuseError, OtherRobot, RunReport, RunRequest
+from colony.robots.scenario import read_scenario
+from colony.runtime.observe.summary import render
 from tests.paths import MAPS, ROOT
 from tests.robots.test_building_run import Watcher
 from tests.sim.robots import ROME
@@ -154,3 +157,32 @@ def test_the_loop_of_another_robot_does_what_its_servers_do() -> None:
     assert alone.summary.distance_mm is not None
     assert alone.summary.distance_mm > 1_000.0
     assert found.distance_mm == pytest.approx(alone.summary.distance_mm, rel=0.02)
+
+
+GIVEN = """language 2
+import robot
+module cruise { when not estop and goal_x > 6 m  do drive(velocity = 200 mm/s, turn = 0 deg/s) }
+network { drive = cruise }
+"""
+
+
+def test_another_robot_is_given_what_its_scenario_says(tmp_path: Path) -> None:
+    robot = program("amr", GIVEN).robot
+    (tmp_path / "shift.scenario").write_text("at 0 s estop = true, goal_x = 7 m\nat 2 s estop = false\n")
+    scenario = read_scenario(str(tmp_path / "shift.scenario"), robot)
+    start = (4_000.0, 1_250.0, 270.0)
+    report = driven(
+        "rome",
+        request(
+            other("amr", "given", text=GIVEN, start=start, scenario=scenario),
+            other("amr", "forgotten", text=GIVEN),
+            seconds=4.0,
+            start=(20_000.0, 1_250.0, 90.0),
+        ),
+    )
+    given, forgotten = report.summary.others
+    assert given.unread == ()
+    assert given.distance_mm == pytest.approx(400.0, rel=0.2)  # in the last two seconds
+    assert forgotten.unread == ("goal_x",)
+    assert forgotten.distance_mm == 0.0
+    assert "0.00 m, 0 bumps; `goal_x` never had a value" in render(report.summary)

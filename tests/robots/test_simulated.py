@@ -9,12 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from colony.body.model import Hardware
+from colony.body.model import Field, Hardware
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
+from colony.ir.program import Robot, Sensor
+from colony.ir.types import BOOL
 from colony.nav.shared import ELEVATOR_CALL
 from colony.robots.described import DescribedRobot
 from colony.robots.simulated import SimulatedRobot, TruthLog, plant_spec, simulated_operator
+from colony.runtime.assembly.processes.spec import decoded_server
 from colony.runtime.kit.script_local import ScriptError
 from colony.runtime.observe.summary import Travel
 from colony.runtime.transport.live.robot_address import Local
@@ -130,19 +133,25 @@ def test_an_operator_says_that_the_simulator_is_lost(
             stage.run(1.0)
 
 
-@pytest.mark.parametrize(("hardware", "real"), [(True, ("Panel",)), (False, ())])
-def test_devices_that_are_real_are_none_of_the_plants(
-    robot_address: Local, hardware: bool, real: tuple[str, ...]
+@pytest.mark.parametrize("hardware", [True, False])
+def test_a_plant_has_the_fields_of_the_interface_and_no_device_that_is_real(
+    robot_address: Local, hardware: bool
 ) -> None:
     body = shipped_body("amr")
-    panel = replace(body.servers["Panel"], hardware=Hardware(driver="lab:Panel"))
+    panel = replace(body.servers["Panel"], fields={"key": Field()}, hardware=Hardware(driver="lab:Panel"))
     body = replace(body, servers={**body.servers, "Panel": panel})
+    key = Sensor(name="key", type=BOOL, factor=1.0, server="Panel", field="key")
+    interface = Robot(name="amr", sensors=(key,))
     robot = SimulatedRobot(
-        described=DescribedRobot(body, servers_of(body)),
+        described=DescribedRobot(body, servers_of(body, interface)),
         map_path="loop.stickrep",
         seed=1,
         state=robot_address.directory.path,
         hardware=hardware,
     )
-    assert plant_spec(robot_address, robot).real == real
+    servers = {spec.name: spec for spec in map(decoded_server, plant_spec(robot_address, robot).servers)}
+    assert servers.keys() >= {"Lidar", "Lift"}
+    assert ("Panel" in servers) is not hardware
+    if not hardware:
+        assert [field.name for field in servers["Panel"].fields] == ["estop", "key"]
     assert plant_spec(robot_address, replace(robot, movers=3)).movers == 3

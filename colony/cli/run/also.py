@@ -1,4 +1,4 @@
-"""The option `--also [NAME=]DESCRIPTION:BEHAVIOR[@X,Y,HEADING]`: other robots in the world of a run."""
+"""The option `--also`: other robots in the world of a run."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from colony.cli.run.options import OptionError, start_pose
+from colony.cli.run.options import OptionError, scenario_of, start_pose
 from colony.shipped import Shipped
 
 if TYPE_CHECKING:
     from colony.robots.request import OtherRobot
 
-ALSO_FORM = "[NAME=]DESCRIPTION:BEHAVIOR[@X,Y,HEADING]"
+ALSO_FORM = "[NAME=]DESCRIPTION:BEHAVIOR[@X,Y,HEADING][,scenario=FILE]"
 
 MAX_OTHERS = 100
 
@@ -25,7 +25,7 @@ also_option = click.option(
     multiple=True,
     metavar=ALSO_FORM,
     help="Another robot in the same world, which runs a behavior of its own; at a free place that the seed "
-    "gives, unless it has a pose. May be repeated.",
+    "gives, unless it has a pose; what nothing simulates for it is in a scenario. May be repeated.",
 )
 """`--also`, as texts."""
 
@@ -55,10 +55,16 @@ def _other_robot(text: str, taken: set[str]) -> OtherRobot:
     from colony.dsl.load import check_file
     from colony.robots.request import OtherRobot
 
-    named, at, pose = text.partition("@")
+    robot, comma, scenario = text.partition(",scenario=")
+    named, at, pose = robot.partition("@")
     name, equals, kind = named.rpartition("=")
     description, _, behavior = kind.partition(":")
-    if not (description and behavior) or (equals and not name) or (at and not pose):
+    if (
+        not (description and behavior)
+        or (equals and not name)
+        or (at and not pose)
+        or (comma and not scenario)
+    ):
         raise OptionError(f"--also: found `{text}`; expected {ALSO_FORM}, such as rome:wander")
     start = start_pose(pose, option=f"--also {named}") if at else None
     file = Shipped.BEHAVIOR.find(behavior)
@@ -74,6 +80,7 @@ def _other_robot(text: str, taken: set[str]) -> OtherRobot:
         described=described_for_run(checked.program.robot),
         program=checked.program,
         start=start,
+        scenario=scenario_of(checked.program.robot, scenario or None),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -68,10 +69,6 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
         MisuseError: the scenario cannot be read.
     """
     pinned, given = held(robot, options.settings)
-    try:
-        scenario = () if options.scenario is None else read_scenario(options.scenario, robot).changes
-    except ScenarioError as problem:
-        raise MisuseError(str(problem)) from None
     is_open_ended = options.shadow or options.connect is not None or options.goal is not None
     duration = options.duration or (None if is_open_ended else DURATION)
     return RunRequest(
@@ -80,7 +77,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
         seed=options.seed,
         length_ns=None if duration is None else duration_ns(duration),
         pinned_variables=pinned,
-        scenario=Scenario((*given, *scenario)),
+        scenario=scenario_of(robot, options.scenario, given),
         physics=options.physics or "kinematic",
         realtime=options.realtime,
         record=options.record,
@@ -93,6 +90,19 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
         start=None if options.start is None else start_pose(options.start),
         movers=options.movers,
     )
+
+
+def scenario_of(robot: Robot, path: str | None, given: Iterable[Change] = ()) -> Scenario:
+    """Return the scenario in a file, if there is one, after other changes.
+
+    Raises:
+        MisuseError: the file cannot be read, or is no scenario for this robot.
+    """
+    try:
+        changes = () if path is None else read_scenario(path, robot).changes
+    except ScenarioError as problem:
+        raise MisuseError(str(problem)) from None
+    return Scenario((*given, *changes))
 
 
 def held(robot: Robot, settings: tuple[str, ...]) -> tuple[dict[str, Value], list[Change]]:

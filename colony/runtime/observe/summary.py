@@ -13,7 +13,7 @@ from colony.ir.site import Site
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Fate, Hold
 from colony.runtime.protocol.topics import client_address
-from colony.text.wording import counted, printable
+from colony.text.wording import counted, printable, quoted
 
 SHADOW_TEXT = "SHADOW: this is what it would have sent; it commanded nothing"
 """Line about a program in the shadow of a robot."""
@@ -107,13 +107,17 @@ class Travel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherSummary:
-    """Travel of another robot of a simulated world: its name, the kind of `robot` it is, its behavior."""
+    """Travel of another robot of a simulated world: its name, the kind of `robot` it is, its behavior.
+
+    `unread` are the sensors of its program that never had a value.
+    """
 
     name: str
     robot: str
     behavior: str
     bumps: int
     distance_mm: float
+    unread: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -353,7 +357,8 @@ def render(summary: RunSummary) -> str:
 
 def _other_line(other: OtherSummary) -> str:
     way = f"{other.distance_mm / 1000:.2f} m, {counted(other.bumps, 'bump')}"
-    return f"  {other.name} ({other.robot} with {other.behavior}) traveled {way}"
+    unread = f"; {quoted(other.unread)} never had a value" if other.unread else ""
+    return f"  {other.name} ({other.robot} with {other.behavior}) traveled {way}{unread}"
 
 
 def _shares(actuator: ActuatorSummary) -> list[str]:

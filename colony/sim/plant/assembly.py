@@ -9,6 +9,7 @@ from pathlib import Path
 
 from colony.body.model import Body
 from colony.body.servers import servers_of
+from colony.ir.servers import ServerSpec
 from colony.nav.maps.building import Building
 from colony.nav.maps.free_space import FreeSpace
 from colony.nav.maps.stickrep.model import Map
@@ -43,7 +44,8 @@ class PlantOptions:
         hazards_seed: seed of the hazards.
         movers: number of people who walk around between free places, besides those of the hazards.
         body: the body of the robots; None for one that has no devices but those of `config` and `cameras`.
-        real: the servers of the body whose devices are real; the plant does not simulate them.
+        servers: the servers of the body whose devices are simulated, with what they offer; those that follow
+            from the body alone by default.
         config: the parameters of the robots; those of the body by default, of RoME without one.
         seed: seed of the simulated errors.
         step_ns: step of the simulation.
@@ -61,7 +63,7 @@ class PlantOptions:
     hazards_seed: int = 0
     movers: int = 0
     body: Body | None = None
-    real: frozenset[str] = frozenset()
+    servers: tuple[ServerSpec, ...] | None = None
     config: RobotConfig | None = None
     seed: int = 0
     step_ns: int = STEP_NS
@@ -183,5 +185,5 @@ def _robot_devices(
     body = options.body
     if body is None:
         return {}
-    servers = tuple(server for server in servers_of(body) if server.name not in options.real)
+    servers = servers_of(body) if options.servers is None else options.servers
     return devices_of(body, servers, world, robot, seed=options.seed, given=given.of(robot))

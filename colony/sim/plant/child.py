@@ -19,7 +19,7 @@ from colony.runtime.assembly.processes.shutdown import (
     on_parent_exit,
     on_signals,
 )
-from colony.runtime.assembly.processes.spec import SPEC_BYTES
+from colony.runtime.assembly.processes.spec import SPEC_BYTES, decoded_server
 from colony.runtime.transport.live.errors import LiveError
 from colony.runtime.transport.live.run_directory import RobotDirectory
 
@@ -41,8 +41,9 @@ class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     `floors` are the names of the maps of the floors that elevators connect, the robot's one first; without
     any, the robot stays on the map. `folder` is the robot's folder. `body` is the file of its body, None for
     that of RoME. `start` is the initial pose, x and y in mm and the heading in degrees, or None for that of
-    the map. `hazards` is the seed of the hazards (docs/hazards.md), or None for no hazards. `movers`, `real`
-    and `logical_ns` are as in `colony.sim.plant.assembly.PlantOptions`.
+    the map. `hazards` is the seed of the hazards (docs/hazards.md), or None for no hazards. `movers`,
+    `logical_ns` and `servers` (as `encoded_server` writes them) are as in
+    `colony.sim.plant.assembly.PlantOptions`.
     """
 
     robot: str
@@ -56,7 +57,7 @@ class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     movers: int = 0
     logical_ns: int | None = None
     body: str | None = None
-    real: tuple[str, ...] = ()
+    servers: tuple[msgspec.Raw, ...] = ()
 
     @property
     def socket(self) -> Path:
@@ -116,7 +117,7 @@ def serve(
                 hazards_seed=spec.hazards or 0,
                 movers=spec.movers,
                 body=body,
-                real=frozenset(spec.real),
+                servers=tuple(map(decoded_server, spec.servers)),
                 seed=spec.seed,
                 logical_ns=spec.logical_ns,
             )

@@ -15,12 +15,16 @@ from tests.paths import ROOT
 LOOP = str(ROOT / "maps" / "loop.stickrep")
 
 
-def test_others_have_names_descriptions_behaviors_and_starts() -> None:
-    found = other_robots(("rome:wander", "rome:teleop@1m,2000,-90", "lift=amr:wander"), "rome")
+def test_others_have_names_descriptions_behaviors_starts_and_scenarios(tmp_path: Path) -> None:
+    scenario = tmp_path / "a=b@c.scenario"
+    scenario.write_text("at 3 s teleop_velocity = 200 mm/s")
+    teleop = f"rome:teleop@1m,2000,-90,scenario={scenario}"
+    found = other_robots(("rome:wander", teleop, "lift=amr:wander"), "rome")
     assert [other.name for other in found] == ["rome_2", "rome_3", "lift"]
     assert [other.described.body.robot.name for other in found] == ["rome", "rome", "amr"]
     assert [Path(other.file).stem for other in found] == ["wander", "teleop", "wander"]
     assert [other.start for other in found] == [None, (1_000.0, 2_000.0, 270.0), None]
+    assert [other.scenario is not None and len(other.scenario.changes) for other in found] == [0, 1, 0]
 
 
 @pytest.mark.parametrize(
@@ -32,6 +36,7 @@ def test_others_have_names_descriptions_behaviors_and_starts() -> None:
         (":wander", "found `:wander`; expected"),
         ("=rome:wander", "found `=rome:wander`; expected"),
         ("rome:wander@", "found `rome:wander@`; expected"),
+        ("rome:wander,scenario=", "found `rome:wander,scenario=`; expected"),
         ("rome:wander@1,2", "--also rome:wander: found `1,2`; expected X,Y,HEADING"),
         ("a/b=rome:wander", "`a/b` cannot be the name of a robot"),
         ("amr=rome:wander", "two robots are named `amr`"),

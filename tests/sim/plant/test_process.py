@@ -8,16 +8,22 @@ import random
 import signal
 import socket
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from colony.body.model import Server
+from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
+from colony.ir.servers import FieldSpec, ServerSpec
+from colony.ir.types import DIMENSIONLESS
 from colony.nav.maps.free_space import FreeSpace
 from colony.nav.maps.world_map import load_world, world_of
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.plant.assembly import PlantOptions, populated_scenery
 from colony.sim.plant.control import PlantControl
+from colony.sim.plant.drivers import RemoteDevice
 from colony.sim.plant.process import PlantInUseError, serve_plant
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
@@ -315,10 +321,14 @@ def test_options_that_make_no_sense(tmp_path: Path) -> None:
     assert not (tmp_path / "never").exists()
 
 
-def test_a_device_that_is_real_is_not_simulated(tmp_path: Path) -> None:
-    amr = options(
-        tmp_path / "plant", robots={"amr": START}, body=shipped_body("amr"), real=frozenset({"Panel"})
+def test_a_plant_has_the_devices_and_fields_of_its_servers_alone(tmp_path: Path) -> None:
+    body = shipped_body("amr")
+    probe = ServerSpec(
+        "Probe", fields=(FieldSpec("moisture", DIMENSIONLESS, "as the interface declares it"),)
     )
+    body = replace(body, servers={**body.servers, "Probe": Server()})
+    servers = (*(spec for spec in servers_of(body) if spec.name not in ("Panel", "Probe")), probe)
+    amr = options(tmp_path / "plant", robots={"amr": START}, body=body, servers=servers)
     ready, ended = threading.Event(), threading.Event()
     thread = threading.Thread(target=lambda: serve_plant(amr, stop=ended.is_set, ready=ready.set))
     thread.start()
@@ -326,9 +336,13 @@ def test_a_device_that_is_real_is_not_simulated(tmp_path: Path) -> None:
         assert ready.wait(PATIENCE_S)
         with (
             PlantControl(amr.path) as control,
-            pytest.raises(ValueError, match="no device of `Panel`; it has"),
+            contextlib.closing(RemoteDevice(amr.path, "amr", "Probe")) as probe,
         ):
-            control.give("amr", "Panel", "estop", True)
+            with pytest.raises(ValueError, match="no device of `Panel`; it has"):
+                control.give("amr", "Panel", "estop", True)
+            assert wait_for(probe.fields) == {"moisture": None}
+            control.give("amr", "Probe", "moisture", 0.5)
+            wait_for(lambda: (reading := probe.fields()["moisture"]) is not None and reading.value == 0.5)
     finally:
         ended.set()
         thread.join()
