@@ -50,11 +50,14 @@ def compile_for_run(path: str) -> tuple[Compilation, DescribedRobot]:
     return compiled_with_sources(program, say), described
 
 
-def described_for_run(robot: Robot) -> DescribedRobot:
-    """Return the robot that a program runs on. Exits with 1 if the program does not fit its body."""
+def described_for_run(robot: Robot, body: Path | None = None) -> DescribedRobot:
+    """Return the robot that a program runs on; see `described_robot`.
+
+    Exits with 1 if the program does not fit its body.
+    """
     from colony.robots.described import described_robot
 
     try:
-        return described_robot(robot)
+        return described_robot(robot, body)
     except DiagnosticError as failure:
         exit_with(failure.diagnostics)

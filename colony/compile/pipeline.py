@@ -38,7 +38,7 @@ class Compilation:
         suppression: the network without inhibitors.
         traversal: its clients before simplification.
         clients: its clients.
-        python: the files of its modules in Python, for the artifact.
+        other_sources: the files of the artifact that are no behaviors: the robot's body, modules in Python.
     """
 
     program: Program
@@ -46,7 +46,7 @@ class Compilation:
     suppression: SuppressionNetwork
     traversal: ClientList
     clients: ClientList
-    python: tuple[SourceFile, ...] = ()
+    other_sources: tuple[SourceFile, ...] = ()
 
     @cached_property
     def compiled(self) -> Compiled:
@@ -59,10 +59,10 @@ class Compilation:
             for path, source in files
         ]
         root = files[-1][0] if files else ""
-        return replace(lowered, sources=(*texts, *self.python), root=root, site=self.program.site)
+        return replace(lowered, sources=(*texts, *self.other_sources), root=root, site=self.program.site)
 
 
-def compile_program(program: Program, python: tuple[SourceFile, ...] = ()) -> Compilation:
+def compile_program(program: Program, other_sources: tuple[SourceFile, ...] = ()) -> Compilation:
     """Run all passes over a typed program. Near-linear in the size of its network."""
     with gc_paused():
         results: list[Any] = [program]
@@ -75,5 +75,5 @@ def compile_program(program: Program, python: tuple[SourceFile, ...] = ()) -> Co
         suppression=suppression,
         traversal=traversal,
         clients=clients,
-        python=python,
+        other_sources=other_sources,
     )

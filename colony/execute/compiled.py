@@ -18,10 +18,11 @@ from colony.ir.site import Site
 class SourceFile:
     """A source file of the program; `path` is relative, with `/` as the separator.
 
-    Behaviors import each other by these paths, and Python modules are found by them.
+    Behaviors import each other by these paths, and Python modules are found by them. The path of the robot's
+    body is beside that of its interface.
     """
 
-    kind: Literal["behavior", "python"]
+    kind: Literal["behavior", "body", "python"]
     path: str
     data: bytes
 

@@ -32,13 +32,17 @@ class DescribedRobot(NamedTuple):
     interface: Robot | None = None
 
 
-def described_robot(robot: Robot) -> DescribedRobot:
+def described_robot(robot: Robot, body: Path | None = None) -> DescribedRobot:
     """Return the robot that a program runs on; RoME if the program's robot has no body.
+
+    Args:
+        robot: its interface.
+        body: the file of its body, by default the one that `find_body` finds.
 
     Raises:
         DiagnosticError: the body has errors, or the interface and the body do not fit each other.
     """
-    path = find_body(robot)
+    path = body or find_body(robot)
     if path is None:
         return rome(robot)
     file = read_body(path)

@@ -26,6 +26,8 @@ MAX_DESCRIPTIONS = 20
 def recorded_program(run: RunInfo, name: str, folder: Path, params: SiteParams | None = None) -> Program:
     """Return the program of a recording; its sources are unpacked into `behavior` and `python` in `folder`.
 
+    The robot's body is unpacked beside its interface, where `find_body` finds it.
+
     `name` is the name of the recording in messages. The params of a site are `params`, by default
     those in the recording. No Python module is run.
 
@@ -40,7 +42,7 @@ def recorded_program(run: RunInfo, name: str, folder: Path, params: SiteParams |
             raise DiagnosticError([unusable(name, f"its program has a file outside it: {source.path!r}")])
     try:
         for source in run.sources:
-            path = folder / source.kind / source.path
+            path = folder / ("python" if source.kind == "python" else "behavior") / source.path
             path.parent.mkdir(parents=True, exist_ok=True)
             with naming(path):
                 path.write_bytes(source.data)

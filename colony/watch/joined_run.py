@@ -12,12 +12,12 @@ from colony.ir.program import Program
 from colony.robots.description import NoDescriptionError
 from colony.robots.discovery import session_with
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import RobotConnectionError
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
 from colony.runtime.library.leader import RunProgram
 from colony.runtime.protocol.interface import Interface
 from colony.runtime.transport.live.errors import LiveError
 from colony.runtime.transport.live.robot_address import RobotAddress
-from colony.text.diagnostics import DiagnosticError
+from colony.text.diagnostics import DiagnosticError, headline
 from colony.watch.asking import Asker, asking_robot
 from colony.watch.idle import IDLE_TITLE, START_ONE, IdleRobot, idle_robot, listening_idle
 from colony.watch.joining import joined_program, listening, read_program
@@ -141,6 +141,7 @@ class Succession:
         self._joined = self._resources.enter_context(join())
         self._refused: str | IdleRobot | None = None
         self._lacking = ""
+        self._said: str | None = None
         self._may_differ = False
         self._due_s = 0.0
 
@@ -152,7 +153,8 @@ class Succession:
     def follow(self, show: Callable[[Watched], None]) -> None:
         """Where another run has followed, show that and end the one before; may block.
 
-        The robot is asked while it is silent, and once when frames come again: it may run something else.
+        The robot is asked while it is silent, and once when frames come again: it may run something else. The
+        page says why a run cannot be shown.
 
         Raises:
             DiagnosticError: the program of the new run, or the robot's description, has errors; said once.
@@ -168,21 +170,33 @@ class Succession:
         try:
             self._look(show, is_silent=is_silent)
             self._lacking = ""
-        except NoDescriptionError:
+        except (DiagnosticError, NoDescriptionError) as problem:
+            self._say(
+                headline(problem.diagnostics[0]) if isinstance(problem, DiagnosticError) else str(problem)
+            )
             raise
+        except CallRefusedError as problem:  # by the leader of a run without source files
+            self._say(str(problem))
         except (LiveError, RobotConnectionError):  # the robot is silent, or not there
             self._lacking = ""
         except OSError as problem:
             before, self._lacking = self._lacking, reason(problem)
+            self._say(self._lacking)
             if self._lacking != before:
                 raise
         finally:
             self._due_s = time.monotonic() + LOOK_INTERVAL_S
 
+    def _say(self, why: str) -> None:
+        """Let the page say why the next run cannot be shown."""
+        self.watched.store.problem = self._said = f"the next run cannot be shown: {why}"
+
     def _look(self, show: Callable[[Watched], None], *, is_silent: bool) -> None:
         with session_with(self._robot_address) as session:
             identity = _identity(_found(session))
         self._may_differ = is_silent
+        if identity == self._joined.identity and self.watched.store.problem == self._said:
+            self.watched.store.problem = self._said = None
         if identity not in (self._joined.identity, self._refused):
             self._replace(identity, show)
 

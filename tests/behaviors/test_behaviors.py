@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
 import random
 import re
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +18,25 @@ from colony.cli.main import main
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_file, load_file
+from colony.execute.colonyc import decode, encode
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Array, Bool
+from colony.robots.compiled_program import compiled_with_sources
 from colony.robots.described import described_robot
+from colony.runtime.library.leader import RunProgram, SourceText
 from colony.runtime.protocol.bindings import bind
+from colony.runtime.recordings.mcap_reader import McapReader
+from colony.shipped import Shipped
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.examples import failures_as_diagnostics, run_examples
+from colony.watch.joining import joined_program, program_of
 from tests.paths import BEHAVIORS, ROOT
 from tests.sampling import long, sampled
+from tests.verify.audit.recorded_runs import as_mcap
 
+WANDER = ROOT / "behaviors" / "wander.colony"
 MAPS = sorted((ROOT / "maps").glob("*.stickrep"))
 
 every_file = pytest.mark.parametrize("file", BEHAVIORS, ids=lambda path: path.stem)
@@ -75,6 +85,29 @@ def test_checks_without_a_word(file: Path) -> None:
 def test_asks_for_nothing_that_no_server_has(file: Path) -> None:
     robot = load_file(file).robot
     bind(robot, described_robot(robot).servers)
+
+
+@pytest.mark.parametrize(
+    ("file", "robot"),
+    [*((file, None) for file in BEHAVIORS), *((WANDER, robot) for robot in Shipped.ROBOT.names())],
+    ids=lambda of: of.stem if isinstance(of, Path) else of,
+)
+def test_a_program_that_travels_takes_the_body_of_its_robot_along(file: Path, robot: str | None) -> None:
+    own = load_file(file, robot=robot)
+    body = described_robot(own.robot).body
+    compiled = decode(encode(compiled_with_sources(own, pytest.fail).compiled), "own.colonyc")
+    sources = tuple(SourceText(kind=s.kind, path=s.path, data=s.data) for s in compiled.sources)
+    given = RunProgram(run="1", root=compiled.root, sources=sources)
+    recorded = as_mcap(own, (), *compiled.sources).content
+    run = replace(McapReader(io.BytesIO(recorded), "run.mcap").run, program=compiled.root)
+    for name, travelled in (
+        ("joined", joined_program(given, "lab")),
+        ("recorded", program_of(run.program, run.sources, None, "lab")),
+    ):
+        with travelled as program:
+            described = described_robot(program.robot)
+            assert described.body == body, name
+            bind(program.robot, described.servers)
 
 
 @every_file

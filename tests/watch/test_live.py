@@ -169,6 +169,7 @@ def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
             succession.follow(shown.append)
         succession.follow(shown.append)
         assert not shown
+        assert store.problem == "the next run cannot be shown: No space left on device"
         succession.follow(shown.append)
         succession.follow(shown.append)
         assert shown == [watched]
@@ -202,6 +203,7 @@ def test_where_nothing_is_known_of_a_robot_without_a_program_it_is_said_once_and
             succession.follow(shown.append)
     assert not shown
     assert len(joined) == 2, "it is not tried again"
+    assert store.problem == "the next run cannot be shown: its description is not found"
     store.close()
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
@@ -35,7 +37,7 @@ def load_for_run(file: str, *, unproved: bool) -> tuple[Compiled, DescribedRobot
             say(f"{file}: error: it was compiled with the description of its robot; give --robot NAME alone")
             raise click.exceptions.Exit(EXIT_MISUSE)
         compiled = _of_compiled(file, load_compiled(file), params, unproved=unproved)
-        return compiled, described_for_run(compiled.robot)
+        return compiled, described_for_run(compiled.robot, _own_body(compiled))
     if params is None and unproved:
         message = "--unproved requires --params, or a compiled program with params"
         raise click.UsageError(message, click.get_current_context())
@@ -45,6 +47,17 @@ def load_for_run(file: str, *, unproved: bool) -> tuple[Compiled, DescribedRobot
     from colony.cli.site_proof import with_proof
 
     return with_proof(compilation, file, params, instead="--unproved"), described
+
+
+def _own_body(compiled: Compiled) -> Path | None:
+    """Return the body in a compiled program, as a file that lasts as long as the command; None without one."""
+    body = next((source for source in compiled.sources if source.kind == "body"), None)
+    if body is None:
+        return None
+    folder = click.get_current_context().with_resource(TemporaryDirectory(prefix="colony-body-"))
+    path = Path(folder, Path(body.path).name)
+    path.write_bytes(body.data)
+    return path
 
 
 def _of_compiled(file: str, compiled: Compiled, params: SiteParams | None, *, unproved: bool) -> Compiled:

@@ -58,7 +58,7 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
 class SourceText(msgspec.Struct, frozen=True, kw_only=True):
     """A source file of the program, as `SourceFile` has it."""
 
-    kind: Literal["behavior", "python"]
+    kind: Literal["behavior", "body", "python"]
     path: str
     data: bytes
 

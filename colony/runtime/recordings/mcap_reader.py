@@ -239,7 +239,7 @@ def _source(attachment: Attachment) -> Iterator[SourceFile]:
     if not is_source_path(name):
         return
     match kind:
-        case "behavior" | "python":
+        case "behavior" | "body" | "python":
             yield SourceFile(kind=kind, path=str(PurePosixPath(name)), data=attachment.data)
         case _:
             pass

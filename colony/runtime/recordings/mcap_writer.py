@@ -1,8 +1,8 @@
 """Recordings as MCAP, which Foxglove and other tools open (`schemas.py` lists the channels).
 
 In addition to the frames, a recording has metadata about the run, and the sources of the program as
-attachments: `behavior/...` are the files of the behavior, `python/...` the files of modules in Python.
-Everything else can be derived from these.
+attachments: `behavior/...` are the files of the behavior, `body/...` is the robot's body, `python/...` are the
+files of modules in Python. Everything else can be derived from these.
 
 Frames are in chunks. Each chunk has a checksum, is written in one piece, and begins with a keyframe: the
 memory from which a reader resumes if the previous chunk is damaged. A chunk spans less than half a second, so
@@ -75,7 +75,7 @@ CHUNK_BYTES = 1024 * 1024
 MAX_COMPRESSION_RATIO = 32
 """Compression ratio from which a chunk is stored uncompressed: readers reject decompression bombs."""
 
-MEDIA_TYPES = {"behavior": "text/x-colony", "python": "text/x-python"}
+MEDIA_TYPES = {"behavior": "text/x-colony", "body": "application/toml", "python": "text/x-python"}
 
 
 class VerdictMessage(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
