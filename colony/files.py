@@ -114,13 +114,44 @@ def user_cache(environment: Mapping[str, str], name: str) -> Path | None:
     return Path(user) / ".cache" / "colony" / name if os.path.isabs(user) else None
 
 
+def own_folder(path: Path) -> None:
+    """Create a folder for the user alone, if it is missing, and check that no other user can write to it.
+
+    Raises:
+        OSError: it cannot be created; or another user owns it, or can write to it or move it
+            (`UnsuitableFileError`).
+    """
+    if not path.is_absolute():
+        raise UnsuitableFileError(errno.EINVAL, "it is not an absolute path", path)
+    path = path.resolve()
+    for folder in reversed([path, *path.parents]):
+        if not folder.exists():
+            folder.mkdir(mode=0o700, exist_ok=True)
+        mode = folder.stat().st_mode
+        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            raise UnsuitableFileError(errno.EPERM, f"other users can write to {folder}", path)
+    if path.stat().st_uid != os.geteuid() or path.stat().st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise UnsuitableFileError(errno.EPERM, f"{path} is not a folder of this user alone", path)
+
+
+def read_from_cache(path: Path, max_bytes: int) -> bytes:
+    """Return the content of a file of the user's cache.
+
+    Raises:
+        OSError: see `read_file`; or other users can write to its folder (see `own_folder`).
+    """
+    if path.parent.exists():
+        own_folder(path.parent)
+    return read_file(path, max_bytes)
+
+
 def keep_in_cache(path: Path, data: bytes) -> None:
     """Write a file of the user's cache, whole or not at all.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: it cannot be written, or other users can write to its folder (see `own_folder`).
     """
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    own_folder(path.parent)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
         with open(handle, "wb") as file:

@@ -6,7 +6,7 @@ import errno
 import io
 import os
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -14,10 +14,13 @@ import pytest
 from colony.files import (
     UnsuitableFileError,
     bounded_lines,
+    keep_in_cache,
     open_descriptor,
     open_regular,
+    own_folder,
     read_all,
     read_file,
+    read_from_cache,
     reason,
     size_text,
 )
@@ -114,3 +117,57 @@ def test_lines_come_with_their_ends_and_are_bounded() -> None:
 def test_sizes_in_words() -> None:
     sizes = (4 << 20, 3 << 10, 4_000_000, 5)
     assert [size_text(n) for n in sizes] == ["4 MiB", "3 KiB", "4 MB", "5 bytes"]
+
+
+@pytest.fixture
+def open_to_all() -> Iterator[None]:
+    """Let what the test creates be writable by all users."""
+    before = os.umask(0)
+    yield
+    os.umask(before)
+
+
+@pytest.mark.usefixtures("open_to_all")
+def test_an_own_folder_and_those_around_it_are_of_the_user_alone(tmp_path: Path) -> None:
+    own_folder(tmp_path / "a" / "b")
+    assert [(tmp_path / name).stat().st_mode & 0o777 for name in ("a", "a/b")] == [0o700, 0o700]
+    own_folder(tmp_path / "a" / "b")
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner", "is_own"),
+    [
+        (0o755, 0o755, True),
+        (0o775, 0o700, True),
+        (0o1777, 0o700, True),
+        (0o777, 0o700, False),
+        (0o755, 0o775, False),
+        (0o755, 0o757, False),
+        (0o755, 0o1777, False),
+    ],
+)
+def test_a_cache_is_not_used_in_a_folder_that_other_users_can_write_to(
+    tmp_path: Path, outer: int, inner: int, is_own: bool
+) -> None:
+    path = tmp_path / "outer" / "inner" / "file"
+    keep_in_cache(path, b"ours")
+    path.parent.chmod(inner)
+    path.parents[1].chmod(outer)
+    if is_own:
+        keep_in_cache(path, b"still")
+        assert read_from_cache(path, 5) == b"still"
+        return
+    for use in (lambda: keep_in_cache(path, b"no"), lambda: read_from_cache(path, 4)):
+        with pytest.raises(UnsuitableFileError, match="user"):
+            use()
+    assert path.read_bytes() == b"ours"
+
+
+def test_a_folder_of_another_user_or_without_a_place_is_not_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(UnsuitableFileError, match="absolute"):
+        own_folder(Path("~/.cache"))
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+    with pytest.raises(UnsuitableFileError, match="not a folder of this user"):
+        own_folder(tmp_path)

@@ -1,4 +1,4 @@
-"""Compilation of the simulator's inner loops with numba, cached on disk if possible.
+"""Compilation of the simulator's inner loops with numba, cached in a folder of the user alone if possible.
 
 The annotations of a compiled function are its signature: `float`, `int`, `bool`, an array type of this file,
 or a `NamedTuple` of those. A function is therefore compiled once, when it is defined.
@@ -6,13 +6,18 @@ or a `NamedTuple` of those. A function is therefore compiled once, when it is de
 
 from __future__ import annotations
 
+import os.path
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any, ForwardRef, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core import caching
 from numpy.typing import NDArray
+
+from colony.files import own_folder
 
 Floats = NDArray[np.float64]
 Floats2 = NDArray[np.float64]
@@ -36,6 +41,40 @@ _NATIVE = {
 F = TypeVar("F", bound=Callable[..., object])
 
 
+class _OwnFolder:
+    """A folder of numba's cache that only this user can write to, in the one that numba would choose.
+
+    Its files are unpickled, which runs code in them. With a umask of 0 numba's own folders and files are
+    writable by all users.
+    """
+
+    def get_cache_path(self) -> str:
+        return os.path.join(super().get_cache_path(), "own")  # type: ignore[misc]
+
+    def ensure_cache_path(self) -> None:
+        own_folder(Path(self.get_cache_path()))
+        super().ensure_cache_path()  # type: ignore[misc]
+
+
+class _Provided(_OwnFolder, caching.UserProvidedCacheLocator): ...  # type: ignore[misc]
+
+
+class _InTree(_OwnFolder, caching.InTreeCacheLocator): ...  # type: ignore[misc]
+
+
+class _UserWide(_OwnFolder, caching.UserWideCacheLocator): ...  # type: ignore[misc]
+
+
+class _Implementation(caching.CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = (_Provided, _InTree, _UserWide)
+
+
+class Cache(caching.FunctionCache):  # type: ignore[misc]
+    """The cache of a compiled function."""
+
+    _impl_class = _Implementation
+
+
 def compiled(function: F) -> F:
     """Compile a function that returns nothing; later processes load it from the cache.
 
@@ -45,8 +84,9 @@ def compiled(function: F) -> F:
     names = {**function.__annotations__}
     del names["return"]
     signature = numba.void(*(_native(name, function.__globals__) for name in names.values()))
+    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
     try:
-        dispatcher = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        dispatcher._cache = Cache(function)
         _compile_or_load(dispatcher, signature)
     except (RuntimeError, OSError) as failure:
         if isinstance(failure, RuntimeError) and "cannot cache" not in str(failure):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from starlette.applications import Starlette
+from starlette.datastructures import Headers
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.routing import Route, Router, WebSocketRoute
+from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from colony.watch.greeting import REFUSED, greet
+from colony.watch.greeting import REFUSED, Strangers, greet
 from colony.watch.security import Admission
 from colony.watch.shown import Shown
 from colony.watch.viewer import Viewer
@@ -39,14 +40,12 @@ def page_files() -> dict[str, tuple[bytes, str]]:
     return {path.name: (path.read_bytes(), CONTENT_TYPES[path.suffix]) for path in found}
 
 
-def build_app(shown: Shown, admission: Admission) -> Starlette:
+def build_app(shown: Shown, admission: Admission, strangers: Strangers) -> ASGIApp:
     """Return the application that shows a run, and its successors, to the pages that are admitted."""
     files, viewers = page_files(), set[WebSocket]()
 
     async def page(request: Request) -> Response:
-        if not admission.is_for_us(request.headers):
-            return PlainTextResponse(f"the page is at http://{admission.host}/\n", 421)
-        name = request.path_params.get("name", "index.html")
+        name = request.path_params["name"] or "index.html"
         if name not in files:
             return PlainTextResponse("not found\n", 404, headers=admission.response_headers)
         content, type_ = files[name]
@@ -60,7 +59,7 @@ def build_app(shown: Shown, admission: Admission) -> Starlette:
             return
         viewers.add(socket)
         try:
-            with shown.page() as watched:
+            with strangers.admitted(socket.client), shown.page() as watched:
                 await Viewer(socket, watched).serve(lambda: shown.is_shown(watched))
             if not shown.is_shown(watched):
                 await socket.close(REPLACED)
@@ -69,6 +68,11 @@ def build_app(shown: Shown, admission: Admission) -> Starlette:
         finally:
             viewers.discard(socket)
 
-    return Starlette(
-        routes=[Route("/", page), Route("/{name}", page), WebSocketRoute("/run", run)],
-    )
+    routes = Router([Route("/{name:path}", page), WebSocketRoute("/run", run)], redirect_slashes=False)
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        is_for_us = admission.is_for_us(Headers(scope=scope))
+        misdirected = PlainTextResponse(f"the page is at http://{admission.host}/\n", 421)
+        await (routes if is_for_us else misdirected)(scope, receive, send)
+
+    return app

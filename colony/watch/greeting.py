@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import msgspec
+from starlette.datastructures import Address
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from colony.watch.peers import is_of, own_users
@@ -16,6 +19,39 @@ REFUSED = 4403
 
 PROOF_TIMEOUT_S = 10.0
 """Maximum seconds to wait for the proof of a page."""
+
+MAX_STRANGERS = min(64, os.sysconf("SC_OPEN_MAX") // 16)
+"""Maximum number of open connections that are not of an admitted page; browsers open six a page.
+
+As many again may be accepted at once, a few times, before the excess is closed.
+"""
+
+
+class Strangers:
+    """The open connections that are not of an admitted page: a new one too many closes the oldest. Mutable.
+
+    A connection is counted before it sends a byte, so that silent connections use up no descriptors.
+    """
+
+    def __init__(self) -> None:
+        self._transports: dict[tuple[str, int] | None, asyncio.Transport] = {}
+
+    def add(self, transport: asyncio.Transport) -> None:
+        """Count a connection."""
+        self._transports = {at: known for at, known in self._transports.items() if not known.is_closing()}
+        self._transports[transport.get_extra_info("peername")] = transport
+        if len(self._transports) > MAX_STRANGERS:
+            self._transports.pop(next(iter(self._transports))).abort()
+
+    @contextmanager
+    def admitted(self, client: Address | None) -> Iterator[None]:
+        """Keep the connection of a client open as long as the context lasts."""
+        transport = self._transports.pop(client, None)
+        try:
+            yield
+        finally:
+            if transport is not None:
+                self.add(transport)
 
 
 class Greeting(msgspec.Struct, frozen=True, kw_only=True):

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import threading
 from contextlib import ExitStack
+from typing import cast
 
 import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from colony.watch.app import build_app
+from colony.watch.greeting import MAX_STRANGERS, Strangers
 from colony.watch.requests import MAX_REQUEST_BYTES
 from colony.watch.security import LOOPBACK, Admission
 from colony.watch.shown import Shown
@@ -42,8 +46,19 @@ class PageServer:
             """Address and port of the server."""
             self.url = f"http://{admission.host}/#{token}"
             """Address of the page, with its token."""
+            strangers = Strangers()
+
+            class Counted(H11Protocol):
+                def connection_made(self, transport: asyncio.BaseTransport) -> None:
+                    super().connection_made(cast(asyncio.Transport, transport))
+                    strangers.add(cast(asyncio.Transport, transport))
+
             config = uvicorn.Config(
-                build_app(self._shown, admission),
+                build_app(self._shown, admission, strangers),
+                loop="asyncio",
+                http=Counted,
+                backlog=MAX_STRANGERS,
+                proxy_headers=False,  # they would let a client claim the address of another
                 log_level="critical",
                 access_log=False,
                 lifespan="off",

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from contextlib import suppress
 
-from colony.files import keep_in_cache, read_file, user_cache
+from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.watch.security import new_token
 
 _VALID = re.compile(r"[A-Za-z0-9_-]{32,64}")
@@ -26,7 +26,7 @@ def user_token(environment: Mapping[str, str]) -> str:
     if file is None:
         return new_token()
     with suppress(OSError, UnicodeDecodeError):
-        known = read_file(file, _MAX_BYTES).decode().strip()
+        known = read_from_cache(file, _MAX_BYTES).decode().strip()
         if _VALID.fullmatch(known) and file.stat().st_mode & 0o077 == 0:
             return known
     token = new_token()

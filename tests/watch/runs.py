@@ -162,8 +162,10 @@ class Page:
 
 
 @contextmanager
-def greeted(host: str, *, origin: str | None = None) -> Iterator[tuple[ClientConnection, str, Greeting]]:
-    """Open a WebSocket as a page would, of the page's own origin unless another is given.
+def greeted(
+    host: str, *, origin: str | None = None, **headers: str
+) -> Iterator[tuple[ClientConnection, str, Greeting]]:
+    """Open a WebSocket as a page would, of the page's own origin unless another is given, with more headers.
 
     The context's value has the nonce that was offered, and the greeting of the server.
     """
@@ -172,6 +174,7 @@ def greeted(host: str, *, origin: str | None = None) -> Iterator[tuple[ClientCon
         f"ws://{host}/run",
         origin=f"http://{host}" if origin is None else origin,  # type: ignore[arg-type]
         subprotocols=[PROTOCOL, nonce],  # type: ignore[list-item]
+        additional_headers=headers,
         compression=None,
         proxy=None,
     ) as socket:

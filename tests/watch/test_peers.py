@@ -41,6 +41,12 @@ def test_whose_connections_are_accepted() -> None:
     assert own_users({"SUDO_UID": "x"}, 0) == {0}
 
 
+def test_a_connection_cannot_claim_another_address() -> None:
+    claim = {"X-Forwarded-For": "192.0.2.1:80"}  # would be refused there
+    with recorded() as watched, served(watched) as server, greeted(server.host, **claim):
+        pass
+
+
 @pytest.mark.skipif(os.getuid() != 0, reason="needs root, to be another user")
 def test_a_connection_of_another_user_is_not() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import http.client
+import socket
 import threading
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from colony.watch.app import REPLACED, page_files
-from colony.watch.greeting import REFUSED
-from colony.watch.security import Admission, proof
+from colony.watch.greeting import MAX_STRANGERS, REFUSED
+from colony.watch.security import PROTOCOL, Admission, proof
 from colony.watch.serving import PageServer
 from colony.watch.viewer import UNSUPPORTED
 from colony.watch.watched import StopAnswer
@@ -25,9 +27,24 @@ def server() -> Iterator[PageServer]:
         yield server
 
 
-def get(server: PageServer, path: str, host: str | None = None) -> http.client.HTTPResponse:
+UPGRADE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+    "Sec-WebSocket-Protocol": f"{PROTOCOL}, nonce",
+}
+
+
+def get(
+    server: PageServer,
+    path: str,
+    host: str | None = None,
+    method: str = "GET",
+    headers: dict[str, str] | None = None,
+) -> http.client.HTTPResponse:
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
-    connection.request("GET", path, headers={"Host": host or f"127.0.0.1:{server.port}"})
+    connection.request(method, path, headers={"Host": host or server.host} | (headers or {}))
     response = connection.getresponse()
     response.read()
     connection.close()
@@ -132,8 +149,11 @@ def test_a_proof_is_of_no_use_to_others(server: PageServer) -> None:
         assert admission.accepts(proof(TOKEN, "page", greeting.nonce, server.host), greeting.nonce)
 
 
-def test_another_host_is_refused(server: PageServer) -> None:
-    assert get(server, "/", host="rebound.example").status == 421
+@pytest.mark.parametrize("path", ["/", "/main.js", "/index.html/", "/run", "/run/", "//", "/../a/b", "*"])
+def test_another_host_is_refused_before_anything_is_looked_for(server: PageServer, path: str) -> None:
+    for method in ("GET", "HEAD", "POST", "OPTIONS", "CONNECT"):
+        assert get(server, path, host="rebound.example", method=method).status == 421
+    assert get(server, path, host="rebound.example", headers=UPGRADE).status == 421
 
 
 def test_every_file_has_a_strict_policy(server: PageServer) -> None:
@@ -145,8 +165,8 @@ def test_every_file_has_a_strict_policy(server: PageServer) -> None:
         assert "default-src 'none'" in policy
         assert "unsafe" not in policy
         assert response.headers["X-Content-Type-Options"] == "nosniff"
-    assert get(server, "/../app.py").status == 404
-    assert get(server, "/secret").status == 404
+    for path in ("/../app.py", "/secret", "/index.html/", "/run"):
+        assert get(server, path).status == 404
 
 
 def test_only_the_loopback_interface_listens(server: PageServer) -> None:
@@ -167,6 +187,36 @@ def test_the_stop_is_pressed_by_who_may() -> None:
         opened.ask(do="stop")
         assert opened.until(lambda m: "stop" in m)["stop"] == {"is_kept": True, "text": "stopped"}
     assert pressed == [True]
+
+
+@pytest.mark.parametrize("sent", ["nothing", "half a request", "a handshake without a proof"])
+def test_connections_beyond_the_limit_close_the_oldest_but_no_page(sent: str) -> None:
+    def stop() -> StopAnswer:
+        return StopAnswer(is_kept=True, text="stopped")
+
+    with (
+        recorded(stop) as watched,
+        served(watched) as server,
+        page(server.host) as opened,
+        ExitStack() as resources,
+    ):
+        opened.until(lambda m: "scene" in m)
+        lines = {"GET /run HTTP/1.1": "", "Host": server.host, "Origin": f"http://{server.host}"} | UPGRADE
+        handshake = "".join(
+            f"{name}: {value}\r\n" if value else f"{name}\r\n" for name, value in lines.items()
+        )
+        data = {"nothing": "", "half a request": handshake}.get(sent, f"{handshake}\r\n").encode()
+        strangers = []
+        for _ in range(MAX_STRANGERS + 1):
+            stranger = socket.create_connection(("127.0.0.1", server.port), timeout=60)
+            strangers.append(resources.enter_context(stranger))
+            stranger.sendall(data)
+        with suppress(ConnectionResetError):
+            while strangers[0].recv(4096):
+                pass
+        opened.ask(do="stop")
+        assert opened.until(lambda m: "stop" in m)["stop"]["text"] == "stopped"
+        assert get(server, "/").status == 200
 
 
 def test_a_stop_does_not_wait_for_an_answer() -> None:

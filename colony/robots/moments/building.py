@@ -9,7 +9,7 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import BinaryIO
 
-from colony.files import keep_in_cache, read_file, user_cache
+from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.ir.program import Program
 from colony.robots.moments.index import MAX_BYTES, Index, Mark, Sections, StaleIndexError, decode, encode
 from colony.robots.moments.tracks import TrackWriter
@@ -78,7 +78,7 @@ def cached_index(path: Path | None) -> Index | None:
     if path is None:
         return None
     try:
-        return decode(read_file(path, MAX_BYTES))
+        return decode(read_from_cache(path, MAX_BYTES))
     except (OSError, StaleIndexError):
         return None
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from colony.compile.pipeline import compile_program
 from colony.execute.colonyc import encode
-from colony.files import keep_in_cache, read_file, user_cache
+from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.ir.program import Program
 from colony.ir.version import SEMANTICS
 from colony.verify.contracts.results import Options
@@ -58,7 +58,7 @@ class ProofCache:
         if self._folder is None:
             return {}
         try:
-            found = json.loads(read_file(self._folder / f"{key}.json", MAX_BYTES))
+            found = json.loads(read_from_cache(self._folder / f"{key}.json", MAX_BYTES))
         except (OSError, ValueError, RecursionError):
             return {}
         if not isinstance(found, dict) or not all(isinstance(v, str) for v in found.values()):
