@@ -107,11 +107,11 @@ def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIME
     Args:
         program: the result of `load` or `loads`.
         proof: False to skip the proof, which takes a fraction of a second for a hundred modules.
-        timeout_s: timeout of z3 in seconds for one question.
+        timeout_s: limit of z3 for one question in seconds, which are counted in its steps.
 
     Raises:
         DiagnosticError: V001, the clients differ from the network (a bug in the compiler); V002, the proof
-            was not decided in time.
+            was not decided within the limit.
     """
     from warnings import warn
 
@@ -122,18 +122,18 @@ def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIME
     _expect_number("timeout_s", timeout_s)
     compilation = compiled_with_sources(program, warn)
     if proof:
-        _expect_proof(program, compilation, round(1000 * timeout_s))
+        _expect_proof(program, compilation, timeout_s)
     return Build(program=program, compilation=compilation)
 
 
-def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -> None:
+def _expect_proof(program: Program, compilation: Compilation, seconds: float) -> None:
     from warnings import warn
 
     from colony.verify.equivalence import results
     from colony.verify.equivalence.prove import prove as prove_clients
 
-    timeout_ms = timeout_ms if installed("z3") else 0
-    match prove_clients(program, compilation, sent=lambda: compilation.compiled, timeout_ms=timeout_ms):
+    seconds = seconds if installed("z3") else 0
+    match prove_clients(program, compilation, sent=lambda: compilation.compiled, seconds=seconds):
         case results.Proved():
             return
         case results.Undecided() as undecided if not installed("z3"):

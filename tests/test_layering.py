@@ -119,6 +119,17 @@ def test_imports_run_downwards(path: Path) -> None:
             assert f"colony.{target}" in BASE | {"colony.__version__"}, f"{path} imports {name}"
 
 
+CLOCKLESS = ("text", "ir", "dsl", "compile", "execute", "verify")
+"""Packages that read no clock: what they find must not depend on how busy the machine is."""
+
+
+@pytest.mark.parametrize("package", CLOCKLESS)
+def test_a_finding_rests_on_no_clock(package: str) -> None:
+    for path in (ROOT / package).rglob("*.py"):
+        assert not _imports(path) & {"time", "datetime"}, path
+        assert '"timeout"' not in path.read_text(), f"{path}: limit z3 by its resources"
+
+
 def test_imports_within_the_runtime_run_downwards() -> None:
     runtime = ROOT / "runtime"
     assert {folder.name for folder in runtime.iterdir() if (folder / "__init__.py").exists()} == {*RUNTIME}

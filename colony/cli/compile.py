@@ -13,7 +13,7 @@ from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
-from colony.cli.verify.prover_options import ProverSeconds
+from colony.cli.verify.prover_options import COUNTED, ProverSeconds
 from colony.extras import expect_extras, install_command, installed
 from colony.files import read_file, reason
 from colony.verify.interruption import reliable_interrupts
@@ -63,7 +63,7 @@ CLIENTS_BYTES = 64 * 1024 * 1024
     default=60.0,
     show_default=True,
     metavar="SECONDS",
-    help="The time limit of z3 for one question; with 0 it is not used.",
+    help=f"The approximate time limit of z3 for one question; with 0 it is not used. {COUNTED}",
 )
 def command(
     file: str,
@@ -110,16 +110,16 @@ def command(
 
     compilation = compile_file(file)
     program = compilation.program
-    timeout_ms = round(1000 * proof_timeout) if installed("z3") else 0
+    seconds = proof_timeout if installed("z3") else 0
     if existing is not None:
         with reliable_interrupts():
-            result = _proof_of(existing, program, compilation, timeout_ms)
+            result = _proof_of(existing, program, compilation, seconds)
         _report_proof(result, program, clients_file=existing)
         return
     text = _text(compilation, format_, explain)
     if not no_proof:
         with reliable_interrupts():
-            result = _proof(compilation, format_, text, timeout_ms)
+            result = _proof(compilation, format_, text, seconds)
         _report_proof(result, program, clients_file=None)
     if not text.endswith("\n"):
         text += "\n"
@@ -155,24 +155,24 @@ def _text(compilation: Compilation, format_: str, explain: bool) -> str:
     return explanation(compilation) if explain else client_table(compilation)
 
 
-def _proof(compilation: Compilation, format_: str, text: str, timeout_ms: int) -> Result:
+def _proof(compilation: Compilation, format_: str, text: str, seconds: float) -> Result:
     """Prove the clients, and their form in `text`; for a table, prove the compiled form that is executed."""
     from colony.verify.equivalence.prove import prove
 
     program = compilation.program
     if format_ == "python":
-        return prove(program, compilation, python=text, timeout_ms=timeout_ms)
+        return prove(program, compilation, python=text, seconds=seconds)
     if format_ == "json":
-        return prove(program, compilation, json=text, timeout_ms=timeout_ms)
+        return prove(program, compilation, json=text, seconds=seconds)
     from colony.execute.colonyc import decode, encode
 
     def sent() -> Compiled:
         return decode(encode(compilation.compiled), program.robot.name)
 
-    return prove(program, compilation, sent=sent, timeout_ms=timeout_ms)
+    return prove(program, compilation, sent=sent, seconds=seconds)
 
 
-def _proof_of(existing: Path, program: Program, compilation: Compilation, timeout_ms: int) -> Result:
+def _proof_of(existing: Path, program: Program, compilation: Compilation, seconds: float) -> Result:
     """Prove existing clients."""
     from colony.verify.equivalence import prove
     from colony.verify.equivalence.results import Malformed, Proved
@@ -187,11 +187,11 @@ def _proof_of(existing: Path, program: Program, compilation: Compilation, timeou
             form=str(existing), subject="text", found=str(problem), expected="clients as UTF-8 text"
         )
     if existing.suffix != ".py":
-        return prove.prove_json(program, text, form=str(existing), timeout_ms=timeout_ms)
-    clients = prove.prove(program, compilation, timeout_ms=timeout_ms)
+        return prove.prove_json(program, text, form=str(existing), seconds=seconds)
+    clients = prove.prove(program, compilation, seconds=seconds)
     if not isinstance(clients, Proved):
         return clients
-    return prove.prove_python(program, compilation.clients, text, form=str(existing), timeout_ms=timeout_ms)
+    return prove.prove_python(program, compilation.clients, text, form=str(existing), seconds=seconds)
 
 
 def _report_proof(result: Result, program: Program, clients_file: Path | None) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 
 import click
 
@@ -75,7 +74,7 @@ def command(
     options = Options.within(timeout, depth=depth)
     try:
         with reliable_interrupts():
-            result = difference(program_a, program_b, ignore, pairs, options, time.monotonic)
+            result = difference(program_a, program_b, ignore, pairs, options)
     except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None

@@ -24,5 +24,5 @@ def test_a_behavior_is_right(path: Path) -> None:
     assert results
     assert [result.failures for result in results] == [()] * len(results)
     assert checked.program.contracts
-    verdicts = {r.contract.name: r for r in prove_contracts(checked.program, Options(), lambda: 0.0)}
+    verdicts = {r.contract.name: r for r in prove_contracts(checked.program, Options())}
     assert {name: type(r) for name, r in verdicts.items()} == dict.fromkeys(verdicts, Proved)

@@ -56,7 +56,7 @@ def show(verified: Verified) -> None:
 
 def _undecided_text(verified: Verified) -> str:
     questions = counted(verified.undecided_questions, "question")
-    return f"not decided in time: {questions} about modules that can never act; raise --timeout"
+    return f"not decided within the limit: {questions} about modules that can never act; raise --timeout"
 
 
 def finish_output(verified_files: Sequence[Verified], format_: Format, interrupted: bool = False) -> None:

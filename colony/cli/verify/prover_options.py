@@ -14,6 +14,9 @@ DEFAULT_SECONDS = 10.0
 
 _MAX_SECONDS = 1e6
 
+COUNTED = "It is counted in prover steps, so that results are the same on every machine."
+"""The sentence about time limits of the prover in the help of options."""
+
 _Command = TypeVar("_Command", bound=Callable[..., object])
 
 
@@ -30,14 +33,13 @@ def depth_option(runs: str) -> Callable[[_Command], _Command]:
 
 def timeout_option(default: float, each: str = "") -> Callable[[_Command], _Command]:
     """Return the option `--timeout`, in seconds; `each` names the items that it applies to one by one."""
-    steps = "It is counted in prover steps, so that results are the same on every machine."
     return click.option(
         "--timeout",
         type=ProverSeconds(),
         default=default,
         show_default=True,
         metavar="SECONDS",
-        help=f"The approximate time limit{f' per {each}' if each else ''}. {steps}",
+        help=f"The approximate time limit{f' per {each}' if each else ''}. {COUNTED}",
     )
 
 

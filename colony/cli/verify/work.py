@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -20,8 +19,8 @@ if TYPE_CHECKING:
     from colony.verify.lints.finding import Finding
     from colony.verify.testing.differential import Report
 
-_LINT_TIMEOUT_FACTOR = 2
-"""Time limit for all questions about modules that can never act, in multiples of the limit per contract."""
+_LINT_FACTOR = 2
+"""Limit for all questions about modules that can never act, in multiples of the limit per contract."""
 
 
 @dataclass(slots=True, frozen=False)
@@ -100,7 +99,7 @@ class Work:
         names = [c.name for c in program.contracts if not self.names or c.name in self.names]
         options = Options.within(self.timeout, depth=self.depth)
         on_progress(0, len(names), names[0] if names else "")
-        for result in results(program, names, options, time.monotonic):
+        for result in results(program, names, options):
             verified.results.append(result)
             diagnostic = finding(result, verified.suggested_file)
             verified.diagnostics += [diagnostic] if diagnostic else []
@@ -112,12 +111,13 @@ class Work:
     def _lints(self, verified: Verified, program: Program) -> None:
         if self.names:
             return
-        from colony.verify.lints import TimeBudget, lint
+        from colony.verify.contracts.results import RESOURCES_PER_SECOND
+        from colony.verify.lints import Effort, lint
 
-        time_budget = TimeBudget(time.monotonic, _LINT_TIMEOUT_FACTOR * self.timeout)
-        verified.findings += lint(program, time_budget=time_budget)
+        effort = Effort(round(_LINT_FACTOR * self.timeout * RESOURCES_PER_SECOND))
+        verified.findings += lint(program, effort)
         verified.diagnostics += [f.diagnostic for f in verified.findings]
-        verified.undecided_questions = time_budget.questions_skipped
+        verified.undecided_questions = effort.questions_skipped
 
     def _examples(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
         from colony.cli.verify.examples import findings, reports

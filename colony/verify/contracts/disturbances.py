@@ -25,7 +25,7 @@ from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Options, Proved, ProvedInTime, Trace, Unknown
 from colony.verify.contracts.search import called_modules
-from colony.verify.contracts.solver import Budget, Clock
+from colony.verify.contracts.solver import Budget, OnCharge
 from colony.verify.symbolic.disturbing import claim_name, encode_disturbed
 from colony.verify.symbolic.generalization import generalized
 from colony.verify.symbolic.reasons import reasons_of
@@ -53,10 +53,10 @@ class Confirmer:
     `usual` is the context in which contracts are proved while nothing disturbs them.
     """
 
-    def __init__(self, usual: ProofContext, options: Options, clock: Clock | None = None) -> None:
+    def __init__(self, usual: ProofContext, options: Options, on_charge: OnCharge | None = None) -> None:
         self._usual = usual
         self._options = options
-        self._clock = clock
+        self._on_charge = on_charge
         self._over_reals: dict[str, Rounding] = {}  # of all claims that are proved, by name
         self._inexact: dict[tuple[int, str], tuple[Reason, ...]] = {}  # by context and claim
 
@@ -221,7 +221,7 @@ class Confirmer:
         return Refuter(context.system.program, contract.name, called_modules(context.cones[name]), late)
 
     def _budget(self, share: float) -> Budget:
-        return Budget(self._options, self._clock).scaled(share)
+        return Budget(self._options, self._on_charge, share)
 
 
 def _with_over_reals(proved: Proved, over_reals: Rounding, *, operators: bool) -> Proved:

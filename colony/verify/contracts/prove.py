@@ -24,7 +24,7 @@ from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted, Result, Trace, Unknown
 from colony.verify.contracts.search import called_modules
-from colony.verify.contracts.solver import Budget, Clock
+from colony.verify.contracts.solver import Budget, OnCharge
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
 from colony.verify.symbolic.reasons import rounding_reasons
@@ -36,12 +36,10 @@ _GENERAL_SHARE = 0.25
 _NONLINEAR = (Operation.PRODUCT, Operation.QUOTIENT)
 
 
-def prove_contracts(
-    program: Program, options: Options | None = None, clock: Clock | None = None
-) -> tuple[Result, ...]:
-    """Return the result of every contract, in the order written. Deterministic without a `clock`."""
+def prove_contracts(program: Program, options: Options | None = None) -> tuple[Result, ...]:
+    """Return the result of every contract, in the order written."""
     names = [c.name for c in program.contracts]
-    return tuple(in_order(program, results(program, names, options, clock)))
+    return tuple(in_order(program, results(program, names, options)))
 
 
 def in_order(program: Program, found: Iterable[Result]) -> list[Result]:
@@ -50,15 +48,13 @@ def in_order(program: Program, found: Iterable[Result]) -> list[Result]:
     return [by_name[c.name] for c in program.contracts if c.name in by_name]
 
 
-def results(
-    program: Program, names: list[str], options: Options | None = None, clock: Clock | None = None
-) -> Iterator[Result]:
+def results(program: Program, names: list[str], options: Options | None = None) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known.
 
     Proved contracts help to prove the others: one that stays unknown is tried again at the end if others were
     proved after it, so the order in which contracts are written matters little.
     """
-    prover = Prover(program, options or Options(), clock)
+    prover = Prover(program, options or Options())
     open_results: list[tuple[int, Result]] = []
     for contract in program.contracts:
         if contract.name in names:
@@ -72,12 +68,15 @@ def results(
 
 
 class Prover:
-    """Proves one program's contracts one after the other. Stateful: remembers the contracts proved so far."""
+    """Proves one program's contracts one after the other. Stateful: remembers the contracts proved so far.
 
-    def __init__(self, program: Program, options: Options, clock: Clock | None = None) -> None:
+    `on_charge` receives the cost of each query.
+    """
+
+    def __init__(self, program: Program, options: Options, on_charge: OnCharge | None = None) -> None:
         self._program = program
         self._options = options
-        self._clock = clock
+        self._on_charge = on_charge
         self._results: dict[str, Proved] = {}
         self._over_reals: dict[str, tuple[Reason, ...]] = {}
 
@@ -95,7 +94,7 @@ class Prover:
 
     @cached_property
     def _confirmer(self) -> Confirmer:
-        return Confirmer(self._usual, self._options, self._clock)
+        return Confirmer(self._usual, self._options, self._on_charge)
 
     @property
     def proofs(self) -> int:
@@ -114,7 +113,7 @@ class Prover:
         )
         if float_proof is not None:
             return self._record_proved(contract, self._usual, *float_proof)
-        budget = Budget(self._options, self._clock)
+        budget = Budget(self._options, self._on_charge)
         refuter = Refuter(self._program, contract.name, called_modules(self._usual.cones[contract.name]))
         attempt = Attempt(self._usual, contract.name, budget, refuter)
         context, found = self._usual, attempt.run()
@@ -192,7 +191,7 @@ class Prover:
 
         With `one_frame_only`, try only a proof in a single frame.
         """
-        budget = Budget(self._options, self._clock).scaled(_GENERAL_SHARE)
+        budget = Budget(self._options, self._on_charge, _GENERAL_SHARE)
         attempt = Attempt(self._general, contract.name, budget)
         proof = attempt.prove_in_one_frame() if one_frame_only else attempt.run()
         if not isinstance(proof, Proof):

@@ -11,10 +11,10 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
 RESOURCES_PER_SECOND = 7_200_000
-"""Number of z3's resource units that take about a second on an ordinary machine."""
+"""Number of z3's resource units that take about a second on an ordinary machine.
 
-_SAFETY_FACTOR = 4
-"""Factor by which a proof may exceed the requested time before it is abandoned."""
+No limit of the prover is in seconds of a clock: a verdict must not depend on how busy the machine is.
+"""
 
 _FRAMES_PER_DEPTH = 6
 """Maximum number of frames of a counterexample for each frame of induction depth."""
@@ -28,13 +28,11 @@ class Options:
         depth: Maximum k of k-induction.
         max_frames: Maximum length of a counterexample.
         resources: Limit on the work of z3 in its own units, which do not depend on the machine.
-        seconds: Limit on the time by the caller's clock, if it gives one.
     """
 
     depth: int = 4
     max_frames: int = 24
     resources: int = 10 * RESOURCES_PER_SECOND
-    seconds: float = 40.0
 
     @classmethod
     def within(cls, seconds: float, *, depth: int) -> Self:
@@ -43,7 +41,6 @@ class Options:
             depth=depth,
             max_frames=max(_FRAMES_PER_DEPTH * depth, 2),
             resources=max(1, round(seconds * RESOURCES_PER_SECOND)),
-            seconds=_SAFETY_FACTOR * seconds,
         )
 
 

@@ -1,4 +1,4 @@
-"""z3 with limits: every query ends, and without a clock it ends in the same way on every machine."""
+"""z3 with limits: every query ends, and in the same way on every machine, however busy."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ from enum import Enum, auto, unique
 import z3
 
 from colony.verify.contracts.results import Options
-
-Clock = Callable[[], float]
-"""A clock in seconds, with any origin."""
 
 
 @unique
@@ -22,50 +19,43 @@ class Answer(Enum):
     GAVE_UP = auto()
 
 
+OnCharge = Callable[[int], None]
+"""A function that receives the cost of a query, in z3's resource units."""
+
 _QUERIES = 8
 """Number of full-cost queries that the budget of a contract covers."""
+
+_MAX_LIMIT = 2**32 - 1
+"""The largest limit of a query that z3 takes."""
 
 
 class Budget:
     """The budget of one contract. Stateful: tracks the resources left, and whether z3 gave up.
 
-    Without a clock, only resources are limited.
+    `on_charge` receives the cost of each query, for a limit on several budgets together.
     """
 
-    def __init__(self, options: Options, clock: Clock | None = None) -> None:
+    def __init__(self, options: Options, on_charge: OnCharge | None = None, share: float = 1.0) -> None:
         self.options = options
-        self._clock = clock
-        self._deadline = None if clock is None else clock() + options.seconds
-        self._resources = options.resources
+        self._on_charge = on_charge
+        self._resources = int(options.resources * share)
         self.gave_up = False
 
     def scaled(self, share: float = 0.5) -> Budget:
-        """Return a budget with the same deadline and a share of the initial resources."""
-        budget = Budget(self.options, self._clock)
-        budget._deadline = self._deadline
-        budget._resources = int(budget._resources * share)
-        return budget
-
-    @property
-    def milliseconds_left(self) -> int | None:
-        """Milliseconds until the deadline, at least 0; None without a clock."""
-        if self._clock is None or self._deadline is None:
-            return None
-        return max(0, int((self._deadline - self._clock()) * 1000))
+        """Return a budget with a share of the initial resources."""
+        return Budget(self.options, self._on_charge, share)
 
     def charge(self, resources: int) -> None:
         """Subtract the cost of a query, in z3's units."""
         self._resources -= resources
+        if self._on_charge is not None:
+            self._on_charge(resources)
 
     def is_spent(self) -> bool:
         """Return True if the budget is used up."""
-        over = self.milliseconds_left == 0 or self._resources <= 0
+        over = self._resources <= 0
         self.gave_up = self.gave_up or over
         return over
-
-
-_GRACE_MS = 50
-"""Milliseconds by which z3 may stop before its time limit."""
 
 
 class Solver:
@@ -80,7 +70,7 @@ class Solver:
 
     def limit(self, share: float) -> None:
         """Limit each further query to a share of a full query's resources."""
-        self._query_limit = max(1, int(self._budget.options.resources * share / _QUERIES))
+        self._query_limit = min(max(1, int(self._budget.options.resources * share / _QUERIES)), _MAX_LIMIT)
         self._z3.set("rlimit", self._query_limit)
 
     def add(self, *formulas: z3.BoolRef) -> None:
@@ -103,9 +93,6 @@ class Solver:
         """
         if self._budget.is_spent():
             return Answer.GAVE_UP
-        left = self._budget.milliseconds_left
-        if left is not None:
-            self._z3.set("timeout", left)
         before = _resources_used(self._z3)
         result = self._z3.check(*assumed)
         used = _resources_used(self._z3) - before
@@ -124,9 +111,8 @@ class Solver:
 
         z3 reports Ctrl-C in the same words as a limit.
         """
-        reason, left = self._z3.reason_unknown(), self._budget.milliseconds_left
-        in_time = left is None or left > _GRACE_MS
-        return "interrupted" in reason or ("canceled" in reason and used < self._query_limit and in_time)
+        reason = self._z3.reason_unknown()
+        return "interrupted" in reason or ("canceled" in reason and used < self._query_limit)
 
     def model(self) -> z3.ModelRef:
         """Return the model of the last answer, which was SAT."""

@@ -6,7 +6,7 @@ Only what the actuators receive is compared: the values sent, including idle com
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from colony.ir import expression as ir
@@ -35,7 +35,6 @@ def difference(
     ignore: Iterable[str] = (),
     actuators: Sequence[tuple[str, str]] = (),
     options: Options | None = None,
-    clock: Callable[[], float] = lambda: 0.0,
 ) -> Result:
     """Compare what `a` and `b` send in every frame, for all sensor readings at all times.
 
@@ -57,15 +56,9 @@ def difference(
     program = replace(combined.program, contracts=(contract,))
     trace = Refuter(program, _SAME).search_random_runs()
     if trace is not None:
-        return _different(
-            a,
-            b,
-            combined,
-            compared,
-            shortest_trace(program, _SAME, trace, options or Options(), clock),
-            modules_matched,
-        )
-    match Prover(program, options or Options(), clock).prove(contract):
+        trace = shortest_trace(program, _SAME, trace, options or Options())
+        return _different(a, b, combined, compared, trace, modules_matched)
+    match Prover(program, options or Options()).prove(contract):
         case Proved(k=k, over_reals=over_reals):
             exact = _differ_only_in_wiring(compared, combined)
             return Same(

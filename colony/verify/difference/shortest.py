@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from colony.ir.program import Program
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
@@ -13,13 +11,11 @@ from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.encode import encode
 
 
-def shortest_trace(
-    program: Program, contract: str, known_trace: Trace, options: Options, clock: Callable[[], float]
-) -> Trace:
+def shortest_trace(program: Program, contract: str, known_trace: Trace, options: Options) -> Trace:
     """Return a run that breaks the contract: a shorter one than `known_trace` if one is found in budget."""
     if len(known_trace.snapshots) == 1:
         return known_trace
-    context, budget = ProofContext(encode(program)), Budget(options, clock)
+    context, budget = ProofContext(encode(program)), Budget(options)
     search = Search(context.cones[contract], context.claims[contract], budget)
     refuter = Refuter(program, contract, called_modules(context.cones[contract]))
     for _ in range(len(known_trace.snapshots) - 1):

@@ -87,14 +87,14 @@ def module_of(contract: str) -> str | None:
 
 
 def prove_form(
-    read_form: Callable[[TimerClasses], Form], clients: ClientList, timeout_ms: int
+    read_form: Callable[[TimerClasses], Form], clients: ClientList, seconds: float
 ) -> Proved | Counterexample | Undecided:
     """Prove that the form has the winners of the client list.
 
     Usually the form has the same formulas as the list; equal ones are searched for only where they differ.
     """
     modules = [client.module for actuator in clients.actuators for client in actuator.clients]
-    merged_form = _with_merged_timers(read_form, modules, timeout_ms)
+    merged_form = _with_merged_timers(read_form, modules, seconds)
     claims = _claims(merged_form, clients, near_limits=())
     if any(claim.found != claim.expected for claim in claims):
         claims = _claims(merged_form, clients, near_limits=NEAR_LIMITS[:2])
@@ -136,13 +136,13 @@ class _MergedForm:
 
 
 def _with_merged_timers(
-    read_form: Callable[[TimerClasses], Form], modules: Sequence[str], timeout_ms: int
+    read_form: Callable[[TimerClasses], Form], modules: Sequence[str], seconds: float
 ) -> _MergedForm:
     """Read the form again and again, until no more timers are found to be equal."""
     timer_classes: dict[str, str | None] = {}
     while True:
         form = read_form(timer_classes)
-        merged_form = _MergedForm(form, Solver(form.circuit, timeout_ms), _activity_conditions(form, modules))
+        merged_form = _MergedForm(form, Solver(form.circuit, seconds), _activity_conditions(form, modules))
         index = merged_form.index(near_limits=())
         found: dict[str, str | None] = {}
         for window_ns in dict.fromkeys(timer.window_ns for timer in form.timers):
@@ -233,7 +233,7 @@ def _find_counterexample(
         listed_clients = dict(encode_list(clients, circuit, merged_form.index(()), form.activity).actuators)
         return _wrong_winner(form, actuator, listed_clients.get(actuator, ()), inputs)
 
-    undecided = Undecided(subjects=((form.name, actuator),), timeout_ms=solver.timeout_ms)
+    undecided = Undecided(subjects=((form.name, actuator),), seconds=solver.seconds)
     return decide_clauses(solver, clauses, undecided, describe)
 
 

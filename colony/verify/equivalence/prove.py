@@ -49,8 +49,8 @@ from colony.verify.equivalence.results import (
 from colony.verify.equivalence.solver import Clause, Solver, differ
 from colony.verify.equivalence.table import ClientFormulas, encode_list
 
-TIMEOUT_MS = 60_000
-"""Time limit of z3 for one question, in milliseconds."""
+SECONDS = 60.0
+"""Limit of z3 for one question, in seconds counted in its steps."""
 
 CLIENTS = "clients"
 JSON = "JSON"
@@ -63,22 +63,22 @@ def prove(
     json: str | None = None,
     sent: Callable[[], Compiled] | None = None,
     python: str | None = None,
-    timeout_ms: int = TIMEOUT_MS,
+    seconds: float = SECONDS,
 ) -> Result:
     """Prove that the compiled clients decide as the program's network, or find a frame in which they do not.
 
     The same is proved for the forms emitted from them: `json` and `python` are emitted texts, and `sent`
-    gives the program that is executed, saved and sent. `timeout_ms` limits z3 for each question; with 0, z3
+    gives the program that is executed, saved and sent. `seconds` limits z3 for each question; with 0, z3
     is not used.
     """
     clients = compilation.clients
-    proofs: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
+    proofs: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, seconds=seconds)]
     if json is not None:
         proofs.append(lambda: _prove_json(clients, json))
     if sent is not None:
-        proofs.append(lambda: _prove_sent(program, clients, sent(), timeout_ms))
+        proofs.append(lambda: _prove_sent(program, clients, sent(), seconds))
     if python is not None:
-        proofs.append(lambda: prove_python(program, clients, python, timeout_ms=timeout_ms))
+        proofs.append(lambda: prove_python(program, clients, python, seconds=seconds))
     return _all_of(proofs)
 
 
@@ -95,22 +95,22 @@ def _all_of(proofs: Iterable[Callable[[], Result]]) -> Result:
 
 def _is_unattempted(result: Result | None) -> TypeGuard[Undecided]:
     """Return True if an obligation is open because z3 is not used; the proof then continues."""
-    return isinstance(result, Undecided) and result.timeout_ms <= 0
+    return isinstance(result, Undecided) and result.seconds <= 0
 
 
-def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int = TIMEOUT_MS) -> Result:
+def prove_json(program: Program, json: str, *, form: str = JSON, seconds: float = SECONDS) -> Result:
     """Prove that a text in the format `colony-clients/1`, of any origin, decides as the program's network."""
     try:
         clients = read_json(json)
     except EmittedFormError as problem:
         return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
-    return prove_clients(program, clients, form=form, timeout_ms=timeout_ms)
+    return prove_clients(program, clients, form=form, seconds=seconds)
 
 
-def _prove_sent(program: Program, clients: ClientList, sent: Compiled, timeout_ms: int) -> Result:
+def _prove_sent(program: Program, clients: ClientList, sent: Compiled, seconds: float) -> Result:
     """Prove that the sent form has the winners of the clients, in any executor."""
     readers = [partial(read_lowered, program, clients, code) for code in views(sent)]
-    return _all_of(partial(prove_form, reader, clients, timeout_ms) for reader in readers)
+    return _all_of(partial(prove_form, reader, clients, seconds) for reader in readers)
 
 
 def _prove_json(clients: ClientList, json: str) -> Result:
@@ -133,24 +133,24 @@ def prove_python(
     python: str,
     *,
     form: str = PYTHON,
-    timeout_ms: int = TIMEOUT_MS,
+    seconds: float = SECONDS,
 ) -> Result:
     """Prove that generated Python has the winners of the clients, which are those of the program."""
     try:
         with gc_paused():
-            found = prove_form(partial(read_python, program, clients, python, form), clients, timeout_ms)
+            found = prove_form(partial(read_python, program, clients, python, form), clients, seconds)
     except EmittedFormError as problem:
         return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
     return found
 
 
 def prove_clients(
-    program: Program, clients: ClientList, *, form: str = CLIENTS, timeout_ms: int = TIMEOUT_MS
+    program: Program, clients: ClientList, *, form: str = CLIENTS, seconds: float = SECONDS
 ) -> Result:
     """Prove that a list of clients decides as the program's network; `form` is its name in the result."""
     with gc_paused():
         malformed = _malformed(clients, form)
-        return malformed or _Proof(program, clients, form, timeout_ms).result()
+        return malformed or _Proof(program, clients, form, seconds).result()
 
 
 def _malformed(clients: ClientList, form: str) -> Malformed | None:
@@ -198,7 +198,7 @@ class _Count:
             self.solver += 1
 
 
-def _network(program: Program, order: Sequence[str], timeout_ms: int) -> tuple[Circuit, NetworkFormulas]:
+def _network(program: Program, order: Sequence[str], seconds: float) -> tuple[Circuit, NetworkFormulas]:
     """Return the network, with one history for all time constants with provably equal dominant inputs.
 
     Sharing a history makes other formulas equal, so this is repeated until nothing changes.
@@ -214,7 +214,7 @@ def _network(program: Program, order: Sequence[str], timeout_ms: int) -> tuple[C
         ]
         if not inner_nodes:
             return circuit, source
-        index = FormulaIndex(circuit, Solver(circuit, timeout_ms), _active(circuit, order))
+        index = FormulaIndex(circuit, Solver(circuit, seconds), _active(circuit, order))
         first = index.first_equal([source.dominant(node_index) for node_index in inner_nodes])
         found = {
             node_index: NEVER if i is None else inner_nodes[i]
@@ -233,15 +233,15 @@ def _active(circuit: Circuit, modules: Sequence[str]) -> list[int]:
 class _Proof:
     """The proof for one program and one list of clients. Stateful: its circuit grows."""
 
-    def __init__(self, program: Program, clients: ClientList, form: str, timeout_ms: int) -> None:
+    def __init__(self, program: Program, clients: ClientList, form: str, seconds: float) -> None:
         self.form = form
         order = [client.module for entry in clients.actuators for client in entry.clients]
-        self.circuit, self.source = _network(program, order, timeout_ms)
+        self.circuit, self.source = _network(program, order, seconds)
         self.gates = {
             actuator: gates_of(self.source, root, self.circuit)
             for actuator, root in self.source.roots.items()
         }
-        self.solver = Solver(self.circuit, timeout_ms)
+        self.solver = Solver(self.circuit, seconds)
         index = FormulaIndex(self.circuit, self.solver, _active(self.circuit, order))
         self.formulas = encode_list(clients, self.circuit, index)
         self.count = _Count()
@@ -323,7 +323,7 @@ class _Proof:
 
     def undecided(self, subject: str) -> Undecided:
         """Return the result for when z3 gives up."""
-        return Undecided(subjects=((self.form, subject),), timeout_ms=self.solver.timeout_ms)
+        return Undecided(subjects=((self.form, subject),), seconds=self.solver.seconds)
 
 
 def _settled(client: ClientFormulas, win: int) -> ClientFormulas:

@@ -92,11 +92,11 @@ Counterexample = WrongWinner | WrongActivity | Malformed
 class Undecided:
     """Subjects that were neither proved nor refuted: (form, actuator), mostly.
 
-    z3 gave up after `timeout_ms`; if that is 0, z3 was not used. `by_structure` other obligations hold.
+    z3 gave up after `seconds`; if that is 0, z3 was not used. `by_structure` other obligations hold.
     """
 
     subjects: tuple[tuple[str, str], ...]
-    timeout_ms: int
+    seconds: float
     by_structure: int = 0
 
 
@@ -110,7 +110,7 @@ def merge_results(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
     by_structure = sum(r.by_structure for r in results)
     if undecided:
         subjects = tuple(dict.fromkeys(subject for r in undecided for subject in r.subjects))
-        return Undecided(subjects=subjects, timeout_ms=undecided[0].timeout_ms, by_structure=by_structure)
+        return Undecided(subjects=subjects, seconds=undecided[0].seconds, by_structure=by_structure)
     return Proved(
         forms=tuple(dict.fromkeys(form for r in proved for form in r.forms)),
         by_structure=by_structure,
@@ -156,9 +156,10 @@ def counterexample_text(found: Counterexample) -> str:
 def undecided_text(found: Undecided) -> str:
     """Return a sentence about what was not settled."""
     subjects = listed([f"{form}: {subject}" for form, subject in found.subjects])
-    if found.timeout_ms > 0:
-        seconds = f"{found.timeout_ms / 1000:g} s"
-        return f"{subjects}: z3 found neither a proof nor a counterexample within {seconds}"
+    if found.seconds > 0:
+        return (
+            f"{subjects}: z3 found neither a proof nor a counterexample within {found.seconds:g} s of steps"
+        )
     structure = counted(found.by_structure, "obligation")
     return f"{subjects}: not proved without z3 ({structure} proved by structure)"
 

@@ -21,6 +21,12 @@ Clause = tuple[int, ...]
 NEAR_LIMITS = (20, 200, 2_000)
 """Numbers of nearby conjunctions to consider, in turn, before all are considered."""
 
+RESOURCES_PER_SECOND = 100_000
+"""Number of z3's resource units that take its propositional solver about a second on an ordinary machine."""
+
+_MAX_RESOURCES = 2**32 - 1
+"""The largest limit that z3 takes."""
+
 BATCH_SIZE = 100
 """Number of small questions that are asked at once."""
 
@@ -49,17 +55,25 @@ Answer = Refuted | Satisfied | Unsettled
 
 
 class Solver:
-    """z3 for one circuit. Stateful: counts its questions."""
+    """z3 for one circuit. Stateful: counts its questions.
 
-    def __init__(self, circuit: Circuit, timeout_ms: int) -> None:
+    `seconds` limits each question. They are counted in z3's resources, so that a proof that succeeds on one
+    machine succeeds on all.
+    """
+
+    def __init__(self, circuit: Circuit, seconds: float) -> None:
         self.circuit = circuit
-        self.timeout_ms = timeout_ms
+        self.seconds = seconds
         self.question_count = 0
 
     @property
     def uses_z3(self) -> bool:
         """True if z3 is used at all; if not, only obvious contradictions are refuted."""
-        return self.timeout_ms > 0
+        return self.seconds > 0
+
+    @property
+    def _resources(self) -> int:
+        return min(max(1, round(self.seconds * RESOURCES_PER_SECOND)), _MAX_RESOURCES)
 
     def refutes(self, clauses: Sequence[Clause], near_limits: Sequence[int] = NEAR_LIMITS) -> bool:
         """Return True if nearby conjunctions suffice to show that the clauses cannot all be true."""
@@ -95,7 +109,7 @@ class Solver:
         for clause in clauses:
             cnf.add(clause)
         complete = all(self.circuit.is_input(node) for node in cone.leaves)
-        possible, model = cnf.solve(self.timeout_ms, with_model=complete)
+        possible, model = cnf.solve(self._resources, with_model=complete)
         if possible is None:
             return Unsettled.GAVE_UP
         if not possible:
@@ -114,7 +128,7 @@ class Solver:
         leaves = dict.fromkeys(chain.from_iterable(cone.leaves for cone in cones))
         cnf = _Cnf(self.circuit, list(inner), [node for node in leaves if node not in inner])
         cnf.add_one_of(questions)
-        return cnf.solve(self.timeout_ms, with_model=False)[0] is False
+        return cnf.solve(self._resources, with_model=False)[0] is False
 
 
 def differ(a: int, b: int) -> tuple[Clause, Clause]:
@@ -160,12 +174,12 @@ class _Cnf:
         self._lines.append(f"{' '.join(map(str, choices))} 0")
         self._clauses += 1
 
-    def solve(self, timeout_ms: int, with_model: bool) -> tuple[bool | None, frozenset[int]]:
+    def solve(self, resources: int, with_model: bool) -> tuple[bool | None, frozenset[int]]:
         """Return True if all clauses can be true (None if z3 gives up), and the variables that are true."""
         import z3
 
         solver = z3.SolverFor("QF_FD")
-        solver.set("timeout", timeout_ms)
+        solver.set("rlimit", resources)
         solver.from_string(f"p cnf {self._variables} {self._clauses}\n" + "\n".join(self._lines) + "\n")
         result = solver.check()
         if result != z3.sat or not with_model:

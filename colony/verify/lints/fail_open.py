@@ -30,7 +30,7 @@ from colony.verify.lints.driving import (
     without,
 )
 from colony.verify.lints.evidence import replay
-from colony.verify.lints.proof import Prover, TimeBudget
+from colony.verify.lints.proof import Effort, Prover
 
 _MAX_EAGER = 16
 """Number of pairs and sensors up to which the claims about guards are encoded with all others."""
@@ -63,7 +63,7 @@ def _are_few(pairs: list[Guarded]) -> bool:
     return sum(len(pair.sensors) for pair in pairs) <= _MAX_EAGER
 
 
-def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: Prover, effort: Effort) -> Iterator[Diagnostic]:
     """Yield the warnings about guards that fail open."""
     found: Found = {}
     undecided: dict[str, list[str]] = {}
@@ -72,7 +72,7 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
     asked = prover
     if not _are_few(all_pairs):
         open_claims = (claim for p in pairs if p.sensors for claim in p.claims(case))
-        asked = Prover(case.instrumented, dict(open_claims), time_budget)
+        asked = Prover(case.instrumented, dict(open_claims), effort)
     for pair in pairs:
         fields = guarded_fields(case, pair.module, pair.guard, pair.actuator, asked) if pair.sensors else ()
         for sensor in pair.sensors if fields else ():

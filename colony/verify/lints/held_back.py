@@ -27,7 +27,7 @@ from colony.verify.lints.driving import (
     without,
 )
 from colony.verify.lints.evidence import frames
-from colony.verify.lints.proof import Prover, TimeBudget
+from colony.verify.lints.proof import Effort, Prover
 from colony.verify.snapshot import Snapshot
 
 
@@ -69,13 +69,13 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
         yield from hold.open_claims(case)
 
 
-def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: Prover, effort: Effort) -> Iterator[Diagnostic]:
     """Yield the warnings about failsafe modules that hold back a guard."""
     holds = [h.only(s for s in h.sensors if may_win_without(h.module, s, prover)) for h in _holds(case)]
     asked = Prover(
         case.instrumented,
         dict(claim for h in holds if h.sensors for claim in h.claims(case)),
-        time_budget,
+        effort,
     )
     found: Found = {}
     undecided: dict[str, list[str]] = {}

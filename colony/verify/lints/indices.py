@@ -18,8 +18,6 @@ from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.report import reason_text
 from colony.verify.contracts.results import (
-    RESOURCES_PER_SECOND,
-    Options,
     Proved,
     ProvedInTime,
     Refuted,
@@ -31,13 +29,11 @@ from colony.verify.lints.accesses import Access, accesses
 from colony.verify.lints.case import Case
 from colony.verify.lints.evidence import frames, replay
 from colony.verify.lints.finding import Finding, Run
-from colony.verify.lints.proof import MAX_FRAMES, TimeBudget
+from colony.verify.lints.proof import OPTIONS, Effort
 from colony.verify.symbolic.system import Reason
 
-_OPTIONS = Options(depth=1, max_frames=MAX_FRAMES, resources=RESOURCES_PER_SECOND // 2)
 
-
-def findings(case: Case, time_budget: TimeBudget) -> Iterator[Finding]:
+def findings(case: Case, effort: Effort) -> Iterator[Finding]:
     """Yield an error or a warning for each computed index that is not proved to be inside.
 
     One that is proved only over real numbers gets a note. An index in a function counts once a call.
@@ -45,10 +41,10 @@ def findings(case: Case, time_budget: TimeBudget) -> Iterator[Finding]:
     instrumented, found = accesses(case.program)
     if not found:
         return
-    prover, reported = Prover(instrumented, _OPTIONS), set[tuple[Span, ...]]()
+    prover, reported = Prover(instrumented, OPTIONS, effort.charge), set[tuple[Span, ...]]()
     for access in sorted(found, key=lambda access: not access.decides):
         place = (access.place.span, *_arguments(access.place, access.place.span))
-        if place in reported or time_budget.is_spent():
+        if place in reported or not effort.allows_question():
             continue
         result = prover.prove_disturbed(access.claim)
         finding = _finding(case, access, result)

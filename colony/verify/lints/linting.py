@@ -29,17 +29,17 @@ from colony.verify.lints import (
 from colony.verify.lints.case import Case, case_of
 from colony.verify.lints.evidence import broken_claims
 from colony.verify.lints.finding import Finding
-from colony.verify.lints.proof import Prover, TimeBudget
+from colony.verify.lints.proof import Effort, Prover
 
 _MAX_CANDIDATES = 12
 
 
-def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Finding, ...]:
+def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
     """Return all findings, V020 to V036, in source order.
 
-    Findings that need more time than `time_budget` allows are left out.
+    Findings that need more than `effort` allows are left out.
     """
-    time_budget = TimeBudget() if time_budget is None else time_budget
+    effort = Effort() if effort is None else effort
     case = case_of(program)
     if not case.network.roots:
         return ()
@@ -50,12 +50,12 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Findi
         to_refute |= refuting_lint.claims(case)
     refuted = broken_claims(program, case.instrumented, to_prove)
     unbroken = {name: claim for name, claim in to_prove.items() if name not in refuted}
-    prover = Prover(case.instrumented, unbroken | to_refute, time_budget)
+    prover = Prover(case.instrumented, unbroken | to_refute, effort)
     proved = prover.proved(unbroken)
     dominators = {
-        m: _minimal_dominators(case, m, time_budget) for m in case.modules if shadows.shadowed(m) in proved
+        m: _minimal_dominators(case, m, effort) for m in case.modules if shadows.shadowed(m) in proved
     }
-    with_runs = (*limits.findings(case, prover), *indices.findings(case, time_budget))
+    with_runs = (*limits.findings(case, prover), *indices.findings(case, effort))
     runs = {f.diagnostic: f.run for f in with_runs}
     diagnostics = in_order(
         [
@@ -66,9 +66,9 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Findi
             *contracts.findings(case, proved),
             *synchronized.findings(case, proved),
             *ranges.findings(case, prover),
-            *fail_open.findings(case, prover, time_budget),
-            *held_back.findings(case, prover, time_budget),
-            *stuck.findings(case, prover, time_budget),
+            *fail_open.findings(case, prover, effort),
+            *held_back.findings(case, prover, effort),
+            *stuck.findings(case, prover, effort),
             *pauses.findings(case, prover),
             *never_blind.findings(case),
             *runs,
@@ -77,20 +77,20 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Findi
     return tuple(Finding(d, runs.get(d)) for d in diagnostics)
 
 
-def _minimal_dominators(case: Case, module: str, time_budget: TimeBudget) -> tuple[str, ...]:
+def _minimal_dominators(case: Case, module: str, effort: Effort) -> tuple[str, ...]:
     """Return a minimal set of modules that dominate a module wherever it is active."""
     dominators = shadows.candidates(case, module)
-    if len(dominators) > _MAX_CANDIDATES or not _dominate(case, module, dominators, time_budget):
+    if len(dominators) > _MAX_CANDIDATES or not _dominate(case, module, dominators, effort):
         return ()
     for name in reversed(dominators):
         fewer = tuple(x for x in dominators if x != name)
-        if _dominate(case, module, fewer, time_budget):
+        if _dominate(case, module, fewer, effort):
             dominators = fewer
     return tuple(m.name for m in case.program.modules if m.name in dominators)
 
 
-def _dominate(case: Case, module: str, dominators: tuple[str, ...], time_budget: TimeBudget) -> bool:
+def _dominate(case: Case, module: str, dominators: tuple[str, ...], effort: Effort) -> bool:
     claim = shadows.dominated(case, module, dominators)
     if claim is None:
         return False
-    return bool(Prover(case.instrumented, {"dominated": claim}, time_budget).proved(["dominated"]))
+    return bool(Prover(case.instrumented, {"dominated": claim}, effort).proved(["dominated"]))

@@ -1,7 +1,8 @@
-"""Proofs and refutations of claims about every frame of every run, in bounded time."""
+"""Proofs and refutations of claims about every frame of every run, in bounded effort."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from functools import cached_property
 
@@ -11,7 +12,7 @@ from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, Options, Trace
 from colony.verify.contracts.search import called_modules
-from colony.verify.contracts.solver import Budget, Clock
+from colony.verify.contracts.solver import Budget
 from colony.verify.lints.evidence import Claims, with_claims
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import Inexact
@@ -19,33 +20,42 @@ from colony.verify.symbolic.system import Inexact
 MAX_FRAMES = 8
 """Maximum length of a run: a machine may come through several phases before what is looked for happens."""
 
-_OPTIONS = Options(depth=1, max_frames=MAX_FRAMES, resources=RESOURCES_PER_SECOND // 2)
+OPTIONS = Options(depth=1, max_frames=MAX_FRAMES, resources=RESOURCES_PER_SECOND // 2)
 
 
-class TimeBudget:
-    """A time limit for all questions about a program together; unlimited without a clock.
+_QUESTION_RESOURCES = RESOURCES_PER_SECOND // 20
+"""Resources that a question is charged besides those of z3, for its encoding and the runs that are drawn."""
 
-    Stateful: `questions_skipped` counts the questions that were left out for lack of time.
+
+class Effort:
+    """A limit on z3's resources for all questions about a program together; unlimited if it is None.
+
+    Stateful: `questions_skipped` counts the questions that were left out because the limit was reached.
     """
 
-    def __init__(self, clock: Clock | None = None, seconds: float = 0.0) -> None:
-        self._clock = clock
-        self._deadline = 0.0 if clock is None else clock() + seconds
+    def __init__(self, resources: int | None = None) -> None:
+        self._left = math.inf if resources is None else resources
         self.questions_skipped = 0
 
-    def is_spent(self) -> bool:
-        """Return True if no time is left for another question, and count the question as skipped."""
-        spent = self._clock is not None and self._clock() >= self._deadline
-        self.questions_skipped += spent
-        return spent
+    def charge(self, resources: int) -> None:
+        """Subtract the cost of a query."""
+        self._left -= resources
+
+    def allows_question(self) -> bool:
+        """Return True if another question may be asked, and charge it; otherwise count it as skipped."""
+        if self._left <= 0:
+            self.questions_skipped += 1
+            return False
+        self.charge(_QUESTION_RESOURCES)
+        return True
 
 
 class Prover:
     """A prover of claims about one program. Stateful: encodes the program on first use, remembers answers."""
 
-    def __init__(self, program: Program, claims: Claims, time_budget: TimeBudget) -> None:
+    def __init__(self, program: Program, claims: Claims, effort: Effort) -> None:
         self._program = with_claims(program, claims)
-        self._time_budget = time_budget
+        self._effort = effort
         self._answers: dict[str, bool] = {}
         self._undecided: set[str] = set()
 
@@ -66,11 +76,10 @@ class Prover:
     def proved_over_reals(self, name: str) -> bool:
         """Return True if a claim is proved over the reals, that is, without rounding."""
         if name not in self._answers:
-            if self._time_budget.is_spent():
+            if not self._effort.allows_question():
                 return False
-            self._answers[name] = isinstance(
-                Attempt(self._context, name, Budget(_OPTIONS, lambda: 0.0)).run(), Proof
-            )
+            attempt = Attempt(self._context, name, Budget(OPTIONS, self._effort.charge))
+            self._answers[name] = isinstance(attempt.run(), Proof)
         return self._answers[name]
 
     def _depends_on_rounding(self, name: str) -> bool:
@@ -81,10 +90,10 @@ class Prover:
 
         Modules in Python answer in it as suits the run.
         """
-        if self._time_budget.is_spent():
+        if not self._effort.allows_question():
             return None
         refuter = Refuter(self._program, name, called_modules(self._context.cones[name]))
-        attempt = Attempt(self._context, name, Budget(_OPTIONS, lambda: 0.0), refuter)
+        attempt = Attempt(self._context, name, Budget(OPTIONS, self._effort.charge), refuter)
         found = attempt.run()
         if isinstance(found, Proof):
             return None

@@ -36,7 +36,7 @@ from colony.verify.lints.driving import (
     without,
 )
 from colony.verify.lints.evidence import frames
-from colony.verify.lints.proof import Prover, TimeBudget
+from colony.verify.lints.proof import Effort, Prover
 from colony.verify.reference.kleene import Known
 from colony.verify.snapshot import Snapshot
 
@@ -172,7 +172,7 @@ class _End(NamedTuple):
     after: Known
 
 
-def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: Prover, effort: Effort) -> Iterator[Diagnostic]:
     """Yield the warnings about memory that a missing sensor keeps as it is.
 
     Few modules can win without such a sensor, so only the claims about these are encoded.
@@ -183,7 +183,7 @@ def findings(case: Case, prover: Prover, time_budget: TimeBudget) -> Iterator[Di
         sensors = [s for s in change.sensors if may_win_without(change.module, s, prover)]
         if not sensors:
             continue
-        asked = Prover(case.instrumented, {_CLAIM: _change_claim(case, change)}, time_budget)
+        asked = Prover(case.instrumented, {_CLAIM: _change_claim(case, change)}, effort)
         trace = asked.refuted(_CLAIM)
         if trace is None:
             if asked.is_undecided(_CLAIM):

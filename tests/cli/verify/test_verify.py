@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
+import z3
 
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
@@ -70,6 +73,27 @@ def test_a_name_that_no_contract_has(colony: Colony, behavior: Path) -> None:
     code, out, err = colony("verify", "--contract", "bakcs", add(behavior, TRUE))
     assert (code, out) == (2, "")
     assert "no contract `bakcs`; did you mean `backs`?" in err
+
+
+@pytest.mark.parametrize("command", ["verify", "diff", "compile"])
+def test_a_clock_that_jumps_changes_no_result(
+    colony: Colony, behavior: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    files = [add(behavior, TRUE, FALSE, OPEN)]
+    if command == "diff":
+        files.append(behavior.with_name("other.colony"))
+        files[1].write_text(behavior.read_text().replace("near / 1 s", "2 * near / 2 s"))
+    expected = colony(command, *files)
+    days, set_option = itertools.count(0, 86_400), z3.Solver.set
+
+    def set_resources(solver: z3.Solver, *options: object) -> None:
+        assert options[0] == "rlimit"
+        set_option(solver, *options)
+
+    for clock in ("time", "monotonic", "perf_counter", "process_time"):
+        monkeypatch.setattr(time, clock, lambda: float(next(days)))
+    monkeypatch.setattr(z3.Solver, "set", set_resources)
+    assert colony(command, *files) == expected
 
 
 def test_no_contracts(colony: Colony, behavior: Path) -> None:

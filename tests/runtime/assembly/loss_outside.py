@@ -99,7 +99,7 @@ def run(seed: int) -> Counter[str]:
 @lru_cache(maxsize=64)
 def proved(program: Program) -> frozenset[str]:
     """The contracts that are proved with operators."""
-    results = prove_contracts(program, Options(), lambda: 0.0)
+    results = prove_contracts(program, Options())
     return frozenset(r.contract.name for r in results if isinstance(r, Proved) and r.operators)
 
 

@@ -56,8 +56,8 @@ def test_the_others_in_words() -> None:
     assert counterexample_text(activity) == expected
     malformed = Malformed(form="JSON", subject="drive", found="this", expected="that")
     assert counterexample_text(malformed) == "JSON: drive: found this, expected that"
-    undecided = Undecided(subjects=(("JSON", "drive"),), timeout_ms=1_500)
-    expected = "JSON: drive: z3 found neither a proof nor a counterexample within 1.5 s"
+    undecided = Undecided(subjects=(("JSON", "drive"),), seconds=1.5)
+    expected = "JSON: drive: z3 found neither a proof nor a counterexample within 1.5 s of steps"
     assert undecided_text(undecided) == expected
 
 
