@@ -12,9 +12,9 @@ from colony.ir.types import ScalarValue
 from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.claims import FALSE, any_of, binary, constant, implies, negation, value_or, won
 from colony.verify.lints.case import Case, command_of, value_text
+from colony.verify.lints.evidence import frames
 from colony.verify.lints.proof import Prover
 from colony.verify.reference.boundary import clamp
-from colony.verify.reference.interpreter import Interpreter
 
 
 def _name(module: Module, field: ActuatorField) -> str:
@@ -61,9 +61,7 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
         clamped = Record("command clamped", f"{actuator}.{field.name}")
         if trace is None or clamped not in trace.outcomes[-1].records:
             continue
-        interpreter = Interpreter(case.instrumented, answers_given=True)
-        for snapshot in trace.snapshots:
-            interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings, restarted=snapshot.restarted)
+        *_, (_, interpreter) = frames(case.instrumented, trace.snapshots)
         value = interpreter.value_of(command_of(module, i))
         assert isinstance(value, float)
         assert module.command is not None
