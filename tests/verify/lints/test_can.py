@@ -57,6 +57,12 @@ def test_a_run_beyond_the_range_needs_no_module_in_python() -> None:
     assert codes(text) == ["V025"]
 
 
+def test_command_beyond_range_after_an_answer_in_python_is_found() -> None:
+    text = 'module p from python "nowhere:Nothing" { reads sonar }\n'
+    text += go("a", "true", "level * 7 mm/s") + go("b", "true")
+    assert "V025" in codes(text + "network { drive = (p inhibits b) suppresses a }\n")
+
+
 # --- missing sensors -------------------------------------------------------------------------------
 
 AVOID = go("cruise", "true") + go("avoid", "sonar < 1 m", "80 mm/s", "30 deg/s")
