@@ -13,7 +13,7 @@ import zenoh
 
 from colony.runtime.transport.live import configuration, keys
 from colony.runtime.transport.live.configuration import Settings
-from colony.runtime.transport.live.errors import UnreachableError
+from colony.runtime.transport.live.errors import ForkedError, UnreachableError
 from colony.runtime.transport.live.names import local_user as local_user
 from colony.runtime.transport.live.probe import diagnose
 from colony.runtime.transport.live.robot_address import Local, Remote, RobotAddress
@@ -39,10 +39,12 @@ Watcher = Callable[[str, bool], None]
 class ZenohSession:
     """A process's session. Mutable.
 
-    Use it in a `with`: an open session keeps the process alive. A process must not fork while it has one
-    open. `stops` is the second session of a server, for emergency stops from the gateway: on the link of the
-    first session, stops would wait behind a flood of calls. It is None in processes that only connect, and in
-    the gateway.
+    Use it in a `with`: an open session keeps the process alive. A process that is forked afterwards can use
+    no session (`require_threads`), and closing one there does nothing.
+
+    `stops` is the second session of a server, for emergency stops from the gateway: on the link of the first
+    session, stops would wait behind a flood of calls. It is None in processes that only connect, and in the
+    gateway.
     """
 
     def __init__(
@@ -78,9 +80,11 @@ class ZenohSession:
 
         Raises:
             AlreadyRunningError: another process already serves one of `server_names`.
+            ForkedError: this process was forked from one that had opened a session.
             RunDirectoryError: the robot's folder cannot be used.
             UnreachableError: the gateway cannot be reached, or refuses the login.
         """
+        require_threads()
         with ExitStack() as resources:
             if isinstance(robot_address, Local):
                 robot_address.directory.prepare()
@@ -105,7 +109,12 @@ class ZenohSession:
         return self.robot_address.credentials.user if isinstance(self.robot_address, Remote) else local_user()
 
     def alive(self) -> tuple[str, ...]:
-        """Return the addresses of the nodes that are currently present."""
+        """Return the addresses of the nodes that are currently present.
+
+        Raises:
+            ForkedError: the session was opened before this process was forked.
+        """
+        require_threads()
         time.sleep(max(0.0, self._opened + SOCKET_SCAN_S - time.monotonic()))
         return tuple(sorted(self._present))
 
@@ -129,7 +138,8 @@ class ZenohSession:
 
     def close(self) -> None:
         """Leave the network. Idempotent."""
-        self._resources.close()
+        if not is_forked():
+            self._resources.close()
 
     def __enter__(self) -> ZenohSession:
         """Return the session."""
@@ -140,10 +150,44 @@ class ZenohSession:
         self.close()
 
 
+class _Fork:
+    """What a fork does to the threads of zenoh, which all sessions of a process share. Mutable."""
+
+    threads_run = False
+    threads_lost = False
+
+    @classmethod
+    def on_fork(cls) -> None:
+        """Record, in the forked process, that it has no threads."""
+        cls.threads_lost = cls.threads_run
+
+
+os.register_at_fork(after_in_child=_Fork.on_fork)
+
+
+def is_forked() -> bool:
+    """Return True if this process was forked from one that had opened a session."""
+    return _Fork.threads_lost
+
+
+def require_threads() -> None:
+    """Check that sessions work in this process; call it before anything that a fork may have left locked.
+
+    Raises:
+        ForkedError: it was forked from one that had opened a session: all calls would hang.
+    """
+    if is_forked():
+        raise ForkedError(
+            "connections do not work in a process that was forked after its parent had opened one: fork "
+            'before, or start it anew, as by multiprocessing.get_context("spawn")'
+        )
+
+
 def _open(robot_address: RobotAddress, settings: Settings, resources: ExitStack) -> zenoh.Session:
     _check_descriptors()
     try:
         with _threads():
+            _Fork.threads_run = True
             session = zenoh.open(configuration.configuration(settings))
     except zenoh.ZError as problem:
         raise UnreachableError(_open_failure(robot_address, settings, problem)) from None
