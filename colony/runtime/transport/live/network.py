@@ -18,13 +18,22 @@ from colony.runtime.transport.live.names import local_user as local_user
 from colony.runtime.transport.live.probe import diagnose
 from colony.runtime.transport.live.robot_address import Local, Remote, RobotAddress
 
-THREADS = "(rx: (worker_threads: 2), acc: (handover: rx), tx: (worker_threads: 1), net: (handover: tx))"
-"""Threads of zenoh, in the format of `ZENOH_RUNTIME`; a variable that is already set takes precedence.
+RECEIVING_THREADS = 2
+"""Receiving threads of a process that is not a gateway."""
 
-Receiving and accepting share threads: with separate ones, each message would wake two, one that notices it
-and one that reads it. Sending, including keepalives, has its own thread: a server that is flooded with calls
-must keep sending keepalives, or the other processes close their links to it.
-"""
+
+def threads(receiving: int = RECEIVING_THREADS) -> str:
+    """Return the threads of zenoh, with so many for `receiving`, in the format of `ZENOH_RUNTIME`.
+
+    Receiving and accepting share threads: with separate ones, each message would wake two, one that notices
+    it and one that reads it. Sending, including keepalives, has its own thread: a server that is flooded with
+    calls must keep sending keepalives, or the other processes close their links to it.
+    """
+    return (
+        f"(rx: (worker_threads: {receiving}), acc: (handover: rx), tx: (worker_threads: 1), "
+        "net: (handover: tx))"
+    )
+
 
 SOCKET_SCAN_S = 0.1
 """Seconds after which all existing sockets have been tried."""
@@ -72,11 +81,12 @@ class ZenohSession:
         *,
         server_names: tuple[str, ...] = (),
         settings: Settings | None = None,
+        receiving_threads: int = RECEIVING_THREADS,
     ) -> ZenohSession:
         """Join the robot's processes, on this machine as the servers named by `server_names`.
 
         Other processes find these servers through the socket of the first. `settings` replace the default
-        ones.
+        ones. The first session of a process decides how many `receiving_threads` it has.
 
         Raises:
             AlreadyRunningError: another process already serves one of `server_names`.
@@ -92,10 +102,15 @@ class ZenohSession:
                     resources.enter_context(robot_address.directory.claim(name))
             stops = None
             if isinstance(robot_address, Local) and server_names and settings is None:
-                stops = _open(robot_address, configuration.stop_settings(robot_address.directory), resources)
+                stops = _open(
+                    robot_address,
+                    configuration.stop_settings(robot_address.directory),
+                    resources,
+                    receiving_threads,
+                )
             if settings is None:
                 settings = configuration.settings(robot_address, server=next(iter(server_names), None))
-            session = _open(robot_address, settings, resources)
+            session = _open(robot_address, settings, resources, receiving_threads)
             return cls(robot_address, session, resources.pop_all(), stops)
 
     @property
@@ -183,10 +198,12 @@ def require_threads() -> None:
         )
 
 
-def _open(robot_address: RobotAddress, settings: Settings, resources: ExitStack) -> zenoh.Session:
+def _open(
+    robot_address: RobotAddress, settings: Settings, resources: ExitStack, receiving_threads: int
+) -> zenoh.Session:
     _check_descriptors()
     try:
-        with _threads():
+        with _threads(receiving_threads):
             _Fork.threads_run = True
             session = zenoh.open(configuration.configuration(settings))
     except zenoh.ZError as problem:
@@ -203,15 +220,15 @@ def _open(robot_address: RobotAddress, settings: Settings, resources: ExitStack)
 
 
 @contextmanager
-def _threads() -> Iterator[None]:
-    """Apply `THREADS` to zenoh, which reads the variable when the first session is opened.
+def _threads(receiving: int) -> Iterator[None]:
+    """Apply `threads` to zenoh, which reads the variable when the first session is opened.
 
-    Child processes do not inherit the variable.
+    A variable that is already set takes precedence. Child processes do not inherit this one.
     """
     if "ZENOH_RUNTIME" in os.environ:
         yield
         return
-    os.environ["ZENOH_RUNTIME"] = THREADS
+    os.environ["ZENOH_RUNTIME"] = threads(receiving)
     try:
         yield
     finally:
