@@ -86,8 +86,8 @@ class Freezes:
         self.late: list[str] = []
         self.times: list[float] = []
 
-    def round(self, random: Random, longest_s: float) -> None:
-        """Freeze some processes together, and take the time until all is well."""
+    def round(self, random: Random, longest_s: float) -> frozenset[str]:
+        """Freeze some processes together, and take the time until all is well; return what stays missing."""
         signals, begin = drawn(random, self._pids, longest_s), time.monotonic()
         for at_s, pid, number in signals:
             time.sleep(max(0.0, begin + at_s - time.monotonic()))
@@ -100,6 +100,7 @@ class Freezes:
             frozen = ", ".join(self._names.get(pid, str(pid)) for pid in {pid for _, pid, _ in signals})
             lack = f"; missing: {', '.join(sorted(missing))}" if missing else ""
             self.late.append(f"{self.times[-1]:.2f} s after {frozen_s:.1f} s without {frozen}{lack}")
+        return missing
 
     def missing(self, since_ns: int) -> frozenset[str]:
         """Return the servers of which the process that only connects has no newer frame, or that are down."""
