@@ -9,6 +9,7 @@ SECONDS ?= 60
 SEED    ?= 1
 SEEDS   ?= 10000
 TRIALS  ?= 100
+ROUNDS  ?= 50
 MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
@@ -45,6 +46,7 @@ bench: $(DEV)
 
 soak: $(DEV)
 	$(BIN)/python -m tests.runtime.assembly.processes.soak --seconds $(SECONDS) --seed $(SEED)
+	$(BIN)/python -m tests.runtime.assembly.processes.freezes --rounds $(ROUNDS) --seed $(SEED)
 
 stops: $(DEV)
 	$(BIN)/python -m tests.runtime.arbitration.stops_kept --trials $(TRIALS) --seed $(SEED)

@@ -18,7 +18,7 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from colony.runtime.transport.live.network import THREADS
+from colony.runtime.transport.live.network import threads
 
 PERIOD_S = 0.05
 LINKING_S = 2.0
@@ -57,7 +57,7 @@ def session(name: str, folder: Path) -> zenoh.Session:
 def main() -> None:
     """Be one of them; print milliseconds of processor time a tick."""
     name, folder, seconds = sys.argv[1], Path(sys.argv[2]), float(sys.argv[3])
-    os.environ.setdefault("ZENOH_RUNTIME", THREADS)
+    os.environ.setdefault("ZENOH_RUNTIME", threads())
     encode, decode = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder().decode
     fields: dict[str, object] = {f"field_{i}": (1.5, 123_456_789) for i in range(8)}
     if name == "PServer":

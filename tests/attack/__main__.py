@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from colony.runtime.kit.connection import Session
@@ -19,7 +20,7 @@ from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.network import local_user
 from tests.attack.after import after
 from tests.attack.damage import cost, costs, flips, record
-from tests.attack.flood import KINDS, Kind, flood
+from tests.attack.flood import KINDS, Flood, Kind, flood
 from tests.attack.handshakes import HalfOpen
 from tests.attack.intruder import CERTIFICATES, MODES, Intruder, scouted
 from tests.attack.lab import Lab, Witness, descriptors, lab, memory_mb
@@ -29,6 +30,8 @@ from tests.attack.weights import bear, weights
 
 WATCH_S = 2.0
 FLOOD_S, STOPS = 30.0, 50
+CROWD = 15
+"""Sessions of one user in a flood of many."""
 BEGUN_S = 0.5
 """After so long a flood has begun."""
 
@@ -137,6 +140,9 @@ def floods(robot: Lab) -> int:
     print(
         f"\nEmergency stops of another user during a flood of {FLOOD_S:g} s, in ms; and the robot after it\n"
     )
+    crowds: list[tuple[Kind, int]] = [
+        (kind, niceness) for kind in ("command calls", "read calls", "fetches") for niceness in (0, 19)
+    ]
     head = (
         "flood",
         "sent/s",
@@ -150,31 +156,37 @@ def floods(robot: Lab) -> int:
         "answer ms",
         "MB",
     )
-    print("{:<14} {:>7} {:>6} {:>7} {:>7} {:>7} {:>7} {:>9} {:>7} {:>10} {:>4}".format(*head))
+    print("{:<22} {:>7} {:>6} {:>7} {:>7} {:>7} {:>7} {:>9} {:>7} {:>10} {:>4}".format(*head))
     failures = 0
     with robot.session("guard") as guard, robot.machine.session() as home:
         list(stop_times(guard, home, 3))
         failures += not _told(
             "none", 0.0, list(stop_times(guard, home, STOPS)), _login_and_stop(robot), robot
         )
-        for kind in KINDS:
+        for kind, sessions, niceness in (*((k, 1, 0) for k in KINDS), *((k, CROWD, n) for k, n in crowds)):
+            name = kind if sessions == 1 else f"{kind} x{sessions}{' nice' if niceness else ''}"
+            running = flood(
+                robot, kind, seconds=FLOOD_S, sessions=sessions, batched=sessions > 1, niceness=niceness
+            )
             try:
-                failures += not _flooded(robot, kind, home if kind == "local calls" else guard, home)
+                failures += not _flooded(robot, name, running, home if kind == "local calls" else guard, home)
             except Exception as problem:
                 failures += 1
-                print(f"{kind:<14} {type(problem).__name__}: {problem}", flush=True)
+                print(f"{name:<22} {type(problem).__name__}: {problem}", flush=True)
     return failures
 
 
-def _flooded(robot: Lab, kind: Kind, guard: Session, home: Session) -> bool:
+def _flooded(
+    robot: Lab, name: str, flooding: AbstractContextManager[Flood], guard: Session, home: Session
+) -> bool:
     """Whether the robot is itself again after a flood."""
-    with flood(robot, kind, seconds=FLOOD_S) as running:
+    with flooding as running:
         time.sleep(BEGUN_S)
         begin = time.monotonic() - BEGUN_S
         took = list(stop_times(guard, home, STOPS))
         login_s = _login_and_stop(robot)
         sent, seconds = running.end(), time.monotonic() - begin
-    return _told(kind, sent / seconds, took, login_s, robot)
+    return _told(name, sent / seconds, took, login_s, robot)
 
 
 def _told(name: str, rate: float, took: list[Stop], login_s: float, robot: Lab) -> bool:
@@ -182,7 +194,7 @@ def _told(name: str, rate: float, took: list[Stop], login_s: float, robot: Lab) 
     p50, p99 = ordered[len(ordered) // 2], ordered[int(0.99 * (len(ordered) - 1))]
     frames, came = max(stop.frames for stop in took), after(robot)
     print(
-        f"{name:<14} {rate:>7.0f} {len(took):>6} {p50:>7.1f} {p99:>7.1f} {ordered[-1]:>7.1f} {frames:>7} "
+        f"{name:<22} {rate:>7.0f} {len(took):>6} {p50:>7.1f} {p99:>7.1f} {ordered[-1]:>7.1f} {frames:>7} "
         f"{1000 * login_s:>9.0f} {came.seconds:>7.1f} {1000 * came.slowest_s:>10.1f} {came.megabytes:>4.0f}",
         flush=True,
     )

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from typing import Literal, get_args
@@ -61,7 +61,11 @@ LOCAL_RATE = 10_000.0
 
 
 class Order(msgspec.Struct, frozen=True, kw_only=True):
-    """What to send, where, and as which user. `rate` is messages a second, 0 as many as there go."""
+    """What to send, where, and as which user.
+
+    Messages come from `sessions` sessions in turn, `rate` of them a second, or as many as there go if it is
+    0; with `batched`, zenoh collects them. `niceness` is that of the process.
+    """
 
     kind: Kind
     robot_address: LocalAddressSpec | RemoteAddressSpec
@@ -69,6 +73,9 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
     seconds: float
     most: int = 1_000_000
     rate: float = 0.0
+    sessions: int = 1
+    batched: bool = False
+    niceness: int = 0
 
 
 class Flood:
@@ -106,7 +113,15 @@ class Flood:
 
 @contextmanager
 def flood(
-    lab: Lab, kind: Kind, *, seconds: float, rate: float = 0.0, most: int = 1_000_000
+    lab: Lab,
+    kind: Kind,
+    *,
+    seconds: float,
+    rate: float = 0.0,
+    most: int = 1_000_000,
+    sessions: int = 1,
+    batched: bool = False,
+    niceness: int = 0,
 ) -> Iterator[Flood]:
     """A flood until the end of the block, or until its bounds."""
     robot_address: RobotAddress
@@ -117,7 +132,15 @@ def flood(
         robot_address, user = local(ROBOT, lab.machine.environment), local_user()
         rate = rate or LOCAL_RATE
     order = Order(
-        kind=kind, robot_address=address_spec(robot_address), user=user, seconds=seconds, rate=rate, most=most
+        kind=kind,
+        robot_address=address_spec(robot_address),
+        user=user,
+        seconds=seconds,
+        rate=rate,
+        most=most,
+        sessions=sessions,
+        batched=batched,
+        niceness=niceness,
     )
     made = Flood(order)
     try:
@@ -178,7 +201,9 @@ def pour(order: Order, ended: Callable[[], bool]) -> int:
                 zenoh.open(settings).close()
             sent += 1
         return sent
-    with zenoh.open(settings) as session:
+    with ExitStack() as resources:
+        opened = [resources.enter_context(zenoh.open(settings)) for _ in range(order.sessions)]
+        session = opened[0]
         print("flows", flush=True)
         if order.kind == "declarations":
             while on_time():
@@ -189,12 +214,12 @@ def pour(order: Order, ended: Callable[[], bool]) -> int:
         for key, data in messages(order):
             if not on_time():
                 break
-            session.put(
+            opened[sent % len(opened)].put(
                 key,
                 data,
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 priority=zenoh.Priority.REAL_TIME,
-                express=True,
+                express=not order.batched,
             )
             sent += 1
     return sent
@@ -213,6 +238,7 @@ def main(text: str) -> None:
 
     signal.signal(signal.SIGTERM, end)
     order = msgspec.json.decode(text, type=Order)
+    os.nice(order.niceness)
     print(pour(order, lambda: ended), flush=True)
     os._exit(0)  # what still waits to be sent is of no use
 

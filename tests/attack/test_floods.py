@@ -6,10 +6,12 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
 from colony.runtime.library import robot
+from colony.runtime.transport.live.limits import MAX_SESSIONS, RECEIVING_THREADS
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_address import Remote
 from tests.attack.flood import KINDS, Kind, flood
@@ -47,6 +49,21 @@ def test_a_stop_gets_through(kind: Kind, lab: Lab) -> None:
         assert len(took) == STOPS
         assert lost == []
     assert lab.machine.stands()
+
+
+def test_a_stop_gets_through_a_flood_of_many_sessions(lab: Lab) -> None:
+    """The sessions of a flood keep the gateway's receiving threads busy, but for those of other sessions."""
+    names = [task.read_text() for task in Path(f"/proc/{lab.pid('Gateway')}/task").glob("*/comm")]
+    assert sum(name.startswith("rx") for name in names) >= RECEIVING_THREADS == MAX_SESSIONS
+    with (
+        lab.session("guard") as guard,
+        lab.machine.session() as home,
+        _losses(lab) as lost,
+        flood(lab, "command calls", seconds=SECONDS, sessions=15, batched=True) as running,
+    ):
+        assert len(list(stop_times(guard, home, STOPS))) == STOPS
+        assert running.end() > 0
+        assert lost == []
 
 
 @pytest.mark.parametrize("server", ["RServer", "DServer"])

@@ -28,6 +28,7 @@ from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Notice
+from colony.runtime.transport.live.network import require_threads
 from colony.runtime.transport.live.robot_address import Credentials
 
 T = TypeVar("T")
@@ -74,7 +75,12 @@ class Connection:
         return result
 
     async def notices(self) -> AsyncIterator[Notice]:
-        """Yield the notices of the server, which come for a `watch` or another subscription."""
+        """Yield the notices of the server, which come for a `watch` or another subscription.
+
+        Raises:
+            ForkedError: this process was forked after the connection was opened.
+        """
+        require_threads()
         while True:
             yield await self._notices.get()
 

@@ -31,7 +31,7 @@ from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import right_text
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.network import ZenohSession
+from colony.runtime.transport.live.network import ZenohSession, require_threads
 from colony.runtime.transport.live.outbox import declare_publisher, priority_of
 
 monotonic = time.monotonic_ns
@@ -107,7 +107,12 @@ class Channel:
     # --- for connections -----------------------------------------------------------------------------
 
     def open(self, resolve: Callable[[Outcome], None]) -> None:
-        """Open the connection; `resolve` is called with the outcome."""
+        """Open the connection; `resolve` is called with the outcome.
+
+        Raises:
+            ForkedError: this process was forked after its session was opened.
+        """
+        require_threads()
         with self._lock:
             effects = list(self._conversation.open(resolve, monotonic()))
         self._carry_out(effects)
@@ -117,7 +122,9 @@ class Channel:
 
         Raises:
             CallRefusedError: the user does not have the right to this call.
+            ForkedError: this process was forked after its session was opened.
         """
+        require_threads()
         if call.right != "read" and call.right not in self._rights:
             raise CallRefusedError("right", self._not_allowed(call))
         pending = Pending(call, resolve)

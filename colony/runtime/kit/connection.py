@@ -32,6 +32,7 @@ from colony.runtime.kit.errors import CallTimeoutError, RobotConnectionError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Notice
+from colony.runtime.transport.live.network import require_threads
 from colony.runtime.transport.live.robot_address import Credentials
 from colony.runtime.transport.live.robot_time import time_of
 
@@ -62,7 +63,9 @@ class Answer(Generic[T]):
 
         Raises:
             CallRefusedError, ConnectionLostError, CallTimeoutError: the call has no result.
+            ForkedError: this process was forked after the call was sent.
         """
+        require_threads()
         left_s = min(max(0.0, self._due - time.monotonic()), TIMEOUT_MAX)  # the timeout may be unlimited
         if self._outcome is None and not self._ready.acquire(timeout=left_s):
             self._channel.forget(self._pending)
@@ -134,7 +137,11 @@ class Connection:
         """Yield the notices of the server, which come for a `watch` or another subscription.
 
         The iterator ends when no notice has come for `timeout_s`.
+
+        Raises:
+            ForkedError: this process was forked after the connection was opened.
         """
+        require_threads()
         while True:
             try:
                 self._notice_signals.get(timeout=timeout_s)

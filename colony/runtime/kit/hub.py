@@ -28,7 +28,7 @@ from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.endpoint import parse_endpoint
 from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.gateway import GATEWAY, Identity, whoami
-from colony.runtime.transport.live.network import ZenohSession
+from colony.runtime.transport.live.network import ZenohSession, is_forked, require_threads
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress, local
 from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
 from colony.runtime.transport.live.security import check_credentials, rights
@@ -127,7 +127,9 @@ class Hub:
 
         Raises:
             TypeError: the name or the priority cannot be sent.
+            ForkedError: this process was forked after its session was opened.
         """
+        require_threads()
         if not isinstance(name, str):
             raise TypeError(f"the name of a connection is {name!r}; expected text")
         if not isinstance(priority, int):
@@ -151,6 +153,8 @@ class Hub:
 
     def release(self, channel: Channel) -> None:
         """Close a channel."""
+        if is_forked():
+            return
         with self._lock:
             self._channels.discard(channel)
         channel.close()
@@ -173,6 +177,8 @@ class Hub:
 
     def close(self) -> None:
         """Close all connections and leave the network. Idempotent."""
+        if is_forked():
+            return
         with self._lock:
             channels, self._channels = self._channels, set()
         for channel in channels:

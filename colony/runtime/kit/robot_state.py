@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -41,16 +41,18 @@ PRESENCE_INTERVAL_S = 0.02
 READER = "colony ps"
 """Name of the connections that read the state of servers, which do not count among theirs."""
 
+UNHEARD = "the Clock does not hear it"
+
 T = TypeVar("T")
 
 
 class ServerState(msgspec.Struct, frozen=True, kw_only=True):
     """The state of one server.
 
-    `state` is "up", "down" (absent) or "silent" (present, but not answering). `process` is known only on the
-    robot's own machine. `connections` are those of its clients; `full` describes the limits that it reached,
-    `failing` the drivers, or functions of a user, that fail now; `opening` means that the device is being
-    opened.
+    `state` is "up", "down" (absent), "silent" (present, but not answering) or "unheard" (answering, but no
+    answer to a tick reaches the Clock). `process` is known only on the robot's own machine. `connections` are
+    those of its clients; `full` describes the limits that it reached, `failing` the drivers, or functions of
+    a user, that fail now; `opening` means that the device is being opened.
     """
 
     server: str
@@ -100,9 +102,9 @@ def state_of(session: Session, robot_address: RobotAddress) -> RobotState:
         answers = {name: future.result() for name, future in futures.items()}
     known = _details(answers.get(CLOCK), Participants)
     states = {name: state for name, (state, _) in answers.items()}
-    for name in () if known is None else (s.server for s in known.servers if "/" not in s.server):
-        if name not in present_servers:
-            states[name] = ServerState(server=name, state="down", process=processes.get(name))
+    if known is not None:
+        present_states = {name: state for name, state in states.items() if name in present_servers}
+        states |= {state.server: state for state in watched_by_clock(present_states, known, processes)}
     return RobotState(
         robot=robot_address.robot,
         servers=tuple(states[name] for name in sorted(states, key=_order)),
@@ -115,6 +117,20 @@ def state_of(session: Session, robot_address: RobotAddress) -> RobotState:
             if isinstance(details, actuator.Arbitration)
         },
     )
+
+
+def watched_by_clock(
+    present: Mapping[str, ServerState], known: Participants, processes: Mapping[str, int]
+) -> Iterator[ServerState]:
+    """Yield the states of the Clock's servers that are not present, or that the Clock does not hear."""
+    for watched in known.servers:
+        name, state = watched.server, present.get(watched.server)
+        if "/" in name:
+            continue
+        if state is None:
+            yield ServerState(server=name, state="down", process=processes.get(name))
+        elif state.state == "up" and not watched.up:
+            yield msgspec.structs.replace(state, state="unheard", problem=UNHEARD)
 
 
 def present_nodes(nodes: Callable[[], Iterable[str]], expected: Set[str]) -> set[str]:

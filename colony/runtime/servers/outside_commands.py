@@ -58,7 +58,6 @@ class OutsideCommands(OutsideControl[Given]):
         is_ticking: Callable[[int], bool],
     ) -> None:
         super().__init__(self._all_contests, emergency, is_ticking, server)
-        self._server = server
         self._targets = targets
         self._commanders: dict[str, OutsideCommanders[Given]] = {}
 

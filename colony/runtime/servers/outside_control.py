@@ -44,7 +44,7 @@ class OutsideControl(Generic[C]):
         emergency: the emergency stop of the server.
         is_ticking: function that returns True if the Clock is ticking at a given time; otherwise, commands
             are refused.
-        what: what is commanded, for messages.
+        server: name of the server, for messages.
     """
 
     def __init__(
@@ -52,12 +52,12 @@ class OutsideControl(Generic[C]):
         contests: Callable[[], Iterable[Contest[C]]],
         emergency: StopFollower,
         is_ticking: Callable[[int], bool],
-        what: str,
+        server: str,
     ) -> None:
         self._contests = contests
         self._emergency = emergency
         self._is_ticking = is_ticking
-        self._what = what
+        self._server = server
         self.lock = LockQueue()
         self.answers: list[Answer] = []
         self.changed = False
@@ -94,7 +94,7 @@ class OutsideControl(Generic[C]):
         """
         if not self._is_ticking(now_ns):
             raise RefusedError(
-                "clock", f"the Clock is not ticking, so {self._what} cannot move (see `colony ps`)"
+                "clock", f"no tick of the Clock reaches {self._server}, so nothing moves (see `colony ps`)"
             )
         return self.admit(caller, contest)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
+from colony.ir.servers import RSERVER
 from colony.runtime.arbitration import motion
 from colony.runtime.arbitration.ballot import Interventions, OutsideCommand
 from colony.runtime.arbitration.frame_bounds import LIMITS_UNKNOWN
@@ -56,7 +57,7 @@ class Pilot(OutsideControl[Motion]):
         is_ticking: Callable[[int], bool],
         require_state: Callable[[], object],
     ) -> None:
-        super().__init__(lambda: (self._contest,), emergency, is_ticking, "the base")
+        super().__init__(lambda: (self._contest,), emergency, is_ticking, RSERVER.name)
         self._values = values
         self._require_state = require_state
         self._settings = motion_commands.initial_settings(limits)

@@ -32,7 +32,7 @@ from tests.runtime.kit.stage import (
     level,
     plain,
 )
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, python_process, run_directory
 from tests.waiting import until
 
 
@@ -325,3 +325,74 @@ def test_a_thousand_connections_are_one_key_to_the_network() -> None:
             assert connection.do(level()) == 0.5
             connection.close()
         assert hub._channels_by_connection == {}
+
+
+FORKS = """
+import asyncio, multiprocessing, os, sys, threading
+from colony.runtime.kit import aio
+from colony.runtime.kit.connection import Session, connect
+from colony.runtime.kit.emergency import StopButton
+from colony.runtime.kit.server import Server
+from colony.runtime.transport.live.errors import ForkedError
+from tests.runtime.kit.stage import BATTERY, ROBOT, charge, level
+
+async def open_async():
+    async with aio.connect(BATTERY, robot=ROBOT) as connection:
+        await connection.do(level())
+
+def refused(what):
+    try:
+        uses[what]()
+    except ForkedError:
+        return True
+    return False
+
+session = Session.open(ROBOT)
+battery = session.connect(BATTERY)
+sent, button = battery.send(level()), StopButton(session)
+uses = {
+    "do": lambda: battery.do(level()), "send": lambda: battery.send(charge(1.0)), "recv": battery.recv,
+    "notices": lambda: next(battery.notices()), "connect": lambda: connect(BATTERY, robot=ROBOT),
+    "session": lambda: session.connect(BATTERY), "servers": session.servers, "press": button.press,
+    "serve": lambda: Server.open("Own", robot=ROBOT), "async": lambda: asyncio.run(open_async()),
+}
+for what in uses:
+    battery._hub._lock.acquire(), battery._channel._lock.acquire()  # as another thread may hold them
+    pid = os.fork()
+    if pid == 0:
+        said = refused(what)
+        session.close(), battery.close()
+        sys.exit(0 if said else 1)
+    battery._hub._lock.release(), battery._channel._lock.release()
+    assert os.waitpid(pid, 0)[1] == 0, what
+with multiprocessing.get_context("fork").Pool(1) as pool:
+    assert pool.map(refused, uses) == [True] * len(uses)
+assert battery.recv() == 0.5, "the parent goes on"
+battery.do(level())
+session.close()
+print("done", flush=True)
+"""
+
+
+def test_connections_are_refused_at_once_in_a_forked_process(environment: Mapping[str, str]) -> None:
+    with battery_thread(environment), python_process(environment, "-c", FORKS, says="done"):
+        pass
+
+
+def test_a_process_that_was_forked_before_its_parent_connected_can_connect(
+    environment: Mapping[str, str],
+) -> None:
+    script = """
+import os
+from colony.runtime.kit.connection import connect
+from tests.runtime.kit.stage import BATTERY, ROBOT, level
+pid = os.fork()
+with connect(BATTERY, robot=ROBOT) as battery:
+    assert battery.do(level()) == 0.5
+if pid == 0:
+    os._exit(0)
+assert os.waitpid(pid, 0)[1] == 0
+print("done", flush=True)
+"""
+    with battery_thread(environment), python_process(environment, "-c", script, says="done"):
+        pass

@@ -25,7 +25,6 @@ import colony
 from colony.files import open_regular
 from colony.runtime.assembly.processes.restarts import Restarts
 from colony.runtime.assembly.processes.shutdown import EXIT_FINAL, kill_group
-from colony.runtime.transport.live.network import THREADS
 
 TAIL_BYTES = 4096
 TAIL_LINES = 8
@@ -271,8 +270,8 @@ def _environment(*, one_thread: bool) -> dict[str, str]:
     It lets the child find this package even if it is not installed.
     """
     root = str(Path(colony.__file__).parent.parent)
-    threads = ONE_THREAD if one_thread else THREADS
-    environment = {"MALLOC_ARENA_MAX": ONE_ARENA, "ZENOH_RUNTIME": threads, **os.environ}
+    threads = {"ZENOH_RUNTIME": ONE_THREAD} if one_thread else {}
+    environment = {"MALLOC_ARENA_MAX": ONE_ARENA, **threads, **os.environ}
     if root not in site.getsitepackages():
         inherited = environment.get("PYTHONPATH")
         environment["PYTHONPATH"] = root if not inherited else os.pathsep.join((root, inherited))

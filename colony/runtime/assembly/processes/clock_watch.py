@@ -38,10 +38,13 @@ class ClockWatch:
         elif self._left_at_s is None:
             self._left_at_s = now_s
 
-    def note_frame(self, now_s: float) -> None:
-        """Record that a frame was decided: an absence counts from the last one on."""
+    def note_frames(self, length_s: float, now_s: float) -> None:
+        """Record that frames of this total length were shown: the Clock ran for as much longer.
+
+        When they are shown is no sign of life: the observer may have handled their last messages late.
+        """
         if self._left_at_s is not None:
-            self._left_at_s = now_s
+            self._left_at_s = min(self._left_at_s + length_s, now_s)
 
     def absent_s(self, now_s: float) -> float:
         """Return for how many seconds the Clock has been absent, 0.0 if it is present."""
@@ -90,9 +93,9 @@ class WindowWatch:
         window = self._window
         if not window.begun:
             return None
-        if window.shown_ns != self._shown_ns:
-            self._shown_ns = window.shown_ns
-            self._clock_watch.note_frame(now_s)
+        shown_ns = window.shown_ns
+        self._clock_watch.note_frames((shown_ns - self._shown_ns) / 1e9, now_s)
+        self._shown_ns = shown_ns
         failure = self._clock_watch.check(now_s)
         absent_s, remaining_ns = self._clock_watch.absent_s(now_s), window.remaining_ns
         if failure is None and absent_s and remaining_ns is not None and absent_s * 1e9 >= remaining_ns:

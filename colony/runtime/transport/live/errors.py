@@ -19,6 +19,10 @@ class UnreachableError(LiveError):
     """A gateway cannot be reached, or refuses the login."""
 
 
+class ForkedError(LiveError):
+    """This process was forked from one that had opened a session, so it can neither use nor open any."""
+
+
 class GatewayFullError(LiveError):
     """The gateway's memory has reached its limit; its process must restart, which ends its sessions."""
 

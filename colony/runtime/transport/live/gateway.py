@@ -20,7 +20,7 @@ from colony.runtime.transport.live.configuration import GATEWAY as GATEWAY
 from colony.runtime.transport.live.endpoint import parse_endpoint
 from colony.runtime.transport.live.errors import GatewayFullError
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.limits import allow_descriptors
+from colony.runtime.transport.live.limits import RECEIVING_THREADS, allow_descriptors
 from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.outbox import Report
 from colony.runtime.transport.live.robot_address import Local
@@ -124,7 +124,12 @@ def open_gateway(
     }
     with ExitStack() as resources:
         network = resources.enter_context(
-            ZenohSession.open(robot_address, server_names=(GATEWAY,), settings=settings)
+            ZenohSession.open(
+                robot_address,
+                server_names=(GATEWAY,),
+                settings=settings,
+                receiving_threads=RECEIVING_THREADS,
+            )
         )
         host = Host(network, [GatewayNode(security)], time=local_time(robot_address), report=report)
         host.take_ownership(resources.pop_all())

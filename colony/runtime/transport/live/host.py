@@ -51,7 +51,7 @@ from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.deferred import DeferredFrames
 from colony.runtime.transport.live.inbox import Inbox
 from colony.runtime.transport.live.message_queue import MessageQueue, QueuedMessage
-from colony.runtime.transport.live.network import ZenohSession
+from colony.runtime.transport.live.network import ZenohSession, require_threads
 from colony.runtime.transport.live.outbox import Outbox, Report
 from colony.runtime.transport.live.reception import Reception
 from colony.runtime.transport.live.robot_address import RobotAddress
@@ -167,7 +167,12 @@ class Host:
         return self._network
 
     def run(self) -> None:
-        """Run the nodes until `stop` is called or one fails; always close all of them at the end."""
+        """Run the nodes until `stop` is called or one fails; always close all of them at the end.
+
+        Raises:
+            ForkedError: the session was opened before this process was forked.
+        """
+        require_threads()
         try:
             with ExitStack() as declared:
                 if self._blocking_outbox is not None:

@@ -30,6 +30,13 @@ MAX_PENDING_LOGINS = 100
 MAX_SESSIONS = 200
 """Maximum number of sessions, of users and of the robot's own processes; each server has two."""
 
+RECEIVING_THREADS = MAX_SESSIONS
+"""Receiving threads of a gateway: one for each session.
+
+A thread stays with a flooded session until it has handled up to 128 batches of 64 KiB. With fewer threads,
+the emergency stops of other sessions would wait for their turn; with one each, the system decides who runs.
+"""
+
 MAX_OPEN_FILES = 8192
 """Maximum number of open files of a gateway, as far as the system permits.
 

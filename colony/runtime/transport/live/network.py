@@ -13,18 +13,27 @@ import zenoh
 
 from colony.runtime.transport.live import configuration, keys
 from colony.runtime.transport.live.configuration import Settings
-from colony.runtime.transport.live.errors import UnreachableError
+from colony.runtime.transport.live.errors import ForkedError, UnreachableError
 from colony.runtime.transport.live.names import local_user as local_user
 from colony.runtime.transport.live.probe import diagnose
 from colony.runtime.transport.live.robot_address import Local, Remote, RobotAddress
 
-THREADS = "(rx: (worker_threads: 2), acc: (handover: rx), tx: (worker_threads: 1), net: (handover: tx))"
-"""Threads of zenoh, in the format of `ZENOH_RUNTIME`; a variable that is already set takes precedence.
+RECEIVING_THREADS = 2
+"""Receiving threads of a process that is not a gateway."""
 
-Receiving and accepting share threads: with separate ones, each message would wake two, one that notices it
-and one that reads it. Sending, including keepalives, has its own thread: a server that is flooded with calls
-must keep sending keepalives, or the other processes close their links to it.
-"""
+
+def threads(receiving: int = RECEIVING_THREADS) -> str:
+    """Return the threads of zenoh, with so many for `receiving`, in the format of `ZENOH_RUNTIME`.
+
+    Receiving and accepting share threads: with separate ones, each message would wake two, one that notices
+    it and one that reads it. Sending, including keepalives, has its own thread: a server that is flooded with
+    calls must keep sending keepalives, or the other processes close their links to it.
+    """
+    return (
+        f"(rx: (worker_threads: {receiving}), acc: (handover: rx), tx: (worker_threads: 1), "
+        "net: (handover: tx))"
+    )
+
 
 SOCKET_SCAN_S = 0.1
 """Seconds after which all existing sockets have been tried."""
@@ -39,10 +48,12 @@ Watcher = Callable[[str, bool], None]
 class ZenohSession:
     """A process's session. Mutable.
 
-    Use it in a `with`: an open session keeps the process alive. A process must not fork while it has one
-    open. `stops` is the second session of a server, for emergency stops from the gateway: on the link of the
-    first session, stops would wait behind a flood of calls. It is None in processes that only connect, and in
-    the gateway.
+    Use it in a `with`: an open session keeps the process alive. A process that is forked afterwards can use
+    no session (`require_threads`), and closing one there does nothing.
+
+    `stops` is the second session of a server, for emergency stops from the gateway: on the link of the first
+    session, stops would wait behind a flood of calls. It is None in processes that only connect, and in the
+    gateway.
     """
 
     def __init__(
@@ -70,17 +81,20 @@ class ZenohSession:
         *,
         server_names: tuple[str, ...] = (),
         settings: Settings | None = None,
+        receiving_threads: int = RECEIVING_THREADS,
     ) -> ZenohSession:
         """Join the robot's processes, on this machine as the servers named by `server_names`.
 
         Other processes find these servers through the socket of the first. `settings` replace the default
-        ones.
+        ones. The first session of a process decides how many `receiving_threads` it has.
 
         Raises:
             AlreadyRunningError: another process already serves one of `server_names`.
+            ForkedError: this process was forked from one that had opened a session.
             RunDirectoryError: the robot's folder cannot be used.
             UnreachableError: the gateway cannot be reached, or refuses the login.
         """
+        require_threads()
         with ExitStack() as resources:
             if isinstance(robot_address, Local):
                 robot_address.directory.prepare()
@@ -88,10 +102,15 @@ class ZenohSession:
                     resources.enter_context(robot_address.directory.claim(name))
             stops = None
             if isinstance(robot_address, Local) and server_names and settings is None:
-                stops = _open(robot_address, configuration.stop_settings(robot_address.directory), resources)
+                stops = _open(
+                    robot_address,
+                    configuration.stop_settings(robot_address.directory),
+                    resources,
+                    receiving_threads,
+                )
             if settings is None:
                 settings = configuration.settings(robot_address, server=next(iter(server_names), None))
-            session = _open(robot_address, settings, resources)
+            session = _open(robot_address, settings, resources, receiving_threads)
             return cls(robot_address, session, resources.pop_all(), stops)
 
     @property
@@ -105,7 +124,12 @@ class ZenohSession:
         return self.robot_address.credentials.user if isinstance(self.robot_address, Remote) else local_user()
 
     def alive(self) -> tuple[str, ...]:
-        """Return the addresses of the nodes that are currently present."""
+        """Return the addresses of the nodes that are currently present.
+
+        Raises:
+            ForkedError: the session was opened before this process was forked.
+        """
+        require_threads()
         time.sleep(max(0.0, self._opened + SOCKET_SCAN_S - time.monotonic()))
         return tuple(sorted(self._present))
 
@@ -129,7 +153,8 @@ class ZenohSession:
 
     def close(self) -> None:
         """Leave the network. Idempotent."""
-        self._resources.close()
+        if not is_forked():
+            self._resources.close()
 
     def __enter__(self) -> ZenohSession:
         """Return the session."""
@@ -140,10 +165,46 @@ class ZenohSession:
         self.close()
 
 
-def _open(robot_address: RobotAddress, settings: Settings, resources: ExitStack) -> zenoh.Session:
+class _Fork:
+    """What a fork does to the threads of zenoh, which all sessions of a process share. Mutable."""
+
+    threads_run = False
+    threads_lost = False
+
+    @classmethod
+    def on_fork(cls) -> None:
+        """Record, in the forked process, that it has no threads."""
+        cls.threads_lost = cls.threads_run
+
+
+os.register_at_fork(after_in_child=_Fork.on_fork)
+
+
+def is_forked() -> bool:
+    """Return True if this process was forked from one that had opened a session."""
+    return _Fork.threads_lost
+
+
+def require_threads() -> None:
+    """Check that sessions work in this process; call it before anything that a fork may have left locked.
+
+    Raises:
+        ForkedError: it was forked from one that had opened a session: all calls would hang.
+    """
+    if is_forked():
+        raise ForkedError(
+            "connections do not work in a process that was forked after its parent had opened one: fork "
+            'before, or start it anew, as by multiprocessing.get_context("spawn")'
+        )
+
+
+def _open(
+    robot_address: RobotAddress, settings: Settings, resources: ExitStack, receiving_threads: int
+) -> zenoh.Session:
     _check_descriptors()
     try:
-        with _threads():
+        with _threads(receiving_threads):
+            _Fork.threads_run = True
             session = zenoh.open(configuration.configuration(settings))
     except zenoh.ZError as problem:
         raise UnreachableError(_open_failure(robot_address, settings, problem)) from None
@@ -159,15 +220,15 @@ def _open(robot_address: RobotAddress, settings: Settings, resources: ExitStack)
 
 
 @contextmanager
-def _threads() -> Iterator[None]:
-    """Apply `THREADS` to zenoh, which reads the variable when the first session is opened.
+def _threads(receiving: int) -> Iterator[None]:
+    """Apply `threads` to zenoh, which reads the variable when the first session is opened.
 
-    Child processes do not inherit the variable.
+    A variable that is already set takes precedence. Child processes do not inherit this one.
     """
     if "ZENOH_RUNTIME" in os.environ:
         yield
         return
-    os.environ["ZENOH_RUNTIME"] = THREADS
+    os.environ["ZENOH_RUNTIME"] = threads(receiving)
     try:
         yield
     finally:

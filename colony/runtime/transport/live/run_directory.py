@@ -2,7 +2,7 @@
 
     <run directory>/<robot>/RServer.sock     the socket on which RServer listens
     <run directory>/<robot>/RServer.claim    locked by the process that runs RServer; contains its process id
-    <run directory>/<robot>/3.slot           a link to the socket of a server that all processes know by number
+    <run directory>/<robot>/3.slot           a link to the socket of the server that has this slot
     <run directory>/<robot>/base             the origin of the robot's time
     <run directory>/ttyUSB0-<hash>.guard     the socket of the guard of a port (`colony.drivers.guard`)
 
@@ -154,7 +154,9 @@ class RobotDirectory:
         return tuple(f"unixsock-stream/{self._slot(number)}" for number in range(SLOTS))
 
     def take_slot(self, server: str) -> int:
-        """Return the number of the slot of `server`, which this process has claimed: its last one, or a free one.
+        """Take a slot for `server`, which this process has claimed, and return its number.
+
+        A server keeps its slot over restarts until another server takes it.
 
         Raises:
             RunDirectoryError: running servers have all slots, or the folder cannot be used.

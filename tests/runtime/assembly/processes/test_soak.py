@@ -1,11 +1,14 @@
-"""A run in which every process but the leader is frozen and killed; `make soak` is a longer one."""
+"""Runs and robots whose processes are frozen and killed; `make soak` is longer."""
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
+from random import Random
 
 import pytest
 
+from tests.runtime.assembly.processes.freezes import SERVERS, freezes
 from tests.runtime.assembly.processes.soak import soak
 
 SEED = 1994
@@ -26,3 +29,11 @@ def test_processes_keep_their_memory_and_decisions_are_the_interpreters(
     figures = soak(tmp_path, seconds=seconds, seed=SEED, isolate=isolate)
     print(figures)
     assert figures.problems() == []
+
+
+@pytest.mark.long
+def test_every_link_is_there_again_after_freezes() -> None:
+    with tempfile.TemporaryDirectory(prefix="freezes-", dir="/tmp") as folder, freezes(Path(folder)) as robot:
+        lacking = [robot.round(Random(seed), 6.0) for seed in range(3)]
+        assert lacking == [frozenset()] * 3
+        assert robot.missing(0) == frozenset() != SERVERS

@@ -6,6 +6,7 @@ import errno
 import os
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
@@ -16,6 +17,7 @@ from colony.runtime.transport.live.errors import AlreadyRunningError, RunDirecto
 from colony.runtime.transport.live.run_directory import (
     CLAIM_BYTES,
     MAX_SOCKET_PATH_BYTES,
+    SLOTS,
     RobotDirectory,
     RunDirectory,
     in_run_directory,
@@ -225,3 +227,27 @@ def test_what_is_no_file_in_the_folder_of_a_robot(tmp_path: Path, name: str) -> 
     use = directory.origin_ns if name == "base" else lambda: directory.claim("RServer")
     with pytest.raises(RunDirectoryError, match=f"{name}: it is not a regular file"):
         use()
+
+
+def test_a_slot_is_kept_over_restarts_until_its_server_is_gone_and_another_comes(
+    robot: RobotDirectory,
+) -> None:
+    with robot.claim("Arm"), robot.claim("Lift.2"):
+        assert [robot.take_slot(name) for name in ("Arm", "Lift.2", "Arm")] == [0, 1, 0]
+        assert (robot.path / "1.slot").readlink() == Path("Lift.2.sock")
+    with robot.claim("Lift.2"), robot.claim("Hand"), robot.claim("Arm"):
+        assert [robot.take_slot(name) for name in ("Lift.2", "Hand", "Arm")] == [1, 2, 0]
+    with robot.claim("Lift.2"), robot.claim("Claw"):
+        assert [robot.take_slot(name) for name in ("Claw", "Lift.2")] == [0, 1]
+    with robot.claim("Arm"):
+        assert robot.take_slot("Arm") == 0
+
+
+def test_more_servers_than_slots_are_refused(robot: RobotDirectory) -> None:
+    with ExitStack() as claims:
+        for number in range(SLOTS):
+            claims.enter_context(robot.claim(f"Arm{number}"))
+            assert robot.take_slot(f"Arm{number}") == number
+        claims.enter_context(robot.claim("Hand"))
+        with pytest.raises(RunDirectoryError, match=f"rome has {SLOTS} servers .*: Hand is too many"):
+            robot.take_slot("Hand")
