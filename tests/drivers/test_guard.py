@@ -302,6 +302,21 @@ def test_one_driver_alone_commands(robot: TinyRobot) -> None:
         second.close()
 
 
+def test_a_second_driver_says_that_another_one_commands(robot: TinyRobot) -> None:
+    first = base(os.fspath(robot.port))
+    try:
+        wait_for(first.state)
+        reports: list[str] = []
+        second = SerialBase(Tiny(), os.fspath(robot.port), report=reports.append)
+        try:
+            wait_for(lambda: second.problem)
+            assert reports == [f"another driver commands {robot.port} already; end it first"]
+        finally:
+            second.close()
+    finally:
+        first.close()
+
+
 def test_a_pulled_cable(robot: TinyRobot) -> None:
     driver = base(os.fspath(robot.port))
     try:
