@@ -35,6 +35,7 @@ def device_server(
     *,
     deployment: Deployment | None = None,
     frames_kept: int = FRAMES_KEPT,
+    is_expected: bool = False,
 ) -> Service:
     """Return the server of a device.
 
@@ -44,6 +45,7 @@ def device_server(
         report: takes each problem of the driver, the first time that it occurs.
         deployment: the program that commands it from the start, if any.
         frames_kept: the number of frames that it keeps for readers that missed one.
+        is_expected: True if the Clock knows the server, and listens to its frames.
     """
     return Service(
         spec.name,
@@ -53,6 +55,7 @@ def device_server(
         commands=device_commands(spec, driver),
         deployment=deployment,
         frames_kept=frames_kept,
+        is_expected=is_expected,
     )
 
 
