@@ -107,11 +107,16 @@ def user_cache(environment: Mapping[str, str], name: str) -> Path | None:
 
     None if the environment has neither.
     """
-    home = environment.get("XDG_CACHE_HOME", "")
-    if os.path.isabs(home):
-        return Path(home) / "colony" / name
-    user = environment.get("HOME", "")
-    return Path(user) / ".cache" / "colony" / name if os.path.isabs(user) else None
+    folder = user_folder(environment, "XDG_CACHE_HOME", ".cache")
+    return None if folder is None else folder / name
+
+
+def user_folder(environment: Mapping[str, str], variable: str, in_home: str) -> Path | None:
+    """Return `$VARIABLE/colony`, or `$HOME/IN_HOME/colony`; None if neither is an absolute path."""
+    base, home = environment.get(variable, ""), environment.get("HOME", "")
+    if os.path.isabs(base):
+        return Path(base) / "colony"
+    return Path(home) / in_home / "colony" if os.path.isabs(home) else None
 
 
 def own_folder(path: Path) -> None:

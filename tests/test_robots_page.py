@@ -13,7 +13,7 @@ from tests.pages import COMMANDS, is_same_picture, typed
 from tests.paths import ROOT
 
 PAGE = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
-FILES = dict(re.findall(r"^```(?:colony|toml) file=(\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
+FILES = dict(re.findall(r"^```(?:colony|toml|python) file=(\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
 
 LISTED = """
   sensor infrared[24] : bool bearing -180 deg from PServer.infrared

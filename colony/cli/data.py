@@ -168,10 +168,9 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
     from colony.runtime.kit.errors import CallRefusedError
     from colony.runtime.library.ask import STATUS
 
-    name = _robot(robot, connect)
     with (
         reporting_connection_errors(),
-        session_with(robot_address_of(name, connect, security)) as session,
+        session_with(robot_address_of(_robot(robot, connect), connect, security)) as session,
         session.connect(SERVER, name="colony data") as server,
     ):
         try:

@@ -14,6 +14,7 @@ from colony.cli.robot_choice import chosen_robot, robot_and_description_option
 from colony.cli.robot_options import reporting_connection_errors
 from colony.cli.shipped_files import map_option, movers_option, start_option
 from colony.extras import expect_extras
+from colony.files import user_folder
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
@@ -297,5 +298,8 @@ def _description() -> tuple[DescribedRobot, Interface | None, Compiled | None]:
 
 
 def _state_folder(robot: str) -> Path:
-    home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return Path(home) / "colony" / robot
+    environment = {"HOME": os.path.expanduser("~"), **os.environ}
+    folder = user_folder(environment, "XDG_STATE_HOME", ".local/state")
+    if folder is None:
+        raise click.UsageError("this user has no home folder: give --state FOLDER")
+    return folder / robot

@@ -100,9 +100,10 @@ NOTHING = Readings()
 class Dialect(ABC, Generic[Packet]):
     """The protocol of one kind of device. Mutable: may keep what `read` needs between packets.
 
-    One process has one dialect; the processes of other servers on the same port have their own, which hear
-    the same bytes, but neither run the opening nor send. So what `read` needs to know of the robot is given
-    to the constructor (by the body's options), and the opening only checks that it is so.
+    The servers of one port that share a process share a dialect, if theirs are made alike: of one class, with
+    equal attributes. Other servers of the port have their own, which hear the same bytes, but neither run the
+    opening nor send. So what `read` needs to know of the robot is given to the constructor (by the body's
+    options), and the opening only checks that it is so.
 
     Attributes:
         baud: the baud rate where neither the body nor the command line gives one; 0 if it does not matter.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 import sys
 import threading
 import time
-from collections.abc import Mapping
-from typing import Generic
+from collections.abc import Collection, Mapping
+from typing import Any, Generic
 
 from colony.drivers.decoder import Packet
 from colony.drivers.dialect import REFUSALS, Dialect, OpeningError
@@ -66,8 +68,23 @@ def check_options(port: object, baud: object) -> None:
         raise TypeError(f"`baud` is {baud}; expected a whole number, such as 115200")
 
 
+_lines: dict[object, Line[Any]] = {}
+"""The lines of this process that others may listen to."""
+
+_lines_lock = threading.Lock()
+
+
+def _key(dialect: Dialect[Packet], port: str, baud: int) -> object:
+    """Return what lines have in common that may be one: the port, and the dialect before it has read."""
+    try:
+        made = pickle.dumps(vars(dialect))
+    except Exception:  # of a user's class: such lines are not shared
+        return object()
+    return os.path.abspath(port), baud, type(dialect), made
+
+
 class Line(Generic[Packet]):
-    """A line to one device. Mutable; shared by its thread and the server's.
+    """A line to one device. Mutable; shared by its thread and those of servers.
 
     Args:
         dialect: the protocol; used by the thread alone, but for `drive`.
@@ -107,9 +124,45 @@ class Line(Generic[Packet]):
         self._asked_ns = 0
         self._unreached: str | None = None
         self._answer_due: float | None = None
+        self.drivers = 1
+        self._key: object = None
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"line {port}", daemon=True)
+
+    def begin(self) -> Line[Packet]:
+        """Begin to connect."""
         self._thread.start()
+        return self
+
+    @classmethod
+    def listening(cls, dialect: Dialect[Packet], port: str, baud: int, report: Report) -> Line[Packet]:
+        """Return a line that commands nothing: one of this process with the same port and dialect, if any.
+
+        So the packets of a line are decoded once in a process, however many servers it has.
+        """
+        key = _key(dialect, port, baud)
+        with _lines_lock:
+            if (line := _lines.get(key)) is not None:
+                line.drivers += 1
+                return line
+            line = cls(dialect, port, baud, None, report)
+            line._share(key)
+        return line.begin()
+
+    @classmethod
+    def commanding(
+        cls, dialect: Dialect[Packet], port: str, baud: int, command: Command, report: Report
+    ) -> Line[Packet]:
+        """Return a line that opens and commands the device, for others of this process to listen to."""
+        key = _key(dialect, port, baud)
+        line = cls(dialect, port, baud, command, report)
+        with _lines_lock:
+            if key not in _lines:
+                line._share(key)
+        return line.begin()
+
+    def _share(self, key: object) -> None:
+        _lines[key], self._key = self, key
 
     # --- called by the server ------------------------------------------------------------------------
 
@@ -169,13 +222,18 @@ class Line(Generic[Packet]):
         with self._lock:
             return self._measured.base if self._is_ready else None
 
-    def readings(self) -> Mapping[str, Reading]:
-        """Return the newest measurements with their ages."""
+    def readings(self, names: Collection[str]) -> Mapping[str, Reading]:
+        """Return the newest of these measurements with their ages."""
         with self._lock:
-            return self._measured.readings(time.monotonic_ns())
+            return self._measured.readings(time.monotonic_ns(), names)
 
     def close(self) -> None:
-        """End the connection: the guard stops the base, if this line commands. Idempotent."""
+        """End the connection, with the last driver of the line: the guard stops the base. Idempotent."""
+        with _lines_lock:
+            self.drivers -= 1
+            if self.drivers > 0:
+                return
+            _lines.pop(self._key, None)
         self._closed.set()
         if (connection := self._connection) is not None:
             connection.close()

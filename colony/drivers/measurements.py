@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from colony.drivers.dialect import ImplausibleError, Readings
 from colony.ir.types import ScalarValue, Value
@@ -56,10 +56,17 @@ class Measurements:
         for elements in self._elements.values():
             elements.clear()
 
-    def readings(self, now_ns: int) -> Mapping[str, Reading]:
-        """Return all fields, and the rings of which each element was heard: as old as the oldest of them."""
-        found = {name: Reading(value, max(0, now_ns - t_ns)) for name, (value, t_ns) in self._fields.items()}
-        for name, size in self._rings.items():
+    def readings(self, now_ns: int, names: Collection[str] | None = None) -> Mapping[str, Reading]:
+        """Return the fields, and the rings of which each element was heard: as old as the oldest of them.
+
+        With `names`, only those.
+        """
+        wanted = (*self._fields, *self._rings) if names is None else names
+        fields = ((name, self._fields[name]) for name in wanted if name in self._fields)
+        found = {name: Reading(value, max(0, now_ns - t_ns)) for name, (value, t_ns) in fields}
+        for name in wanted:
+            if (size := self._rings.get(name)) is None:
+                continue
             elements = self._elements[name]
             if len(elements) == size:
                 values = tuple(elements[i][0] for i in range(size))

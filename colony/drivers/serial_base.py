@@ -58,7 +58,7 @@ class SerialBase(Generic[Packet]):
             deadline_ns=max(DEADLINE_NS, DEADLINE_FRAMES * frame_ns),
             handshake_first=handshake_first(dialect, port),
         )
-        self._line = Line(dialect, port, baud, command, report)
+        self._line = Line.commanding(dialect, port, baud, command, report)
 
     @property
     def problem(self) -> str | None:
@@ -135,7 +135,7 @@ class SerialFields(Generic[Packet]):
     ) -> None:
         check_options(port, baud)
         self._names = dict(names)
-        self._line = Line(dialect, port, baud, None, report)
+        self._line = Line.listening(dialect, port, baud, report)
 
     @property
     def problem(self) -> str | None:
@@ -149,7 +149,7 @@ class SerialFields(Generic[Packet]):
 
     def fields(self) -> Mapping[str, Reading | None]:
         """Return the newest reading of each field."""
-        found = self._line.readings()
+        found = self._line.readings(self._names.values())
         return {field: found.get(name) for field, name in self._names.items()}
 
     def command(self, name: str, values: Mapping[str, ScalarValue]) -> None:

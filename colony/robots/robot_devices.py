@@ -13,11 +13,8 @@ from colony.ir.program import DEFAULT_FRAME_NS
 from colony.ir.servers import COMMON_SERVERS, PROXIMITY, RSERVER
 from colony.robots.described import DescribedRobot
 from colony.runtime.assembly.processes.jobs import RobotDevices
-from colony.runtime.assembly.processes.spec import Hardware
+from colony.runtime.assembly.processes.spec import PORT, Hardware
 from colony.runtime.servers.drivers import BaseLimits
-
-PORT = "port"
-"""The option of drivers that says where their device is."""
 
 
 def simulated_devices(robot: DescribedRobot) -> RobotDevices:

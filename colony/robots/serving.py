@@ -190,7 +190,8 @@ def serve_all(
         try:
             for job in jobs:
                 children.start(job)
-            report(f"{robot_address.robot}: {', '.join(job.name for job in jobs)}; Ctrl-C ends them")
+            names = [name for job in jobs for name in (job.name, *job.others)]
+            report(f"{robot_address.robot}: {', '.join(names)}; Ctrl-C ends them")
             for server in settings.devices.absent:
                 report(f"{server}: no driver: nothing serves it but a server of your own")
             notice = (

@@ -17,9 +17,10 @@ from pathlib import Path
 import pytest
 
 from colony.drivers import guarded
+from colony.drivers import line as line_module
 from colony.drivers.guarded import Command, Lost, Up, connect
 from colony.drivers.link import LinkError
-from colony.drivers.serial_base import SerialBase
+from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.runtime.transport.live.run_directory import RunDirectory
 from tests.drivers.tiny import GOODBYE, HELLO, SPEEDS, Tiny, base, battery, encoded
 from tests.drivers.tiny_robot import TinyRobot
@@ -47,6 +48,10 @@ guard = Guard(claimed(sys.argv[1]), sys.argv[2], 0, bytes.fromhex(sys.argv[3]))
 guard._due_ns = lambda: 1 // 0
 guard.run()
 """
+
+
+class Apart(Tiny):
+    """A dialect like the other, as in another process: of another class, it has a line of its own."""
 
 
 def wait_for(condition: Callable[[], object]) -> None:
@@ -282,6 +287,30 @@ def test_two_drivers_have_one_guard(robot: TinyRobot) -> None:
         listener.close()
 
 
+def test_drivers_of_one_dialect_share_a_line_until_the_last_is_closed(robot: TinyRobot) -> None:
+    port = os.fspath(robot.port)
+    driver, *others = (
+        base(port),
+        battery(port),
+        battery(port),
+        SerialFields(Apart(), port, {"level": "volts"}),
+    )
+    try:
+        assert [other._line is driver._line for other in others] == [True, True, False]
+        wait_for(lambda: all(other.fields()["level"] for other in others))
+        driver.close()
+        others[1].close()
+        level = others[0].fields()["level"]
+        assert level is not None
+        wait_for(lambda: (newer := others[0].fields()["level"]) and newer.age_ns < level.age_ns)
+        others[0].close()
+        assert battery(port)._line is not driver._line
+    finally:
+        for line in list(line_module._lines.values()):
+            line.drivers = 1
+            line.close()
+
+
 def test_one_driver_alone_commands(robot: TinyRobot) -> None:
     command = Command(stop=b"", goodbye=b"", deadline_ns=150_000_000)
     first = connect(os.fspath(robot.port), 0, b"", command)
@@ -300,6 +329,21 @@ def test_one_driver_alone_commands(robot: TinyRobot) -> None:
     finally:
         first.close()
         second.close()
+
+
+def test_a_second_driver_says_that_another_one_commands(robot: TinyRobot) -> None:
+    first = base(os.fspath(robot.port))
+    try:
+        wait_for(first.state)
+        reports: list[str] = []
+        second = SerialBase(Tiny(), os.fspath(robot.port), report=reports.append)
+        try:
+            wait_for(lambda: second.problem)
+            assert reports == [f"another driver commands {robot.port} already; end it first"]
+        finally:
+            second.close()
+    finally:
+        first.close()
 
 
 def test_a_pulled_cable(robot: TinyRobot) -> None:
@@ -322,7 +366,8 @@ def test_a_pulled_cable(robot: TinyRobot) -> None:
 
 
 def test_a_robot_that_falls_silent_is_opened_again(robot: TinyRobot) -> None:
-    driver, listener = base(os.fspath(robot.port)), battery(os.fspath(robot.port))
+    driver = base(os.fspath(robot.port))
+    listener = SerialFields(Apart(), os.fspath(robot.port), {"level": "volts"})
     try:
         wait_for(driver.state)
         wait_for(lambda: listener.fields()["level"])

@@ -7,11 +7,22 @@ from pathlib import Path
 import pytest
 
 from colony.dsl.load import load_file
-from colony.ir.servers import RSERVER
+from colony.ir.servers import RSERVER, ServerSpec
 from colony.robots.described import DescribedRobot, described_robot
 from colony.robots.robot_devices import mixed_devices, ports, real_devices, simulated_devices, with_port
-from colony.runtime.assembly.processes.jobs import RobotDevices, server_parts
-from colony.runtime.assembly.processes.spec import Device, DevicePart, RServerPart
+from colony.runtime.assembly.processes.jobs import RobotDevices, server_jobs, server_parts
+from colony.runtime.assembly.processes.spec import (
+    Device,
+    DevicePart,
+    Hardware,
+    LinePart,
+    RServerPart,
+    name_of,
+    read_spec,
+)
+from colony.runtime.servers.drivers import BaseLimits
+from colony.runtime.transport.live.robot_address import Local
+from colony.runtime.transport.live.run_directory import RobotDirectory
 from tests.body.test_disagreements import BASE, BODY, INTERFACE
 
 DRIVEN = 'hardware = { driver = "my.base:Base" }\n'
@@ -62,3 +73,35 @@ def test_a_base_with_a_driver_alone_has_no_values_in_the_simulator(tmp_path: Pat
     assert isinstance(found, DevicePart)
     assert found.device == PLANT
     assert found.server.fields == RSERVER.fields
+
+
+def test_the_servers_of_one_line_share_a_process(tmp_path: Path) -> None:
+    def hardware(module: str, **options: str) -> Hardware:
+        return Hardware(driver=f"{module}:make", options=dict(options))
+
+    drivers = {
+        "RServer": hardware("rover", port="/dev/a"),
+        "Battery": hardware("rover", port="/dev/a"),
+        "Arm": hardware("rover", port="/dev/b"),
+        "Lidar": hardware("lidar", port="/dev/a"),
+        "Imu": hardware("rover"),
+        "Gps": hardware("rover"),
+    }
+    limits = BaseLimits(velocity=1.0, turn=1.0, acceleration=1.0, turn_acceleration=1.0)
+    servers = tuple(ServerSpec(name) for name in drivers if name != "RServer")
+    parts = server_parts(tmp_path, PLANT, RobotDevices(base=limits, servers=servers, hardware=drivers))
+    address = Local(RobotDirectory(tmp_path, "ada"))
+    jobs = server_jobs(address, parts, tmp_path, simulator="plant")
+    assert [(job.name, *job.others) for job in jobs] == [
+        ("Clock",),
+        ("RServer", "Battery"),
+        ("Arm",),
+        ("Lidar",),
+        ("Imu",),
+        ("Gps",),
+        ("DServer",),
+    ]
+    assert [(job.essential, job.gives_up) for job in jobs[1:6]] == [(False, False)] * 5
+    spec = read_spec(Path(jobs[1].arguments[0]))
+    assert isinstance(spec.part, LinePart)
+    assert list(map(name_of, spec.part.parts)) == ["RServer", "Battery"]

@@ -42,6 +42,7 @@ class Described:
 def describe(text: str) -> Described:
     """Return the robot with this name, or in the file of this path; exit with 2 if there is none."""
     from colony.body.disagreements import findings
+    from colony.body.driver_signatures import driver_misfits
     from colony.body.reader import BodyFile, read_body
     from colony.dsl.descriptions import body_beside
     from colony.dsl.load import check_file
@@ -58,7 +59,7 @@ def describe(text: str) -> Described:
     else:
         body = read_body(body_beside(path, path.stem if program is None else program.robot.name))
     of_body = body.diagnostics if program is None else findings(program.robot, body)
-    found = in_order((*checked.diagnostics, *of_body))
+    found = in_order((*checked.diagnostics, *of_body, *driver_misfits(body)))
     return Described(text=text, checked=checked, body=body, diagnostics=found)
 
 

@@ -132,7 +132,7 @@ class Create2(Dialect[Frame]):
             raise ImplausibleError(text)
         state = state_of(values)
         base = self._base(state, t_ns)
-        if self._drives and not self._is_safe(packet):
+        if self._drives and state.mode != self._safe:
             self._fault = f"the Create left safe mode ({_reason(state)}): see to it, then start RServer again"
             raise OpeningError(self._fault)
         return Readings(base=base, fields=_fields(state))

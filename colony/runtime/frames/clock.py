@@ -16,7 +16,8 @@ Clock and its own first frame of the run are a gap, which its ticks list while n
 knows the epoch, a new one begins.
 
 The emergency stop is latched here (`stop_latch.py`): the Clock keeps it, repeats it in every tick, and alone
-releases it. It learns of stops that it missed from the frames of the servers that received them.
+releases it. It learns of stops that it missed from the frames of the servers that received them. A release
+is answered once the servers have answered a tick that carries it.
 
 A Clock that was suspended skips the periods that it missed. In lockstep a frame begins as soon as the
 previous one is decided, after one period at the latest; its time is still a whole number of periods.
@@ -35,7 +36,15 @@ from colony.runtime.frames.registry import ClientRegistry
 from colony.runtime.frames.resumption import ResumedEpoch, Resumption
 from colony.runtime.library.clock import Participants, ServerParticipant
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, RefusedError, method
+from colony.runtime.protocol.calls import (
+    LATER,
+    CallDispatcher,
+    CallId,
+    Later,
+    NoArguments,
+    RefusedError,
+    method,
+)
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment, client_addresses
 from colony.runtime.protocol.interface import Interface, interface_problem
@@ -62,6 +71,9 @@ from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS, MAX_CLOCK_LEAD
 
 IDLE_FRAME_NS = 50_000_000
 """Frame period of a robot without a program, in nanoseconds."""
+
+RELEASE_NS = 500_000_000
+"""Longest time in ns until a release is answered, or two frames if that is longer."""
 
 READY_TIMEOUT_NS = 5_000_000_000
 """Timeout, in nanoseconds, for the clients of a run to report ready."""
@@ -122,6 +134,8 @@ class Clock:
         self._resumption = Resumption(self._resident_run)
         self._gaps: tuple[tuple[int, int], ...] = ()
         self._decided: set[str] = set()
+        self._answered: dict[str, int] = {}  # the newest frame of each server
+        self._releases: dict[CallId, tuple[int, int]] = {}  # the first tick with each, and its deadline
         self._wake_ns: int | None = None
         self._calls = CallDispatcher(
             self.address,
@@ -168,6 +182,7 @@ class Clock:
                 self._note_answer(message.server, message.k, message.since, now_ns)
                 self._latch.observe(message.stopped)
                 self._skip_past(message.k)
+                self._answered[message.server] = message.k
             case Announcement():
                 self._note_answer(topics.activity(DSERVER.name, message.module), message.k, 0, now_ns)
             case Verdict():
@@ -193,6 +208,8 @@ class Clock:
             case _:
                 return
         yield from self._advance(now_ns)
+        if self._releases:
+            yield from self._answer_releases(now_ns)
 
     def close(self) -> None:
         """Close the file of the emergency stop."""
@@ -230,11 +247,21 @@ class Clock:
             text = f"stopped, but a restart of the Clock may lose the stop: {self._latch.trouble}"
             raise RefusedError("not kept", f"{self.address}: {text}")
 
-    def _release(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> None:
+    def _release(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> Later:
         self._latch.release(now_ns)
         if self._latch.trouble is not None:
             text = f"released, but a restart of the Clock may bring back the stop: {self._latch.trouble}"
             raise RefusedError("not kept", f"{self.address}: {text}")
+        self._releases[call_id] = self._next_k, now_ns + max(RELEASE_NS, 2 * self._frame_ns)
+        return LATER
+
+    def _answer_releases(self, now_ns: int) -> Iterator[Effect]:
+        """Answer the releases that are overdue, or known to all servers that answer ticks."""
+        behind = min((k for k in self._answered.values() if k >= self._tick.k - 2), default=self._tick.k)
+        for call_id, (k, due_ns) in tuple(self._releases.items()):
+            if (self._tick.k >= k and behind >= k) or now_ns >= due_ns:
+                del self._releases[call_id]
+                yield from self._calls.answer(call_id, None)
 
     # --- runs ------------------------------------------------------------------------------------------
 

@@ -126,6 +126,11 @@ class Background:
         return None if self._problems is None else self._problem
 
     @property
+    def is_opening(self) -> bool:
+        """True until the device is open for the first time, or fails to open."""
+        return self._device is None and self._problems is None
+
+    @property
     def unreached(self) -> str | None:
         """Why the device has not taken the last command, or `safe`, or not yet; None once it has."""
         with self._changed:

@@ -35,6 +35,7 @@ def device_server(
     *,
     deployment: Deployment | None = None,
     frames_kept: int = FRAMES_KEPT,
+    is_expected: bool = False,
 ) -> Service:
     """Return the server of a device.
 
@@ -44,6 +45,7 @@ def device_server(
         report: takes each problem of the driver, the first time that it occurs.
         deployment: the program that commands it from the start, if any.
         frames_kept: the number of frames that it keeps for readers that missed one.
+        is_expected: True if the Clock knows the server, and listens to its frames.
     """
     return Service(
         spec.name,
@@ -53,7 +55,12 @@ def device_server(
         commands=device_commands(spec, driver),
         deployment=deployment,
         frames_kept=frames_kept,
+        is_expected=is_expected,
     )
+
+
+NEVER_READ_NS = 10_000_000_000
+"""Time in ns after which a field that a working device has never given is reported."""
 
 
 class _Held(NamedTuple):
@@ -75,6 +82,8 @@ class DeviceReader:
         self._problems = OnceReporter(report)
         self._blocked = {field.name: frozenset(field.blocked) for field in spec.fields}
         self._held: dict[str, _Held] = {}
+        self._never_read = [field.name for field in spec.fields]
+        self._works_since_ns: int | None = None
 
     @property
     def descriptions(self) -> tuple[FieldDescription, ...]:
@@ -94,8 +103,22 @@ class DeviceReader:
     def read(self, now_ns: int) -> Fields:
         """Return the fields at `now_ns`; None for those without a value."""
         fields = self._read(now_ns)
+        if self._never_read:
+            self._look_for_fields(fields, now_ns)
         self._problems.end_frame()
         return fields
+
+    def _look_for_fields(self, fields: Fields, now_ns: int) -> None:
+        """Report fields that were never read although the device works."""
+        self._never_read = [name for name in self._never_read if fields.get(name) is None]
+        if problems_of(self._driver) or self.opening:
+            self._works_since_ns = None
+        elif self._works_since_ns is None:
+            self._works_since_ns = now_ns
+        elif now_ns - self._works_since_ns >= NEVER_READ_NS:
+            for name in self._never_read:
+                text = f"{self._spec.name}.{name} is missing: the driver has never given it a value"
+                self._problems.report(name, "never", text)
 
     def _read(self, now_ns: int) -> Fields:
         server = self._spec.name

@@ -106,8 +106,11 @@ class Service:
         commands: Iterable[Command] = (),
         deployment: Deployment | None = None,
         frames_kept: int = FRAMES_KEPT,
+        is_expected: bool = False,
     ) -> None:
+        """Make a server; with `is_expected`, the Clock listens to its frames, as it knows its name."""
         self.address = name
+        self._is_expected = is_expected
         self._reader, commands = fields, tuple(commands)
         self._performer = CommandPerformer(name, commands, report)
         self._report = report
@@ -244,9 +247,11 @@ class Service:
     # --- frames --------------------------------------------------------------------------------------
 
     def _publish(self, message: Tick | Fetch) -> Iterator[Effect]:
-        """Publish a frame; also to the Clock, without fields, as it listens to no frames of such servers."""
+        """Publish a frame; also to the Clock, without fields, unless it listens to the server's frames."""
         for effect in self._publisher.handle(message):
             yield effect
+            if self._is_expected:
+                continue
             if isinstance(effect, Send) and isinstance(effect.message, ServerFrame):
                 yield Send(topics.ANSWERS, msgspec.structs.replace(effect.message, fields={}))
 

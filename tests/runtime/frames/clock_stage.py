@@ -118,12 +118,22 @@ class Leader:
         self._number = 0
         self.ask(opening(connection))
 
-    def ask(self, ask: Ask[Any]) -> Reply:
+    def send(self, ask: Ask[Any]) -> None:
         self._number += 1
         self._stage.take(call_of(ask, self._connection, self._number))
+
+    def ask(self, ask: Ask[Any]) -> Reply:
+        """Make a call, and let frames pass until it is answered."""
+        self.send(ask)
+        while not self.is_answered:
+            self._stage.until(self._stage.now_ns + 10 * MS)
         (reply,) = (s.message for s in self._stage.sent if isinstance(s.message, Reply))
         self._stage.sent = [s for s in self._stage.sent if not isinstance(s.message, Reply)]
         return reply
+
+    @property
+    def is_answered(self) -> bool:
+        return any(isinstance(s.message, Reply) for s in self._stage.sent)
 
     def deploy(self, what: Deployment) -> str | None:
         problem = self.ask(library.deploy(what)).problem

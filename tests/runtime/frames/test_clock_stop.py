@@ -11,7 +11,7 @@ from colony.runtime.arbitration.stop_file import FILE_BYTES
 from colony.runtime.frames.clock import Clock
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
-from colony.runtime.protocol.messages import ServerFrame, Stopped, Tick, WakeAt
+from colony.runtime.protocol.messages import ServerFrame, Stopped, Tick, Wake, WakeAt
 from colony.runtime.protocol.plausibility import check_plausible
 from tests.runtime.calling import call_of
 from tests.runtime.frames.clock_stage import MS, Leader, S, Stage
@@ -41,6 +41,25 @@ def test_every_tick_repeats_a_stop_until_it_is_released(stage: Stage) -> None:
     assert ann.ask(clock_library.release()).problem is None
     tick = last(stage)
     assert (tick.stopped, tick.released_ns) == (None, released_ns)
+
+
+@pytest.mark.parametrize(("answers", "at_ms"), [("at once", 50), ("a frame late", 100), ("never", 150)])
+def test_a_release_is_answered_once_all_servers_that_answer_ticks_know_it(
+    stage: Stage, answers: str, at_ms: int
+) -> None:
+    ann = Leader(stage, "ann/1")
+    ann.ask(emergency.stop())
+    last(stage)
+    ann.alive()
+    stage.take(Wake())
+    ann.send(clock_library.release())
+    released_ns = stage.now_ns
+    while not ann.is_answered:
+        stage.until(stage.now_ns + 10 * MS, answering=() if answers != "at once" else ("PServer", "RServer"))
+        if answers == "a frame late":
+            k = stage.ticks[-2].k
+            stage.take(*(ServerFrame(server=server, k=k, fields={}) for server in ("PServer", "RServer")))
+    assert abs(stage.now_ns - released_ns - at_ms * MS) <= 10 * MS
 
 
 def test_a_stop_needs_no_connection_and_more_than_the_right_to_read(stage: Stage) -> None:

@@ -17,7 +17,7 @@ from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterS
 from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Enum, ScalarValue
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.description import Description, describe, server_spec
-from colony.runtime.kit.devices import DeviceReader, device_server
+from colony.runtime.kit.devices import NEVER_READ_NS, DeviceReader, device_server
 from colony.runtime.kit.fields import MAX_AGE_NS
 from colony.runtime.kit.once import RECOVERED_AFTER
 from colony.runtime.kit.service import RETRY_SAFE_NS, Service
@@ -511,6 +511,28 @@ def test_a_device_that_cannot_be_made_safe_is_tried_again_until_it_is() -> None:
     assert not [e for e in server.handle(Wake(), 3 * wake.t_ns) if isinstance(e, WakeAt)]
     list(server.handle(Wake(), 9 * wake.t_ns))
     assert device.safes == 4
+
+
+def test_a_field_that_a_working_device_never_gives_is_reported() -> None:
+    class Opening(Device):
+        is_opening, problem = True, None
+
+    device, reports = Opening({"level": Reading(1.0, 0)}), list[str]()
+    spec = ServerSpec("S", fields=tuple(FieldSpec(name, DIMENSIONLESS, "") for name in ("level", "volts")))
+    reader = DeviceReader(spec, device, reports.append)
+    for ready_ns in (0, NEVER_READ_NS):  # it works only from the second on
+        reader.read(NOW_NS + ready_ns)
+        device.is_opening = False
+    reader.read(NOW_NS + 2 * NEVER_READ_NS - 1)
+    assert reader.failing == ()
+    for _ in range(2):
+        reader.read(NOW_NS + 2 * NEVER_READ_NS)
+    assert reports == ["S.volts is missing: the driver has never given it a value"]
+    assert reader.failing == tuple(reports)
+    device.found["volts"] = Reading(12.0, 0)
+    for _ in range(RECOVERED_AFTER + 1):
+        reader.read(NOW_NS + 2 * NEVER_READ_NS)
+    assert reader.failing == ()
 
 
 @pytest.mark.parametrize("reached_ms", [0, 40, None])

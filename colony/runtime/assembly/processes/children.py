@@ -49,6 +49,7 @@ class Job:
         essential: True if the run ends when the process dies and is not restarted.
         one_thread: True if all of zenoh's tasks run on one thread.
         clients: addresses of the clients that run in the process.
+        others: the servers that share the process of the server `name`.
         gives_up: False if it is restarted however often it dies in quick succession.
     """
 
@@ -60,6 +61,7 @@ class Job:
     essential: bool
     one_thread: bool = False
     clients: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
     gives_up: bool = True
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from colony.ir.types import Value
 from colony.runtime.assembly.limits import limit_bindings
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.spec import (
+    PORT,
     AnnouncerPart,
     ClientsPart,
     ClockPart,
@@ -25,6 +26,7 @@ from colony.runtime.assembly.processes.spec import (
     DServerPart,
     Hardware,
     LimitsPart,
+    LinePart,
     Part,
     ProgramOfRun,
     PServerPart,
@@ -162,7 +164,21 @@ def server_jobs(
     robot_address: Local, parts: Iterable[Part], folder: Path, *, simulator: str
 ) -> tuple[Job, ...]:
     """Return the jobs of servers; `simulator` is the Python module to run for those of simulated devices."""
-    return tuple(job_of(robot_address, part, folder, SERVERS, simulator=simulator) for part in parts)
+    return tuple(job_of(robot_address, p, folder, SERVERS, simulator=simulator) for p in _by_line(parts))
+
+
+def _by_line(parts: Iterable[Part]) -> Iterator[Part]:
+    """Yield the parts, those joined that have drivers of one module for one port."""
+    lines: dict[object, list[Part]] = {}
+    for part in parts:
+        key: object = name_of(part)
+        if isinstance(part, RServerPart | DevicePart) and isinstance(hardware := part.device, Hardware):
+            port = hardware.options.get(PORT)
+            key = key if port is None else (port, hardware.driver.partition(":")[0])
+        lines.setdefault(key, []).append(part)
+    for line in lines.values():
+        joined = tuple(part for part in line if isinstance(part, RServerPart | DevicePart))
+        yield line[0] if len(line) == 1 else LinePart(parts=joined)
 
 
 def client_jobs(
@@ -221,7 +237,8 @@ def job_of(
     name = name_of(part)
     spec = folder / f"{name.replace('/', '.')}.json"
     write_spec(spec, Spec(robot_address=address_spec(robot_address), part=part))
-    device = part.device if isinstance(part, (RServerPart, PServerPart, CServerPart, DevicePart)) else None
+    first = part.parts[0] if isinstance(part, LinePart) else part
+    device = first.device if isinstance(first, (RServerPart, PServerPart, CServerPart, DevicePart)) else None
     is_client = isinstance(part, AnnouncerPart) or (isinstance(part, ClientsPart) and not part.shared)
     clients = tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else ()
     return Job(
@@ -232,6 +249,7 @@ def job_of(
         wave=wave,
         essential=not is_client and not isinstance(device, Hardware),
         gives_up=not isinstance(device, Hardware),
-        one_thread=wave == CLIENTS,
+        one_thread=wave == CLIENTS or isinstance(part, LimitsPart),
         clients=clients,
+        others=tuple(map(name_of, part.parts[1:])) if isinstance(part, LinePart) else (),
     )

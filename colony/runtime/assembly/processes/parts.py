@@ -24,6 +24,7 @@ from colony.runtime.assembly.processes.spec import (
     DServerPart,
     Hardware,
     LimitsPart,
+    LinePart,
     NodePart,
     ProgramOfRun,
     PServerPart,
@@ -54,7 +55,7 @@ def is_nonblocking(part: NodePart) -> bool:
             return True
         case RServerPart(device=device) | DevicePart(device=device):
             return isinstance(device, Device)
-        case CServerPart() | DServerPart() | AnnouncerPart():
+        case LinePart() | CServerPart() | DServerPart() | AnnouncerPart():
             return False
         case _:
             assert_never(part)
@@ -77,6 +78,8 @@ def nodes_of(
             return _clock(part)
         case RServerPart() | PServerPart() | CServerPart() | DevicePart():
             return (_device_server(part, robot_address, devices, resources),)
+        case LinePart(parts=parts):
+            return tuple(_device_server(each, robot_address, devices, resources) for each in parts)
         case DServerPart():
             return (_dserver(part, robot_address),)
         case ClientsPart():
@@ -133,7 +136,7 @@ def _device_server(
 
             offered = part.server
             driver = devices.device(part.device, robot, offered.name, resources)
-            return device_server(offered, driver, log_line)
+            return device_server(offered, driver, log_line, is_expected=True)
 
 
 def _hardware_server(part: DevicesPart, hardware: Hardware, origin_ns: int, resources: ExitStack) -> Node:
@@ -162,7 +165,7 @@ def _hardware_server(part: DevicesPart, hardware: Hardware, origin_ns: int, reso
 
             checked = device_driver(driver, hardware)
             resources.callback(close_driver, driver, log_line)
-            return device_server(part.server, checked, log_line)
+            return device_server(part.server, checked, log_line, is_expected=True)
         case _:
             raise ValueError(f"{type(part).__name__} has no driver of users")
 

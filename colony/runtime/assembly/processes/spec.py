@@ -74,6 +74,10 @@ class Hardware(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
         return msgspec.structs.replace(self, options={**self.options, **options})
 
 
+PORT = "port"
+"""The option of a driver that has the port of its device."""
+
+
 class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
     """The Clock, with the server `Runtime`.
 
@@ -112,6 +116,12 @@ class DevicePart(msgspec.Struct, frozen=True, kw_only=True, tag="device"):
     def server(self) -> ServerSpec:
         """What the server offers."""
         return decoded_server(self.described)
+
+
+class LinePart(msgspec.Struct, frozen=True, kw_only=True, tag="line"):
+    """The servers of the drivers of one port, which share a process."""
+
+    parts: tuple[RServerPart | DevicePart, ...]
 
 
 class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
@@ -172,7 +182,7 @@ class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
 DevicesPart = RServerPart | PServerPart | CServerPart | DevicePart
 """A server that needs a driver."""
 
-NodePart = ClockPart | DevicesPart | DServerPart | ClientsPart | LimitsPart | AnnouncerPart
+NodePart = ClockPart | DevicesPart | LinePart | DServerPart | ClientsPart | LimitsPart | AnnouncerPart
 Part = NodePart | GatewayPart
 
 
@@ -285,7 +295,7 @@ def address_of(spec: LocalAddressSpec | RemoteAddressSpec) -> RobotAddress:
 
 
 def name_of(part: Part) -> str:
-    """Return the unique name of a part's process; a process with one node has the address of that node."""
+    """Return the unique name of a part's process: the address of its node, or of its first one."""
     match part:
         case ClockPart():
             return "Clock"
@@ -299,6 +309,8 @@ def name_of(part: Part) -> str:
             return server
         case DevicePart():
             return part.server.name
+        case LinePart(parts=parts):
+            return name_of(parts[0])
         case GatewayPart():
             return "Gateway"
         case LimitsPart():
