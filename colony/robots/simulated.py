@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from colony.execute.compiled import Compiled
 from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
-from colony.nav.maps.building import Building
 from colony.os_errors import describe
 from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath
@@ -31,9 +31,10 @@ from colony.sim.compiling import COMPILING
 from colony.sim.config import config_of
 from colony.sim.plant.child import SIMULATOR, PlantSpec, ViewDirection, plant_socket
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.elevators import RemoteElevators
 from colony.sim.plant.protocol import Truth
-from colony.sim.world.operator import operator
+
+if TYPE_CHECKING:  # numpy, which the leader of a robot and what serves one do not need
+    from colony.nav.maps.building import Building
 
 PLANT = "colony.sim.plant.child"
 PLANT_SERVERS = "colony.sim.plant.servers"
@@ -171,6 +172,9 @@ def simulated_operator(robot_address: Local, robot: SimulatedRobot, building: Bu
     Raises:
         RunAbortedError: the plant does not answer.
     """
+    from colony.sim.plant.elevators import RemoteElevators
+    from colony.sim.world.operator import operator
+
     radius_mm = config_of(robot.described.body).radius_mm
     try:
         control = PlantControl(plant_socket(robot_address.directory.path), timeout_s=OPERATOR_TIMEOUT_S)

@@ -262,7 +262,7 @@ def test_beams_of_a_lidar_off_the_center_that_turns_clockwise() -> None:
 def test_what_it_does_not_simulate_is_refused() -> None:
     with pytest.raises(ValueError, match="no sonars and no cameras, such as that of PServer"):
         build_of(shipped_body("rome"))
-    with pytest.raises(ValueError, match="no mecanum wheels"):
+    with pytest.raises(ValueError, match="two driven wheels"):
         build_of(shipped_body("omni"))
     with pytest.raises(ValueError, match="expected at least 400 mm"):
         MujocoWorld(body=AMR, walls=AHEAD, pose=(0.0, 1700.0, 0.0))
