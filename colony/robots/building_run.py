@@ -82,7 +82,7 @@ def run_in_building(
         session.add(sink)
     recording = None
     if request.record is not None:
-        recording = recording_into(request.record, compiled, seed=request.seed)
+        recording = recording_into(request.record, compiled, seed=request.seed, robot=request.robot)
         session.add(recording)
     interrupted = _run(session, request, ui, mission, recording)
     summary = tally.summary(

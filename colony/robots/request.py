@@ -60,6 +60,7 @@ class RunRequest:
 
     Attributes:
         file: the file of the behavior, as the user named it.
+        robot: the name of the robot; None for that of its description.
         map_path: the map of the building; None for a robot that is already running.
         seed: the seed of all random numbers, such as the sensors' noise.
         length_ns: the length of the run; None to run until it is interrupted, or its route is done.
@@ -85,6 +86,7 @@ class RunRequest:
     seed: int
     length_ns: int | None
     pinned_variables: Mapping[str, Value]
+    robot: str | None = None
     scenario: Scenario | None = None
     physics: PhysicsName = "kinematic"
     realtime: bool = False

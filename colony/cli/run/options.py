@@ -73,6 +73,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
     duration = options.duration or (None if is_open_ended else DURATION)
     return RunRequest(
         file=options.file,
+        robot=options.robot,
         map_path=options.map_path,
         seed=options.seed,
         length_ns=None if duration is None else duration_ns(duration),
