@@ -35,7 +35,7 @@ __all__ = ["Disagreement", "check", "disagreement", "frames", "programs", "trace
 def disagreement(program: Program, trace: Iterable[Frame]) -> Disagreement | None:
     """Return the first frame in which an executor differs from the reference interpreter."""
     expect_program(program)
-    return agreement.disagreement(program, checked_trace(trace))
+    return agreement.disagreement(program, checked_trace(trace, program.robot.sensors))
 
 
 def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Outcome]]:
@@ -49,7 +49,7 @@ def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Out
         TypeError, ValueError: the trace is invalid: it has no frames, or its times do not increase.
     """
     expect_program(program)
-    frames = checked_trace(trace)
+    frames = checked_trace(trace, program.robot.sensors)
     outcomes = agreement.reference(program, frames)
     difference = agreement.disagreement(program, frames, expected=outcomes)
     assert difference is None, str(difference)
