@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from colony.ir.types import Value
+from colony.robots.driven_path import Paths
 from colony.runtime.observe.observer import Sink
 from colony.runtime.observe.summary import RunSummary
 
@@ -135,7 +136,7 @@ class RunReport(NamedTuple):
     """The result of a run, and of its mission if there was one.
 
     For a simulated robot it also has the floors, and the robot's true path on each floor, in mm, and the true
-    paths of other robots by name, on the only floor.
+    paths of other robots by name, on the only floor, and those of the people on each floor.
     """
 
     summary: RunSummary
@@ -143,3 +144,4 @@ class RunReport(NamedTuple):
     floors: tuple[WorldMap, ...] = ()
     paths: Mapping[str, Sequence[tuple[float, float]]] = {}
     other_paths: Mapping[str, Sequence[tuple[float, float]]] = {}
+    people: Mapping[str, Paths] = {}

@@ -15,7 +15,7 @@ from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
 from colony.os_errors import describe
 from colony.robots.described import DescribedRobot
-from colony.robots.driven_path import DrivenPath
+from colony.robots.driven_path import DrivenPath, PeoplePaths
 from colony.robots.request import MisuseError, RunAbortedError
 from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices
 from colony.runtime.assembly.limits import limit_deployment
@@ -206,7 +206,7 @@ class TruthLog:
 
     A restarted plant begins at the start of the map; its travel is added to that of the previous one. A
     frozen plant that resumes continues its own count. The attribute `last` is the newest observation, None
-    before the first.
+    before the first, `people` the paths of the people.
     """
 
     def __init__(self, robot_address: Local) -> None:
@@ -218,6 +218,7 @@ class TruthLog:
         self._current_travel = Travel(bumps=0, distance_mm=0.0)
         self._next_poll_ns = 0
         self._paths: dict[str, DrivenPath] = {}
+        self.people = PeoplePaths()
         self.last: Truth | None = None
 
     def poll(self) -> bool:
@@ -238,6 +239,7 @@ class TruthLog:
             return False
         self.last = truth
         self._paths.setdefault(truth.floor, DrivenPath()).add(truth.x, truth.y)
+        self.people.add(truth.floor, truth.people)
         self._current_travel = Travel(bumps=truth.bumps, distance_mm=truth.distance)
         return True
 
