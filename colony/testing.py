@@ -21,6 +21,7 @@ from colony.execute.checked import checked_trace
 from colony.extras import naming_missing_extras
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program, expect_program
+from colony.text.wording import time_text
 from colony.verify.testing import agreement
 from colony.verify.testing.agreement import Disagreement as Disagreement
 
@@ -55,5 +56,5 @@ def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Out
     assert difference is None, str(difference)
     for frame, outcome in zip(frames, outcomes, strict=True):
         broken = ", ".join(outcome.breaches)
-        assert not broken, f"broken at {frame.t_ns / 1e9:g} s: {broken}"
+        assert not broken, f"broken at {time_text(frame.t_ns)}: {broken}"
         yield frame, outcome
