@@ -21,6 +21,7 @@ from colony.execute.checked import checked_trace
 from colony.extras import naming_missing_extras
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program, expect_program
+from colony.text.wording import time_text
 from colony.verify.testing import agreement
 from colony.verify.testing.agreement import Disagreement as Disagreement
 
@@ -35,7 +36,7 @@ __all__ = ["Disagreement", "check", "disagreement", "frames", "programs", "trace
 def disagreement(program: Program, trace: Iterable[Frame]) -> Disagreement | None:
     """Return the first frame in which an executor differs from the reference interpreter."""
     expect_program(program)
-    return agreement.disagreement(program, checked_trace(trace))
+    return agreement.disagreement(program, checked_trace(trace, program.robot.sensors))
 
 
 def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Outcome]]:
@@ -49,11 +50,11 @@ def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Out
         TypeError, ValueError: the trace is invalid: it has no frames, or its times do not increase.
     """
     expect_program(program)
-    frames = checked_trace(trace)
+    frames = checked_trace(trace, program.robot.sensors)
     outcomes = agreement.reference(program, frames)
     difference = agreement.disagreement(program, frames, expected=outcomes)
     assert difference is None, str(difference)
     for frame, outcome in zip(frames, outcomes, strict=True):
         broken = ", ".join(outcome.breaches)
-        assert not broken, f"broken at {frame.t_ns / 1e9:g} s: {broken}"
+        assert not broken, f"broken at {time_text(frame.t_ns)}: {broken}"
         yield frame, outcome

@@ -181,6 +181,58 @@ def test_loads_no_more_than_it_needs(statement: str, absent: set[str]) -> None:
 
 
 FRONT_END = {"colony.compile", "colony.dsl", "colony.verify", "lark", "z3"}
+HEAVY = {"numpy", "numba", "llvmlite", "matplotlib", "mujoco", "cv2", "networkx", "lark", "z3"}
+CHILD = "import colony.runtime.assembly.processes.child, " + ", ".join(
+    f"colony.{module}"
+    for module in (
+        *("runtime.assembly.limits", "runtime.assembly.nodes", "runtime.assembly.processes.hardware"),
+        *("runtime.assembly.processes.parts", "runtime.frames.clock", "runtime.kit.devices"),
+        *("runtime.servers.cserver", "runtime.servers.dserver", "runtime.servers.pserver"),
+        *("runtime.servers.rserver", "runtime.servers.runtime_server", "runtime.store.sqlite"),
+        "execute.colonyc",
+    )
+)
+
+
+def _command(*arguments: str) -> str:
+    return (
+        f"import sys; from contextlib import suppress; from colony.cli.main import main\n"
+        f"sys.argv = ['colony', *{arguments!r}]\n"
+        f"with suppress(SystemExit): main()\n"
+        f"pass"
+    )
+
+
+PROCESSES: tuple[tuple[str, str, set[str]], ...] = (
+    ("leader", _command("run", "wander", "--connect", "--robot", "pioneer"), HEAVY),
+    ("shadow", _command("run", "wander", "--shadow", "--robot", "pioneer"), HEAVY),
+    ("watch", _command("watch", "--robot", "pioneer"), HEAVY | {"colony.sim"}),
+    ("ps", _command("ps"), HEAVY | FRONT_END | {"colony.sim", "colony.nav"}),
+    (
+        "supervisor",
+        "import colony.cli.serve, colony.cli.programs, colony.robots.serving, colony.compile.pipeline",
+        HEAVY | {"colony.verify", "colony.view"},
+    ),
+    ("Clock, servers, clients", CHILD, HEAVY | FRONT_END | {"colony.sim", "colony.body", "colony.nav"}),
+    ("gateway", f"{CHILD}, colony.runtime.transport.live.gateway", HEAVY | FRONT_END | {"colony.sim"}),
+    ("simulated servers", "import colony.sim.plant.servers", HEAVY | FRONT_END | {"colony.sim.world"}),
+    ("driver", "import colony.drivers.serial_base", HEAVY | FRONT_END | {"colony.sim", "colony.body"}),
+    ("guard", "import colony.drivers.guard", HEAVY | FRONT_END | {"zenoh", "colony.sim", "colony.body"}),
+)
+"""The processes of a robot, what each imports, and what it may not have loaded then."""
+
+
+@pytest.mark.parametrize(
+    ("statement", "absent"), [row[1:] for row in PROCESSES], ids=[p[0] for p in PROCESSES]
+)
+def test_a_process_of_a_robot_loads_no_more_than_it_needs(
+    statement: str, absent: set[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Commands run as far as the refusal of a robot that does not run."""
+    monkeypatch.setenv("COLONY_RUN_DIR", str(tmp_path))
+    loaded = _loaded_by(statement)
+    assert not {name for name in loaded if any(f"{name}.".startswith(f"{part}.") for part in absent)}
+
 
 CLIENT = """
 import json, runpy, sys

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import combinations
 
-from colony.body.device_consistency import Located, device_contradictions
+from colony.body.device_consistency import Located, device_contradictions, misplaced
 from colony.body.devices import Base, Camera, CeilingCamera, Proximity
-from colony.body.model import Body, Circle, Omnidirectional, Polygon, Server
+from colony.body.model import Body, Circle, Omnidirectional, Polygon, Rolling, Server
 from colony.ir.servers import COMMON_SERVERS, MAX_SERVER_NAME, PROXIMITY, RESERVED_SERVER_NAMES, RSERVER
 from colony.ir.types import DISTANCE, Array, type_text
 from colony.text.diagnostics import Diagnostic, Label, error
@@ -151,6 +152,7 @@ def _footprint(body: Body, places: Located) -> Iterator[Diagnostic]:
 def _sideways(body: Body, places: Located) -> Iterator[Diagnostic]:
     """Yield an error for each limit of sideways motion of a base that cannot move sideways."""
     if isinstance(body.chassis.drive, Omnidirectional):
+        yield from _omni_wheels(body.chassis.drive, body, places)
         return
     limits = body.chassis.limits
     given = (
@@ -163,6 +165,41 @@ def _sideways(body: Body, places: Located) -> Iterator[Diagnostic]:
             hint = 'leave it out, or write `kind = "omnidirectional"` in `[body.drive]`'
             label = Label(places.value("body", "drive", "kind"), "the drive")
             yield error("B009", places.key("body", "limits", key), message, hint, label)
+
+
+def _omni_wheels(drive: Omnidirectional, body: Body, places: Located) -> Iterator[Diagnostic]:
+    """Yield an error for wheels that are described twice, in part, or that leave the base a way to slide."""
+    given = [key for key, value in _MECANUM if getattr(drive, value) is not None]
+    if drive.wheels and given:
+        message = f"`{given[0]}` describes mecanum wheels, and `wheels` omni wheels"
+        yield error("B009", places.key("body", "drive", given[0]), message, "leave out one of them")
+    elif len(given) == 1:
+        [other] = {key for key, _ in _MECANUM}.difference(given)
+        message = f"`{given[0]}` alone describes no mecanum wheels"
+        yield error("B009", places.key("body", "drive", given[0]), message, f"write `{other}`, too")
+    for wheel in drive.wheels:
+        yield from misplaced(wheel, ("body", "drive", "wheels"), body, places)
+    if drive.wheels and not _hold(drive.rolling):
+        message = "the wheels let the base slide or turn without rolling"
+        hint = "they roll in several directions, and not all of them toward or past one point"
+        yield error("B009", places.value("body", "drive", "wheels"), message, hint)
+
+
+_MECANUM = (("wheel_base", "wheel_base_mm"), ("wheel_distance", "wheel_distance_mm"))
+
+
+def _hold(wheels: tuple[Rolling, ...]) -> bool:
+    """Return True if every motion rolls some wheel: three of them are independent."""
+    reach = max(abs(wheel.turn_mm) for wheel in wheels)
+    return reach > 0.0 and any(
+        abs(
+            a.ahead * (b.left * c.turn_mm - c.left * b.turn_mm)
+            - a.left * (b.ahead * c.turn_mm - c.ahead * b.turn_mm)
+            + a.turn_mm * (b.ahead * c.left - c.ahead * b.left)
+        )
+        > 1e-3 * reach
+        for a, b, c in combinations(wheels, 3)
+    )
 
 
 def _turned_deg(sides: list[tuple[float, float]]) -> float:

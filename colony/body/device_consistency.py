@@ -21,19 +21,23 @@ from colony.body.devices import (
     Proximity,
     RangeFinder,
     RotaryJoint,
+    ValueField,
+    Values,
 )
 from colony.body.footprint import radius_mm
-from colony.body.model import Body, Circle, Omnidirectional
+from colony.body.model import Body, Circle
 from colony.ir.bearings import TURN, Bearings
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
+from colony.text.suggestions import did_you_mean
+from colony.text.units import readable_unit
 from colony.text.wording import degrees_text
 
 MAX_POSITIONS = 100
 """Maximum number of positions of a joint."""
 
 MAX_OUTPUTS = 100
-"""Maximum number of outputs of a device."""
+"""Maximum number of outputs, or values, of a device."""
 
 REACH_MM = 2000.0
 """Distance beyond the footprint up to which a device can be on a robot; farther off, a unit is wrong."""
@@ -60,25 +64,39 @@ def device_contradictions(
             yield from _proximity(ring, body, places, keys)
         case Lidar() as lidar:
             yield from _turn(lidar.bearings(), lidar.count, places, keys)
-            yield from _place(lidar.pose[:2], "pose", body, places, keys)
+            yield from misplaced(lidar.pose, (*keys, "pose"), body, places)
         case RangeFinder() as finder:
             yield from _range_finder(finder, body, places, keys)
         case Bumper() as bumper:
             yield from _bumper(bumper, places, keys)
         case Camera(pose=pose) | DockSensor(pose=pose):
-            yield from _place(pose[:2], "pose", body, places, keys)
+            yield from misplaced(pose, (*keys, "pose"), body, places)
         case Cliff() as cliff:
             for place in cliff.places:
-                yield from _place(place, "places", body, places, keys)
+                yield from misplaced(place, (*keys, "places"), body, places)
         case Joint() as joint:
             yield from _joint(joint, "mm", places, keys)
         case RotaryJoint() as joint:
             yield from _joint(joint, "deg", places, keys)
         case Encoders() as encoders:
             yield from _encoders(encoders, body, places, keys)
+        case _:
+            yield from _unplaced(device, places, keys)
+
+
+def _unplaced(device: Device | None, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+    """Yield the contradictions of a device that has no place on the robot."""
+    match device:
         case Output(outputs=outputs) if not 0 < len(outputs) <= MAX_OUTPUTS:
             message = f"{len(outputs)} outputs; expected 1 to {MAX_OUTPUTS}"
             yield error("B009", places.value(*keys, "outputs"), message)
+        case Values(values=values) if not 0 < len(values) <= MAX_OUTPUTS:
+            yield error(
+                "B009", places.value(*keys, "values"), f"{len(values)} values; expected 1 to {MAX_OUTPUTS}"
+            )
+        case Values(values=values):
+            for name, value in values.items():
+                yield from _value(value, places, (*keys, "values", name))
         case Battery() as battery:
             yield from _battery(battery, places, keys)
         case Button(names=names) if len(set(names)) < len(names):
@@ -88,15 +106,15 @@ def device_contradictions(
             pass
 
 
-def _place(
-    place: tuple[float, ...], key: str, body: Body, places: Located, keys: tuple[str, ...]
+def misplaced(
+    place: tuple[float, ...], keys: tuple[str, ...], body: Body, places: Located
 ) -> Iterator[Diagnostic]:
-    """Yield an error for a place that is not on the robot, nor near it."""
-    away, reach = math.hypot(*place), radius_mm(body) + REACH_MM
+    """Yield an error for a place, or a pose, that is not on the robot, nor near it."""
+    away, reach = math.hypot(*place[:2]), radius_mm(body) + REACH_MM
     if away > reach:
         message = f"a place {away:g} mm from the center of the robot; expected at most {reach:g} mm"
         hint = f"it is more than {REACH_MM:g} mm outside of the footprint: are the units right?"
-        yield error("B009", places.value(*keys, key), message, hint)
+        yield error("B009", places.value(*keys), message, hint)
 
 
 def _joint(
@@ -125,9 +143,36 @@ def _joint(
             yield error("B009", places.value(*keys, "positions", name), message, None, label)
 
 
+def _value(field: ValueField, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+    """Yield an error for each value that is not of the field's type, and for what its type cannot have."""
+    first = field.amount
+    is_number = not isinstance(first.value, bool | str)
+    for key, amount in field.amounts:
+        where = places.value(*keys, key)
+        if isinstance(amount.value, str) and amount.value not in field.members:
+            message = f"`{amount.value}` is none of the `members`"
+            hint = did_you_mean(amount.value, field.members) or "list it there"
+            yield error("B009", where, message, hint)
+        elif type(amount.value) is not type(first.value) or amount.dimension != first.dimension:
+            yield error("B009", where, "the values are of several types", "give all of them like `value`")
+    noise = field.noise
+    if noise is not None and not (is_number and isinstance(noise.value, float) and noise.value >= 0.0):
+        hint = "write a number of at least 0, or leave it out"
+        yield error("B009", places.value(*keys, "noise"), "only numbers have noise, which is a number", hint)
+    elif noise is not None and noise.dimension != first.dimension:
+        unit = readable_unit(first.dimension).text
+        message = f"the noise is not in the unit of the value; expected one in {unit}"
+        yield error("B009", places.value(*keys, "noise"), message)
+    if field.edge == "fading" and not is_number:
+        yield error("B009", places.value(*keys, "edge"), "only numbers fade", 'write `edge = "sharp"`')
+
+
 def _encoders(encoders: Encoders, body: Body, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
-    wheels = 4 if isinstance(body.chassis.drive, Omnidirectional) else 2
-    if encoders.wheels != wheels:
+    wheels = len(body.chassis.drive.rolling)
+    if not wheels:
+        message = "encoders of wheels that the drive does not describe"
+        yield error("B009", places.value(*keys, "device"), message, "write `wheel_base` in `[body.drive]`")
+    elif encoders.wheels != wheels:
         message = f"encoders of {encoders.wheels} wheels; the drive has {wheels}"
         where = places.value(*keys, "device" if encoders.wheels == 2 else "wheels")
         yield error("B009", where, message, f"write `wheels = {wheels}`")
@@ -172,7 +217,7 @@ def _range_finder(
     finder: RangeFinder, body: Body, places: Located, keys: tuple[str, ...]
 ) -> Iterator[Diagnostic]:
     for pose in finder.poses:
-        yield from _place(pose[:2], "poses", body, places, keys)
+        yield from misplaced(pose, (*keys, "poses"), body, places)
     if finder.nearest_mm >= finder.range_mm:
         message = f"the smallest reading, {finder.nearest_mm:g} mm, is not below the longest range"
         label = Label(places.value(*keys, "range"), "the longest range")

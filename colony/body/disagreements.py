@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -21,6 +22,7 @@ from colony.body.devices import (
     Proximity,
     RangeFinder,
     RotaryJoint,
+    Values,
 )
 from colony.body.model import Body, Server
 from colony.body.reader import BodyFile
@@ -229,6 +231,12 @@ def _readings(sensor: Sensor, server: Server) -> dict[tuple[str, ...], tuple[flo
             found["simulated", "speed"] = (-joint.speed, joint.speed)
         case DockSensor() as dock_sensor if sensor.field == "dock_distance":
             found["simulated", "range"] = (0.0, dock_sensor.farthest_mm)
+        case Values(values=values) if sensor.field in values and isinstance(of, Quantity):
+            for key, amount in values[sensor.field].amounts:
+                ends = found.get(("simulated", "values", sensor.field, key), (math.inf, -math.inf))
+                value = float(amount.value)
+                ends = (min(ends[0], value), max(ends[1], value))
+                found["simulated", "values", sensor.field, key] = ends
         case Output(outputs=outputs) if outputs.get(sensor.field) == "level":
             found["simulated", "outputs", sensor.field] = (0.0, 1.0)
         case _:

@@ -48,6 +48,20 @@ class Measure:
     bounds: Bounds = ANY
 
 
+class Amount(NamedTuple):
+    """A value of a body of any type: a number in base units with its dimension, a bool, or a name."""
+
+    value: float | bool | str
+    dimension: Dimension
+
+
+@dataclass(frozen=True, slots=True)
+class AnyAmount:
+    """A quantity of any dimension, a bool or a name, read as an `Amount`. `example` is a text for hints."""
+
+    example: str
+
+
 @dataclass(frozen=True, slots=True)
 class Interval:
     """An interval, `"150 deg .. 165 deg"`, read as a pair of floats in base units."""
@@ -123,7 +137,7 @@ class Options:
     """The keys of the table that are not fields: texts, numbers and bools, read as a dictionary."""
 
 
-Kind = Measure | Interval | Whole | Word | Text | Many | Row | Table | OneOf | Named | Options
+Kind = Measure | AnyAmount | Interval | Whole | Word | Text | Many | Row | Table | OneOf | Named | Options
 
 
 class Entry(NamedTuple):

@@ -5,11 +5,22 @@ Values are in base units (mm, s, deg and Hz), whatever unit the text has.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.body.devices import DEVICES, Base, Camera, CeilingCamera, Device, OmnidirectionalBase, Proximity
+from colony.body.devices import (
+    DEVICES,
+    Base,
+    Camera,
+    CeilingCamera,
+    Device,
+    OmnidirectionalBase,
+    Pose,
+    Proximity,
+)
+from colony.body.devices.common import MAX_WHEELS, POSE
 from colony.body.kinds import (
     NAME,
     NOT_NEGATIVE,
@@ -81,11 +92,28 @@ class Polygon:
 Footprint = Circle | Polygon
 
 
+class Rolling(NamedTuple):
+    """What a wheel rolls: the parts of the way ahead and to the left, and mm in a radian of turn."""
+
+    ahead: float
+    left: float
+    turn_mm: float
+
+
+def rolling_at(wheel: Pose) -> Rolling:
+    """Return what an omni wheel rolls, which slides freely across the direction in which it rolls."""
+    angle = math.radians(wheel.bearing_deg)
+    ahead, left = math.cos(angle), math.sin(angle)
+    return Rolling(ahead, left, wheel.x_mm * left - wheel.y_mm * ahead)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wheels:
     """What the wheels of every drive have."""
 
-    wheel_base_mm: float = entry("wheel_base", _LENGTH, "distance between left and right wheels")
+    wheel_base_mm: float | None = entry(
+        "wheel_base", _LENGTH, "distance between left and right wheels, if they are described", default=None
+    )
     scale_error: float = entry(
         "scale_error",
         Measure(NUMBER, "0.3 percent", Bounds(low=0.0, high=1.0)),
@@ -102,16 +130,41 @@ class Wheels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Differential(Wheels):
-    """Two driven wheels on one axis through the robot's center."""
+    """A base that drives ahead and turns, as on two driven wheels on one axis through the robot's center."""
+
+    @property
+    def rolling(self) -> tuple[Rolling, ...]:
+        """The described wheels, left and right."""
+        half = None if self.wheel_base_mm is None else self.wheel_base_mm / 2.0
+        return () if half is None else (Rolling(1.0, 0.0, -half), Rolling(1.0, 0.0, half))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Omnidirectional(Wheels):
-    """Four mecanum wheels around the robot's center, two on each side: it drives sideways, too."""
+    """A base that drives sideways, too: on four mecanum wheels, on omni wheels, or as its limits say."""
 
-    wheel_distance_mm: float = entry(
-        "wheel_distance", _LENGTH, "distance between the front and the rear wheels"
+    wheel_distance_mm: float | None = entry(
+        "wheel_distance",
+        _LENGTH,
+        "distance between the front and the rear wheels of a base on four mecanum wheels, two on each side",
+        default=None,
     )
+    wheels: tuple[Pose, ...] = entry(
+        "wheels",
+        Many(POSE, 3, MAX_WHEELS),
+        "of each omni wheel: x ahead of the robot's center, y to the left of it, and the direction in "
+        "which it rolls",
+        default=(),
+    )
+
+    @property
+    def rolling(self) -> tuple[Rolling, ...]:
+        """The described wheels; mecanum wheels from front left to rear right."""
+        if self.wheel_base_mm is None or self.wheel_distance_mm is None:
+            return tuple(map(rolling_at, self.wheels))
+        reach = (self.wheel_base_mm + self.wheel_distance_mm) / 2.0
+        signs = ((-1.0, -1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 1.0))
+        return tuple(Rolling(1.0, left, side * reach) for left, side in signs)
 
 
 Drive = Differential | Omnidirectional

@@ -7,6 +7,7 @@ import re
 from fractions import Fraction
 from typing import NamedTuple
 
+from colony.body.kinds import NAME, Amount
 from colony.text.units import NUMBER, Dimension, Unit, UnitError, common_units, parse_unit, readable_unit
 from colony.text.wording import listed
 
@@ -32,6 +33,21 @@ def parse_quantity(text: str, dimension: Dimension, example: str) -> float | Pro
     """Return a quantity in base units, rounded once, or the problem; `example` is for the hint."""
     parts = _parts(text, example)
     return parts if isinstance(parts, Problem) else _in_base_units(*parts, dimension, example)
+
+
+def parse_amount(text: str, example: str) -> Amount | Problem:
+    """Return a quantity of any dimension, or a name, or the problem; `example` is for the hint."""
+    if re.fullmatch(NAME, text):
+        return Amount(text, NUMBER)
+    parts = _parts(text, example)
+    if isinstance(parts, Problem):
+        return parts
+    try:
+        dimension = parse_unit(parts[1]).dimension if parts[1] else NUMBER
+    except UnitError as problem:
+        return Problem("B007", str(problem), _such_as(example))
+    value = _in_base_units(*parts, dimension, example)
+    return value if isinstance(value, Problem) else Amount(value, dimension)
 
 
 def parse_interval(text: str, dimension: Dimension, example: str) -> tuple[float, float] | Problem:

@@ -12,6 +12,8 @@ from typing import Any, assert_never
 
 from colony.body.kinds import (
     NAME,
+    Amount,
+    AnyAmount,
     Entry,
     Interval,
     Kind,
@@ -28,7 +30,7 @@ from colony.body.kinds import (
     entries,
 )
 from colony.body.model import ROOT, Body
-from colony.body.quantities import LARGEST, Problem, parse_interval, parse_quantity, unit_hint
+from colony.body.quantities import LARGEST, Problem, parse_amount, parse_interval, parse_quantity, unit_hint
 from colony.files import read_file, reason
 from colony.text.diagnostics import Diagnostic, error, in_order
 from colony.text.source import Source, Span
@@ -177,6 +179,8 @@ class _Reader:
         match kind:
             case Measure():
                 return self._measure(kind, value, keys)
+            case AnyAmount():
+                return self._amount(kind, value, keys)
             case Interval():
                 return self._interval(kind, value, keys)
             case Whole():
@@ -245,6 +249,15 @@ class _Reader:
         expected += f" and at most {high:g}{unit}" if high < 1e300 else ""
         message = f"`{'.'.join(keys)}` is {_shown(value)}; expected {expected}"
         return self._report("B008", self._places.value(keys), message)
+
+    def _amount(self, kind: AnyAmount, value: object, keys: Keys) -> Any:
+        if isinstance(value, str):
+            return self._checked(keys, parse_amount(value, kind.example))
+        if isinstance(value, bool):
+            return Amount(value, NUMBER)
+        if not isinstance(value, int | float) or not abs(value) <= LARGEST:
+            return self._wrong(keys, value, "a number with its unit, a bool or a name")
+        return Amount(float(value), NUMBER)
 
     def _interval(self, kind: Interval, value: object, keys: Keys) -> Any:
         if not isinstance(value, str):

@@ -12,6 +12,7 @@ from typing import Any, assert_never
 
 from colony.body.kinds import (
     NAME,
+    AnyAmount,
     Interval,
     Kind,
     Many,
@@ -45,6 +46,8 @@ def _schema(kind: Kind) -> Schema:
     match kind:
         case Measure():
             return _measure(kind)
+        case AnyAmount():
+            return {"type": ["string", "number", "boolean"], "examples": [kind.example]}
         case Interval():
             end = rf"\s*{NUMBER_PATTERN}\s*"
             return _text(rf"{end}(?:{_UNIT})?\s*\.\.{end}{_UNIT}\s*") | {"examples": [kind.example]}

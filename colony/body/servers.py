@@ -12,7 +12,7 @@ from colony.ir.program import Actuator, Robot, Sensor
 from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import bearings_of
 
-_DECLARED = "as the interface declares it"
+_DECLARED = "the value that the interface declares"
 
 
 def servers_of(body: Body, robot: Robot | None = None) -> tuple[ServerSpec, ...]:

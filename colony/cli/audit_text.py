@@ -9,7 +9,7 @@ from colony.ir.program import Actuator, Program
 from colony.ir.site import Site
 from colony.runtime.observe.summary import SHADOW_TEXT
 from colony.runtime.recordings.recorded import RecordingReader
-from colony.text.wording import counted
+from colony.text.wording import counted, time_text
 from colony.verify.audit.report import AuditReport, Difference
 
 _PARTS = {
@@ -30,7 +30,7 @@ def render(
     by = f", by {file}" if file else ""
     lines = [
         f"{name}: {title}{by}, {counted(report.frames, 'frame')}"
-        f" from {_seconds(report.first_ns)} to {_seconds(report.last_ns)}",
+        f" from {time_text(report.first_ns)} to {time_text(report.last_ns)}",
         *([f"  {SHADOW_TEXT}"] if reader.shadow else []),
         *_indented(_site(program.site, None if run is None else run.site)),
         *_indented(_counts(report)),
@@ -88,8 +88,8 @@ def _counts(report: AuditReport) -> Iterator[str]:
 
 def _damage(report: AuditReport) -> Iterator[str]:
     for span in report.damaged:
-        start = "" if span.after_ns is None else f" from {_seconds(span.after_ns)}"
-        end = "to its end" if span.before_ns is None else f"to {_seconds(span.before_ns)}"
+        start = "" if span.after_ns is None else f" from {time_text(span.after_ns)}"
+        end = "to its end" if span.before_ns is None else f"to {time_text(span.before_ns)}"
         yield f"damaged{start} {end}: left out"
     if report.resumed:
         yield "after that, audited from the recorded memory"
@@ -104,13 +104,13 @@ def _contracts(report: AuditReport, program: Program) -> Iterator[str]:
     if unbroken_count:
         yield f"{counted(unbroken_count, 'contract')} held in every frame"
     for c in report.contracts:
-        span = f"first at {_seconds(c.first_ns)}, last at {_seconds(c.last_ns)}"
+        span = f"first at {time_text(c.first_ns)}, last at {time_text(c.last_ns)}"
         yield f"contract {c.contract}: BROKEN in {counted(c.frames, 'frame')}, {span}"
 
 
 def _location_text(first: Difference) -> str:
     actuator = "" if first.actuator is None else f", {first.actuator}"
-    return f"at {_seconds(first.t_ns)} (frame {first.k}){actuator}: {first.message}"
+    return f"at {time_text(first.t_ns)} (frame {first.k}){actuator}: {first.message}"
 
 
 def _first_difference(report: AuditReport, program: Program) -> Iterator[str]:
@@ -139,7 +139,3 @@ def _decision(decision: Decision, actuator: Actuator) -> str:
         sent = repr(values)
     fault = f" ({decision.fault})" if decision.fault else ""
     return f"by {decision.by or '(nobody)'}, {sent}{fault}"
-
-
-def _seconds(t_ns: int) -> str:
-    return f"{t_ns / 1e9:.10g} s"

@@ -20,7 +20,7 @@ from colony.cli.reporting import refuse, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.text.suggestions import did_you_mean
-from colony.text.wording import counted
+from colony.text.wording import counted, seconds_of, time_text
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
@@ -218,16 +218,14 @@ class _Asked:
             _misuse(f"{self.recording}: error: --when: {problem}")
         found = list(spans_of(self.index, wanted, from_ns))
         if len(found) < nth:
-            since = "" if from_ns is None else f" from {from_ns / 1e9:.10g} s on"
+            since = "" if from_ns is None else f" from {time_text(from_ns)} on"
             begins = f"begins {counted(len(found), 'time')}" if found else "never begins"
             _misuse(f"{self.recording}: error: --when: `{when}` {begins}{since}{self._extent()}")
         return _Chosen(when, wanted, found, nth)
 
     def _extent(self) -> str:
         first, last = self.index.first_ns, self.index.last_ns
-        return (
-            f"; the recording has {self.index.frames} frames from {first / 1e9:.10g} s to {last / 1e9:.10g} s"
-        )
+        return f"; the recording has {self.index.frames} frames from {time_text(first)} to {time_text(last)}"
 
     def found(self, t_ns: int) -> Found:
         """Return the frame at a time; exit with 2 if the recording does not have it."""
@@ -237,7 +235,7 @@ class _Asked:
         index, frame_ns = self.index, self.program.robot.frame_ns
         if not index.first_ns <= t_ns < index.last_ns + frame_ns:
             where = "before" if t_ns < index.first_ns else "after"
-            message = f"{t_ns / 1e9:.10g} s is {where} the recording{self._extent()}"
+            message = f"{time_text(t_ns)} is {where} the recording{self._extent()}"
             breaks_off = f"; {index.truncation}" if index.truncation and where == "after" else ""
             _misuse(f"{self.recording}: error: --at: {message}{breaks_off}")
         for _ in range(2):
@@ -257,7 +255,7 @@ class _Asked:
         if found.moment is None:
             damage = "".join(f"; damaged {text}" for text in self.index.damaged)
             say(
-                f"{self.recording}: error: what the program remembered at {found.t_ns / 1e9:.10g} s "
+                f"{self.recording}: error: what the program remembered at {time_text(found.t_ns)} "
                 f"(frame {found.k}) is not known{damage}"
             )
             raise click.exceptions.Exit(EXIT_ERRORS)
@@ -303,9 +301,9 @@ def _print_text(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
     if chosen is not None:
         click.echo(f"`{chosen.text}` begins {counted(len(chosen.spans), 'time')}:")
         for i, span in enumerate(chosen.spans[:MAX_SPANS], 1):
-            end = "to the end" if span.end is None else f"to {span.end.t_ns / 1e9:.10g} s"
+            end = "to the end" if span.end is None else f"to {time_text(span.end.t_ns)}"
             mark = "  <- explained below" if i == chosen.nth else ""
-            click.echo(f"  {i}. from {span.start.t_ns / 1e9:.10g} s {end}{mark}")
+            click.echo(f"  {i}. from {time_text(span.start.t_ns)} {end}{mark}")
         if len(chosen.spans) > MAX_SPANS:
             click.echo(f"  and {len(chosen.spans) - MAX_SPANS} more; choose one with --nth")
         click.echo()
@@ -327,7 +325,7 @@ def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
     when = None
     if chosen is not None:
         spans = [
-            {"from": s.start.t_ns / 1e9, "to": None if s.end is None else s.end.t_ns / 1e9}
+            {"from": seconds_of(s.start.t_ns), "to": None if s.end is None else seconds_of(s.end.t_ns)}
             for s in chosen.spans
         ]
         when = {"condition": chosen.text, "spans": spans, "explained": chosen.nth - 1}
@@ -338,8 +336,8 @@ def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
         "robot": asked.program.robot.name,
         "shadow": asked.shadow,
         "frames": index.frames,
-        "from": index.first_ns / 1e9,
-        "to": index.last_ns / 1e9,
+        "from": seconds_of(index.first_ns),
+        "to": seconds_of(index.last_ns),
         "truncated": index.truncation,
         "damaged": list(index.damaged),
         "when": when,

@@ -12,6 +12,7 @@ from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import say
 from colony.extras import expect_extras
+from colony.text.wording import time_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,7 +91,7 @@ def decision_lines(program: Program, outcome: Outcome, active: Sequence[str] | N
 
 def frame_title(subject: str, number: int, t_ns: int) -> str:
     """Return the title of a picture: `wander.colony, frame 120 at 6 s`."""
-    return f"{subject}, frame {number} at {t_ns / 1e9:.10g} s"
+    return f"{subject}, frame {number} at {time_text(t_ns)}"
 
 
 def draw_test(

@@ -129,7 +129,7 @@ def _recorded(recording: str, behavior: str | None, map_path: str | None, resour
         title = Path(recording).name
         if reader.run is not None and reader.run.shadow:
             title += " (SHADOW: nothing of it was sent)"
-        scene = scene_for(program, title, map_path)
+        scene = scene_for(program, title, map_path, None if reader.run is None else reader.run.robot)
     except DiagnosticError as failure:
         refuse(failure.diagnostics)
     store = SnapshotStore(scene.modules)
@@ -162,7 +162,7 @@ def _watch_live(
             robot,
             robot_address,
             description=lambda interface: served_program(interface, choice),
-            scene_for=lambda program, title: scene_for(program, title, map_path),
+            scene_for=lambda program, title: scene_for(program, title, map_path, robot),
             may_stop=may_stop,
         )
 
@@ -187,8 +187,10 @@ def _watch_live(
                 say(f"colony: error: the next run cannot be shown yet: {reason(problem)}")
 
 
-def scene_for(program: Program, title: str, map_path: str | None) -> Scene:
+def scene_for(program: Program, title: str, map_path: str | None, robot: str | None) -> Scene:
     """Return the scene of a program, with the footprint of its robot, on a map if there is one.
+
+    `robot` is the name of the robot at run time; None for that of its description.
 
     Raises:
         DiagnosticError: the map, or the body of the robot, is invalid.
@@ -207,7 +209,7 @@ def scene_for(program: Program, title: str, map_path: str | None) -> Scene:
         world = map_scene(load_world(map_path))
     body = described_robot(program.robot).body
     clients = compile_program(program).compiled.clients
-    return scene_of(program, title, clients, world, footprint_of(body))
+    return scene_of(program, title, clients, world, footprint_of(body), robot)
 
 
 def _serve_page(watched: Watched, *, port: int | None, opens: bool) -> None:

@@ -10,6 +10,9 @@ from typing import Any
 from colony.execute.executor import ProgramExecutor
 from colony.execute.validity import MAX_TIME_NS
 from colony.ir.frame import NOTHING_GIVEN, Answer, Frame, Given, Outcome
+from colony.ir.program import Sensor
+from colony.text.suggestions import did_you_mean
+from colony.text.wording import quoted
 
 
 class CheckedExecutor(ProgramExecutor):
@@ -27,9 +30,9 @@ class CheckedExecutor(ProgramExecutor):
 
         Raises:
             TypeError: it is not a frame, its readings are not a mapping, or a time is not an integer.
-            ValueError: its time is not later than that of the previous frame.
+            ValueError: its time is not later than that of the previous frame, or a name is that of no sensor.
         """
-        checked = checked_frame(frame, self._last_ns)
+        checked = checked_frame(frame, self._last_ns, self.code.sensors)
         self._last_ns = checked.t_ns
         return super().step(checked, answers, given)
 
@@ -39,8 +42,8 @@ class CheckedExecutor(ProgramExecutor):
         super().restart()
 
 
-def checked_trace(frames: Iterable[Frame]) -> tuple[Frame, ...]:
-    """Return consecutive frames, each checked by `checked_frame`.
+def checked_trace(frames: Iterable[Frame], sensors: Iterable[Sensor]) -> tuple[Frame, ...]:
+    """Return consecutive frames of a robot with these sensors, each checked by `checked_frame`.
 
     Raises:
         TypeError: `frames` is not iterable, or as `checked_frame`.
@@ -50,23 +53,29 @@ def checked_trace(frames: Iterable[Frame]) -> tuple[Frame, ...]:
         raise TypeError(f"found {short(frames)}; expected frames")
     trace: list[Frame] = []
     for frame in frames:
-        trace.append(checked_frame(frame, trace[-1].t_ns if trace else None))
+        trace.append(checked_frame(frame, trace[-1].t_ns if trace else None, sensors))
     return tuple(trace)
 
 
-def checked_frame(frame: Frame, after_ns: int | None = None) -> Frame:
-    """Return a frame with Python numbers in place of numpy numbers.
+def checked_frame(frame: Frame, after_ns: int | None, sensors: Iterable[Sensor]) -> Frame:
+    """Return a frame of a robot with these sensors, with Python numbers in place of numpy numbers.
 
     Raises:
         TypeError: it is not a frame, its readings are not a mapping, a time is not an integer, or `restarted`
             is not a bool.
-        ValueError: a time does not fit into 63 bits, or the frame's is not later than `after_ns`.
+        ValueError: a time does not fit into 63 bits, the frame's is not later than `after_ns`, or a name is
+            that of no sensor.
     """
     if not isinstance(frame, Frame):
         raise TypeError(f"found {short(frame)}; expected a colony.Frame")
     for name, value in (("readings", frame.readings), ("taken_ns", frame.taken_ns)):
         if not isinstance(value, Mapping):
             raise TypeError(f"{name}: found {short(value)}; expected a mapping from names of sensors")
+    names = {sensor.name for sensor in sensors}
+    for name in (*frame.readings, *frame.taken_ns):
+        if name not in names:
+            hint = did_you_mean(str(name), names) or f"the robot has {quoted(sorted(names))}"
+            raise ValueError(f"readings: found {short(name)}, which is no sensor; {hint}")
     t_ns = _time("t_ns", frame.t_ns)
     if after_ns is not None and t_ns <= after_ns:
         raise ValueError(f"t_ns: found {t_ns} after {after_ns}; expected a later time in each frame")

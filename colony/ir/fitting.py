@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
 from colony.ir.servers import RSERVER, SIDEWAYS_NAMES, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
-from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type, type_text
+from colony.ir.types import DIMENSIONLESS, Array, Bool, Enum, Quantity, Scalar, Type, type_text
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.suggestions import did_you_mean
 from colony.text.units import NUMBER, readable_unit
@@ -83,7 +83,7 @@ def _sensor_misfit(sensor: Sensor, server: ServerSpec) -> Iterator[Diagnostic]:
     elif not _sensor_fits(sensor.type, spec.type):
         found, expected = _type_texts(sensor.type, spec.type)
         message = f"`{sensor.name}`: {server.name}.{spec.name} is {expected}, not {found}"
-        yield error("R003", sensor.span, message, f"it is {spec.meaning}")
+        yield error("R003", sensor.span, message, f"it is {spec.meaning}" if spec.meaning else None)
     elif sensor.within_ns is not None and not spec.has_age:
         yield _ageless(sensor, sensor.within_ns, spec)
 
@@ -166,7 +166,7 @@ def _actuator_misfits(actuator: Actuator, server: ServerSpec) -> Iterator[Diagno
 def _field_misfit(actuator: Actuator, field: ActuatorField, spec: ParameterSpec) -> Iterator[Diagnostic]:
     """Yield the error of a field of an actuator that the parameter of the command does not take."""
     name = f"`{actuator.name}.{field.name}`"
-    if not fits(field.type, spec.type):
+    if not fits(field.type, spec.type) or field.type == DIMENSIONLESS != spec.type:
         found, expected = _type_texts(field.type, spec.type)
         message = f"{name} is {found}, but the command takes {expected}"
         yield error("R003", field.span, message, _taken(spec))
@@ -180,7 +180,7 @@ def _taken(spec: ParameterSpec) -> str | None:
     """Return a hint at what a parameter is, None if nothing is known of it."""
     if isinstance(spec.type, Enum):
         return f"declare an enum with the members {_members(spec.type)}"
-    return f"it is the {spec.meaning}" if spec.meaning else None
+    return f"it is {spec.meaning}" if spec.meaning else None
 
 
 def _range(spec: ParameterSpec) -> str:

@@ -78,15 +78,15 @@ class ServerSpec:
 RSERVER = ServerSpec(
     "RServer",
     fields=(
-        FieldSpec("bumper", BOOL, "whether a bumper touches something"),
-        FieldSpec("front_bumper", BOOL, "whether the front bumper touches something"),
-        FieldSpec("rear_bumper", BOOL, "whether the rear bumper touches something"),
-        FieldSpec("x", DISTANCE, "position by dead reckoning, increasing to the east"),
-        FieldSpec("y", DISTANCE, "position by dead reckoning, increasing to the north"),
-        FieldSpec("heading", DEGREES, "heading by dead reckoning, 0 north, 90 west, in [0, 360)"),
-        FieldSpec("speed", SPEED, "measured forward speed, negative backward"),
-        FieldSpec("turn_rate", TURN_RATE, "measured turning speed, positive counterclockwise"),
-        FieldSpec("wheel_speed", SPEED, "mean of the magnitudes of the wheels' speeds"),
+        FieldSpec("bumper", BOOL, "true while a bumper touches something"),
+        FieldSpec("front_bumper", BOOL, "true while the front bumper touches something"),
+        FieldSpec("rear_bumper", BOOL, "true while the rear bumper touches something"),
+        FieldSpec("x", DISTANCE, "the position by dead reckoning, increasing to the east"),
+        FieldSpec("y", DISTANCE, "the position by dead reckoning, increasing to the north"),
+        FieldSpec("heading", DEGREES, "the heading by dead reckoning, 0 north, 90 west, in [0, 360)"),
+        FieldSpec("speed", SPEED, "the measured forward speed, negative backward"),
+        FieldSpec("turn_rate", TURN_RATE, "the measured turning speed, positive counterclockwise"),
+        FieldSpec("wheel_speed", SPEED, "the mean of the magnitudes of the wheels' speeds"),
         FieldSpec("speed_setting", SPEED, "the forward speed commanded last"),
         FieldSpec("turn_setting", TURN_RATE, "the turning speed commanded last"),
     ),
@@ -94,8 +94,8 @@ RSERVER = ServerSpec(
         CommandSpec(
             "drive",
             (
-                ParameterSpec("velocity", SPEED, "forward speed"),
-                ParameterSpec("turn", TURN_RATE, "turning speed, positive counterclockwise"),
+                ParameterSpec("velocity", SPEED, "the forward speed"),
+                ParameterSpec("turn", TURN_RATE, "the turning speed, positive counterclockwise"),
             ),
         ),
     ),
@@ -103,7 +103,7 @@ RSERVER = ServerSpec(
 """Interface of a base with two driven wheels (thesis section 4.6.3, Table 4.1)."""
 
 _SIDEWAYS = (
-    FieldSpec("sideways_speed", SPEED, "measured sideways speed, positive to the left"),
+    FieldSpec("sideways_speed", SPEED, "the measured sideways speed, positive to the left"),
     FieldSpec("sideways_setting", SPEED, "the sideways speed commanded last"),
 )
 
@@ -115,7 +115,7 @@ OMNIDIRECTIONAL_RSERVER = ServerSpec(
             RSERVER.commands[0].name,
             (
                 *RSERVER.commands[0].parameters,
-                ParameterSpec("sideways", SPEED, "sideways speed, positive to the left"),
+                ParameterSpec("sideways", SPEED, "the sideways speed, positive to the left"),
             ),
         ),
     ),
@@ -130,7 +130,9 @@ DSERVER = ServerSpec("DServer", accepts_any_name=True)
 
 RUNTIME = ServerSpec(
     "Runtime",
-    fields=(FieldSpec("random", DIMENSIONLESS, "uniform in [0, 1), new each frame, from the run's seed"),),
+    fields=(
+        FieldSpec("random", DIMENSIONLESS, "a number in [0, 1), new in each frame, from the run's seed"),
+    ),
 )
 """Interface to chance."""
 

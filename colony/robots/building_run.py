@@ -14,7 +14,7 @@ from colony.ir.servers import DSERVER
 from colony.nav.maps.world_map import WorldMap, load_world, world_of
 from colony.robots.company import join_others, populated_world
 from colony.robots.described import DescribedRobot
-from colony.robots.driven_path import DrivenPath
+from colony.robots.driven_path import DrivenPath, PeoplePaths
 from colony.robots.expected import time_limit_ns
 from colony.robots.physics_choice import expect_simulable
 from colony.robots.recording import RunRecording, is_mcap, recording_into
@@ -82,7 +82,7 @@ def run_in_building(
         session.add(sink)
     recording = None
     if request.record is not None:
-        recording = recording_into(request.record, compiled, seed=request.seed)
+        recording = recording_into(request.record, compiled, seed=request.seed, robot=request.robot)
         session.add(recording)
     interrupted = _run(session, request, ui, mission, recording)
     summary = tally.summary(
@@ -100,6 +100,7 @@ def run_in_building(
         floors,
         path.points,
         {name: sink.points[path.floor()] for name, sink in other_paths.items()},
+        path.people.points,
     )
 
 
@@ -205,7 +206,7 @@ def wall_clock() -> Callable[[int], None]:
 
 
 class PathSink:
-    """A sink that collects a robot's true path, by floor. Mutable.
+    """A sink that collects a robot's true path, by floor; that of robot 0 those of the people, too. Mutable.
 
     Args:
         world: the world.
@@ -216,6 +217,7 @@ class PathSink:
     def __init__(self, world: Physics, floor: Callable[[], str], robot: int = 0) -> None:
         self._world, self.floor, self._robot = world, floor, robot
         self._paths: dict[str, DrivenPath] = {}
+        self.people = PeoplePaths()
 
     def take(self, log: FrameLog) -> None:
         """Add the robot's pose in this frame."""
@@ -233,3 +235,5 @@ class PathSink:
     def _add_pose(self) -> None:
         pose = self._world.true_pose(self._robot)
         self._paths.setdefault(self.floor(), DrivenPath()).add(pose.x_mm, pose.y_mm)
+        if self._robot == 0:
+            self.people.add(self.floor(), self._world.situation().people.tolist())

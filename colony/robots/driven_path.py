@@ -1,8 +1,9 @@
-"""The driven path of a robot, for plotting, with a bounded number of points for a run of any length."""
+"""Paths of robots and people, for plotting, with a bounded number of points for a run of any length."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 
 MAX_POINTS = 10_000
 """Maximum number of points; beyond it every second point is dropped."""
@@ -28,3 +29,30 @@ class DrivenPath:
         if len(points) > self._max_points:
             del points[1:-1:2]
             self._spacing_mm *= 2.0
+
+
+Paths = tuple[tuple[tuple[float, float], ...], ...]
+"""The points of several paths, in mm."""
+
+MAX_POINTS_OF_PEOPLE = 300
+"""Maximum number of points of the path of a person, who walks up and down one straight line."""
+
+
+class PeoplePaths:
+    """The paths of the people on each floor. Mutable."""
+
+    def __init__(self) -> None:
+        self._paths: dict[str, list[DrivenPath]] = {}
+
+    def add(self, floor: str, people: Iterable[Iterable[float]]) -> None:
+        """Add the current positions of the people on a floor, in mm, in their order."""
+        paths = self._paths.setdefault(floor, [])
+        for number, (x, y) in enumerate(people):
+            if number == len(paths):
+                paths.append(DrivenPath(max_points=MAX_POINTS_OF_PEOPLE))
+            paths[number].add(x, y)
+
+    @property
+    def points(self) -> Mapping[str, Paths]:
+        """The paths of the people, by the name of their floor."""
+        return {floor: tuple(tuple(p.points) for p in paths) for floor, paths in self._paths.items() if paths}

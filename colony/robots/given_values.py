@@ -19,18 +19,22 @@ class GivenValueError(ValueError):
     """A name or value is invalid; the message has what was found and what was expected."""
 
 
+class UnknownSensorError(GivenValueError):
+    """No sensor of the program has this name."""
+
+
 def sensor_named(robot: Robot, name: str) -> Sensor:
     """Return the sensor with this name, the one that reads this variable of DServer, or this `SERVER.FIELD`.
 
     Raises:
-        GivenValueError: the program has none.
+        UnknownSensorError: the program has none.
     """
     sensors = [s for s in robot.sensors if s.sent is None]
     readers = {f"{s.server}.{s.field}": s for s in reversed(sensors)}
     readers |= {s.field: s for s in reversed(sensors) if s.server == DSERVER.name}
     readers |= {s.name: s for s in sensors}
     if name not in readers:
-        raise GivenValueError(f"no sensor reads `{shortened(name)}`; {name_hint(name, readers)}")
+        raise UnknownSensorError(f"no sensor reads `{shortened(name)}`; {name_hint(name, readers)}")
     return readers[name]
 
 

@@ -250,4 +250,5 @@ class LedRun:
                 shutil.rmtree(self._folder, ignore_errors=True)
 
     def _begin_recording(self, path: str) -> RunRecording:
-        return recording_into(path, self._compiled, seed=self._request.seed, live=LiveRun(self._deployed.run))
+        robot, live = self._robot_address.robot, LiveRun(self._deployed.run)
+        return recording_into(path, self._compiled, seed=self._request.seed, robot=robot, live=live)

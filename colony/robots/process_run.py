@@ -109,7 +109,8 @@ def run_simulated(
         )
         travel = truth.travel
         truth.close()
-    return RunReport(run.summary(interrupted, travel), run.mission_result(truth.last), floors, truth.paths)
+    summary, result = run.summary(interrupted, travel), run.mission_result(truth.last)
+    return RunReport(summary, result, floors, truth.paths, people=truth.people.points)
 
 
 def _floors(map_path: str, route: Route | None) -> tuple[WorldMap, ...]:

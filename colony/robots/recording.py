@@ -111,9 +111,12 @@ def recording_into(
     compiled: Compiled,
     *,
     seed: int,
+    robot: str | None = None,
     live: LiveRun | None = None,
 ) -> RunRecording:
-    """Return a sink that records a run into `path`; `live` is None for a run in virtual time.
+    """Return a sink that records a run of a robot into `path`.
+
+    `robot` is its name; None for that of its description. `live` is None for a run in virtual time.
 
     Raises:
         MisuseError: the file cannot be written, or another run is recording into it.
@@ -129,7 +132,7 @@ def recording_into(
         from colony.runtime.recordings.recorded import RunInfo
 
         info = RunInfo(
-            robot=compiled.name,
+            robot=robot or compiled.name,
             frame_ns=compiled.frame_ns,
             seed=seed,
             version=__version__,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from colony.ir.types import Value
+from colony.robots.driven_path import Paths
 from colony.runtime.observe.observer import Sink
 from colony.runtime.observe.summary import RunSummary
 
@@ -60,6 +61,7 @@ class RunRequest:
 
     Attributes:
         file: the file of the behavior, as the user named it.
+        robot: the name of the robot; None for that of its description.
         map_path: the map of the building; None for a robot that is already running.
         seed: the seed of all random numbers, such as the sensors' noise.
         length_ns: the length of the run; None to run until it is interrupted, or its route is done.
@@ -85,6 +87,7 @@ class RunRequest:
     seed: int
     length_ns: int | None
     pinned_variables: Mapping[str, Value]
+    robot: str | None = None
     scenario: Scenario | None = None
     physics: PhysicsName = "kinematic"
     realtime: bool = False
@@ -133,7 +136,7 @@ class RunReport(NamedTuple):
     """The result of a run, and of its mission if there was one.
 
     For a simulated robot it also has the floors, and the robot's true path on each floor, in mm, and the true
-    paths of other robots by name, on the only floor.
+    paths of other robots by name, on the only floor, and those of the people on each floor.
     """
 
     summary: RunSummary
@@ -141,3 +144,4 @@ class RunReport(NamedTuple):
     floors: tuple[WorldMap, ...] = ()
     paths: Mapping[str, Sequence[tuple[float, float]]] = {}
     other_paths: Mapping[str, Sequence[tuple[float, float]]] = {}
+    people: Mapping[str, Paths] = {}

@@ -77,7 +77,9 @@ def run_shadow(
         shadow = Shadow(compiled, bindings, deployed, (window,))
         if request.record is not None:
             live = LiveRun(deployed.run, shadow=True)
-            recording = recording_into(request.record, compiled, seed=request.seed, live=live)
+            recording = recording_into(
+                request.record, compiled, seed=request.seed, robot=robot_address.robot, live=live
+            )
             window.record(recording)
         with _joined(robot_address, shadow, window, ui) as (host, failed):
             lag = LagReports(shadow, ui.report)

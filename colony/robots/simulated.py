@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from colony.execute.compiled import Compiled
 from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
-from colony.nav.maps.building import Building
 from colony.os_errors import describe
 from colony.robots.described import DescribedRobot
-from colony.robots.driven_path import DrivenPath
+from colony.robots.driven_path import DrivenPath, PeoplePaths
 from colony.robots.request import MisuseError, RunAbortedError
 from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices
 from colony.runtime.assembly.limits import limit_deployment
@@ -31,9 +31,10 @@ from colony.sim.compiling import COMPILING
 from colony.sim.config import config_of
 from colony.sim.plant.child import SIMULATOR, PlantSpec, ViewDirection, plant_socket
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.elevators import RemoteElevators
 from colony.sim.plant.protocol import Truth
-from colony.sim.world.operator import operator
+
+if TYPE_CHECKING:  # numpy, which the leader of a robot and what serves one do not need
+    from colony.nav.maps.building import Building
 
 PLANT = "colony.sim.plant.child"
 PLANT_SERVERS = "colony.sim.plant.servers"
@@ -171,6 +172,9 @@ def simulated_operator(robot_address: Local, robot: SimulatedRobot, building: Bu
     Raises:
         RunAbortedError: the plant does not answer.
     """
+    from colony.sim.plant.elevators import RemoteElevators
+    from colony.sim.world.operator import operator
+
     radius_mm = config_of(robot.described.body).radius_mm
     try:
         control = PlantControl(plant_socket(robot_address.directory.path), timeout_s=OPERATOR_TIMEOUT_S)
@@ -202,7 +206,7 @@ class TruthLog:
 
     A restarted plant begins at the start of the map; its travel is added to that of the previous one. A
     frozen plant that resumes continues its own count. The attribute `last` is the newest observation, None
-    before the first.
+    before the first, `people` the paths of the people.
     """
 
     def __init__(self, robot_address: Local) -> None:
@@ -214,6 +218,7 @@ class TruthLog:
         self._current_travel = Travel(bumps=0, distance_mm=0.0)
         self._next_poll_ns = 0
         self._paths: dict[str, DrivenPath] = {}
+        self.people = PeoplePaths()
         self.last: Truth | None = None
 
     def poll(self) -> bool:
@@ -234,6 +239,7 @@ class TruthLog:
             return False
         self.last = truth
         self._paths.setdefault(truth.floor, DrivenPath()).add(truth.x, truth.y)
+        self.people.add(truth.floor, truth.people)
         self._current_travel = Travel(bumps=truth.bumps, distance_mm=truth.distance)
         return True
 

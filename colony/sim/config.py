@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 
-from colony.body.devices import Base
+from colony.body.devices import Base, Pose
 from colony.body.footprint import radius_mm
-from colony.body.model import Body, Faults, Omnidirectional
+from colony.body.model import Body, Drive, Faults, Omnidirectional, Rolling, rolling_at
 from colony.body.shipped import ROME, shipped_body
 from colony.ir.servers import RSERVER
 from colony.runtime.servers.drivers import BaseLimits
@@ -80,7 +80,7 @@ class RobotConfig:
 
     Attributes:
         radius_mm: radius of the hull, which is a bumper all around.
-        wheel_base_mm: distance between the left and the right wheels.
+        wheel_base_mm: distance between the left and the right wheel of a robot with two.
         max_velocity_mm_s, max_turn_deg_s: limits of the commands, in either direction.
         acceleration_mm_s2, turn_acceleration_deg_s2: accelerations toward the commanded speeds.
         wheel_scale: standard deviation of each wheel's scale error, drawn once per robot (0.01 is 1 %).
@@ -91,8 +91,7 @@ class RobotConfig:
         base_period_ns: time between two measurements of the base; None if it is measured when it is read.
         base_faults: the faults of what the base measures.
         ring: its ring of sonars and infrared detectors, if it has one.
-        wheel_distance_mm: distance between the front and the rear wheels of a robot with four mecanum wheels,
-            which drives sideways; 0 for one with two wheels.
+        omni_wheels: the wheels of a robot that drives sideways; none for one with two wheels.
         max_sideways_mm_s, sideways_acceleration_mm_s2: limit of the sideways command in either direction, and
             the acceleration toward it; 0 for a robot with two wheels.
 
@@ -113,7 +112,7 @@ class RobotConfig:
     base_period_ns: int | None
     base_faults: Faults | None
     ring: RingConfig | None
-    wheel_distance_mm: float
+    omni_wheels: tuple[Rolling, ...]
     max_sideways_mm_s: float
     sideways_acceleration_mm_s2: float
 
@@ -123,9 +122,9 @@ class RobotConfig:
         _check_positive(self, "acceleration_mm_s2", "turn_acceleration_deg_s2")
         _check_not_negative(self, "wheel_scale", "wheel_slip_mm", "command_delay_ns", "reading_delay_ns")
         if self.is_omnidirectional:
-            _check_positive(self, *_OMNIDIRECTIONAL)
-        elif any(getattr(self, name) for name in _OMNIDIRECTIONAL):
-            raise ValueError(f"expected {', '.join(_OMNIDIRECTIONAL)} all above 0, or all 0")
+            _check_positive(self, *_SIDEWAYS)
+        elif any(getattr(self, name) for name in _SIDEWAYS):
+            raise ValueError(f"expected {listed(_SIDEWAYS)} to be 0 without `omni_wheels`")
         if self.ring is not None and self.ring.ring_mm > self.radius_mm:
             raise ValueError(f"ring_mm is {self.ring.ring_mm}; expected at most radius_mm, {self.radius_mm}")
 
@@ -149,13 +148,14 @@ class RobotConfig:
 
     @property
     def is_omnidirectional(self) -> bool:
-        """True for a robot with four mecanum wheels, False for one with two wheels."""
-        return self.wheel_distance_mm != 0.0
+        """True for a robot that drives sideways, False for one with two wheels."""
+        return bool(self.omni_wheels)
 
     @property
-    def wheels(self) -> int:
-        """The number of wheels that measure its motion."""
-        return 4 if self.is_omnidirectional else 2
+    def wheels(self) -> tuple[Rolling, ...]:
+        """The wheels that measure its motion: left and right, or `omni_wheels`."""
+        half = self.wheel_base_mm / 2.0
+        return self.omni_wheels or (Rolling(1.0, 0.0, -half), Rolling(1.0, 0.0, half))
 
     @property
     def channels(self) -> int:
@@ -163,7 +163,7 @@ class RobotConfig:
         return 0 if self.ring is None else self.ring.channels
 
 
-_OMNIDIRECTIONAL = ("wheel_distance_mm", "max_sideways_mm_s", "sideways_acceleration_mm_s2")
+_SIDEWAYS = ("max_sideways_mm_s", "sideways_acceleration_mm_s2")
 
 
 def _check_positive(config: RingConfig | RobotConfig, *names: str) -> None:
@@ -190,7 +190,7 @@ def config_of(body: Body) -> RobotConfig:
     drive, limits, delays = body.chassis.drive, body.chassis.limits, body.chassis.delays
     return RobotConfig(
         radius_mm=radius_mm(body),
-        wheel_base_mm=drive.wheel_base_mm,
+        wheel_base_mm=drive.wheel_base_mm or 2.0 * radius_mm(body),
         max_velocity_mm_s=limits.velocity_mm_s,
         max_turn_deg_s=limits.turn_deg_s,
         acceleration_mm_s2=limits.acceleration_mm_s2,
@@ -202,10 +202,24 @@ def config_of(body: Body) -> RobotConfig:
         base_period_ns=_base_period_ns(body),
         base_faults=next((s.faults for s in body.servers.values() if isinstance(s.simulated, Base)), None),
         ring=_ring_of(body) if body.has_ring() else None,
-        wheel_distance_mm=drive.wheel_distance_mm if isinstance(drive, Omnidirectional) else 0.0,
+        omni_wheels=_omni_wheels(drive, radius_mm(body)),
         max_sideways_mm_s=body.chassis.sideways_mm_s,
         sideways_acceleration_mm_s2=body.chassis.sideways_acceleration_mm_s2,
     )
+
+
+def _omni_wheels(drive: Drive, radius_mm: float) -> tuple[Rolling, ...]:
+    """Return the wheels of a drive that are not just left and right.
+
+    Three at the edge of the hull stand for those that an omnidirectional drive does not describe.
+    """
+    if not isinstance(drive, Omnidirectional):
+        return ()
+    edge = (Pose(radius_mm * cos, radius_mm * sin, direction) for cos, sin, direction in _TRIANGLE)
+    return drive.rolling or tuple(map(rolling_at, edge))
+
+
+_TRIANGLE = ((0.5, math.sqrt(0.75), 150.0), (-1.0, 0.0, -90.0), (0.5, -math.sqrt(0.75), 30.0))
 
 
 def _base_period_ns(body: Body) -> int | None:

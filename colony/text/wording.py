@@ -78,6 +78,35 @@ def degrees_text(angle: float) -> str:
     return f"{angle:.10g} deg"
 
 
+TIME_RESOLUTION_NS = 100_000
+"""Resolution of times that people read: far below a frame, and above the jitter of a clock."""
+
+
+def rounded_ns(ns: int) -> int:
+    """Return a time or duration rounded to `TIME_RESOLUTION_NS`."""
+    return round(ns / TIME_RESOLUTION_NS) * TIME_RESOLUTION_NS
+
+
+def seconds_of(t_ns: int) -> float:
+    """Return a time in seconds, rounded to `TIME_RESOLUTION_NS`.
+
+    Example:
+        >>> seconds_of(9_849_999_999)
+        9.85
+    """
+    return rounded_ns(t_ns) / 1e9
+
+
+def time_text(t_ns: int) -> str:
+    """Return a time as messages show it.
+
+    Example:
+        >>> time_text(9_849_999_999)
+        '9.85 s'
+    """
+    return f"{seconds_of(t_ns):.10g} s"
+
+
 def duration_text(ns: int) -> str:
     """Return nanoseconds as the language writes them.
 

@@ -15,7 +15,16 @@ from colony.nav.maps.grid.model import Cell, Grid
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.world_map import WorldMap
 from colony.view.palette import FAINT, FLOOR, INK, MUTED
-from colony.view.sheet import Sheet, draw_docks, draw_paths, draw_start, finish, mm_per_point, new_figure
+from colony.view.sheet import (
+    Sheet,
+    draw_docks,
+    draw_paths,
+    draw_people,
+    draw_start,
+    finish,
+    mm_per_point,
+    new_figure,
+)
 
 _COLORS = {Cell.FREE: FLOOR, Cell.OCCUPIED: MUTED, Cell.UNKNOWN: FAINT}
 
@@ -26,6 +35,7 @@ def draw_grid(
     paths: Sequence[NDArray[np.float64]] = (),
     names: Sequence[str] = (),
     start: Pose | None = None,
+    people: Sequence[NDArray[np.float64]] = (),
 ) -> Figure:
     """Draw a grid, and return the figure.
 
@@ -35,6 +45,7 @@ def draw_grid(
         paths: the paths of robots, each (n, 2) or (n, 3), x and y in mm, in driving order.
         names: names of the robots in the legend.
         start: the pose of a robot, which is drawn if there are no paths.
+        people: the paths of people, each (n, 2).
     """
     rows, columns = grid.cells.shape
     corners = grid.to_world(np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], dtype=np.float64))
@@ -60,6 +71,7 @@ def draw_grid(
     for state, name in ((Cell.OCCUPIED, "occupied"), (Cell.UNKNOWN, "unknown")):
         axes.plot([], [], "s", color=_COLORS[state], markersize=8, markeredgecolor=MUTED, label=name)
     draw_docks(axes, world.docks)
+    draw_people(axes, people)
     if paths:
         draw_paths(axes, paths, names)
     elif start is not None:

@@ -28,7 +28,16 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import Walls, lights_of, walls_of
 from colony.view.map_names import FONT_POINTS, WEIGHTS, Box, Name, Rank, place_names
 from colony.view.palette import FLOOR, INK, MUTED
-from colony.view.sheet import Sheet, draw_docks, draw_paths, draw_start, finish, mm_per_point, new_figure
+from colony.view.sheet import (
+    Sheet,
+    draw_docks,
+    draw_paths,
+    draw_people,
+    draw_start,
+    finish,
+    mm_per_point,
+    new_figure,
+)
 
 PictureFormat = Literal["png", "svg"]
 
@@ -55,6 +64,7 @@ def draw_map(
     paths: Sequence[NDArray[np.float64]] = (),
     title: str | None = None,
     names: Sequence[str] = (),
+    people: Sequence[NDArray[np.float64]] = (),
 ) -> Figure:
     """Draw a map, and return the figure.
 
@@ -64,6 +74,7 @@ def draw_map(
             not finite are left out.
         title: the title; the map's name by default.
         names: names of the robots in the legend.
+        people: the paths of people, each (n, 2).
     """
     walls = walls_of(map_)
     sheet, placed = _sheet_for(map_, walls)
@@ -74,6 +85,7 @@ def draw_map(
     _draw_lights(axes, map_)
     draw_docks(axes, map_.docks)
     _draw_names(axes, placed)
+    draw_people(axes, people)
     if paths:
         draw_paths(axes, paths, names)
     else:

@@ -105,11 +105,14 @@ def robot_scene(robot: Robot, body: Body) -> RobotScene:
 
 
 def _wheels(drive: Drive) -> Iterator[Point]:
-    """Yield the places of the driven wheels, from left to right on each axle."""
-    half_distance = drive.wheel_distance_mm / 2.0 if isinstance(drive, Omnidirectional) else 0.0
-    for y in dict.fromkeys((half_distance, -half_distance)):
-        for x in (-drive.wheel_base_mm / 2.0, drive.wheel_base_mm / 2.0):
-            yield Point(x, y)
+    """Yield the places of the driven wheels that are described, from left to right on each axle."""
+    wheel_distance = drive.wheel_distance_mm if isinstance(drive, Omnidirectional) else 0.0
+    if drive.wheel_base_mm is not None and wheel_distance is not None:
+        for y in dict.fromkeys((wheel_distance / 2.0, -wheel_distance / 2.0)):
+            for x in (-drive.wheel_base_mm / 2.0, drive.wheel_base_mm / 2.0):
+                yield Point(x, y)
+    for wheel in drive.wheels if isinstance(drive, Omnidirectional) else ():
+        yield Point(-wheel.y_mm, wheel.x_mm)
 
 
 def _footprint(body: Body) -> tuple[Point, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -22,6 +23,7 @@ _TITLE_POINTS, _STRIP_POINTS = 40.0, 28.0
 _LEGEND_MARK_POINTS, _LETTER_POINTS = 38.0, 4.6  # maximum widths, in the legend
 _SCALE_DIVISOR = 6.0
 _DPI = 150
+_PERSON = "#a33b6a"
 
 DOCK = "#3f8f3a"
 """The color of docks."""
@@ -70,6 +72,14 @@ def draw_paths(axes: Axes, paths: Sequence[NDArray[np.float64]], names: Sequence
         name += " (○ start, ■ end)" if i == 0 else ""
         label = name if i < len(SERIES) else "_"
         _draw_path(axes, path, SERIES[i % len(SERIES)], label)
+
+
+def draw_people(axes: Axes, people: Sequence[NDArray[np.float64]]) -> None:
+    """Draw the paths of people, each (n, 2), below those of robots, with a dot where each ends."""
+    if people:
+        axes.add_collection(LineCollection(list(people), colors=_PERSON, linewidths=0.8, zorder=3.5))
+        ends = np.array([path[-1] for path in people])
+        axes.plot(ends[:, 0], ends[:, 1], "o", color=_PERSON, markersize=4, label="people", zorder=3.6)
 
 
 def finish(figure: Figure, axes: Axes, sheet: Sheet, title: str) -> None:

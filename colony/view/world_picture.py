@@ -20,6 +20,7 @@ def draw_world(
     paths: Sequence[NDArray[np.float64]] = (),
     names: Sequence[str] = (),
     start: Pose | None = None,
+    people: Sequence[NDArray[np.float64]] = (),
 ) -> Figure:
     """Draw a world, and return the figure.
 
@@ -29,9 +30,10 @@ def draw_world(
             not finite are left out.
         names: names of the robots in the legend.
         start: the pose of a robot in a grid, drawn if there are no paths; a StickRep map has its own.
+        people: the paths of people, each (n, 2).
     """
     match world.source:
         case Map():
-            return draw_map(world.source, paths, names=names)
+            return draw_map(world.source, paths, names=names, people=people)
         case Grid():
-            return draw_grid(world, world.source, paths, names, start)
+            return draw_grid(world, world.source, paths, names, start, people)

@@ -106,7 +106,8 @@ class Scene:
 
     Attributes:
         title: name of the run or recording.
-        robot: name of the robot.
+        robot: name of the robot at run time.
+        description: name of its description.
         frame_s: period of the frames in seconds.
         sensors: the sensors that are shown.
         actuators: the actuators.
@@ -124,6 +125,7 @@ class Scene:
 
     title: str
     robot: str
+    description: str
     frame_s: float
     sensors: tuple[SensorScene, ...]
     actuators: tuple[ActuatorScene, ...]
@@ -145,6 +147,7 @@ def scene_of(
     clients: Sequence[tuple[str, str, int]],
     map_: MapScene | None = None,
     footprint_mm: tuple[tuple[float, float], ...] = (),
+    robot: str | None = None,
 ) -> Scene:
     """Return the scene of a program.
 
@@ -154,12 +157,14 @@ def scene_of(
         clients: actuator, module and priority, highest priority first.
         map_: the map, if there is one.
         footprint_mm: the corners of the robot.
+        robot: name of the robot at run time; None for that of its description.
     """
     network = elaborate(program)
     read = {node.name for node in all_subexpressions(program) if isinstance(node, SensorValue)}
     return Scene(
         title=title,
-        robot=program.robot.name,
+        robot=program.robot.name if robot is None else robot,
+        description=program.robot.name,
         frame_s=program.robot.frame_ns / 1e9,
         sensors=tuple(_sensor(s, is_read=s.name in read) for s in shown_sensors(program)),
         actuators=tuple(

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import assert_never
 
 from colony.body.kinds import (
+    AnyAmount,
     Interval,
     Kind,
     Many,
@@ -61,7 +62,7 @@ def _rows(type_: type, table: str) -> Iterator[tuple[str, str, str, str]]:
 
 def _value(kind: Kind) -> str:
     match kind:
-        case Measure() | Interval():
+        case Measure() | Interval() | AnyAmount():
             return f'`"{kind.example}"`'
         case Whole():
             return "whole number"

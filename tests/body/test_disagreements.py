@@ -290,6 +290,11 @@ def test_every_device_agrees() -> None:
             "mm range -1 .. 1",
             ("R003", "position", "`pan.position` is mm, but the command takes deg"),
         ),
+        (
+            "rad range -1 .. 1",
+            "number range -1 .. 1",
+            ("R003", "position", "`pan.position` is number, but the command takes deg"),
+        ),
         ("{ position : rad", "{ angle : rad", ("R005", "angle", "`pan.angle`: Pan.move takes no `angle`")),
     ],
 )

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 
+import click
 import pytest
 
+from colony.cli.watch import _recorded, command
 from tests.cli.conftest import Colony
 from tests.watch.runs import recording
 
@@ -47,3 +50,15 @@ def test_a_port_that_is_taken(colony: Colony, tmp_path: Path, monkeypatch: pytes
         ran = colony("watch", "run.mcap", "--port", str(taken.getsockname()[1]))
     assert ran.code == 2
     assert "cannot listen" in ran.err
+
+
+def test_a_recording_is_that_of_the_robot_of_its_run(
+    colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = ("run", "wander", "--map", "loop", "--duration", "0.2", "--no-picture", "--record", "run.mcap")
+    for name, description in (("h2=amr", "amr"), ("amr", "amr")):
+        assert colony(*run, "--robot", name).code == 0
+        with click.Context(command), ExitStack() as resources:
+            scene = _recorded("run.mcap", None, None, resources).scene
+        assert (scene.robot, scene.description) == (name.partition("=")[0], description)

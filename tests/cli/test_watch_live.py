@@ -138,4 +138,5 @@ def test_a_robot_whose_description_is_not_known_is_not_watched_without_a_program
     assert watcher.wait() == 2
     assert "its description is `create2`, not `amr`" in watcher.err
     named = machine.start("watch", "--robot", ROBOT, "--port", "0")
-    assert shown_scene(named)["robot"] == "create2", "as the robot says"
+    scene = shown_scene(named)
+    assert (scene["robot"], scene["description"]) == (ROBOT, "create2"), "as the robot says"

@@ -54,7 +54,7 @@ def test_what_is_no_frame_is_refused_and_changes_nothing(
     with pytest.raises(TypeError, match=expected):
         robot.step(frame)
     with pytest.raises(TypeError, match=expected):
-        checked_trace([frame])
+        checked_trace([frame], compiled.robot.sensors)
     assert robot.step(Frame(0, READINGS)).commands["drive"].by == "cruise"
 
 
@@ -65,16 +65,35 @@ def test_times_rise_and_fit_into_63_bits(compiled: Compiled, t_ns: int) -> None:
     with pytest.raises(ValueError, match="t_ns: found"):
         robot.step(Frame(t_ns, READINGS))
     with pytest.raises(ValueError, match="t_ns: found"):
-        checked_trace([Frame(10, READINGS), Frame(t_ns, READINGS)])
+        checked_trace([Frame(10, READINGS), Frame(t_ns, READINGS)], compiled.robot.sensors)
     robot.step(Frame(11, READINGS))
     robot.restart()
     robot.step(Frame(-5, READINGS))
 
 
+@pytest.mark.parametrize(
+    ("frame", "problem"),
+    [
+        (
+            Frame(0, READINGS | {"nera": 1.0}),
+            "readings: found 'nera', which is no sensor; did you mean `near`",
+        ),
+        (Frame(0, {"x": None}), "found 'x', which is no sensor; the robot has `bumper` and `near`"),
+        (Frame(0, READINGS, {"bumpre": 0}), "did you mean `bumper`"),
+        (Frame(0, {7: 1.0}), "found 7, which is no sensor"),  # type: ignore[dict-item]
+    ],
+)
+def test_a_name_of_no_sensor_is_refused(compiled: Compiled, frame: Frame, problem: str) -> None:
+    with pytest.raises(ValueError, match=problem):
+        CheckedExecutor(compiled).step(frame)
+    with pytest.raises(ValueError, match=problem):
+        checked_trace([frame], compiled.robot.sensors)
+
+
 @pytest.mark.parametrize("t_ns", [2**62 - 1, -(2**62) + 1])
-def test_the_first_and_last_times(t_ns: int) -> None:
+def test_the_first_and_last_times(compiled: Compiled, t_ns: int) -> None:
     frame = Frame(t_ns, READINGS, {"near": t_ns})
-    assert checked_frame(frame) == frame
+    assert checked_frame(frame, None, compiled.robot.sensors) == frame
 
 
 def test_times_at_which_readings_were_taken_may_be_of_the_future(compiled: Compiled) -> None:
@@ -82,9 +101,10 @@ def test_times_at_which_readings_were_taken_may_be_of_the_future(compiled: Compi
     assert [tuple(record) for record in outcome.records] == [("sensor fault", "near")]
 
 
-def test_numbers_of_numpy_are_numbers() -> None:
+def test_numbers_of_numpy_are_numbers(compiled: Compiled) -> None:
     readings = {"bumper": np.bool_(True), "near": np.float32(0.25)}
-    frame = checked_frame(Frame(np.int64(3), readings, {"near": np.int64(2)}))  # type: ignore[arg-type, dict-item]
+    given = Frame(np.int64(3), readings, {"near": np.int64(2)})  # type: ignore[arg-type, dict-item]
+    frame = checked_frame(given, None, compiled.robot.sensors)
     assert repr(frame) == repr(Frame(3, {"bumper": True, "near": 0.25}, {"near": 2}))
 
 

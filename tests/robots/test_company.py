@@ -86,6 +86,15 @@ def test_a_robot_wanders_among_others_and_people_without_a_bump() -> None:
         assert sum(map(math.dist, places, places[1:])) == pytest.approx(found.distance_mm, rel=0.05)
 
 
+def test_the_paths_of_people_are_reported() -> None:
+    report = driven("amr", request(seconds=5.0, movers=3))
+    walks = report.people["loop"]
+    assert len(walks) == 3
+    assert all(math.dist(walk[0], walk[-1]) <= 5.0 * 1_400.0 for walk in walks)
+    assert max(math.dist(walk[0], walk[-1]) for walk in walks) > 1_000.0
+    assert driven("amr", request(seconds=0.2)).people == {}
+
+
 def test_a_seed_gives_one_run() -> None:
     asked = request(other("rome", "rome"), other("amr", "amr_2"), movers=3, seconds=3.0)
     once, again = driven("amr", asked), driven("amr", asked)

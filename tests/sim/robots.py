@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from colony.body.model import Omnidirectional
 from colony.sim.cameras.camera import rome_camera
 from colony.sim.cameras.ceiling import rome_ceiling_camera
 from colony.sim.config import RingConfig, RobotConfig, rome_config, without_errors
@@ -15,7 +16,11 @@ IDEAL = without_errors(ROME)
 """RoME without errors: sensors are exact, and the odometry is the true pose."""
 
 
-SIDEWAYS = {"wheel_distance_mm": 300.0, "max_sideways_mm_s": 500.0, "sideways_acceleration_mm_s2": 400.0}
+SIDEWAYS: dict[str, Any] = {
+    "omni_wheels": Omnidirectional(wheel_base_mm=340.0, wheel_distance_mm=300.0).rolling,
+    "max_sideways_mm_s": 500.0,
+    "sideways_acceleration_mm_s2": 400.0,
+}
 """The changes that give a robot four mecanum wheels."""
 
 

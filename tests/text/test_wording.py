@@ -7,13 +7,13 @@ import doctest
 import pytest
 
 from colony.text import wording
-from colony.text.wording import counted, duration_text, listed, quoted
+from colony.text.wording import counted, duration_text, listed, quoted, seconds_of, time_text
 
 MS = 1_000_000
 
 
 def test_the_examples_of_the_docstrings() -> None:
-    assert doctest.testmod(wording) == (0, 7)
+    assert doctest.testmod(wording) == (0, 9)
 
 
 @pytest.mark.parametrize(
@@ -51,3 +51,18 @@ def test_lists(words: tuple[str, ...], text: str) -> None:
 
 def test_names_are_quoted() -> None:
     assert quoted(["a", "b"], "or") == "`a` or `b`"
+
+
+@pytest.mark.parametrize(
+    ("t_ns", "text"),
+    [
+        (9_849_999_999, "9.85 s"),
+        (9_850_000_001, "9.85 s"),
+        (-1, "0 s"),
+        (12_345_678_912_345, "12345.6789 s"),
+        (50_000_000, "0.05 s"),
+    ],
+)
+def test_times_have_no_digits_of_a_clocks_jitter(t_ns: int, text: str) -> None:
+    assert time_text(t_ns) == text
+    assert seconds_of(t_ns) == float(text.removesuffix(" s"))

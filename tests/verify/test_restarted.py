@@ -70,9 +70,9 @@ def test_all_executors_read_it_from_the_frame() -> None:
 
 
 def test_a_frame_is_checked() -> None:
-    assert checked_frame(TRACE[0]).restarted is True
+    assert checked_frame(TRACE[0], None, program().robot.sensors).restarted is True
     with pytest.raises(TypeError, match=r"restarted: found 1; expected True or False"):
-        checked_frame(Frame(0, {}, restarted=1))  # type: ignore[arg-type]
+        checked_frame(Frame(0, {}, restarted=1), None, ())  # type: ignore[arg-type]
 
 
 def test_it_is_drawn_in_the_first_frame_where_it_is_read() -> None:

@@ -48,3 +48,12 @@ def test_the_docks_of_a_grid_are_drawn() -> None:
 def test_a_building_looks_as_its_map() -> None:
     figure = draw_world(load_world(MAPS / "loop.stickrep"), [PATH])
     assert "door" in [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+
+
+def test_people_are_drawn_below_the_robots_with_one_line_in_the_legend() -> None:
+    walks = [np.array([[1000.0, 1000.0], [5000.0, 1000.0]]), np.array([[2000.0, 1500.0], [2000.0, 1500.0]])]
+    for name in ("loop.stickrep", "office.yaml"):
+        axes = draw_world(load_world(MAPS / name), [PATH], names=["amr"], people=walks).axes[0]
+        assert axes.get_legend_handles_labels()[1].count("people") == 1
+        [ends] = [line for line in axes.lines if line.get_label() == "people"]
+        assert ends.get_xydata().tolist() == [[5000.0, 1000.0], [2000.0, 1500.0]]

@@ -21,6 +21,7 @@ from colony.body.devices.lidar import Lidar
 from colony.body.devices.output import Output
 from colony.body.devices.proximity import Infrared, Proximity, Sonar
 from colony.body.devices.range_finder import RangeFinder
+from colony.body.devices.value import ValueField, Values
 
 Device = (
     Base
@@ -40,6 +41,7 @@ Device = (
     | Joint
     | RotaryJoint
     | Output
+    | Values
 )
 
 Directed = Proximity | Lidar | RangeFinder
@@ -63,6 +65,7 @@ DEVICES: tuple[tuple[str, type], ...] = (
     ("joint", Joint),
     ("rotary_joint", RotaryJoint),
     ("output", Output),
+    ("value", Values),
 )
 """The devices by their names in a body."""
 
@@ -96,4 +99,6 @@ __all__ = [
     "Size",
     "Sonar",
     "TurnErrors",
+    "ValueField",
+    "Values",
 ]

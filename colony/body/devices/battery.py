@@ -41,6 +41,6 @@ class Battery(Sensor):
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
         return (
-            FieldSpec("level", DIMENSIONLESS, "charge that is left, 0 to 1"),
-            FieldSpec("charging", BOOL, "whether the charger charges it"),
+            FieldSpec("level", DIMENSIONLESS, "the charge that is left, 0 to 1"),
+            FieldSpec("charging", BOOL, "true while the charger charges it"),
         )

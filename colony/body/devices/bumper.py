@@ -26,5 +26,7 @@ class Bumper(Sensor):
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
         return (
-            FieldSpec(self.field, Array(BOOL, len(self.sectors)), "whether something touches each sector"),
+            FieldSpec(
+                self.field, Array(BOOL, len(self.sectors)), "true for each sector that something touches"
+            ),
         )

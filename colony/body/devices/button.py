@@ -19,4 +19,4 @@ class Button(Sensor):
     @property
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
-        return tuple(FieldSpec(name, BOOL, "whether it is pressed") for name in self.names)
+        return tuple(FieldSpec(name, BOOL, "true while it is pressed") for name in self.names)

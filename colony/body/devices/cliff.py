@@ -24,4 +24,4 @@ class Cliff(Sensor):
     @property
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
-        return (FieldSpec(self.field, Array(BOOL, len(self.places)), "whether the ground is missing there"),)
+        return (FieldSpec(self.field, Array(BOOL, len(self.places)), "true where the ground is missing"),)

@@ -20,6 +20,8 @@ STEP = Measure(ANGLE, "15 deg", Bounds(low=-360.0, high=360.0))
 FRACTION = Measure(NUMBER, "0.3 percent", Bounds(low=0.0, high=1.0))
 HALF_BEAM = Measure(ANGLE, "12 deg", Bounds(low=0.0, high=89.0))
 COUNT = Whole(1, MAX_ELEMENTS)
+MAX_WHEELS = 8
+"""Maximum number of driven wheels."""
 POWER = Measure(POWER_UNITS, "40 W", NOT_NEGATIVE)
 FIELD_NAME = Text(NAME, "a name")
 

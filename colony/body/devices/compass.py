@@ -28,4 +28,4 @@ class Compass(Sensor):
     @property
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
-        return (FieldSpec("heading", DEGREES, "heading, 0 north, 90 west, in [0, 360)"),)
+        return (FieldSpec("heading", DEGREES, "the heading, 0 north, 90 west, in [0, 360)"),)

@@ -36,9 +36,13 @@ class DockSensor(Sensor):
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
         return (
-            FieldSpec("dock_seen", BOOL, "whether it sees a dock"),
-            FieldSpec("dock_distance", DISTANCE, "from the robot's center to the dock that it sees"),
-            FieldSpec("dock_bearing", Quantity(ANGLE), "of that dock, counterclockwise from ahead"),
+            FieldSpec("dock_seen", BOOL, "true while it sees a dock"),
+            FieldSpec(
+                "dock_distance", DISTANCE, "the distance from the robot's center to the dock that it sees"
+            ),
+            FieldSpec(
+                "dock_bearing", Quantity(ANGLE), "the bearing of that dock, counterclockwise from ahead"
+            ),
         )
 
     @property

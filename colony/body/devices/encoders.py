@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from colony.body.devices.common import SPREAD, Sensor
+from colony.body.devices.common import MAX_WHEELS, SPREAD, Sensor
 from colony.body.kinds import Whole, entry
 from colony.ir.servers import FieldSpec
 from colony.ir.types import DISTANCE, Array
@@ -14,7 +14,7 @@ from colony.ir.types import DISTANCE, Array
 class Encoders(Sensor):
     """Encoders of the driven wheels, which dead reckoning is made of."""
 
-    wheels: int = entry("wheels", Whole(2, 4), "the number of driven wheels [default: 2]", default=2)
+    wheels: int = entry("wheels", Whole(2, MAX_WHEELS), "the number of driven wheels [default: 2]", default=2)
     resolution_mm: float = entry(
         "resolution",
         SPREAD,
@@ -25,5 +25,5 @@ class Encoders(Sensor):
     @property
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
-        travel = "how far each wheel has rolled, negative backward"
+        travel = "the distance that each wheel has rolled, negative backward"
         return (FieldSpec("travel", Array(DISTANCE, self.wheels), travel),)

@@ -53,9 +53,9 @@ class Imu(Sensor):
         """The fields that it measures."""
         acceleration = Quantity(_ACCELERATION)
         return (
-            FieldSpec("turn_rate", Quantity(_TURN), "turn rate, positive counterclockwise"),
-            FieldSpec("acceleration", acceleration, "acceleration ahead"),
-            FieldSpec("sideways_acceleration", acceleration, "acceleration to the left"),
+            FieldSpec("turn_rate", Quantity(_TURN), "the turn rate, positive counterclockwise"),
+            FieldSpec("acceleration", acceleration, "the acceleration ahead"),
+            FieldSpec("sideways_acceleration", acceleration, "the acceleration to the left"),
             FieldSpec(
                 "heading",
                 DEGREES,

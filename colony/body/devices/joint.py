@@ -39,25 +39,27 @@ class _Joint:
     @property
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
-        state = FieldSpec("target", self._target, "where it was sent last, as it acknowledged")
+        state = FieldSpec("target", self._target, "the target of the last command, as it acknowledged")
         if self.control == "velocity":
-            state = FieldSpec("velocity", self.of_velocity, "how fast it moves, 0 at an end")
+            state = FieldSpec("velocity", self.of_velocity, "the velocity, 0 at an end")
         return (
-            FieldSpec("position", self.of, "where it is"),
+            FieldSpec("position", self.of, "the position"),
             state,
-            FieldSpec("moving", BOOL, "whether it is on its way"),
+            FieldSpec("moving", BOOL, "true while it is on its way"),
             FieldSpec("load", Quantity(MASS), "the mass that it carries"),
+            FieldSpec("lower_end", BOOL, "true while it is at its lower end"),
+            FieldSpec("upper_end", BOOL, "true while it is at its upper end"),
         )
 
     @property
     def commands(self) -> tuple[CommandSpec, ...]:
         """The commands that it takes."""
         if self.control == "velocity":
-            meaning = "how fast to move until an end, 0 to stop"
+            meaning = "the velocity until an end, 0 to stop"
             velocity = ParameterSpec("velocity", self.of_velocity, meaning, low=-self.speed, high=self.speed)
             return (CommandSpec("run", (velocity,)),)
         low, high = (None, None) if self.positions else self.ends
-        position = ParameterSpec("position", self._target, "where to go", low=low, high=high)
+        position = ParameterSpec("position", self._target, "the position to go to", low=low, high=high)
         return (CommandSpec("move", (position,)),)
 
     @property

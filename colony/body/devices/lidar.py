@@ -43,7 +43,7 @@ class Lidar(Sensor):
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
         ranges = Array(DISTANCE, self.count)
-        return (FieldSpec(self.field, ranges, "range of each beam", no_echo=self.range_mm),)
+        return (FieldSpec(self.field, ranges, "the range of each beam", no_echo=self.range_mm),)
 
     def bearings(self) -> Bearings | None:
         """Return the bearings of the beams, None if they take more than a turn."""

@@ -28,9 +28,9 @@ class Output:
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
         return tuple(
-            FieldSpec(name, BOOL, "whether it is on")
+            FieldSpec(name, BOOL, "true while it is on")
             if kind == "on"
-            else FieldSpec(name, DIMENSIONLESS, "its level, 0 to 1")
+            else FieldSpec(name, DIMENSIONLESS, "the level, 0 to 1")
             for name, kind in self.outputs.items()
         )
 
@@ -42,5 +42,5 @@ class Output:
 
 def _parameter(name: str, kind: OutputKind) -> ParameterSpec:
     if kind == "on":
-        return ParameterSpec(name, BOOL, "whether to switch it on")
-    return ParameterSpec(name, DIMENSIONLESS, "its level, 0 to 1", low=0.0, high=1.0)
+        return ParameterSpec(name, BOOL, "true to switch it on")
+    return ParameterSpec(name, DIMENSIONLESS, "the level, 0 to 1", low=0.0, high=1.0)

@@ -80,10 +80,12 @@ class Proximity(Sensor):
             FieldSpec(
                 "sonar",
                 Array(DISTANCE, self.count),
-                "range of each ultrasonic sensor",
+                "the range of each ultrasonic sensor",
                 no_echo=self.sonar.range_mm,
             ),
-            FieldSpec("infrared", Array(BOOL, self.count), "whether each infrared detector sees something"),
+            FieldSpec(
+                "infrared", Array(BOOL, self.count), "true for each infrared detector that sees something"
+            ),
         )
 
     def bearings(self) -> Bearings | None:

@@ -45,7 +45,7 @@ class RangeFinder(Sensor):
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
         ranges = Array(DISTANCE, len(self.poses))
-        return (FieldSpec(self.field, ranges, "range of each range finder", no_echo=self.range_mm),)
+        return (FieldSpec(self.field, ranges, "the range of each range finder", no_echo=self.range_mm),)
 
     def bearings(self) -> Bearings:
         """Return the bearings along which they look."""

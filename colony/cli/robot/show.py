@@ -96,12 +96,19 @@ def _lines(robot: Robot, body: Body) -> Iterator[str]:
 def _drive(chassis: Chassis) -> str:
     from colony.body.model import Differential, Omnidirectional
 
-    wheel_base = _number(chassis.drive.wheel_base_mm)
     match chassis.drive:
-        case Differential():
-            return f"differential drive, wheels {wheel_base} mm apart"
-        case Omnidirectional(wheel_distance_mm=wheel_distance):
-            return f"omnidirectional drive, wheels {wheel_base} mm apart, axles {_number(wheel_distance)} mm"
+        case Differential(wheel_base_mm=None):
+            return "differential drive"
+        case Differential(wheel_base_mm=float(wheel_base)):
+            return f"differential drive, wheels {_number(wheel_base)} mm apart"
+        case Omnidirectional(wheel_base_mm=float(wheel_base), wheel_distance_mm=float(axles)):
+            apart = f"wheels {_number(wheel_base)} mm apart, axles {_number(axles)} mm"
+            return f"omnidirectional drive, {apart}"
+        case drive:
+            from colony.text.wording import counted
+
+            wheels = f", {counted(len(drive.rolling), 'omni wheel')}" if drive.rolling else ""
+            return f"omnidirectional drive{wheels}"
 
 
 def _shape(body: Body) -> str:

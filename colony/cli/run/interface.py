@@ -33,5 +33,5 @@ def user_interface(compiled: Compiled, options: Options) -> Iterator[UserInterfa
         return
     from colony.cli.run.page import shown_in_browser
 
-    with shown_in_browser(compiled, options.map_path) as sink:
+    with shown_in_browser(compiled, options.map_path, options.robot) as sink:
         yield replace(interface, sinks=(sink,))

@@ -219,7 +219,6 @@ def command(**arguments: Any) -> None:
     picture = None if options.no_picture or is_running else options.picture or PICTURE
     with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, draw
-        from colony.nav.maps.world_map import load_world
         from colony.robots.physics_choice import expect_simulable
 
         request = request_of(compiled.robot, options)
@@ -231,6 +230,8 @@ def command(**arguments: Any) -> None:
         )
         inputs = [options.file]
         if options.map_path is not None:
+            from colony.nav.maps.world_map import load_world
+
             inputs += load_world(options.map_path).files  # before the simulator is imported, which takes long
         check_outputs(options.record, picture, inputs)
         with user_interface(compiled, options) as ui:

@@ -11,7 +11,7 @@ from colony.cli.robot_options import HERE
 from colony.ir.program import Robot
 from colony.ir.servers import DSERVER
 from colony.ir.types import Value
-from colony.robots.given_values import GivenValueError, parse_number
+from colony.robots.given_values import GivenValueError, UnknownSensorError, parse_number
 from colony.robots.request import MisuseError, PhysicsName, RunRequest
 from colony.robots.scenario import Change, Scenario, ScenarioError, read_scenario, setting
 from colony.text.units import ANGLE, LENGTH, TIME, nanoseconds
@@ -73,6 +73,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
     duration = options.duration or (None if is_open_ended else DURATION)
     return RunRequest(
         file=options.file,
+        robot=options.robot,
         map_path=options.map_path,
         seed=options.seed,
         length_ns=None if duration is None else duration_ns(duration),
@@ -116,6 +117,8 @@ def held(robot: Robot, settings: tuple[str, ...]) -> tuple[dict[str, Value], lis
     for text in settings:
         try:
             change = setting(robot, text)
+        except UnknownSensorError as problem:
+            raise OptionError(f"--set: {problem}; a param is set by --params FILE") from None
         except GivenValueError as problem:
             raise OptionError(f"--set: {problem}") from None
         if change.value is not None and change.sensor.server == DSERVER.name:

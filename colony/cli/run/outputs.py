@@ -55,7 +55,8 @@ def draw(result: RunReport, robot: str, path: str) -> RunReport:
     for number, floor in enumerate(result.floors):
         path_xy = np.array(result.paths.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
         paths = [path_xy, *(np.array(path, dtype=np.float64) for path in result.other_paths.values())]
-        picture = draw_world(floor, paths, names=[robot, *result.other_paths])
+        people = [np.array(path) for path in result.people.get(floor.name, ())]
+        picture = draw_world(floor, paths, names=[robot, *result.other_paths], people=people)
         file = target if number == 0 else target.with_suffix(f".{floor.name}{target.suffix}")
         try:
             write_whole(file, encode_picture(picture, picture_format(path)))

@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def shown_in_browser(compiled: Compiled, map_path: str | None) -> Iterator[Sink]:
-    """Serve the page of a run; the context's value is the sink of its frames.
+def shown_in_browser(compiled: Compiled, map_path: str | None, robot: str | None) -> Iterator[Sink]:
+    """Serve the page of a run of a robot; the context's value is the sink of its frames.
+
+    `robot` is its name; None for that of its description.
 
     Raises:
         DiagnosticError: the program cannot be rebuilt from its source files, or the map is invalid.
@@ -31,7 +33,7 @@ def shown_in_browser(compiled: Compiled, map_path: str | None) -> Iterator[Sink]
         program = resources.enter_context(
             program_of(compiled.root, compiled.sources, compiled.site, compiled.name)
         )
-        scene = scene_for(program, compiled.root, map_path)
+        scene = scene_for(program, compiled.root, map_path, robot)
         store, trail = SnapshotStore(scene.modules, max_bytes=STORE_BYTES), Trail(program)
         resources.callback(store.close)
         source = LiveSource(program, store, trail)

@@ -14,6 +14,7 @@ from colony.ir.program import Program
 from colony.robots.moments.index import MAX_BYTES, Index, Mark, Sections, StaleIndexError, decode, encode
 from colony.robots.moments.tracks import TrackWriter
 from colony.runtime.recordings.recorded import RecordingReader
+from colony.text.wording import time_text
 from colony.verify.explain.follower import Follower
 
 INTERVAL_NS = 5_000_000_000
@@ -66,8 +67,8 @@ def build_index(
 
 
 def _span(after_ns: int | None, before_ns: int | None) -> str:
-    start = "from its beginning" if after_ns is None else f"from {after_ns / 1e9:.10g} s"
-    return f"{start} {'to its end' if before_ns is None else f'to {before_ns / 1e9:.10g} s'}"
+    start = "from its beginning" if after_ns is None else f"from {time_text(after_ns)}"
+    return f"{start} {'to its end' if before_ns is None else f'to {time_text(before_ns)}'}"
 
 
 # --- the cache -------------------------------------------------------------------------------------

@@ -225,6 +225,31 @@ def mode(motion: Motion) -> Mode:
             assert_never(motion)
 
 
+MotionCall = Literal["drive", "go", "proportional_go", "jog", "stop", "move", "turn", "continuous_turn"]
+"""The name of a call of RServer that moves the base."""
+
+
+def call_of(motion: Motion) -> MotionCall:
+    """Return the name of the call that asks for a motion."""
+    match motion:
+        case Go():
+            return "go" if motion.integrating else "proportional_go"
+        case Jog():
+            return "jog"
+        case ConstantSpeeds():
+            return "drive"
+        case Halt():
+            return "stop"
+        case Move():
+            return "move"
+        case Turn():
+            return "turn"
+        case Arc():
+            return "continuous_turn"
+        case _:
+            assert_never(motion)
+
+
 def interrupt(motion: Motion) -> Motion:
     """Return a motion after a frame in which another party acted: `Go` then holds a new heading.
 

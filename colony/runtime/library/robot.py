@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from colony.runtime.arbitration.motion import Mode
+from colony.runtime.arbitration.motion import Mode, MotionCall
 from colony.runtime.library.actuator import LEASE_S, ClientReport
 from colony.runtime.library.actuator import ignore_limits as ignore_limits
 from colony.runtime.library.actuator import lock as lock
@@ -161,15 +161,15 @@ class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
 class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
     """A connection that has commanded the base, whose priority is therefore taken.
 
-    `commands` is its current command, None if there is none. `lease_s` is the remaining time of the command's
-    lease, None for a motion that ends when it is done. `unlimited` is True if the connection ignores the
-    limits of the program.
+    `commands` is the call by which it commands now, None if there is none. `lease_s` is the remaining time of
+    the command's lease, None for a motion that ends when it is done. `unlimited` is True if the connection
+    ignores the limits of the program.
     """
 
     connection: str
     name: str
     priority: int
-    commands: Mode | None
+    commands: MotionCall | None
     lease_s: float | None
     unlimited: bool = False
 

@@ -13,7 +13,7 @@ from colony.ir.site import Site
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Fate, Hold
 from colony.runtime.protocol.topics import client_address
-from colony.text.wording import counted, printable, quoted
+from colony.text.wording import counted, printable, quoted, seconds_of
 
 SHADOW_TEXT = "SHADOW: this is what it would have sent; it commanded nothing"
 """Line about a program in the shadow of a robot."""
@@ -215,7 +215,7 @@ class Tally:
                 if fate in _REPORTED_FATES:
                     self._troubles[client_address(name, BOUNDS) if client == BOUNDS else client, fate] += 1
         self._records.update((r.kind, r.subject) for r in log.expected.records)
-        t = log.frame.t_ns / 1e9
+        t = seconds_of(log.frame.t_ns)
         for contract in log.expected.breaches:
             previous = self._breaches.get(contract)
             self._breaches[contract] = BreachSummary(
@@ -225,7 +225,7 @@ class Tally:
                 last_s=t,
             )
         if log.disagreements and len(self._disagreements) < _MAX_DISAGREEMENTS:
-            self._disagreements.extend(f"at {t:g} s, {text}" for text in log.disagreements)
+            self._disagreements.extend(f"at {t:.10g} s, {text}" for text in log.disagreements)
 
     def close(self) -> None:
         """Do nothing: the counts stay."""
@@ -345,7 +345,7 @@ def render(summary: RunSummary) -> str:
         lines.append(f"  {counted(summary.unknown, 'frame')} not checked: memory was unknown")
     lines += [
         f"  contract {b.contract}: BROKEN in {counted(b.frames, 'frame')}, "
-        f"first at {b.first_s:g} s, last at {b.last_s:g} s"
+        f"first at {b.first_s:.10g} s, last at {b.last_s:.10g} s"
         for b in summary.breaches
     ]
     if summary.contracts and summary.frames and not (summary.breaches or summary.unknown):

@@ -210,7 +210,7 @@ class Pilot(OutsideControl[Motion]):
                 connection=commander.caller.connection,
                 name=commander.caller.name,
                 priority=commander.caller.priority,
-                commands=None if commander.command is None else motion.mode(commander.command),
+                commands=None if commander.command is None else motion.call_of(commander.command),
                 lease_s=None if commander.lease_end_ns is None else (commander.lease_end_ns - now_ns) / 1e9,
                 unlimited=commander.unlimited,
             )

@@ -60,6 +60,10 @@ class Joint(Sensor):
             return self._velocity()
         if field == "moving":
             return self._position() != self._motion.goal
+        if field == "lower_end":
+            return self.measure("position") == self._low
+        if field == "upper_end":
+            return self.measure("position") == self._high
         return self._load
 
     def action(self, name: str, values: Mapping[str, ScalarValue]) -> Action:

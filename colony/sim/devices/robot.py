@@ -23,6 +23,7 @@ from colony.sim.devices.lidar import Lidar
 from colony.sim.devices.output import Outputs
 from colony.sim.devices.range_finder import RangeFinders
 from colony.sim.devices.unsimulated import Unsimulated
+from colony.sim.devices.value import Values
 from colony.sim.given import Given
 from colony.sim.mechanism import Mechanism
 from colony.sim.physics import Physics
@@ -35,6 +36,7 @@ _Sensing = (
     | devices.Encoders
     | devices.Cliff
     | devices.DockSensor
+    | devices.Values
 )
 """The devices that take no commands and measure something of the world."""
 
@@ -112,5 +114,7 @@ def _sensor(sensor: _Sensing, world: Physics, robot: int, seed: int) -> Mechanis
             return Cliff(cliff, world, robot)
         case devices.DockSensor() as dock_sensor:
             return DockSensor(dock_sensor, world, robot, seed=seed)
+        case devices.Values() as values:
+            return Values(values, world, robot, seed=seed)
         case _:
             assert_never(sensor)

@@ -129,14 +129,16 @@ def build_of(body: Body) -> Build:
     """Return the build of a robot.
 
     Raises:
-        ValueError: it has sonars, cameras or mecanum wheels, none of which is simulated, or its wheels do
-            not fit.
+        ValueError: it has sonars, cameras or other wheels, none of which is simulated, or its wheels do not
+            fit.
     """
     for server, described in body.servers.items():
         if isinstance(described.simulated, Proximity | Camera | CeilingCamera):
             raise ValueError(f"MuJoCo simulates no sonars and no cameras, such as that of {server}")
-    if isinstance(body.chassis.drive, Omnidirectional):
-        raise ValueError("MuJoCo simulates two driven wheels, and no mecanum wheels")
+    if isinstance(body.chassis.drive, Omnidirectional) or body.chassis.drive.wheel_base_mm is None:
+        raise ValueError(
+            "MuJoCo simulates two driven wheels, with the `wheel_base` of the body, and no others"
+        )
     radius, height = radius_mm(body) / 1e3, body.chassis.height_mm / 1e3
     wheel_base = body.chassis.drive.wheel_base_mm / 1e3
     wheel_radius = min(MAX_WHEEL_RADIUS_M, 0.4 * height)

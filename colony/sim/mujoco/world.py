@@ -126,7 +126,7 @@ class MujocoWorld:
         self.seed = seed
         self._noise = Noise(1, seed)
         errors = 1.0 + self._config.wheel_scale * self._noise.peek(2)
-        self._bases = bases_at(np.array([self.true_pose(0)]), errors, self._radii)
+        self._bases = bases_at(np.array([self.true_pose(0)]), errors, (self._config,))
         self._drivetrain = drivetrain_of(self._config)
         self._angles: list[float] = self.data.qpos[self._wheels].tolist()
         self._targets = STILL

@@ -311,4 +311,5 @@ class Devices:
             bumps=self._world.bumps(robot),
             driven=self.is_driven(robot),
             skipped_ns=self._skipped_ns,
+            people=tuple((x, y) for x, y in self._world.people.tolist()),
         )

@@ -30,7 +30,7 @@ from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
 from colony.sim.given import GivenValue
 
-VERSION = 5
+VERSION = 6
 
 MAX_BYTES_TO_PLANT = 65536
 MAX_BYTES_FROM_PLANT = 8 * 1024 * 1024
@@ -247,7 +247,7 @@ class Truth(_Message, frozen=True, kw_only=True):
     It has the name of the map of its floor, the position in mm, the heading in degrees, speeds in mm/s and
     deg/s (`sideways` to the left), and the distance driven so far in mm. `bumps` is the number of collisions.
     `driven` is True if the base got a command within the watchdog's time. `skipped_ns` is the time that the
-    plant skipped because of lag.
+    plant skipped because of lag, `people` are the positions of the people on the floor in mm.
     """
 
     t_ns: int
@@ -262,6 +262,7 @@ class Truth(_Message, frozen=True, kw_only=True):
     bumps: int
     driven: bool
     skipped_ns: int
+    people: tuple[tuple[float, float], ...] = ()
 
 
 Device = AttachBase | AttachProximity | AttachCamera | AttachDevice

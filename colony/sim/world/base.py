@@ -10,14 +10,10 @@ after the other.
 
 Odometry integrates the wheels' reports with the same arcs. Each wheel has its own scale error, and random
 errors whose variance grows with the distance. With two wheels, w apart, a motion of `a` ahead that turns by
-`t` (radians) rolls the left one by a - t w/2 and the right one by a + t w/2. With four mecanum wheels in
-the usual arrangement, whose axles are d apart, a motion of `a` ahead and `s` to the left rolls them by
-
-    front left  a - s - t r        front right  a + s + t r        r = (w + d) / 2
-    rear left   a + s - t r        rear right   a - s + t r
-
-and odometry takes the motion that fits the four reports best, in the sense of least squares: the mean of the
-reports with the signs of their column. What contradicts all rigid motions is lost, as on the real base.
+`t` (radians) rolls the left one by a - t w/2 and the right one by a + t w/2. Wheels of a base that drives
+sideways roll by a p + s q + t r in a motion of `a` ahead and `s` to the left; `colony.body.model.Rolling` has
+p, q and r of each. Odometry takes the motion that fits their reports best, in the sense of least squares.
+What contradicts all rigid motions is lost, as on the real base.
 
 Positions are in mm, headings in degrees counterclockwise from north, speeds in mm/s and degrees/s.
 """
@@ -25,11 +21,12 @@ Positions are in mm, headings in degrees counterclockwise from north, speeds in 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from colony.sim.compiled import Bools2, Floats, Floats2, Ints, called, compiled, inlined
+from colony.sim.compiled import Bools2, Floats, Floats2, Floats4, Ints, called, compiled, inlined
 from colony.sim.config import RobotConfig
 from colony.sim.world.people import Crowd
 from colony.sim.world.wall_boxes import GROUP, box_gap
@@ -49,8 +46,9 @@ class Bases(NamedTuple):
     Attributes:
         poses, odometry: (robots, 3), x, y, heading.
         speeds, commands: (robots, 3), ahead, turning, and to the left.
-        scales: (robots, wheels), scale factors of the wheels: left and right; or front left, front right,
-            rear left and rear right.
+        scales: (robots, wheels), scale factors of the wheels: left and right; or those of the body's order.
+        wheels: (robots, wheels, 2, 3), what each wheel rolls of a motion ahead, to the left, and turning in
+            radians; and its part in the motion that fits all reports best.
         travel: (robots, wheels), how far the wheels have rolled by their own reports.
         distances: (robots,), lengths of the paths of the centers so far.
         contacts: (robots, 2), front and rear bumper.
@@ -65,6 +63,7 @@ class Bases(NamedTuple):
     speeds: Floats2
     commands: Floats2
     scales: Floats2
+    wheels: Floats4
     travel: Floats2
     distances: Floats
     contacts: Bools2
@@ -76,21 +75,30 @@ class Bases(NamedTuple):
     person_buffer: Ints
 
 
-def bases_at(poses: Floats2, scales: Floats2, radii: Floats) -> Bases:
+def bases_at(poses: Floats2, scales: Floats2, configs: Sequence[RobotConfig]) -> Bases:
     """Return bases that stand at `poses`, (robots, 3), with the same odometry, and empty work space."""
     count = len(poses)
+    wheels = np.zeros((*scales.shape, 2, 3))
+    for robot, config in enumerate(configs):
+        rolling = np.array(config.wheels)
+        # Two wheels cannot report a motion to the left.
+        motions = rolling if config.is_omnidirectional else rolling[:, ::2]
+        fit = np.linalg.solve(motions.T @ motions, motions.T).T
+        wheels[robot, : len(rolling), 0] = rolling
+        wheels[robot, : len(rolling), 1, :: 1 if config.is_omnidirectional else 2] = fit
     return Bases(
         poses=poses,
         odometry=poses.copy(),
         speeds=np.zeros((count, 3)),
         commands=np.zeros((count, 3)),
         scales=scales,
+        wheels=wheels,
         travel=np.zeros_like(scales),
         distances=np.zeros(count),
         contacts=np.zeros((count, 2), dtype=np.bool_),
         bumps=np.zeros(count, dtype=np.int64),
         impacts=np.zeros(count),
-        radii=radii,
+        radii=np.array([config.radius_mm for config in configs], dtype=np.float64),
         wall_buffer=np.empty(0, dtype=np.int64),
         robot_buffer=np.empty(count, dtype=np.int64),
         person_buffer=np.empty(0, dtype=np.int64),
@@ -108,12 +116,12 @@ class NearCounts(NamedTuple):
 class Drivetrain(NamedTuple):
     """The parameters of a drivetrain, as in `RobotConfig`; `slip` is in mm per square root of a mm.
 
-    `wheel_distance` and `sideways_acceleration` are 0 for two wheels.
+    `omni_wheels` is their number; it and `sideways_acceleration` are 0 for two wheels.
     """
 
     radius: float
     wheel_base: float
-    wheel_distance: float
+    omni_wheels: float
     acceleration: float
     turn_acceleration: float
     sideways_acceleration: float
@@ -125,7 +133,7 @@ def drivetrain_of(config: RobotConfig) -> Drivetrain:
     return Drivetrain(
         radius=config.radius_mm,
         wheel_base=config.wheel_base_mm,
-        wheel_distance=config.wheel_distance_mm,
+        omni_wheels=float(len(config.omni_wheels)),
         acceleration=config.acceleration_mm_s2,
         turn_acceleration=config.turn_acceleration_deg_s2,
         sideways_acceleration=config.sideways_acceleration_mm_s2,
@@ -325,19 +333,21 @@ def _measured_by_two(
 
 
 @inlined
-def _measured_by_four(
+def _measured_by_omni_wheels(
     robot: int, bases: Bases, drive: Drivetrain, ahead: float, left: float, turn: float, noise: Floats2,
     noise_column: int,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Return a motion as four mecanum wheels report it: ahead, to the left, and turn in degrees."""
-    reach = (drive.wheel_base + drive.wheel_distance) / 2.0
-    rolled = math.radians(turn) * reach
-    fl = _report(robot, 0, bases, drive.slip, ahead - left - rolled, noise, noise_column)
-    fr = _report(robot, 1, bases, drive.slip, ahead + left + rolled, noise, noise_column)
-    rl = _report(robot, 2, bases, drive.slip, ahead + left - rolled, noise, noise_column)
-    rr = _report(robot, 3, bases, drive.slip, ahead - left + rolled, noise, noise_column)
-    measured_turn = math.degrees((fr - fl + rr - rl) / (4.0 * reach))
-    return (fl + fr + rl + rr) / 4.0, (fr - fl + rl - rr) / 4.0, measured_turn
+    """Return a motion as wheels report it that also roll sideways: ahead, to the left, turn in degrees."""
+    turn = math.radians(turn)
+    reported_ahead = reported_left = reported_turn = 0.0
+    for wheel in range(int(drive.omni_wheels)):
+        rolling, fit = bases.wheels[robot, wheel, 0], bases.wheels[robot, wheel, 1]
+        rolled = ahead * rolling[0] + left * rolling[1] + turn * rolling[2]
+        reported = _report(robot, wheel, bases, drive.slip, rolled, noise, noise_column)
+        reported_ahead += reported * fit[0]
+        reported_left += reported * fit[1]
+        reported_turn += reported * fit[2]
+    return reported_ahead, reported_left, math.degrees(reported_turn)
 
 
 @inlined
@@ -346,8 +356,8 @@ def _update_odometry(
     noise_column: int,
 ) -> None:  # fmt: skip
     """Update a robot's odometry with its wheels' reports of a motion."""
-    if drive.wheel_distance > 0.0:
-        ahead, left, odometry_turn = _measured_by_four(
+    if drive.omni_wheels > 0.0:
+        ahead, left, odometry_turn = _measured_by_omni_wheels(
             robot, bases, drive, ahead, left, turn, noise, noise_column
         )
     else:

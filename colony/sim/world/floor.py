@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.chance import SLIPS, deviate, uniform
-from colony.sim.compiled import Floats2, Ints, called, inlined
+from colony.sim.compiled import Floats2, Floats4, Ints, called, inlined
 from colony.sim.hazards.scenery import Joint, Slip
 
 
@@ -68,8 +68,9 @@ def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
 
 @inlined
 def _slip(
-    robot: int, floor: Floor, poses: Floats2, odometry: Floats2, travel: Floats2, ahead: float, left: float
-) -> None:
+    robot: int, floor: Floor, poses: Floats2, odometry: Floats2, wheels: Floats4, travel: Floats2,
+    ahead: float, left: float,
+) -> None:  # fmt: skip
     """Draw and apply the slip of a robot on a joint; it drives along the unit vector (`ahead`, `left`)."""
     event = floor.crossings[robot] + 1_000_000 * robot
     floor.crossings[robot] += 1
@@ -78,8 +79,8 @@ def _slip(
         poses[robot, 2] = (poses[robot, 2] + turn) % 360.0
         spin_mm = floor.min_mm + (floor.max_mm - floor.min_mm) * uniform(floor.seed, SLIPS, event, 3)
         for wheel in range(travel.shape[1]):
-            sideways = left if wheel in (1, 2) else -left  # of mecanum wheels; `left` is 0 with two wheels
-            travel[robot, wheel] += (ahead + sideways) * spin_mm
+            rolling = wheels[robot, wheel, 0]
+            travel[robot, wheel] += (ahead * rolling[0] + left * rolling[1]) * spin_mm
         heading = math.radians(odometry[robot, 2])
         odometry[robot, 0] -= ahead * spin_mm * math.sin(heading) + left * spin_mm * math.cos(heading)
         odometry[robot, 1] += ahead * spin_mm * math.cos(heading) - left * spin_mm * math.sin(heading)
@@ -87,8 +88,9 @@ def _slip(
 
 @called
 def slip(
-    floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2, travel: Floats2
-) -> None:
+    floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2, wheels: Floats4,
+    travel: Floats2,
+) -> None:  # fmt: skip
     """Apply wheel slip to robots that moved from `before` to `poses`, both (robots, 3), in a substep.
 
     Args:
@@ -97,6 +99,7 @@ def slip(
         poses: the poses now; changed.
         speeds: (robots, 3), ahead, turning, and sideways.
         odometry: the poses according to odometry; changed.
+        wheels: (robots, wheels, 2, 3), as in `Bases`.
         travel: (robots, wheels), how far the wheels have rolled by their own reports; changed.
     """
     for robot in range(poses.shape[0]):
@@ -105,4 +108,4 @@ def slip(
             if speeds[robot, 2] != 0.0:
                 speed = math.hypot(speeds[robot, 0], speeds[robot, 2])
                 ahead, left = speeds[robot, 0] / speed, speeds[robot, 2] / speed
-            _slip(robot, floor, poses, odometry, travel, ahead, left)
+            _slip(robot, floor, poses, odometry, wheels, travel, ahead, left)

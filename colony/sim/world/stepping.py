@@ -41,6 +41,6 @@ def step(
             before = bases.poses.copy()
             walk(crowd, bases.poses, bases.radii, substep_s)
             move(bases, drivetrains, walls, boxes, crowd, noise, column, slices, substep_s)
-            slip(floor, before, bases.poses, bases.speeds, bases.odometry, bases.travel)
+            slip(floor, before, bases.poses, bases.speeds, bases.odometry, bases.wheels, bases.travel)
         else:
             move(bases, drivetrains, walls, boxes, crowd, noise, column, slices, substep_s)

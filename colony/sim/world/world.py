@@ -145,11 +145,11 @@ class World:
         """Seed of the robots' own errors."""
         self.configs = configs = _config_of_each(config or rome_config(), len(initial_poses))
         self._channels = max(each.channels for each in configs)
-        self._wheels = max(each.wheels for each in configs)
+        self._wheels = max(len(each.wheels) for each in configs)
         self._noise = Noise(len(initial_poses), seed)
         errors = np.array([[each.wheel_scale] for each in configs]) * self._noise.peek(self._wheels)
         radii = np.array([each.radius_mm for each in configs], dtype=np.float64)
-        self._bases = bases_at(initial_poses, scenery.encoder_scale * (1.0 + errors), radii)
+        self._bases = bases_at(initial_poses, scenery.encoder_scale * (1.0 + errors), configs)
         self._crossings = np.zeros(len(initial_poses), dtype=np.int64)
         self._build(scenery.walls, scenery.silent, outlines=scenery.outlines)
         check_clearance(initial_poses, self._walls, radii)
@@ -369,10 +369,10 @@ class World:
     def travel(self, robot: int) -> tuple[float, ...]:
         """Return how far each wheel of a robot has rolled by its own report, in mm.
 
-        The wheels are left and right; or front left, front right, rear left and rear right.
+        The wheels are left and right, or those of the body in its order.
         """
         robot = self._index(robot)
-        return tuple(self._bases.travel[robot, : self.configs[robot].wheels].tolist())
+        return tuple(self._bases.travel[robot, : len(self.configs[robot].wheels)].tolist())
 
     def speed(self, robot: int) -> Speed:
         """Return the current speed of a robot."""
@@ -381,12 +381,9 @@ class World:
     def wheel_speed(self, robot: int) -> float:
         """Return the mean magnitude of the speeds of the wheels, in mm/s."""
         speed, config = self.speed(robot), self.configs[robot]
-        half = math.radians(speed.turn_deg_s) * (config.wheel_base_mm + config.wheel_distance_mm) / 2.0
-        ahead, left = speed.velocity_mm_s, speed.sideways_mm_s
-        wheels = [ahead - left - half, ahead + left + half]
-        if config.is_omnidirectional:
-            wheels += [ahead + left - half, ahead - left + half]
-        return sum(map(abs, wheels)) / len(wheels)
+        ahead, left, turn = speed.velocity_mm_s, speed.sideways_mm_s, math.radians(speed.turn_deg_s)
+        rolled = [ahead * w.ahead + left * w.left + turn * w.turn_mm for w in config.wheels]
+        return sum(map(abs, rolled)) / len(rolled)
 
     def true_pose(self, robot: int) -> Pose:
         """Return the true pose of a robot."""

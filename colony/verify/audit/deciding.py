@@ -8,6 +8,7 @@ from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Executor, Outcome
 from colony.ir.program import Program
+from colony.text.wording import time_text
 from colony.verify.audit.audit import Recorded, RecordedMemory
 from colony.verify.audit.resuming import Resuming
 from colony.verify.reference.interpreter import Interpreter
@@ -37,7 +38,7 @@ class Decider:
         """Decide a frame; return None if the memory is not known."""
         if recorded.damaged:
             self._executor = None
-            self._record_damage(f"to {recorded.frame.t_ns / 1e9:.10g} s")
+            self._record_damage(f"to {time_text(recorded.frame.t_ns)}")
         self._last_ns = recorded.frame.t_ns
         if recorded.restart or recorded.frame.restarted:
             self._executor = self._new_executor()
@@ -82,5 +83,5 @@ class Decider:
             return None
 
     def _record_damage(self, end: str) -> None:
-        start = "" if self._last_ns is None else f" from {self._last_ns / 1e9:.10g} s"
+        start = "" if self._last_ns is None else f" from {time_text(self._last_ns)}"
         self.damage.append(f"damaged{start} {end}")

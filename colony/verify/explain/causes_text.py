@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import assert_never
 
-from colony.text.wording import duration_text, listed
+from colony.text.wording import duration_text, listed, rounded_ns, time_text
 from colony.verify.explain.causes import (
     Answered,
     Cause,
@@ -158,7 +158,7 @@ def _present_text(present: Present, t_ns: int) -> str:
 
 def ago_text(at_ns: int, t_ns: int) -> str:
     """Return `10.2 s, 1.5 s before`, the time of what led to a frame."""
-    return time_text(at_ns) if at_ns == t_ns else f"{time_text(at_ns)}, {duration_text(t_ns - at_ns)} before"
+    return time_text(at_ns) if at_ns == t_ns else f"{time_text(at_ns)}, {duration_text(rounded_ns(t_ns - at_ns))} before"
 
 
 def _verdict(holds: bool) -> str:
@@ -173,8 +173,3 @@ def truth_text(holds: bool) -> str:
 def detail_text(detail: tuple[str, ...]) -> str:
     """Return the values of inputs, in parentheses; nothing if there are none."""
     return f" ({'; '.join(detail)})" if detail else ""
-
-
-def time_text(t_ns: int) -> str:
-    """Return the time of a frame in seconds."""
-    return f"{t_ns / 1e9:.10g} s"

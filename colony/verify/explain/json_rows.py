@@ -6,7 +6,7 @@ from dataclasses import fields
 from typing import Any, assert_never
 
 from colony.text.source import Span
-from colony.text.wording import listed
+from colony.text.wording import listed, seconds_of
 from colony.verify.explain.answer import Explanation, Question, Sent, Whether, Why, WhyNot
 from colony.verify.explain.causes import Cause
 from colony.verify.explain.causes_text import cause_text
@@ -21,7 +21,7 @@ def row(explanation: Explanation) -> dict[str, Any]:
     return {
         "question": _question(explanation.question),
         "frame": explanation.k,
-        "t": explanation.t_ns / 1e9,
+        "t": seconds_of(explanation.t_ns),
         "claim": explanation.claim,
         "holds": explanation.holds,
         "answer": explanation.answer,
@@ -30,7 +30,7 @@ def row(explanation: Explanation) -> dict[str, Any]:
         else {
             "name": module[0],
             "status": module[1].value,
-            "since": None if module[1].first else module[1].t_ns / 1e9,
+            "since": None if module[1].first else seconds_of(module[1].t_ns),
         },
         "sent": None if explanation.sent is None else _sent(explanation.sent),
         "because": _because(explanation.formula, explanation.t_ns, 0),

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import assert_never
 
-from colony.text.wording import listed
+from colony.text.wording import listed, time_text
 from colony.verify.explain.answer import Explanation, Whether
 from colony.verify.explain.causes import Constant
-from colony.verify.explain.causes_text import ago_text, cause_text, detail_text, time_text, truth_text
+from colony.verify.explain.causes_text import ago_text, cause_text, detail_text, truth_text
 from colony.verify.explain.changes_text import MAX_PARTS, changes_texts
 from colony.verify.explain.command import Cut
 from colony.verify.explain.formula import Formula, Group, Leaf, deciding_parts

@@ -57,7 +57,8 @@ function setUp({ scene, live, may_stop, may_ask }) {
   page.isLive = live;
   page.mayAsk = may_ask;
   setText($("robot"), scene.robot);
-  setText($("title"), scene.title);
+  const description = scene.description === scene.robot ? "" : `(${scene.description}) `;
+  setText($("title"), description + scene.title);
   document.title = `${scene.robot} – colony watch`;
   $("stop").hidden = !may_stop;
   $("follow").hidden = !live;

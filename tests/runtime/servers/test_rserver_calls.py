@@ -323,6 +323,26 @@ def test_a_call_that_comes_twice_is_done_once(stage: Stage) -> None:
     assert stage.do("ann/1", robot.position()).x == 10.0
 
 
+MOVING: list[Ask[Any]] = [
+    robot.drive(10.0, 0.0),
+    robot.go(10.0),
+    robot.proportional_go(10.0),
+    robot.jog(10.0),
+    robot.stop(1),
+    robot.move(100.0),
+    robot.turn(10.0),
+    robot.continuous_turn(90.0, 200.0),
+]
+
+
+@pytest.mark.parametrize("ask", MOVING, ids=lambda ask: ask.method)
+def test_arbitration_names_the_call_by_which_a_connection_commands(stage: Stage, ask: Ask[Any]) -> None:
+    stage.send("ann/1", ask)
+    stage.frame()
+    [report] = stage.do("ann/1", robot.arbitration()).outside
+    assert report.commands == ask.method
+
+
 # --- lock ------------------------------------------------------------------------------------------
 
 

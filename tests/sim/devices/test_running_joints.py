@@ -46,6 +46,20 @@ def test_a_joint_runs_until_it_is_stopped_or_at_an_end() -> None:
     assert state(stage) == (100.0, 0.0, False)
 
 
+def test_end_switches_are_pressed_at_the_ends() -> None:
+    stage = Stage(WINCH)
+
+    def switches() -> tuple[object, ...]:
+        return tuple(stage.read("Winch", field) for field in ("lower_end", "upper_end"))
+
+    assert switches() == (True, False)
+    run(stage, 50.0)
+    stage.advance(1.0)
+    assert switches() == (False, False)
+    stage.advance(4.0)
+    assert switches() == (False, True)
+
+
 @pytest.mark.parametrize("velocity", [1000.0, math.inf])
 def test_a_joint_runs_at_most_at_its_speed(velocity: float) -> None:
     stage = Stage(WINCH)

@@ -199,7 +199,15 @@ def test_the_lift_is_moved_by_its_motor() -> None:
     def read() -> dict[str, object]:
         return {name: s and s.value for name, s in lift.sense(world.elapsed_ns).items()}
 
-    assert read() == {"position": 0.0, "target": 0.0, "moving": False, "load": 0.0}
+    at_rest = {
+        "position": 0.0,
+        "target": 0.0,
+        "moving": False,
+        "load": 0.0,
+        "lower_end": True,
+        "upper_end": False,
+    }
+    assert read() == at_rest
     lift.command("move", {"position": 2.0}, world.elapsed_ns)
     advance(world, 2.0)
     assert read()["position"] == pytest.approx(100.0, abs=2.0)
@@ -210,7 +218,7 @@ def test_the_lift_is_moved_by_its_motor() -> None:
     assert not read()["moving"]
     lift.command("move", {"position": 2.0}, world.elapsed_ns)
     advance(world, 3.0)
-    assert read() == {"position": 200.0, "target": 2.0, "moving": False, "load": 0.0}
+    assert read() == at_rest | {"position": 200.0, "target": 2.0, "lower_end": False, "upper_end": True}
 
 
 def test_a_battery_is_charged_where_the_robot_stands() -> None:
@@ -254,7 +262,7 @@ def test_beams_of_a_lidar_off_the_center_that_turns_clockwise() -> None:
 def test_what_it_does_not_simulate_is_refused() -> None:
     with pytest.raises(ValueError, match="no sonars and no cameras, such as that of PServer"):
         build_of(shipped_body("rome"))
-    with pytest.raises(ValueError, match="no mecanum wheels"):
+    with pytest.raises(ValueError, match="two driven wheels"):
         build_of(shipped_body("omni"))
     with pytest.raises(ValueError, match="expected at least 400 mm"):
         MujocoWorld(body=AMR, walls=AHEAD, pose=(0.0, 1700.0, 0.0))

@@ -60,7 +60,7 @@ def test_each_device_has_its_fields_with_their_ages(plant: PlantProcess) -> None
         "Floor": {"cliff"},
         "Battery": {"level", "charging"},
         "Panel": {"estop"},
-        "Lift": {"position", "target", "moving", "load"},
+        "Lift": {"position", "target", "moving", "load", "lower_end", "upper_end"},
     }
     for server, names in fields.items():
         with closing(RemoteDevice(plant.path, "amr", server)) as driver:

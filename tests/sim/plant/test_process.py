@@ -324,7 +324,7 @@ def test_options_that_make_no_sense(tmp_path: Path) -> None:
 def test_a_plant_has_the_devices_and_fields_of_its_servers_alone(tmp_path: Path) -> None:
     body = shipped_body("amr")
     probe = ServerSpec(
-        "Probe", fields=(FieldSpec("moisture", DIMENSIONLESS, "as the interface declares it"),)
+        "Probe", fields=(FieldSpec("moisture", DIMENSIONLESS, "the value that the interface declares"),)
     )
     body = replace(body, servers={**body.servers, "Probe": Server()})
     servers = (*(spec for spec in servers_of(body) if spec.name not in ("Panel", "Probe")), probe)

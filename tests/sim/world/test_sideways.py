@@ -4,18 +4,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from colony.body.devices import Pose
+from colony.body.model import Omnidirectional
+from colony.sim.config import RobotConfig
 from colony.sim.world.world import STILL, Speed, World
 from tests.sim.robots import IDEAL, ROME, SIDEWAYS
 
 MECANUM = replace(IDEAL, **SIDEWAYS)
 FAST = replace(MECANUM, acceleration_mm_s2=1e9, turn_acceleration_deg_s2=1e9, sideways_acceleration_mm_s2=1e9)
 RADIUS = MECANUM.radius_mm
+KIWI = tuple(
+    Pose(150.0 * math.cos(math.radians(bearing)), 150.0 * math.sin(math.radians(bearing)), bearing + 90.0)
+    for bearing in (60.0, 180.0, -60.0)
+)
+"""Three omni wheels at 120 degrees, 150 mm from the center."""
+UNEVEN = (*KIWI[:2], Pose(-40.0, -170.0, 10.0), Pose(200.0, 30.0, 45.0))
+
+
+def on_wheels(wheels: tuple[Pose, ...], config: RobotConfig = FAST) -> RobotConfig:
+    return replace(config, omni_wheels=Omnidirectional(wheels=wheels).rolling)
 
 
 def driven(
@@ -97,11 +111,12 @@ def test_a_wall_beside_the_base_stops_it() -> None:
     turn=st.floats(-90.0, 90.0),
     sideways=st.floats(-500.0, 500.0),
     heading=st.floats(0.0, 359.0),
+    config=st.sampled_from([MECANUM, on_wheels(KIWI, MECANUM), on_wheels(UNEVEN, MECANUM)]),
 )
 def test_without_errors_odometry_is_the_true_pose(
-    velocity: float, turn: float, sideways: float, heading: float
+    velocity: float, turn: float, sideways: float, heading: float, config: RobotConfig
 ) -> None:
-    world = driven(velocity, turn, sideways, 1.0, heading, config=MECANUM)
+    world = driven(velocity, turn, sideways, 1.0, heading, config=config)
     pose, odometry = world.true_pose(0), world.odometry(0)
     assert odometry[:2] == pytest.approx(pose[:2], abs=1e-6)
     assert math.remainder(odometry.heading_deg - pose.heading_deg, 360.0) == pytest.approx(0.0, abs=1e-9)
@@ -112,10 +127,32 @@ def test_the_scale_of_a_wheel_bends_what_odometry_takes_for_the_way() -> None:
     world._bases.scales[0] = (1.0, 1.0, 1.0, 1.04)  # the rear right wheel counts too much
     world.command(0, 0.0, 0.0, 250.0)
     world.advance(0.02)  # one slice: 5 mm to the left, for which this wheel rolls 5 mm backward
-    odometry, reach = world.odometry(0), (FAST.wheel_base_mm + FAST.wheel_distance_mm) / 2.0
+    odometry, reach = world.odometry(0), 320.0
     assert odometry.x_mm == pytest.approx(-5.05, abs=1e-3)
     assert odometry.y_mm == pytest.approx(-0.05, abs=1e-3)
     assert odometry.heading_deg - 360.0 == pytest.approx(-math.degrees(0.2 / (4.0 * reach)))
+
+
+def test_three_omni_wheels_roll_as_their_directions_say() -> None:
+    ahead = driven(300.0, 0.0, 0.0, 1.0, config=on_wheels(KIWI)).travel(0)
+    assert ahead == pytest.approx((-300.0 * math.sqrt(0.75), 0.0, 300.0 * math.sqrt(0.75)))
+    left = driven(0.0, 0.0, 300.0, 1.0, config=on_wheels(KIWI)).travel(0)
+    assert left == pytest.approx((150.0, -300.0, 150.0))
+    turned = driven(0.0, 60.0, 0.0, 1.0, config=on_wheels(KIWI)).travel(0)
+    assert turned == pytest.approx([math.radians(60.0) * 150.0] * 3)
+
+
+def test_wheels_of_both_kinds_drive_in_one_world() -> None:
+    world = World(
+        walls=(), poses=[(0.0, 0.0, 0.0), (5_000.0, 0.0, 0.0)], config=[on_wheels(UNEVEN), IDEAL], seed=1
+    )
+    for robot in (0, 1):
+        world.command(robot, 200.0, 20.0)
+    for _ in range(20):
+        world.advance(0.1)
+    for robot in (0, 1):
+        assert world.odometry(robot) == pytest.approx(world.true_pose(robot), abs=1e-6)
+    assert [len(world.travel(robot)) for robot in (0, 1)] == [4, 2]
 
 
 def test_the_error_of_the_way_sideways_is_that_of_four_wheels() -> None:
@@ -129,12 +166,14 @@ def test_the_error_of_the_way_sideways_is_that_of_four_wheels() -> None:
 
 def test_wheels_roll_as_fast_as_the_way_takes() -> None:
     assert driven(0.0, 0.0, 300.0, 1.0).wheel_speed(0) == pytest.approx(300.0)
-    reach = (FAST.wheel_base_mm + FAST.wheel_distance_mm) / 2.0
+    reach = 320.0
     assert driven(0.0, 60.0, 0.0, 1.0).wheel_speed(0) == pytest.approx(math.radians(60.0) * reach)
     assert driven(300.0, 0.0, 300.0, 1.0).wheel_speed(0) == pytest.approx(300.0)  # two of them stand
 
 
-@pytest.mark.parametrize("part", SIDEWAYS)
-def test_a_robot_has_all_that_it_takes_to_drive_sideways_or_nothing(part: str) -> None:
-    with pytest.raises(ValueError, match=r"above 0|all 0"):
-        replace(MECANUM, **{part: 0.0})
+@pytest.mark.parametrize(
+    "changes", [{"max_sideways_mm_s": 0.0}, {"sideways_acceleration_mm_s2": 0.0}, {"omni_wheels": ()}]
+)
+def test_a_robot_has_all_that_it_takes_to_drive_sideways_or_nothing(changes: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"above 0|to be 0"):
+        replace(MECANUM, **changes)
