@@ -314,8 +314,8 @@ def _print_text(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
             click.echo()
         for line in lines(answer):
             click.echo(line)
-    for text in asked.index.damaged:
-        say(f"{asked.recording}: warning: damaged {text}")
+    for text in (*asked.index.remarks, *(f"damaged {text}" for text in asked.index.damaged)):
+        say(f"{asked.recording}: warning: {text}")
 
 
 def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explanation]) -> None:
@@ -341,6 +341,7 @@ def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
         "from": index.first_ns / 1e9,
         "to": index.last_ns / 1e9,
         "truncated": index.truncation,
+        "remarks": list(index.remarks),
         "damaged": list(index.damaged),
         "when": when,
         "answers": [row(answer) for answer in answers],
