@@ -156,7 +156,7 @@ def load_tree(
     """Load the file at `path` (or `text` in its place) and everything that it imports, transitively.
 
     Imports by name are looked up in `shipped`, if given, instead of the files shipped with colony; `import
-    robot` is the robot that the program declares, or else the one of `context`. With `within`, no file outside
+    robot` is the robot that the program declares, or else that of `context`. With `within`, no file outside
     this folder is opened. Unreadable files and cycles are reported as diagnostics; nothing is raised.
     """
     loader = _Loader(shipped, None if within is None else real_path(within))

@@ -141,8 +141,8 @@ _UNKNOWN_START = -1
 def _start(k: int, row: Row) -> int:
     """Return the first frame of the epoch of a recording's first line.
 
-    A recorded line without a keyframe is in the middle of an epoch, and so is one whose keyframe does not have
-    initial memory.
+    A recorded line without a keyframe is in the middle of an epoch, and so is one whose keyframe has memory
+    that is not initial.
     """
     keyframe = read_keyframe(row.values.get("@keyframe"))
     if keyframe is None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 import random
 import struct
-import zlib
 import sys
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -140,7 +140,10 @@ def test_frames_without_end_are_a_bomb() -> None:
     file = as_mcap(PROGRAM, logs(PROGRAM, trace(8)))
     (chunk,) = [zstandard.decompress(chunk_in(data).data) for data in file.writes[1:2]]
     empty = struct.pack("<BQHIQQ", 5, 22, 999, 0, 0, 0)
-    for records, message in ((chunk * 2000, "not in the order of time"), (empty * 200_000, "unpacks to far more")):
+    for records, message in (
+        (chunk * 2000, "not in the order of time"),
+        (empty * 200_000, "unpacks to far more"),
+    ):
         many = rechunked(file.writes[1], "zstd", records)
         with pytest.raises(DiagnosticError, match=message):
             read_mcap(PROGRAM, b"".join([file.writes[0], many, *file.writes[2:]]))
