@@ -256,6 +256,7 @@ class _Asked:
 
         if found.moment is None:
             damage = "".join(f"; damaged {text}" for text in self.index.damaged)
+            damage += "".join(f"; {text}" for text in self.index.remarks)
             say(
                 f"{self.recording}: error: what the program remembered at {found.t_ns / 1e9:.10g} s "
                 f"(frame {found.k}) is not known{damage}"

@@ -9,7 +9,10 @@ import pytest
 from tests.cli.mutants import cases, try_mutant
 from tests.sampling import long
 
-NAMES = [f"{stem}.{suffix}" for stem in "bm" for suffix in ("mcap", "jsonl", "input", "colonyc")]
+NAMES = [
+    *("p.mcap", "p.jsonl"),
+    *(f"{stem}.{suffix}" for stem in "bm" for suffix in ("mcap", "jsonl", "input", "colonyc")),
+]
 
 
 @pytest.mark.parametrize("seed", [1, long(2), long(3)])

@@ -157,6 +157,8 @@ class McapReader:
                         frame = assembler.take(record, damaged=self.damaged)
                     case Damage(is_attachment=False):
                         frame = assembler.finish(damaged=self.damaged)
+                    case _:
+                        pass
                 if frame is not None:
                     yield frame
                 self.damaged = self.damaged or (isinstance(record, Damage) and not record.is_attachment)
