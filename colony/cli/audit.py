@@ -93,8 +93,9 @@ def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) 
         raise DiagnosticError(
             [error("A006", Span(Source(recording, ""), 0, 0), f"{message} that can be compared")]
         )
-    truncation = f": {reader.truncation}" if reader.truncation else ""
-    raise DiagnosticError([error("A003", Span(Source(recording, ""), 0, 0), f"{message}{truncation}")])
+    remarks = "; ".join([*([reader.truncation] if reader.truncation else []), *reader.remarks])
+    message = f"{message} that can be compared: {remarks}" if remarks else message
+    raise DiagnosticError([error("A003", Span(Source(recording, ""), 0, 0), message)])
 
 
 def _print_json(
@@ -113,6 +114,7 @@ def _print_json(
         "run": run.run if run else None,
         "shadow": reader.shadow,
         "truncated": reader.truncation,
+        "remarks": list(reader.remarks),
         "params": None if program.site is None else dict(program.site.values),
         "params_hash": None if program.site is None else program.site.hash,
     }

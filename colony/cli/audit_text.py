@@ -36,10 +36,11 @@ def render(
         *_indented(_counts(report)),
         *_indented(_contracts(report, program)),
         *([f"  truncated: {truncation}; audited as far as it goes"] if truncation else []),
+        *_indented(iter(reader.remarks)),
         *_indented(_damage(report)),
     ]
     if report.first is None:
-        compared = "compared " if report.unknown or report.damaged else ""
+        compared = "compared " if report.unknown or report.damaged or report.forgotten else ""
         where = ", as far as the recording is not damaged" if report.damaged else ""
         return "\n".join([*lines, f"agrees: every decision {compared}is the interpreter's{where}"])
     differing = counted(report.differing, "frame")
@@ -94,7 +95,7 @@ def _damage(report: AuditReport) -> Iterator[str]:
     if report.resumed:
         yield "after that, audited from the recorded memory"
     if report.forgotten:
-        yield f"{counted(report.forgotten, 'frame')} not compared: the memory after the damage is unknown"
+        yield f"{counted(report.forgotten, 'frame')} not compared: the memory before them is unknown"
     if report.undecided:
         yield f"{counted(report.undecided, 'decision')} not compared: what lost clients changed is unknown"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -25,6 +25,7 @@ from colony.text.wording import printable
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Connection
+    from colony.runtime.library.leader import ReadVariable
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -108,6 +109,8 @@ def get(name: str, robot: str | None, connect: str | None, security: Path | None
 def set_value(name: str, value: str, robot: str | None, connect: str | None, security: Path | None) -> None:
     """Set the variable NAME to VALUE, which is JSON: quote text, and quote it again for the shell.
 
+    A value of another type than the running program reads is set with a warning: it is a sensor fault.
+
     \b
     Example:
       colony data set GoalDirection -90.5
@@ -118,11 +121,33 @@ def set_value(name: str, value: str, robot: str | None, connect: str | None, sec
 
     _expect_names((name,))
     try:
-        call = data.set(name, msgspec.json.decode(value))
+        decoded = msgspec.json.decode(value)
+        call = data.set(name, decoded)
     except (msgspec.DecodeError, UnicodeError, OverflowError, RecursionError) as problem:
         raise click.UsageError(f"VALUE is not valid JSON: {problem}; put text in quotes") from None
     with _dserver(robot, connect, security) as server:
         server.do(call)
+    for read in _reads(robot, connect, security):
+        if read.variable == name and not read.fits(decoded):
+            say(
+                f"colony: warning: the program reads `{name}` as {read.expected} (sensor `{read.sensor}`): "
+                "this value is a sensor fault"
+            )
+
+
+def _reads(robot: str | None, connect: str | None, security: Path | None) -> Iterable[ReadVariable]:
+    """Return the variables that the program of a running robot reads; none if they are not known."""
+    from colony.runtime.kit.errors import RobotConnectionError
+    from colony.runtime.library.leader import LEADER, run_program
+
+    with (
+        suppress(RobotConnectionError),
+        session_with(robot_address_of(_robot(robot, connect), connect, security)) as session,
+    ):
+        if LEADER in session.servers():
+            with session.connect(LEADER, name="colony data") as leader:
+                return leader.do(run_program()).reads
+    return ()
 
 
 @command.command(short_help="delete variables")

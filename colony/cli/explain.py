@@ -254,6 +254,7 @@ class _Asked:
 
         if found.moment is None:
             damage = "".join(f"; damaged {text}" for text in self.index.damaged)
+            damage += "".join(f"; {text}" for text in self.index.remarks)
             say(
                 f"{self.recording}: error: what the program remembered at {time_text(found.t_ns)} "
                 f"(frame {found.k}) is not known{damage}"
@@ -312,8 +313,8 @@ def _print_text(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
             click.echo()
         for line in lines(answer):
             click.echo(line)
-    for text in asked.index.damaged:
-        say(f"{asked.recording}: warning: damaged {text}")
+    for text in (*asked.index.remarks, *(f"damaged {text}" for text in asked.index.damaged)):
+        say(f"{asked.recording}: warning: {text}")
 
 
 def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explanation]) -> None:
@@ -339,6 +340,7 @@ def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
         "from": seconds_of(index.first_ns),
         "to": seconds_of(index.last_ns),
         "truncated": index.truncation,
+        "remarks": list(index.remarks),
         "damaged": list(index.damaged),
         "when": when,
         "answers": [row(answer) for answer in answers],

@@ -20,7 +20,8 @@ def program_for(reader: RecordingReader, recording: str, file: str | None, folde
     Exits like `load_program`, also for errors that these params make.
 
     Raises:
-        DiagnosticError: A005, there is no `file`, and the recording does not have the whole program.
+        DiagnosticError: A005, there is no `file`, and the recording does not have the whole program; A006, it
+            is damaged.
     """
     if file is not None:
         return load_program(file)
@@ -32,6 +33,6 @@ def program_for(reader: RecordingReader, recording: str, file: str | None, folde
     try:
         return recorded_program(reader.run, recording, folder, chosen_params())
     except DiagnosticError as failure:
-        if failure.diagnostics[0].code == "A005":
+        if failure.diagnostics[0].code in ("A005", "A006"):
             raise
         exit_with(failure.diagnostics)

@@ -201,6 +201,8 @@ def _report(name: str, reader: RecordingReader, decided: _Decided) -> None:
     """Report what of the recording was not decided, and why; exit with 1 if it is damaged."""
     if reader.truncation:
         say(f"{name}: {reader.truncation}; decided as far as it goes")
+    for text in reader.remarks:
+        say(f"{name}: {text}")
     for text in decided.damage:
         say(f"{name}: error: {text}")
     if decided.undecided:

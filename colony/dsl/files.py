@@ -151,14 +151,15 @@ def load_tree(
     *,
     shipped: Path | None = None,
     context: ProgramContext | None = None,
+    within: Path | None = None,
 ) -> SourceTree:
     """Load the file at `path` (or `text` in its place) and everything that it imports, transitively.
 
     Imports by name are looked up in `shipped`, if given, instead of the files shipped with colony; `import
-    robot` is the robot that the program declares, or else the one of `context`. Unreadable files and cycles
-    are reported as diagnostics; nothing is raised.
+    robot` is the robot that the program declares, or else that of `context`. With `within`, no file outside
+    this folder is opened. Unreadable files and cycles are reported as diagnostics; nothing is raised.
     """
-    loader = _Loader(shipped)
+    loader = _Loader(shipped, None if within is None else real_path(within))
     key = real_path(path)
     try:
         source = read_source(path, name) if text is None else Source(name, text)
@@ -205,8 +206,8 @@ def _is_of_robot(import_: Import) -> bool:
 class _Loader:
     """Loads files, iteratively, so that import chains do not recurse. Mutable."""
 
-    def __init__(self, shipped: Path | None) -> None:
-        self.shipped = shipped
+    def __init__(self, shipped: Path | None, within: str | None) -> None:
+        self.shipped, self.within = shipped, within
         self.files: dict[str, ParsedFile] = {}
         self.diagnostics: list[Diagnostic] = []
 
@@ -322,6 +323,10 @@ class _Loader:
     ) -> Source | None:
         """Return the text of an imported file, or None after reporting the reason at the import."""
         span = Span(source, declaration.start, declaration.end)
+        if self.within is not None and not Path(real_path(path)).is_relative_to(self.within):
+            message = f"`{declaration.path}` is not part of the recorded program"
+            self.diagnostics.append(error("E103", span, message))
+            return None
         if count > MAX_FILES:
             message = f"more than {MAX_FILES} files are imported"
             self.diagnostics.append(error("E103", span, message))

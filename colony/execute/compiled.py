@@ -27,10 +27,14 @@ class SourceFile:
     data: bytes
 
 
+MAX_PATH_PARTS = 64
+"""Maximum number of folders in the path of a source file, the file included."""
+
+
 def is_source_path(name: str) -> bool:
     """Return True if a name may be the path of a source file: it does not lead out of its folder."""
     path = PurePosixPath(name)
-    is_within = bool(path.parts) and not path.is_absolute() and ".." not in path.parts
+    is_within = 0 < len(path.parts) <= MAX_PATH_PARTS and not path.is_absolute() and ".." not in path.parts
     return is_within and "\\" not in name and "\0" not in name
 
 

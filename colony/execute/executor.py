@@ -5,10 +5,22 @@ They run op by op; the code generated from the same `Code` (`colony.compile.back
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from colony.execute.code import ActuatorCode, ClientCode, Kind
+from colony.execute.code import (
+    ActuatorCode,
+    ClientCode,
+    Commanded,
+    Kind,
+    OldCell,
+    PythonActive,
+    PythonBlind,
+    PythonField,
+    Sent,
+    Winner,
+    operands,
+)
 from colony.execute.compiled import Compiled
 from colony.execute.decisions import ActuatorDecision, BoundsStep, bounds_in_frame, decide, decide_given
 from colony.execute.machine import OpMachine
@@ -77,6 +89,39 @@ class ProgramExecutor:
             self._remember_sent(decisions)
         return Outcome(decisions, machine.records(), breaches)
 
+    def advance(self, frame: Frame, answers: Mapping[str, Answer], missing: Collection[str]) -> bool:
+        """Step over a frame in which the answers of the modules `missing` are not known.
+
+        Call it for the frames that follow, too, until it returns True.
+
+        Returns:
+            True if memory is known: no cell has a value that depends on an answer that was missing.
+        """
+        doubtful = self._doubtful(missing)
+        self.step(frame, {**answers, **{module: Answer(blind=True) for module in missing}})
+        values, doubted = self._machine.values, self._doubted_cells
+        for i, cell in enumerate(self.code.cells):
+            if doubtful[cell.condition] or (values[cell.condition] and doubtful[cell.value]):
+                doubted.add(i)
+            elif values[cell.condition]:
+                doubted.discard(i)
+        return not doubted
+
+    def _doubtful(self, missing: Collection[str]) -> list[bool]:
+        """Return for each value whether it depends on a missing answer, of this frame or through memory."""
+        is_any, doubtful = bool(missing or self._doubted_cells), list[bool]()
+        for op in self.code.ops:
+            match op:
+                case PythonActive(module=module) | PythonBlind(module=module) | PythonField(module=module):
+                    doubtful.append(module in missing)
+                case OldCell(cell=cell):
+                    doubtful.append(cell in self._doubted_cells)
+                case Winner() | Commanded() | Sent():
+                    doubtful.append(is_any)
+                case _:
+                    doubtful.append(any(doubtful[i] for i in operands(op)))
+        return doubtful
+
     def network_decisions(self) -> tuple[Decision, ...]:
         """Return what the network decided in the last frame, whatever actuators were given."""
         values = self._machine.values
@@ -89,6 +134,7 @@ class ProgramExecutor:
             DiagnosticError: one of them cannot be built.
         """
         self._machine = OpMachine(self.code, answers_given=self._answers_given)
+        self._doubted_cells: set[int] = set()
         self._last: dict[str, ScalarValue] = {}  # values of `last.ACTUATOR.FIELD`, in declared units
 
     def _remember_sent(self, decisions: tuple[Decision, ...]) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from math import inf, isfinite
-from pathlib import PurePosixPath
 from typing import assert_never
 
 from colony.execute.code import (
@@ -33,7 +32,7 @@ from colony.execute.code import (
     Table,
     Winner,
 )
-from colony.execute.compiled import Compiled
+from colony.execute.compiled import Compiled, is_source_path
 from colony.execute.operators import Operator
 from colony.execute.signatures import result_of
 from colony.ir.program import ActuatorField, Sensor
@@ -149,9 +148,7 @@ class _Check:
         paths = [(source.kind, source.path) for source in compiled.sources]
         _expect(len(set(paths)) == len(paths), "duplicate source")
         for _, path in paths:
-            parts = PurePosixPath(path).parts
-            relative = parts and ".." not in parts and not path.startswith("/") and path.isprintable()
-            _expect(bool(relative), f"{path[:40]!r} is not a relative path")
+            _expect(is_source_path(path) and path.isprintable(), f"{path[:40]!r} is not a relative path")
         _expect(
             not paths or ("behavior", compiled.root) in paths, "the compiled file is not among the sources"
         )

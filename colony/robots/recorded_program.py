@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
+from typing import Literal
 
 from colony.dsl.check.program import check_program
 from colony.dsl.check.site_labels import with_site_labels
@@ -32,9 +32,11 @@ def recorded_program(run: RunInfo, name: str, folder: Path, params: SiteParams |
     those in the recording. No Python module is run.
 
     Raises:
-        DiagnosticError: A005, the recording does not have the whole program, or the program has errors; or
-            the errors that `params` make in a good program.
+        DiagnosticError: A005, the recording does not have the whole program, or the program has errors; A006,
+            a file of it is damaged; or the errors that `params` make in a good program.
     """
+    if run.program_damage:
+        raise DiagnosticError([unusable(name, f"its program is damaged ({run.program_damage})", code="A006")])
     if not any(s.path == run.program and s.kind == "behavior" for s in run.sources):
         raise DiagnosticError([unusable(name, "the recording does not contain its program")])
     for source in run.sources:
@@ -48,18 +50,7 @@ def recorded_program(run: RunInfo, name: str, folder: Path, params: SiteParams |
                 path.write_bytes(source.data)
     except (OSError, ValueError) as problem:
         raise DiagnosticError([unusable(name, f"its program cannot be unpacked: {problem}")]) from None
-    root = folder / "behavior" / run.program
-    tree = _tree(root, run)
-    behavior_folder = os.path.realpath(folder / "behavior")
-    outside_files = [f.key for f in tree.files if not Path(f.key).is_relative_to(behavior_folder)]
-    if outside_files:
-        raise DiagnosticError(
-            [
-                unusable(
-                    name, f"its program imports `{outside_files[0]}`, which the recording does not contain"
-                )
-            ]
-        )
+    tree = _tree(folder / "behavior" / run.program, run)
     program, diagnostics = check_program(tree, params=params or params_of(run.site))
     if program is None:
         if params is not None and (own := check_program(tree))[0] is not None:
@@ -90,9 +81,15 @@ def _tree(root: Path, run: RunInfo) -> SourceTree:
 
 def _loaded(root: Path, run: RunInfo, choice: RobotChoice | None) -> SourceTree:
     context = ProgramContext(choice=choice)
-    return load_tree(root, run.program, shipped=root.parent / SHIPPED, context=context)
+    return load_tree(
+        root,
+        run.program,
+        shipped=root.parent / SHIPPED,
+        context=context,
+        within=root.parents[len(Path(run.program).parts) - 1],
+    )
 
 
-def unusable(name: str, message: str) -> Diagnostic:
-    """Return A005: the reason why the program of the recording `name` cannot be used."""
-    return error("A005", Span(Source(name, ""), 0, 0), message, "give the behavior that was run as FILE")
+def unusable(name: str, message: str, *, code: Literal["A005", "A006"] = "A005") -> Diagnostic:
+    """Return the reason why the program of the recording `name` cannot be used."""
+    return error(code, Span(Source(name, ""), 0, 0), message, "give the behavior that was run as FILE")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -132,12 +132,18 @@ class Joiner:
         source: what the frames are for.
         keyframe: function that returns the number of a frame and the keyframe before it; may block.
         max_held: maximum number of frames that are held back; beyond it they are shown without memory.
+        modules: the modules in Python; memory is not known after a frame without the answer of one.
     """
 
     def __init__(
-        self, source: LiveSource, keyframe: Callable[[], tuple[int, Keyframe | None]], max_held: int
+        self,
+        source: LiveSource,
+        keyframe: Callable[[], tuple[int, Keyframe | None]],
+        max_held: int,
+        modules: Collection[str] = (),
     ) -> None:
         self._source, self._keyframe = source, keyframe
+        self._modules = frozenset(modules)
         self._held: deque[FrameLog] = deque()
         self._max_held = max_held
         self._lock = threading.Lock()
@@ -156,6 +162,7 @@ class Joiner:
                 self._is_following = True
             elif log.skipped:
                 self._is_following = False
+            self._is_following = self._is_following and self._modules <= log.answers.keys()
             if self._is_following:
                 self._source.put(recorded_frame(log, damaged=False, memory_unknown=False))
                 return
@@ -184,6 +191,8 @@ class Joiner:
             held = list(self._held)
             place = next((i for i, log in enumerate(held) if log.tick.k == k), None)
             if place is None or keyframe is None or keyframe.memory is None:
+                return
+            if any(not self._modules <= log.answers.keys() for log in held[place:]):
                 return
             for log in held[:place]:
                 self._put_unknown(log)
@@ -214,7 +223,7 @@ def listening(
     described = described_robot(program.robot)
     servers = (*described.servers, *additional_servers(program.robot, described, robot_address))
     compiled = compile_program(program).compiled
-    joiner = Joiner(source, keyframe, frames_to_keep(compiled.frame_ns))
+    joiner = Joiner(source, keyframe, frames_to_keep(compiled.frame_ns), compiled.python_modules)
     with ExitStack() as resources:
         resources.callback(joiner.close)
         observer = build_observer(compiled, bind(compiled.robot, servers), (joiner,), run)

@@ -37,14 +37,14 @@ class RecordingSource:
                 if self._closed:
                     return
                 self._follower.take(recorded)
-            store.problem = self._reader.truncation
+            store.problem = self._reader.truncation or "; ".join(self._reader.remarks) or None
             if self._reader.damaged:
                 store.problem = "it is damaged at its end"
             if store.problem is None and store.span.end == 0:
                 store.problem = "it contains no frame"
         except DiagnosticError as failure:
             store.problem = headline(failure.diagnostics[0])
-        except OSError as problem:
+        except Exception as problem:
             store.problem = f"the frames cannot be read or kept: {reason(problem)}"
         finally:
             store.is_complete = True

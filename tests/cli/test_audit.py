@@ -210,7 +210,8 @@ def test_an_absolute_import_asks_for_the_file(
     recorded(file="mine.colony")
     result = colony("audit", "run.mcap")
     assert (result.code, len(result.err.splitlines())) == (2, 1)
-    assert "error[A005]: its program imports" in result.err
+    assert "error[A005]: its program has errors: mine.colony:1:1: error[E103]: " in result.err
+    assert f"`{tmp_path}/rome.colony` is not part of the recorded program" in result.err
     assert colony("audit", "run.mcap", "mine.colony").code == 0
 
 

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from shutil import rmtree
 
+import click
 import pytest
 
+from colony.cli.run.site import load_for_run
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
+from colony.execute.colonyc import encode
 from colony.execute.compiled import Compiled
+from colony.robots.compiled_program import compiled_with_sources
+from colony.robots.described import described_robot
 from colony.robots.request import MisuseError, RunReport, RunRequest
 from colony.robots.scenario import Scenario, setting
 from tests.pages import typed
@@ -41,6 +47,23 @@ def tender(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     typed("colony robot new tender", monkeypatch)
     return tmp_path / "robots" / "tender"
+
+
+def test_a_compiled_program_knows_the_body_of_its_robot_where_there_is_no_description(
+    tender: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = load_file(ROOT / "behaviors" / "wander.colony", robot=str(tender))
+    body = described_robot(own.robot).body
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "wander.colonyc").write_bytes(encode(compiled_with_sources(own, pytest.fail).compiled))
+    monkeypatch.chdir(elsewhere)
+    rmtree(tender)
+    with click.Context(click.Command("run")):
+        _, described = load_for_run("wander.colonyc", unproved=False)
+        assert (described.body, described.path and described.path.is_file()) == (body, True)
+    assert described.path is not None
+    assert not described.path.exists(), "it lasts as long as the command"
 
 
 def test_a_new_robot_drives_by_its_lidar_and_bumps_into_nothing(tender: Path) -> None:

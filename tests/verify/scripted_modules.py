@@ -32,3 +32,10 @@ class Unbuildable:
 class Leaving:
     def __init__(self) -> None:
         raise SystemExit(3)
+
+
+class Pulses:
+    """Commands in two of six frames of 50 ms."""
+
+    def step(self, frame: Mapping[str, object]) -> object:
+        return {"velocity": 1.0} if round(20 * frame.t) % 6 < 2 else None  # type: ignore[attr-defined]

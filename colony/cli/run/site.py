@@ -50,7 +50,7 @@ def load_for_run(file: str, *, unproved: bool) -> tuple[Compiled, DescribedRobot
 
 
 def _own_body(compiled: Compiled) -> Path | None:
-    """Return the body in a compiled program, as a file that lasts as long as the command; None without one."""
+    """Return the body in a compiled program as a file for the time of the command; None without one."""
     body = next((source for source in compiled.sources if source.kind == "body"), None)
     if body is None:
         return None

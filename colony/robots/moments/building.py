@@ -59,6 +59,7 @@ def build_index(
         first_ns=first_ns,
         last_ns=last_ns,
         truncation=reader.truncation,
+        remarks=tuple(reader.remarks),
         damaged=tuple(damaged),
         tracks=tracks.tracks,
         marks=tuple(marks),

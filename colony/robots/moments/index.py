@@ -21,7 +21,7 @@ from colony.runtime.recordings.recorded import Place
 from colony.verify.explain.follower import Checkpoint
 from colony.verify.explain.saved import restored, saved
 
-VERSION = 2
+VERSION = 3
 """Version of the index: increment it if its form, or what the interpreter remembers, changes."""
 
 MAGIC = b"colony-index\n"
@@ -60,6 +60,7 @@ class Index:
         first_ns: Time of the first frame.
         last_ns: Time of the last frame.
         truncation: How the recording breaks off, None if it is whole.
+        remarks: What else of it is not read or not known.
         damaged: Spans of damage as texts.
         tracks: What changed, and when.
         marks: The marks.
@@ -70,6 +71,7 @@ class Index:
     first_ns: int
     last_ns: int
     truncation: str | None
+    remarks: tuple[str, ...]
     damaged: tuple[str, ...]
     tracks: Tracks
     marks: tuple[Mark, ...]
@@ -118,6 +120,7 @@ def encode(index: Index) -> bytes:
         "first_ns": index.first_ns,
         "last_ns": index.last_ns,
         "truncation": index.truncation,
+        "remarks": list(index.remarks),
         "damaged": list(index.damaged),
         "tracks": index.tracks,
         "topics": list(index.marks[-1].place.topics) if index.marks else [],
@@ -170,6 +173,7 @@ def _index(header: dict[str, Any], sections: bytes) -> Index:
         first_ns=int(header["first_ns"]),
         last_ns=int(header["last_ns"]),
         truncation=None if truncation is None else str(truncation),
+        remarks=tuple(str(text) for text in header["remarks"]),
         damaged=tuple(str(text) for text in header["damaged"]),
         tracks=tracks,
         marks=marks,

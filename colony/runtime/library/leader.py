@@ -38,7 +38,7 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     name. `restarts` counts the frames in which all memory was restarted. `commanded_by` has the client that
     commanded each actuator in the newest frame, None if none did. `disagreements` counts the frames in which
     the runtime deviated from the program: it should be 0. `params` is the file with the params
-    that a site set, "" for none.
+    that a site set, "" for none. `faults` are the sensors with a value of the wrong type in the newest frame.
     """
 
     run: str
@@ -53,6 +53,36 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     clients: tuple[ClientStanding, ...]
     processes: dict[str, int] = {}
     params: str = ""
+    faults: tuple[str, ...] = ()
+
+
+class ReadVariable(msgspec.Struct, frozen=True, kw_only=True):
+    """A variable of DServer that the program reads as `sensor`: numbers or bools, `size` of them in a list.
+
+    `size` is 0 for a value that is no list.
+    """
+
+    variable: str
+    sensor: str
+    kind: Literal["number", "bool"]
+    size: int = 0
+
+    def fits(self, value: object) -> bool:
+        """Return True if a value is none, or of the kind and size that the program reads."""
+        if value is None:
+            return True
+        elements = value if self.size and isinstance(value, list) else [value]
+        is_bool = self.kind == "bool"
+        kinds = (isinstance(x, int | float) and isinstance(x, bool) is is_bool for x in elements)
+        return (
+            isinstance(value, list) is bool(self.size) and len(elements) == max(self.size, 1) and all(kinds)
+        )
+
+    @property
+    def expected(self) -> str:
+        """What the program reads, as text."""
+        one, many = ("true or false", "bools") if self.kind == "bool" else ("a number", "numbers")
+        return f"a list of {self.size} {many}" if self.size else one
 
 
 class SourceText(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,13 +96,14 @@ class SourceText(msgspec.Struct, frozen=True, kw_only=True):
 class RunProgram(msgspec.Struct, frozen=True, kw_only=True):
     """The program of a run: its source files, the path of its behavior in them, and the params of a site.
 
-    `site` is JSON, as recordings have it, "" for none.
+    `site` is JSON, as recordings have it, "" for none. `reads` are the variables of DServer that it reads.
     """
 
     run: str
     root: str
     sources: tuple[SourceText, ...]
     site: str = ""
+    reads: tuple[ReadVariable, ...] = ()
 
 
 class RunKeyframe(msgspec.Struct, frozen=True, kw_only=True):

@@ -9,7 +9,7 @@ Contracts are evaluated of what was sent: of the command from outside, or of the
 was idle because of a hold, or because a client was late or lost.
 
 Modules in Python run only in their own processes: the monitor takes the answers that they announced. After a
-frame in which one of them announced no answer, memory is unknown.
+frame in which one of them announced no answer, memory is unknown as long as it depends on that answer.
 """
 
 from __future__ import annotations
@@ -43,6 +43,10 @@ class RestartableExecutor(Protocol):
 
         `given` is what actuators were given, where that may not be what the network decided.
         """
+        ...
+
+    def advance(self, frame: Frame, answers: Mapping[str, Answer], missing: Collection[str]) -> bool:
+        """Step over a frame with missing answers, or one after it; return True if memory is known."""
         ...
 
     def network_decisions(self) -> tuple[Decision, ...]:
@@ -90,14 +94,14 @@ class Monitor:
         self._modules = frozenset(modules)
         self._degrading_actuators = frozenset(degrading_actuators)
         self._degraded: set[str] = set()
-        self._memory_is_initial, self._memory_unknown = True, False
+        self._memory_is_initial, self._memory_unknown, self._is_doubted = True, False, False
 
     def restart(self) -> None:
         """Restart all memory with the next frame."""
         if not self._memory_is_initial:
             self._executor.restart()
         self._degraded.clear()
-        self._memory_is_initial, self._memory_unknown = True, False
+        self._memory_is_initial, self._memory_unknown, self._is_doubted = True, False, False
 
     def lose_memory(self) -> None:
         """Stop comparing until memory restarts, because a frame was missed."""
@@ -105,7 +109,8 @@ class Monitor:
 
     def keyframe(self) -> Keyframe:
         """Return the memory before the next frame."""
-        return Keyframe(None if self._memory_unknown else self._executor.memory, bool(self._degraded))
+        is_known = not (self._memory_unknown or self._is_doubted)
+        return Keyframe(self._executor.memory if is_known else None, bool(self._degraded))
 
     def check(
         self,
@@ -115,13 +120,15 @@ class Monitor:
         answers: Mapping[str, Answer] = _NO_ANSWERS,
     ) -> CheckedFrame:
         """Step over a frame in which the clients `lost` are lost, and compare the received verdicts."""
-        if not self._modules <= answers.keys():
-            self._memory_unknown = True
         if self._memory_unknown:
             return CheckedFrame(Outcome(()), ())
         self._memory_is_initial = False
         if lost:
             self._degraded.update(self._degrading_actuators)
+        missing = self._modules - answers.keys()
+        if missing or self._is_doubted:
+            self._is_doubted = not self._executor.advance(frame, answers, missing)
+            return CheckedFrame(Outcome(()), ())
         given = given_in_frame(self._actuators, verdicts)
         if given:
             outcome = self._executor.step(frame, answers, given)

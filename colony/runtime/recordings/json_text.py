@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 
 from colony.ir.frame import Frame, Reading
@@ -40,6 +41,30 @@ def _reading(reading: Reading, size: int | None) -> str:
     if isinstance(reading, (bool, int, float)):
         return number_text(reading)
     return json.dumps(str(reading))
+
+
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+
+
+def lone_surrogate(text: str, value: object) -> int | None:
+    """Return the offset of an escape in JSON that makes its `value` no text; None if there is none."""
+    found = _SURROGATE.search(text)
+    if found is not None:
+        try:
+            json.dumps(value, ensure_ascii=False).encode()
+        except UnicodeEncodeError:
+            return found.start()
+    return None
+
+
+def parse_int(text: str) -> int | float:
+    """Return an integer of JSON; one beyond 64 bits as a double, infinite beyond all doubles.
+
+    Raises:
+        ValueError: it has thousands of digits.
+    """
+    value = int(text)
+    return value if -(2**63) <= value < 2**63 else float(text)
 
 
 def number_text(value: ScalarValue) -> str:

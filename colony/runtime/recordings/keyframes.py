@@ -51,7 +51,7 @@ def read_keyframe(value: object) -> Keyframe | None:
         return None
     try:
         keyframe = msgspec.convert(value, _Keyframe)
-    except msgspec.ValidationError:
+    except Exception:  # malformed in any way
         return Keyframe(None)
     memory = keyframe.memory
     if memory is None:

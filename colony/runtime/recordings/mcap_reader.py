@@ -1,13 +1,15 @@
 """Reader of the MCAP recordings of `mcap_writer.py`, including files that other tools have rewritten.
 
-Damage among the frames loses only the damaged chunk. If the part before the frames (the run, its program, the
-channels) is damaged, nothing can be read.
+Damage among the frames loses only the damaged chunk. If the part before the frames (the run, the channels) is
+damaged, nothing can be read. If a file of its program is, the frames can be read with the program from
+elsewhere.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from pathlib import PurePosixPath
 from typing import Any, BinaryIO, Literal, NoReturn
@@ -23,13 +25,16 @@ from colony.ir.version import SEMANTICS, semantics_mismatch
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.recordings.answers import AnswerMessage, read_answers
+from colony.runtime.recordings.json_text import lone_surrogate, parse_int
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.mcap_records import (
     ChunkMessage,
     Damage,
+    Leftover,
     Record,
     RecordTooLargeError,
     TruncatedError,
+    UnchunkedError,
     read_records,
 )
 from colony.runtime.recordings.mcap_writer import (
@@ -42,16 +47,23 @@ from colony.runtime.recordings.mcap_writer import (
     ContractsMessage,
     VerdictMessage,
 )
-from colony.runtime.recordings.reader import BREAKS_OFF, command_values, gaps
+from colony.runtime.recordings.reader import BREAKS_OFF, begins_in_middle, command_values, gaps
 from colony.runtime.recordings.recorded import Place, RecordedFrame, RunInfo
 from colony.runtime.recordings.replay import RECORD_AGAIN
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, SHADOW, VERDICTS
 from colony.runtime.recordings.site import read_site
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
+from colony.text.wording import counted
 
 SOURCES_BYTES = 32 * 1024 * 1024
 """Maximum total size of the files of a program, in bytes."""
+
+MAX_SOURCES = 4000
+"""Maximum number of the files of a program."""
+
+MAX_CHANNELS = 1000
+"""Maximum number of channels of colony's topics."""
 
 
 class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
@@ -100,11 +112,14 @@ class McapReader:
         self._name, self._file = name, file
         self._is_at_start = True
         self.truncation: str | None = None
+        self.remarks: list[str] = []
         self.damaged = False
         self._topics: dict[int, str] = {}
         self._actuators: frozenset[str] = frozenset()
         records = self._records(file)
         self.run, first_records = self._read_header(records)
+        if self.run.program_damage:
+            self.remarks.append(f"the program in it is damaged ({self.run.program_damage})")
         self.shadow = self.run.shadow
         self._remaining = chain(first_records, records)
 
@@ -123,52 +138,78 @@ class McapReader:
         for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
                 self._fail("A004", f"its robot lacks the actuator `{actuator.name}` of this program")
-        assembler = _RecordedFrameAssembler(self._topics, program, at_start=self._is_at_start)
-        last_ns = None
-        for record in self._remaining:
-            match record:
-                case Damage():
-                    self.damaged = True
-                    assembler.drop_messages()
-                case ChunkMessage():
-                    frame = self._frame(assembler, record)
-                    if frame is not None:
-                        t_ns = frame.frame.t_ns
-                        if last_ns is not None and t_ns <= last_ns:
-                            self._fail("A004", f"time must increase: {t_ns} ns follows {last_ns} ns")
-                        last_ns, self.damaged = t_ns, False
-                        yield frame
-                case _:
-                    pass
+        assembler, last_ns = _RecordedFrameAssembler(self._topics, program), None
+        for frame in self._assembled(assembler):
+            t_ns = frame.frame.t_ns
+            if last_ns is not None and t_ns <= last_ns:
+                self._fail("A004", f"time must increase: {t_ns} ns follows {last_ns} ns")
+            if last_ns is None and self._is_at_start:
+                self.remarks += begins_in_middle(frame)
+            last_ns, self.damaged = t_ns, False
+            yield frame
 
-    def _frame(self, assembler: _RecordedFrameAssembler, message: ChunkMessage) -> RecordedFrame | None:
+    def _assembled(self, assembler: _RecordedFrameAssembler) -> Iterator[RecordedFrame]:
         try:
-            return assembler.take(message, damaged=self.damaged)
-        except (msgspec.MsgspecError, ValueError, RecursionError) as problem:
-            text = f"the frame at {message.log_time} ns is not one of this program: {problem}"
-            self._fail("A004", text)
+            for record in self._remaining:
+                frame = None
+                match record:
+                    case ChunkMessage():
+                        frame = assembler.take(record, damaged=self.damaged)
+                    case Damage(is_attachment=False):
+                        frame = assembler.finish(damaged=self.damaged)
+                    case _:
+                        pass
+                if frame is not None:
+                    yield frame
+                self.damaged = self.damaged or (isinstance(record, Damage) and not record.is_attachment)
+            frame = assembler.finish(damaged=self.damaged)
+            if frame is not None:
+                yield frame
+        except (DiagnosticError, OSError):
+            raise
+        except _OrderError as problem:
+            self._fail("A004", str(problem), "`mcap sort` writes a copy in the order of time")
+        except Exception as problem:  # malformed in any way
+            self._fail("A004", f"the frame after {assembler.place} is not one of this program: {problem}")
 
     def _records(self, file: BinaryIO, start: int | None = None) -> Iterator[Record]:
         """Yield every record up to the end, and collect the topics of channels."""
         try:
             for record in read_records(file, start):
                 if isinstance(record, Channel):
-                    self._topics[record.id] = record.topic.removeprefix(SHADOW)
+                    self._add_channel(record)
+                if isinstance(record, Leftover):
+                    left_out = counted(record.size, "byte")
+                    self.remarks.append(f"{left_out} after the end of the recording: left out")
                 yield record
         except TruncatedError:
             self.truncation = BREAKS_OFF
         except RecordTooLargeError:
             self._fail("A002", "it unpacks to far more data than any recording")
+        except UnchunkedError:
+            hint = "`mcap recover` writes a copy with chunks"
+            self._fail("A002", "its messages are outside chunks, so that they have no checksums", hint)
+
+    def _add_channel(self, channel: Channel) -> None:
+        """Remember the topic of a channel, if it is one that frames are made of."""
+        topic = channel.topic.removeprefix(SHADOW)
+        if topic in (FRAMES, KEYFRAMES, CONTRACTS) or topic.startswith(VERDICTS):
+            self._topics[channel.id] = topic
+        if len(self._topics) > MAX_CHANNELS:
+            self._fail("A002", f"it has more than {MAX_CHANNELS} channels")
 
     def _read_header(self, records: Iterator[Record]) -> tuple[RunInfo, tuple[Record, ...]]:
         metadata: dict[str, Mapping[str, str]] = {}
         sources: list[SourceFile] = []
+        size, program_damage = 0, ""
         first: tuple[Record, ...] = ()
         for record in records:
             match record:
                 case ChunkMessage():
                     first = (record,)
                     break
+                case Damage(reason=reason, is_attachment=True):
+                    program_damage = reason
                 case Damage(reason=reason) if not self._topics:
                     self._fail(
                         "A006", f"it is damaged before its first frame ({reason}): nothing can be read"
@@ -180,11 +221,14 @@ class McapReader:
                     metadata[record.name] = record.metadata
                 case Attachment():
                     sources += _source(record)
-                    if sum(len(source.data) for source in sources) > SOURCES_BYTES:
+                    size += len(record.data)
+                    if size > SOURCES_BYTES:
                         self._fail("A002", f"its program is larger than {size_text(SOURCES_BYTES)}")
-                case Channel():
+                    if len(sources) > MAX_SOURCES:
+                        self._fail("A002", f"its program has more than {MAX_SOURCES} files")
+                case _:
                     pass
-        return self._run(metadata, tuple(sources)), first
+        return replace(self._run(metadata, tuple(sources)), program_damage=program_damage), first
 
     def _run(self, metadata: Mapping[str, Mapping[str, str]], sources: tuple[SourceFile, ...]) -> RunInfo:
         if METADATA not in metadata:
@@ -200,7 +244,7 @@ class McapReader:
                 if module != CHECKSUM
             )
             site = read_site(json.loads(metadata[SITE][SITE_MEMBER])) if SITE in metadata else None
-        except (msgspec.ValidationError, ValueError, KeyError, RecursionError) as problem:
+        except Exception as problem:  # malformed in any way
             self._fail("A002", f"its metadata is malformed: {problem}")
         self._actuators = frozenset(
             name.removeprefix(CLIENTS) for name in metadata if name.startswith(CLIENTS)
@@ -245,73 +289,100 @@ def _source(attachment: Attachment) -> Iterator[SourceFile]:
             pass
 
 
+class _OrderError(ValueError):
+    """A message belongs to an earlier frame than the one before it."""
+
+
 class _RecordedFrameAssembler:
     """Assembles messages into frames. Stateful: keeps the messages of the incomplete frame.
 
-    The `/frames` message is the last message of its frame; if it is missing, the others are dropped. Unless
-    `at_start`, the first keyframe may have any number.
+    A frame is complete when a message of the next one follows, so that its own messages may be in any order.
+    If its `/frames` message is missing, the others are dropped. The first keyframe may have any number.
     """
 
-    def __init__(self, topics: Mapping[int, str], program: Program, *, at_start: bool) -> None:
+    def __init__(self, topics: Mapping[int, str], program: Program) -> None:
         self._topics = topics
         self._chunk = -1
-        self._begins_chunk = False
         self._actuators = {VERDICTS + a.name: a for a in program.robot.actuators}
-        self.drop_messages()
-        self._next_number: int | None = 0 if at_start else None
+        self._k: int | None = None
+        self._drop_messages()
+        self._next_number: int | None = None
         self._gap = False
         self._decode_frame = msgspec.json.Decoder(FrameMessage).decode
         self._decode_verdict = msgspec.json.Decoder(VerdictMessage).decode
         self._decode_contracts = msgspec.json.Decoder(ContractsMessage).decode
 
-    def drop_messages(self) -> None:
-        """Drop the messages of an incomplete frame."""
-        self._is_empty = True
+    @property
+    def place(self) -> str:
+        """The place of the frame before the next one, for messages."""
+        return "the beginning" if self._k is None else f"frame {self._k}"
+
+    def _drop_messages(self) -> None:
+        self._begins_chunk = False
+        self._frame: FrameMessage | None = None
         self._verdicts: dict[str, VerdictMessage] = {}  # by topic
         self._broken: tuple[str, ...] = ()
         self._keyframe: Keyframe | None = None
 
     def take(self, message: ChunkMessage, *, damaged: bool) -> RecordedFrame | None:
-        """Take a message, and return the frame that it completes, if any.
+        """Take a message, and return the frame before it if it begins another.
 
         Raises:
-            msgspec.MsgspecError, ValueError: the message is malformed.
+            Exception: the message is malformed.
         """
         topic = self._topics.get(message.channel_id, "")
-        if message.chunk != self._chunk:
-            self._chunk, self._begins_chunk = message.chunk, self._is_empty
-        self._is_empty = False
         if topic == FRAMES:
-            return self._complete(self._decode_frame(message.data), damaged)
-        if topic == CONTRACTS:
-            self._broken = self._decode_contracts(message.data).broken
+            frame = self._decode_frame(message.data)
+            done = self._begin(frame.k, message.chunk, damaged)
+            self._frame = frame
+        elif topic == CONTRACTS:
+            contracts = self._decode_contracts(message.data)
+            done = self._begin(contracts.k, message.chunk, damaged)
+            self._broken = contracts.broken
         elif topic == KEYFRAMES:
-            self._take_keyframe(json.loads(message.data))
+            members = json.loads(message.data)
+            done = self._begin(members["k"], message.chunk, damaged)
+            self._take_keyframe(members)
         elif topic in self._actuators:
-            self._verdicts[topic] = self._decode_verdict(message.data)
-        elif topic.startswith(VERDICTS):
+            verdict = self._decode_verdict(message.data)
+            done = self._begin(verdict.k, message.chunk, damaged)
+            self._verdicts[topic] = verdict
+        elif topic:
             raise ValueError(f"the program has no actuator `{topic.removeprefix(VERDICTS)}`")
-        return None
+        else:
+            done = None
+        return done
 
-    def _take_keyframe(self, members: Any) -> None:
+    def _begin(self, k: int, chunk: int, damaged: bool) -> RecordedFrame | None:
+        """Begin frame `k`, if it has not begun; return the frame before it."""
+        begins_chunk, self._chunk = chunk != self._chunk, chunk
+        if k == self._k:
+            return None
+        if self._k is not None and k < self._k:
+            raise _OrderError(f"its messages are not in the order of time: frame {k} follows frame {self._k}")
+        done = self.finish(damaged=damaged)
+        self._k, self._begins_chunk = k, begins_chunk
+        return done
+
+    def _take_keyframe(self, members: dict[str, Any]) -> None:
         """Take a keyframe. If the previous one is missing, another tool has removed damaged data."""
         self._keyframe = read_keyframe(members)
-        number = members.get("n") if isinstance(members, dict) else None
+        number = members.get("n")
         self._gap = self._gap or number != (number if self._next_number is None else self._next_number)
         self._next_number = number + 1 if isinstance(number, int) else 0
 
-    def _complete(self, message: FrameMessage, damaged: bool) -> RecordedFrame:
-        t_ns, broken, keyframe = message.t_ns, self._broken, self._keyframe
+    def finish(self, *, damaged: bool) -> RecordedFrame | None:
+        """Return the frame that was taken, None if it is not whole; for `damaged` see `RecordedFrame`."""
+        message = self._frame
+        if message is None:
+            self._drop_messages()
+            return None
+        t_ns = message.t_ns
         verdicts = [
-            _to_verdict(self._actuators[topic], verdict, t_ns)
-            for topic, verdict in self._verdicts.items()
-            if verdict.k == message.k
+            _to_verdict(self._actuators[topic], verdict, t_ns) for topic, verdict in self._verdicts.items()
         ]
-        damaged = damaged or self._gap
         place = Place(self._chunk, message.start, tuple(self._topics.items())) if self._begins_chunk else None
-        self._gap = self._begins_chunk = False
-        self.drop_messages()
-        return RecordedFrame(
+        frame = RecordedFrame(
             tick=Tick(
                 k=message.k,
                 t_ns=t_ns,
@@ -325,16 +396,22 @@ class _RecordedFrameAssembler:
             restart=message.restart,
             skipped=message.skipped or 0,
             memory_unknown=message.skipped is not None,
-            breaches=broken,
-            keyframe=keyframe,
-            damaged=damaged,
+            breaches=self._broken,
+            keyframe=self._keyframe,
+            damaged=damaged or self._gap,
             answers=read_answers(message.python),
             place=place,
         )
+        self._gap = False
+        self._drop_messages()
+        return frame
 
 
 def _readings(sensors: msgspec.Raw) -> dict[str, Any]:
-    readings = json.loads(bytes(sensors))
+    text = bytes(sensors).decode()
+    readings = json.loads(text, parse_int=parse_int)
+    if lone_surrogate(text, readings) is not None:
+        raise ValueError("`sensors` has half of a surrogate pair")
     if not isinstance(readings, dict):
         raise ValueError("`sensors` is not an object")
     return readings

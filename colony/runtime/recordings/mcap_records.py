@@ -3,7 +3,8 @@
 Chunks and attachments have checksums, and so does the metadata of `mcap_writer`. Other records are accepted
 only if their length agrees with their content. After a damaged record, everything up to the next chunk is
 skipped. Because the recording of a killed run has no index, the reader finds that chunk by its head, which
-contains the chunk's length twice. Every size is limited, in the file and unpacked.
+contains the chunk's length twice. Every size is limited, in the file and unpacked, and reading takes time
+linear in the size of the file.
 """
 
 from __future__ import annotations
@@ -19,9 +20,8 @@ from typing import BinaryIO, NamedTuple
 import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, MessageIndex, Metadata, Schema
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from colony.runtime.recordings.mcap_writer import CHECKSUM, METADATA, checksum
 from colony.runtime.recordings.reader import MAGIC
@@ -46,9 +46,19 @@ MESSAGE_BYTES = 2
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A gap in the records; `reason` describes what was found there."""
+    """A gap in the records; `reason` describes what was found there.
+
+    `is_attachment` is True for an attachment alone: the records around it are whole.
+    """
 
     reason: str
+    is_attachment: bool = False
+
+
+class Leftover(NamedTuple):
+    """Bytes after the end of the recording."""
+
+    size: int
 
 
 class ChunkMessage(NamedTuple):
@@ -60,7 +70,7 @@ class ChunkMessage(NamedTuple):
     chunk: int = 0
 
 
-Record = Metadata | Attachment | Channel | ChunkMessage | Damage
+Record = Metadata | Attachment | Channel | ChunkMessage | Damage | Leftover
 
 
 class TruncatedError(Exception):
@@ -71,6 +81,10 @@ class RecordTooLargeError(Exception):
     """The file unpacks to more data than any recording."""
 
 
+class UnchunkedError(Exception):
+    """The first message is outside a chunk."""
+
+
 def read_records(file: BinaryIO, start: int | None = None) -> Iterator[Record]:
     """Yield the records of a file that begins with `MAGIC`, to the end of its data.
 
@@ -79,6 +93,7 @@ def read_records(file: BinaryIO, start: int | None = None) -> Iterator[Record]:
     Raises:
         TruncatedError: after the last record, if the file breaks off.
         RecordTooLargeError: the file unpacks to more data than any recording.
+        UnchunkedError: the first message is outside a chunk, so that it has no checksum.
         OSError: the file cannot be read.
     """
     size = file.seek(0, 2)
@@ -107,6 +122,7 @@ def read_records(file: BinaryIO, start: int | None = None) -> Iterator[Record]:
             offset = end
             continue
         if opcode == Opcode.DATA_END and length == _DATA_END_BYTES and end <= size:
+            yield from _leftover(file, end, size)
             return
         if chunk_head is not None or _may_be_cut_off(opcode, length, len(head)):
             raise TruncatedError
@@ -116,7 +132,7 @@ def read_records(file: BinaryIO, start: int | None = None) -> Iterator[Record]:
         if end <= size and length <= MAX_RECORD_BYTES:
             file.seek(offset + _RECORD.size)
             record_or_damage = _read_other(opcode, file.read(length), before_chunks=not seen_chunk)
-        if isinstance(record_or_damage, Damage):
+        if isinstance(record_or_damage, Damage) and not record_or_damage.is_attachment:
             next_start = _find_chunk(file, offset + 1, size)
             if next_start is None and end > size and not seen_chunk:
                 raise TruncatedError
@@ -177,6 +193,19 @@ def _chunk_head(head: bytes) -> _ChunkHead | None:
     return _ChunkHead(name, unpacked, crc, packed) if length <= MAX_RECORD_BYTES else None
 
 
+def _leftover(file: BinaryIO, offset: int, size: int) -> Iterator[Leftover]:
+    """Yield what follows the summary at `offset`, which ends with the next `MAGIC`."""
+    block = 1 << 20
+    while offset < size:
+        file.seek(offset)
+        at = file.read(block + len(MAGIC) - 1).find(MAGIC)
+        end = offset + at + len(MAGIC)
+        if at >= 0:
+            yield from [Leftover(size - end)] if end < size else []
+            return
+        offset += block
+
+
 def _find_chunk(file: BinaryIO, offset: int, size: int) -> int | None:
     """Return the offset of the first whole chunk at or after `at`, None if there is none."""
     block = 1 << 20
@@ -213,7 +242,7 @@ def _read_chunk(chunk_head: _ChunkHead, packed: bytes, chunk: int) -> Iterator[R
         elif opcode == Opcode.CHANNEL:
             try:
                 yield Channel.read(ReadDataStream(BytesIO(records[offset:end])))
-            except (EndOfFile, ValueError, struct.error):
+            except Exception:  # by the package, for malformed bytes
                 yield Damage("a channel that cannot be read")
         elif opcode != Opcode.SCHEMA:
             yield Damage("a chunk with an unexpected record")
@@ -235,7 +264,7 @@ def _decompress(chunk_head: _ChunkHead, packed: bytes) -> bytes | Damage:
                 records = decompressor.decompress(packed, max_length=chunk_head.unpacked_size + 1)
             case _:
                 records = packed
-    except (zstandard.ZstdError, RuntimeError, ValueError, EOFError):
+    except Exception:  # by the packages, for malformed bytes
         return Damage("a chunk that cannot be unpacked")
     if len(records) != chunk_head.unpacked_size or zlib.crc32(records) != chunk_head.checksum:
         return Damage("a chunk with a wrong checksum")
@@ -258,19 +287,21 @@ _IGNORED_BEFORE_CHUNKS: dict[int, type[Header | Schema | Channel]] = {
 
 def _read_other(opcode: int, content: bytes, *, before_chunks: bool) -> Metadata | Attachment | Damage | None:
     """Return a trustworthy record that is not a chunk; `before_chunks`: no chunk precedes it."""
+    if opcode == Opcode.MESSAGE and len(content) >= _MESSAGE.size and before_chunks:
+        raise UnchunkedError
     stream = ReadDataStream(BytesIO(content))
     record: object = None
     try:
-        if opcode == Opcode.MESSAGE_INDEX:
-            record = MessageIndex.read(stream)
-        elif opcode == Opcode.METADATA:
+        if opcode == Opcode.MESSAGE_INDEX and _is_message_index(content):
+            return None
+        if opcode == Opcode.METADATA:
             record = Metadata.read(stream)
         elif opcode == Opcode.ATTACHMENT:
             record = Attachment.read(stream)
         elif before_chunks and opcode in _IGNORED_BEFORE_CHUNKS:
             record = _IGNORED_BEFORE_CHUNKS[opcode].read(stream)
-    except (EndOfFile, ValueError, struct.error):
-        return Damage("a record that cannot be read")
+    except Exception:  # by the package, for malformed bytes
+        return Damage("a record that cannot be read", is_attachment=opcode == Opcode.ATTACHMENT)
     if record is None or stream.count != len(content):
         return Damage("a record that does not belong here")
     match record:
@@ -280,6 +311,11 @@ def _read_other(opcode: int, content: bytes, *, before_chunks: bool) -> Metadata
             return Damage("metadata with a wrong checksum") if is_damaged else record
         case Attachment():
             is_intact = zlib.crc32(content[:-4]) == int.from_bytes(content[-4:], "little")
-            return record if is_intact else Damage("an attachment with a wrong checksum")
+            return record if is_intact else Damage("an attachment with a wrong checksum", is_attachment=True)
         case _:
             return None
+
+
+def _is_message_index(content: bytes) -> bool:
+    """Return True for a channel, and an array of times and offsets."""
+    return len(content) >= 6 and len(content) - 6 == int.from_bytes(content[2:6], "little")

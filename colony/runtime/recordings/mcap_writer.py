@@ -1,8 +1,8 @@
 """Recordings as MCAP, which Foxglove and other tools open (`schemas.py` lists the channels).
 
 In addition to the frames, a recording has metadata about the run, and the sources of the program as
-attachments: `behavior/...` are the files of the behavior, `body/...` is the robot's body, `python/...` are the
-files of modules in Python. Everything else can be derived from these.
+attachments: `behavior/...` are the files of the behavior, `body/...` is the body of the robot, and
+`python/...` are the files of modules in Python. Everything else can be derived from these.
 
 Frames are in chunks. Each chunk has a checksum, is written in one piece, and begins with a keyframe: the
 memory from which a reader resumes if the previous chunk is damaged. A chunk spans less than half a second, so

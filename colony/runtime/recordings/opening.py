@@ -37,7 +37,9 @@ def read_frames(file: BinaryIO, name: str) -> RecordingReader:
         DiagnosticError: A002, the file is not a recording; A006, the part before its frames is damaged; A007,
             it is of another version of the semantics.
     """
-    if isinstance(file, BufferedReader) and file.peek(len(MAGIC)).startswith(MAGIC):
+    head = file.peek(len(MAGIC)) if isinstance(file, BufferedReader) else b""
+    _expect_unpacked(head, name)
+    if head.startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
 
         return McapReader(file, name)
@@ -58,18 +60,39 @@ def _raise_unreadable(path: str, why: str) -> NoReturn:
     raise DiagnosticError([error("A001", Span(Source(path, ""), 0, 0), f"cannot read the recording: {why}")])
 
 
+_PACKED = {
+    b"\x1f\x8b": "gunzip",
+    b"\x28\xb5\x2f\xfd": "unzstd",
+    b"\x04\x22\x4d\x18": "unlz4",
+    b"BZh": "bunzip2",
+    b"\xfd7zXZ\x00": "unxz",
+    b"PK\x03\x04": "unzip",
+}
+"""First bytes of packed files, with the command that unpacks them."""
+
+
+def _expect_unpacked(head: bytes, name: str) -> None:
+    for magic, unpack in _PACKED.items():
+        if head.startswith(magic):
+            message = "this is a packed file, not a recording"
+            raise DiagnosticError(
+                [error("A002", Span(Source(name, ""), 0, 0), message, f"unpack it: `{unpack}`")]
+            )
+
+
 def read_recording(file: BinaryIO, name: str) -> RecordingReader:
     """Return the reader of a recording in either format; the beginning of JSON lines may be damaged.
 
     Raises:
-        DiagnosticError: A001, the file cannot be read; A002, it is not a recording; A007, it is of another
-            version of the semantics.
+        DiagnosticError: A001, the file cannot be read; A002, it is not a recording, or is packed; A007, it is
+            of another version of the semantics.
     """
     try:
         head = file.read(_HEAD_BYTES)
         file.seek(0)
     except OSError as problem:
         _raise_unreadable(name, reason(problem))
+    _expect_unpacked(head, name)
     if head.startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
 

@@ -38,6 +38,7 @@ class _Lines:
         self._name = name
         self._place: Place | None = None
         self.truncation: str | None = None
+        self.remarks: list[str] = []
         self.damaged = False
         self.shadow = False
 
@@ -72,16 +73,18 @@ class LinesReader(_Lines):
                 members = msgspec.convert(row.values, _Row)
                 k = index if members.tick is None else members.tick
                 if members.restart or start is None:
-                    start = _UNKNOWN_START if row.damaged and not members.restart else k
+                    start = k if members.restart else _start(k, row)
                 tick = Tick(k=k, t_ns=row.frame.t_ns, start=start, gaps=gaps(members.previous, k))
                 recorded = _recorded_frame(tick, row, actuators, members)
                 recorded = replace(recorded, place=Place(place.offset + row.offset, start))
-            except msgspec.ValidationError as problem:
+            except Exception as problem:  # malformed in any way
                 message = f"this is not a decision of this program: {problem}"
                 raise DiagnosticError(
                     [line_error("A004", self._name, row.number, row.text, 0, message)]
                 ) from None
             self.shadow = self.shadow or members.shadow
+            if index == 0 and self._place is None:
+                self.remarks += begins_in_middle(recorded)
             yield recorded
         self._finish(rows)
 
@@ -109,9 +112,10 @@ class FramesReader(_Lines):
         rows = Rows(bounded_lines(self._file, LINE_BYTES), self._name, program)
         for index, row in enumerate(rows):
             k = row.values.get("@tick")
+            k = k if type(k) is int else index
             self.shadow = self.shadow or row.values.get(SHADOW) is True
-            yield RecordedFrame(
-                tick=Tick(k=k if type(k) is int else index, t_ns=row.frame.t_ns),
+            recorded = RecordedFrame(
+                tick=Tick(k=k, t_ns=row.frame.t_ns, start=_start(k, row) if index == 0 else 0),
                 frame=row.frame,
                 verdicts={},
                 restart=row.values.get("@restart") is True,
@@ -119,6 +123,9 @@ class FramesReader(_Lines):
                 keyframe=read_keyframe(row.values.get("@keyframe")),
                 damaged=row.damaged,
             )
+            if index == 0:
+                self.remarks += begins_in_middle(recorded)
+            yield recorded
         self._finish(rows)
 
 
@@ -129,6 +136,27 @@ def gaps(previous: int | None, k: int) -> tuple[tuple[int, int], ...]:
 
 _UNKNOWN_START = -1
 """Placeholder for the first frame of an epoch, if it is unknown."""
+
+
+def _start(k: int, row: Row) -> int:
+    """Return the first frame of the epoch of a recording's first line.
+
+    A recorded line without a keyframe is in the middle of an epoch, and so is one whose keyframe has memory
+    that is not initial.
+    """
+    keyframe = read_keyframe(row.values.get("@keyframe"))
+    if keyframe is None:
+        in_middle = "@sum" in row.values and bool(row.values.get("@tick"))
+    else:
+        in_middle = keyframe.memory is None or keyframe.memory.first_ns is not None
+    return _UNKNOWN_START if row.damaged or in_middle else k
+
+
+def begins_in_middle(first: RecordedFrame) -> tuple[str, ...]:
+    """Return the remark on a recording whose first frame is this one, if it begins in the middle of a run."""
+    if first.damaged or first.restart or first.tick.k == first.tick.start:
+        return ()
+    return (f"it begins in the middle of a run, with frame {first.tick.k}",)
 
 
 class _Row(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -32,7 +32,8 @@ class RunInfo:
     `program` is the path in `sources` of the behavior that was run, "" if the sources are unknown. `run` is
     the name of a run on a real robot, and `started` its start time as text for users.
     `shadow` is True if the program ran in the shadow of the robot and commanded nothing. `site` has the
-    params that a site set.
+    params that a site set. `program_damage` is the reason why a file is missing from `sources`, "" if none
+    is.
     """
 
     robot: str
@@ -46,6 +47,7 @@ class RunInfo:
     started: str = ""
     shadow: bool = False
     site: Site | None = None
+    program_damage: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +84,11 @@ class RecordingReader(Protocol):
     @property
     def truncation(self) -> str | None:
         """A text on how the recording breaks off, None if it is whole; valid after all frames were read."""
+        ...
+
+    @property
+    def remarks(self) -> Sequence[str]:
+        """Texts on what else of the recording is not read or not known; valid after all frames were read."""
         ...
 
     @property

@@ -23,7 +23,7 @@ from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import SENT, Program
 from colony.ir.types import Array
 from colony.ir.version import SEMANTICS, semantics_mismatch
-from colony.runtime.recordings.json_text import seconds_text
+from colony.runtime.recordings.json_text import lone_surrogate, parse_int, seconds_text
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import Source, Span
 from colony.text.suggestions import did_you_mean
@@ -158,7 +158,8 @@ class _RowParser:
     def parse_row(self, number: int, data: bytes) -> Row:
         text = self._text(number, data)
         try:
-            row = json.loads(text, object_pairs_hook=_reject_repeated_keys)
+            row = json.loads(text, object_pairs_hook=_reject_repeated_keys, parse_int=parse_int)
+            surrogate = lone_surrogate(text, row)
         except _RepeatedKeyError as repeated:
             offset = self._offset(text, repeated.key, last=True)
             hint = "each line is a whole frame, each name once"
@@ -168,13 +169,13 @@ class _RowParser:
             message = f"not JSON: {problem.msg}"
             hint = "each line is a whole frame, an object in JSON"
             raise self._failure("F001", number, text, problem.pos, message, hint) from None
-        except RecursionError:
-            raise self._failure(
-                "F001", number, text, 0, "not readable JSON: it is nested too deeply"
-            ) from None
-        except ValueError:
-            message = "not readable JSON: a number has too many digits"
-            raise self._failure("F001", number, text, 0, message) from None
+        except Exception as problem:
+            is_deep = isinstance(problem, RecursionError)
+            why = "it is nested too deeply" if is_deep else "a number has too many digits"
+            raise self._failure("F001", number, text, 0, f"not readable JSON: {why}") from None
+        if surrogate is not None:
+            message = "not text: found half of a surrogate pair"
+            raise self._failure("F001", number, text, surrogate, message)
         if not isinstance(row, dict):
             hint = 'a frame is an object: {"t": 0.05, "bumper": false}'
             message = f"a frame must be a JSON object, found {_kind(row)}"

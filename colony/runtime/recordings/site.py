@@ -68,6 +68,6 @@ def site_of_lines(file: BinaryIO) -> Site | None:
         try:
             row = json.loads(line)
             return read_site(row.get(PARAMS)) if isinstance(row, Mapping) else None
-        except (ValueError, RecursionError, msgspec.ValidationError):
+        except Exception:  # malformed in any way
             continue
     return None

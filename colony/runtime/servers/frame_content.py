@@ -2,10 +2,14 @@
 
 The deployed program requests the variables that its sensors are bound to; connections use `publish`. So the
 size of a frame depends on its readers, not on the number of variables.
+
+A variable that the program reads is shown as NaN, a sensor fault, if frames cannot show its value, such as
+a text.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
@@ -47,7 +51,13 @@ class FrameValue(NamedTuple):
 
 
 NO_FRAME_VALUE = FrameValue(None, 0)
+"""The frame value of nothing."""
+
+FAULTY = FrameValue(math.nan, 0)
 """The frame value of anything but a number, a bool, or a list of these."""
+
+
+_NOTHING = msgspec.msgpack.encode(None)
 
 
 def frame_value(name: str, data: bytes) -> FrameValue:
@@ -61,9 +71,9 @@ def frame_value(name: str, data: bytes) -> FrameValue:
     try:
         value = _numbers.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return NO_FRAME_VALUE
+        return NO_FRAME_VALUE if data == _NOTHING else FAULTY
     if isinstance(value, tuple):
-        return FrameValue(value, _size(name, len(value))) if value else NO_FRAME_VALUE
+        return FrameValue(value, _size(name, len(value))) if value else FAULTY
     return FrameValue(value, _size(name, 1))
 
 
@@ -153,6 +163,8 @@ class FrameContent:
         if name not in self._names:
             return
         self.drop(name)
+        if shown is FAULTY and name in self._program_names:
+            shown = FAULTY._replace(size=_size(name, 1))
         if shown.size and self._allows(name, shown.size) and shown.value is not None:
             self._fields = None
             self._samples[name] = Sample(shown.value, t_ns)

@@ -18,7 +18,7 @@ from colony.ir.types import Value
 from colony.runtime.frames.publishing import Fields
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.servers.bounds import Bound
-from colony.runtime.servers.frame_content import FRAME_SPACE, FrameContent, FrameValue, frame_value
+from colony.runtime.servers.frame_content import FAULTY, FRAME_SPACE, FrameContent, FrameValue, frame_value
 from colony.runtime.servers.names import SortedNames
 from colony.runtime.store.store import Journal, Key
 
@@ -152,7 +152,7 @@ class Variables:
     def _refresh(self, names: Iterable[str]) -> None:
         for name in names:
             variable = self._variables.get(name)
-            if variable is not None and 0 < variable.shown_size <= self._frame_content.space:
+            if variable is not None and variable.shown_size <= self._frame_content.space:
                 current = variable.values[-1]
                 self._frame_content.put(name, frame_value(name, current.data), current.t_ns)
 
@@ -387,7 +387,7 @@ def validate_value(name: str, value: msgspec.Raw | bytes, *, readable: bool = Tr
         raise RefusedError("size", text)
     shown = frame_value(name, data)
     try:
-        if readable and shown.value is None and len(data) <= MAX_DECODED_BYTES:
+        if readable and (shown.value is None or shown is FAULTY) and len(data) <= MAX_DECODED_BYTES:
             _anything.decode(data)
     except (msgspec.DecodeError, ValueError, TypeError, RecursionError) as problem:
         raise RefusedError("arguments", f"DServer: the value of `{name}`: {problem}") from None

@@ -11,8 +11,8 @@ be observed to the next restart, the memory is unknown, and nothing is compared.
 Modules in Python are not run: the interpreter uses their recorded answers. If an answer is missing, the
 memory is unknown from there to the next restart.
 
-Damaged parts of a recording are never compared. After them the interpreter continues from the memory in the
-next keyframe of the recording.
+Damaged parts of a recording are never compared. After them, and in a recording that begins in the middle of
+an epoch, the interpreter continues from the memory in the next keyframe of the recording.
 """
 
 from __future__ import annotations
@@ -236,6 +236,7 @@ class Auditor:
             self._memory_unknown = True
         if previous is None:
             self._first_ns = recorded.frame.t_ns
+            self._memory_unknown = self._memory_unknown or not is_epoch_start
         if is_epoch_start and (previous is not None or recorded.damaged):
             self._reset_memory()
         elif self._memory_unknown and recorded.keyframe is not None:
@@ -283,9 +284,6 @@ class Auditor:
         """Yield faults in the sequence of frames: memory needs every frame since the epoch began."""
         tick, previous = recorded.tick, self._previous
         if previous is None:
-            if not is_epoch_start and not recorded.memory_unknown and not recorded.damaged:
-                message = f"the recording begins with frame {tick.k}, but its epoch with frame {tick.start}"
-                yield self._difference(recorded, message)
             return
         gap = tick.k - previous.tick.k - 1
         is_expected = gap >= recorded.skipped > 0 or tick.previous == previous.tick.k

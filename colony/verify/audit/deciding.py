@@ -36,8 +36,10 @@ class Decider:
 
     def step(self, recorded: Recorded) -> Outcome | None:
         """Decide a frame; return None if the memory is not known."""
-        if recorded.damaged:
+        tick = recorded.tick
+        if recorded.damaged or (self._last_ns is None and tick.k != tick.start):
             self._executor = None
+        if recorded.damaged:
             self._record_damage(f"to {time_text(recorded.frame.t_ns)}")
         self._last_ns = recorded.frame.t_ns
         if recorded.restart or recorded.frame.restarted:

@@ -85,8 +85,8 @@ class AuditReport:
         first: the first difference, if any.
         contracts: the contracts that the interpreter found broken.
         damaged: the damaged sections.
-        forgotten: the number of frames that were not compared because memory was lost in an earlier frame,
-            and the recording has had no keyframe since.
+        forgotten: the number of frames that were not compared because memory was lost in an earlier frame or
+            is not in the recording, which has had no keyframe since.
         resumed: the number of keyframes from which the interpreter continued.
         undecided: the number of decisions of actuators with `on_loss degrade` that were not compared after
             the interpreter continued from a keyframe without the memory for lost clients.

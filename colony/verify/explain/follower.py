@@ -50,7 +50,8 @@ class Follower:
     """Follows a run in the reference interpreter. Stateful: holds the interpreter, and the history.
 
     Take every frame of the run, in order, from a recording or from an observer. `moment` is then the last
-    frame, to be explained; it is None where memory is not known: after damage, or a frame that was missed.
+    frame, to be explained; it is None where memory is not known: after damage or a frame that was missed, or
+    where a recording begins in the middle of an epoch.
     Modules in Python are not run: frames have their answers.
     """
 
@@ -61,13 +62,13 @@ class Follower:
         self._can_be_lost = frozenset(modules_that_can_be_lost(program))
         self._resuming = Resuming(program, answers_given=True)
         self._historian = Historian(program, checkpoint.history if checkpoint else NO_HISTORY)
-        self._interpreter: Interpreter | None = Interpreter(program, answers_given=True)
+        self._interpreter: Interpreter | None = None  # before the first frame, memory is not known
         self._is_first = self._historian.history == NO_HISTORY
         self.moment: Moment | None = None
-        if checkpoint is not None and not checkpoint.is_known:
-            self._interpreter = None
-        elif checkpoint is not None and checkpoint.state is not None and self._interpreter is not None:
-            self._interpreter.restore(checkpoint.state)
+        if checkpoint is not None and checkpoint.is_known:
+            self._interpreter = Interpreter(program, answers_given=True)
+            if checkpoint.state is not None:
+                self._interpreter.restore(checkpoint.state)
 
     @property
     def checkpoint(self) -> Checkpoint:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import pytest
 
@@ -18,6 +18,9 @@ class Always:
 
     def step(self, frame: Frame, answers: Mapping[str, Answer]) -> Outcome:
         return Outcome((EXPECTED,))
+
+    def advance(self, frame: Frame, answers: Mapping[str, Answer], missing: Collection[str]) -> bool:
+        return frame.t_ns >= 3
 
     @property
     def memory(self) -> None:
@@ -96,7 +99,7 @@ def test_after_a_frame_that_was_missed_nothing_is_compared_until_memory_begins_a
     assert monitor.check(Frame(1, {}), wrong).disagreements
 
 
-def test_from_where_a_module_in_python_told_no_answer_nothing_is_compared_until_memory_begins_anew() -> None:
+def test_from_where_a_module_in_python_told_no_answer_nothing_is_compared_until_memory_is_known() -> None:
     monitor = Monitor(Always(), modules=("p", "q"))
     wrong = {"drive": verdict(by="cruise")}
     both = {"p": Answer(), "q": Answer((1.0,))}
@@ -104,8 +107,11 @@ def test_from_where_a_module_in_python_told_no_answer_nothing_is_compared_until_
     assert monitor.check(Frame(1, {}), wrong, answers={"p": Answer()}) == (Outcome(()), ())
     assert monitor.check(Frame(2, {}), wrong, answers=both) == (Outcome(()), ())
     assert monitor.keyframe().memory is None
+    assert monitor.check(Frame(3, {}), wrong, answers=both) == (Outcome(()), ()), "known after this frame"
+    assert monitor.check(Frame(4, {}), wrong, answers=both).disagreements
+    assert monitor.check(Frame(1, {}), wrong) == (Outcome(()), ())
     monitor.restart()
-    assert monitor.check(Frame(3, {}), wrong, answers=both).disagreements
+    assert monitor.check(Frame(2, {}), wrong, answers=both).disagreements
 
 
 def test_with_degrade_lesser_ones_may_command_from_when_one_is_lost() -> None:

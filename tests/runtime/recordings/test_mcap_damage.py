@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 import random
 import struct
+import sys
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import lz4.frame
 import pytest
@@ -19,6 +21,7 @@ from mcap.stream_reader import StreamReader
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
+from colony.robots.recorded_program import recorded_program
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.recorded import RecordedFrame
 from colony.text.diagnostics import DiagnosticError
@@ -94,12 +97,23 @@ def test_what_precedes_the_frames_must_be_whole() -> None:
     file = as_mcap(PROGRAM, logs(PROGRAM, trace()), *SOURCES)
     chunk = file.writes[0].rindex(b"zstd") - 41
     for at in (
-        *map(file.content.index, (b"colony-recording/2", b"cruise", b"module back", b"checksum")),
+        *map(file.content.index, (b"colony-recording/2", b"cruise", b"checksum")),
         chunk,
     ):
         with pytest.raises(DiagnosticError, match="damaged") as caught:
             read_mcap(PROGRAM, flipped(file.content, at))
         assert caught.value.diagnostics[0].code == "A006"
+
+
+def test_a_damaged_program_costs_no_frame(tmp_path: Path) -> None:
+    data = as_mcap(PROGRAM, logs(PROGRAM, trace()), *SOURCES).content
+    length = data.index(b"text/x-python") + len(b"text/x-python")
+    for at, bit in ((data.index(b"module back"), 0), (length + 7, 7)):
+        found, reader = read_mcap(PROGRAM, data[:at] + bytes([data[at] ^ 1 << bit]) + data[at + 1 :])
+        assert (len(found), reader.damaged, len(reader.run.sources)) == (6, False, 1)
+        assert [text[:29] for text in reader.remarks] == ["the program in it is damaged "]
+        with pytest.raises(DiagnosticError, match=r"\[A006\]: its program is damaged \("):
+            recorded_program(reader.run, "run.mcap", tmp_path)
 
 
 def test_chunks_by_other_tools_are_read_and_bombs_are_not() -> None:
@@ -126,7 +140,10 @@ def test_frames_without_end_are_a_bomb() -> None:
     file = as_mcap(PROGRAM, logs(PROGRAM, trace(8)))
     (chunk,) = [zstandard.decompress(chunk_in(data).data) for data in file.writes[1:2]]
     empty = struct.pack("<BQHIQQ", 5, 22, 999, 0, 0, 0)
-    for records, message in ((chunk * 2000, "time must increase"), (empty * 200_000, "unpacks to far more")):
+    for records, message in (
+        (chunk * 2000, "not in the order of time"),
+        (empty * 200_000, "unpacks to far more"),
+    ):
         many = rechunked(file.writes[1], "zstd", records)
         with pytest.raises(DiagnosticError, match=message):
             read_mcap(PROGRAM, b"".join([file.writes[0], many, *file.writes[2:]]))
@@ -185,7 +202,72 @@ def test_random_damage_never_raises_more_than_a_failure() -> None:
 
 
 def test_places_that_lead_elsewhere_are_left_out() -> None:
-    bad = ("../x.py", "/etc/x", "a/../../x", "", ".", "a\\x", "\0")
+    bad = ("../x.py", "/etc/x", "a/../../x", "", ".", "a\\x", "\0", "a/" * 1000 + "x")
     sources = tuple(SourceFile(kind="python", path=place, data=b"") for place in bad)
     _, reader = read_mcap(PROGRAM, as_mcap(PROGRAM, [], *sources, *SOURCES).content)
     assert reader.run.sources == SOURCES
+
+
+def record(opcode: int, content: bytes) -> bytes:
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def attachment(i: int) -> bytes:
+    name = f"python/m{i}.py".encode()
+    body = bytes(16) + struct.pack("<I", len(name)) + name + struct.pack("<IQ", 0, 0)
+    return record(9, body + struct.pack("<I", zlib.crc32(body)))
+
+
+def channel(i: int) -> bytes:
+    topic = f"/x{i}".encode()
+    return record(4, struct.pack("<HHI", i, 0, len(topic)) + topic + struct.pack("<II", 0, 0))
+
+
+MANY: dict[str, Callable[[int], bytes]] = {
+    "schemas": lambda i: record(3, struct.pack("<HIII", i % 9 + 1, 0, 0, 0)),
+    "channels": channel,
+    "metadata": lambda i: record(12, struct.pack("<I4sI", 4, b"%04d" % (i % 10_000), 0)),
+    "attachments": attachment,
+    "indexes": lambda i: record(7, struct.pack("<HIQQ", 1, 16, i, i)),
+    "unknown records": lambda i: record(200, b"x"),
+    "empty chunks": lambda i: record(6, struct.pack("<QQQIIQ", 0, 0, 0, 0, 0, 0)),
+    "messages": lambda i: record(5, struct.pack("<HIQQ", 999, 0, 0, 0)),
+}
+"""Records of which a file may have many."""
+
+
+def calls(data: bytes) -> int:
+    """Return the number of Python functions that reading a recording calls."""
+    count = 0
+
+    def profile(frame: object, event: str, argument: object) -> None:
+        nonlocal count
+        count += event == "call"
+
+    sys.setprofile(profile)
+    try:
+        refused_or_read(data)
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+@pytest.mark.parametrize("kind", MANY)
+@pytest.mark.parametrize("place", ["before the frames", "after them", "within a chunk"])
+def test_reading_many_records_takes_linear_time(kind: str, place: str) -> None:
+    file = as_mcap(PROGRAM, logs(PROGRAM, trace(8)), *SOURCES)
+    chunk = zstandard.decompress(chunk_in(file.writes[1]).data)
+    head = file.content[: file.content.index(b"zstd") - 41]
+
+    def reading(count: int) -> int:
+        many = b"".join(MANY[kind](i) for i in range(count))
+        match place:
+            case "before the frames":
+                return calls(head + many + file.content[len(head) :])
+            case "after them":
+                return calls(b"".join([*file.writes[:2], many, *file.writes[2:]]))
+            case _:
+                return calls(b"".join([file.writes[0], rechunked(file.writes[1], "zstd", chunk + many)]))
+
+    none, few, more = map(reading, (0, 200, 1000))
+    assert more - none <= 5.5 * max(few - none, 1) + 100

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
+import pytest
+
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.deployment import Deployment
@@ -38,6 +42,24 @@ def test_a_program_reads_what_it_is_bound_to_in_the_frames_of_its_run(
     ada.do(deploy(program("second", "Y")))
     assert stage.fields(4, "second") == {"Y": 2.0}
     assert stage.fields(5) == {}
+
+
+@pytest.mark.parametrize("value", ["200", [], {"a": 1}, [1, "a"], [[1]]])
+def test_a_value_that_frames_cannot_show_is_a_fault_where_the_program_reads_it(
+    stage: DataStage, ada: Connection, value: object
+) -> None:
+    ada.do(deploy(program("run", "X")))
+    ada.do(data.set_many({"X": value, "Y": value}))
+    ada.do(data.publish(["X", "Y"]))
+    fields = stage.fields(1, "run")
+    assert fields.keys() == {"X"}
+    assert math.isnan(fields["X"])
+    stage.kill_and_restart()
+    assert math.isnan(stage.fields(2, "run")["X"])
+    ada.open()
+    for k, shown in ((3, None), (4, 3.0)):
+        ada.do(data.set("X", shown))
+        assert stage.fields(k, "run") == ({} if shown is None else {"X": shown})
 
 
 def test_what_the_program_reads_survives_a_death(stage: DataStage, ada: Connection) -> None:

@@ -41,12 +41,16 @@ class Kept(io.BytesIO):
         return b"".join(self.writes)
 
 
-def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ()) -> list[FrameLog]:
-    """A run in which nothing goes wrong; all memory begins anew at the frames in `restarts`."""
-    restarts, start, out = frozenset(restarts), 0, []
+def logs(
+    program: Program, trace: Sequence[Frame], restarts: Iterable[int] = (), missing: Iterable[int] = ()
+) -> list[FrameLog]:
+    """A run in which nothing goes wrong, but that all memory begins anew at the frames in `restarts`, and
+    that no answer of a module in Python is heard in the frames in `missing`."""
+    restarts, missing, start, out = frozenset(restarts), frozenset(missing), 0, []
     interpreter = Interpreter(program)
     compiled = compile_program(program).compiled
-    monitor = Monitor(ProgramExecutor(compiled, simplified=False, answers_given=True))
+    executor = ProgramExecutor(compiled, simplified=False, answers_given=True)
+    monitor = Monitor(executor, modules=compiled.python_modules)
     keyframe_ns = trace[0].t_ns - KEYFRAME_NS if trace else 0
     modules = {name: ModuleExecutor(compiled, name) for name in compiled.python_modules}
     clients = {
@@ -62,7 +66,8 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
         if k in restarts or frame.t_ns + program.robot.frame_ns - keyframe_ns > KEYFRAME_NS:
             keyframe, keyframe_ns = monitor.keyframe(), frame.t_ns
         answers = {name: module.step(frame_in_base_units(program, frame)) for name, module in modules.items()}
-        monitor.check(frame, {}, answers=answers)
+        answers = {} if k in missing else answers
+        checked = monitor.check(frame, {}, answers=answers).expected
         outcome = interpreter.step(frame)
         verdicts = {
             d.actuator: Verdict(
@@ -82,7 +87,7 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
                 tick=tick,
                 frame=frame,
                 verdicts=verdicts,
-                expected=outcome,
+                expected=outcome if checked.decisions else checked,
                 disagreements=(),
                 restart=k in restarts,
                 keyframe=keyframe,

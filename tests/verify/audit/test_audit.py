@@ -19,6 +19,8 @@ from colony.dsl.load import load_file, load_text
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.observe.observer import FrameLog
 from colony.verify.audit.audit import Auditor, audit
+from colony.verify.audit.report import AuditReport
+from colony.verify.explain.follower import Follower
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import Run, network_runs, run_of_seed, runs
@@ -151,15 +153,16 @@ def test_a_dropped_frame(through: str, at: int) -> None:
         found, _ = read_mcap(PROGRAM, as_mcap(PROGRAM, found).content)
     elif through == "lines":
         found, _ = read_lines(PROGRAM, as_lines(PROGRAM, found).content)
-    first = audit(PROGRAM, found).first
+    report = audit(PROGRAM, found)
+    first = report.first
     if at == 11:  # nothing tells that there was one
         assert first is None
     elif at:
         assert first is not None
         assert first.message == "frame 5 follows frame 3: 1 between them are not in the recording"
-    elif through != "lines":  # which do not tell where memory began
-        assert first is not None
-        assert first.message == "the recording begins with frame 1, but its epoch with frame 0"
+    else:
+        assert first is None
+        assert (report.forgotten, report.resumed) == (7, 1), "memory is known from the second keyframe on"
 
 
 def test_frames_out_of_order() -> None:
@@ -324,3 +327,44 @@ def test_a_run_of_a_seed_is_found_out() -> None:
             )
             assert report.first is not None, seed
             assert report.first.index == len(right) - 1
+
+
+PULSES = load_text("""
+robot r {
+  sensor near : mm range 0 .. 5000 from PServer.near
+  actuator drive { velocity : mm/s range -600 .. 600 } to RServer.drive idle drive(velocity = 0)
+}
+module pulse from python "tests.verify.scripted_modules:Pulses" { reads near  commands drive }
+module cruise { when near >= 0 mm do drive(velocity = near / 3 s) }
+network { drive = pulse suppresses[100 ms] cruise }
+contract gentle: drive.velocity <= 300 mm/s
+""")
+
+
+@pytest.mark.parametrize("through", ["logs", "mcap", "lines"])
+@pytest.mark.parametrize("missed", [1, 3, 8])
+def test_after_a_missing_answer_of_a_module_in_python_memory_is_known_from_the_next_keyframe_on(
+    through: str, missed: int
+) -> None:
+    frames = tuple(Frame(k * 50 * MS, {"near": 100.0 + k}) for k in range(40))
+    whole, right = logs(PULSES, frames), logs(PULSES, frames, missing=(missed,))
+    known = [k for k, log in enumerate(right) if not log.memory_unknown]
+    assert known == [k for k in range(40) if not missed <= k <= (6 if missed < 6 else 12)], "until it pulses"
+    for one, other in zip(whole, right, strict=True):
+        if other.keyframe is not None and other.keyframe.memory is not None:
+            assert other.keyframe == one.keyframe
+
+    def audited(found: list[FrameLog]) -> AuditReport:
+        if through == "mcap":
+            return audit(PULSES, read_mcap(PULSES, as_mcap(PULSES, found).content)[0])
+        return audit(
+            PULSES, read_lines(PULSES, as_lines(PULSES, found).content)[0] if through == "lines" else found
+        )
+
+    report = audited(right)
+    assert (report.agrees, report.resumed) == (True, 1)
+    assert report.forgotten <= 8, "less than half a second"
+    assert not audited(changed(right, 39, values=(5.0,))).agrees
+    follower = Follower(PULSES)
+    moments = [follower.take(log) is not None for log in right]
+    assert moments[missed + 15 :] == [True] * (25 - missed)

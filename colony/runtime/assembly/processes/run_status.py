@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from colony.execute.compiled import Compiled
 from colony.execute.needs import BOUNDS
+from colony.ir.program import Robot
+from colony.ir.servers import DSERVER
+from colony.ir.types import Array, Bool, element_type
 from colony.runtime.library.leader import (
     LEADER,
     ClientStanding,
+    ReadVariable,
     RunKeyframe,
     RunProgram,
     RunStatus,
@@ -59,6 +63,7 @@ class RunStatusTracker:
         self._restarts = 0
         self._disagreements = 0
         self._pids: Callable[[], Mapping[str, int]] = dict
+        self._faults: tuple[str, ...] = ()
 
     def set_pids(self, pids: Callable[[], Mapping[str, int]]) -> None:
         """Set the function that returns the run's live processes; it may be called in any thread."""
@@ -68,6 +73,7 @@ class RunStatusTracker:
         """Count the fates of the clients in a frame."""
         self._frames += 1
         self._k = log.tick.k
+        self._faults = tuple(r.subject for r in log.expected.records if r.kind == "sensor fault")
         if log.keyframe is not None:
             text = "{" + ", ".join(keyframe_members(log.keyframe)) + "}"
             self._keyframe = RunKeyframe(k=log.tick.k, text=text)
@@ -126,6 +132,7 @@ class RunStatusTracker:
             root=compiled.root,
             sources=tuple(SourceText(kind=s.kind, path=s.path, data=s.data) for s in compiled.sources),
             site="" if compiled.site is None else site_text(compiled.site),
+            reads=tuple(_read_variables(compiled.robot)),
         )
 
     def status(self) -> RunStatus:
@@ -142,6 +149,7 @@ class RunStatusTracker:
             commanded_by=dict(self._commanded_by),
             processes=dict(self._pids()),
             params=self._params,
+            faults=self._faults,
             clients=tuple(
                 ClientStanding(
                     address=address,
@@ -155,6 +163,17 @@ class RunStatusTracker:
                 for address, c in self._clients.items()
             ),
         )
+
+
+def _read_variables(robot: Robot) -> Iterator[ReadVariable]:
+    for sensor in robot.sensors:
+        if sensor.server == DSERVER.name and sensor.sent is None:
+            yield ReadVariable(
+                variable=sensor.field,
+                sensor=sensor.name,
+                kind="bool" if isinstance(element_type(sensor.type), Bool) else "number",
+                size=sensor.type.size if isinstance(sensor.type, Array) else 0,
+            )
 
 
 class LeaderServer(QuietNode):

@@ -13,8 +13,10 @@ import msgspec
 import pytest
 
 from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_text
 from colony.execute.colonyc import encode, read
-from colony.ir.frame import Frame, Outcome
+from colony.execute.compiled import SourceFile
+from colony.ir.frame import Frame, Outcome, Record
 from colony.ir.program import Program, PythonModule, Use, Wire
 from colony.ir.servers import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import BOOL, DISTANCE, Array, Enum
@@ -298,6 +300,30 @@ def test_the_leader_counts_who_was_on_time(roaming: Program) -> None:
     assert (status.k, status.frames, status.restarts) == (3, 3, 1)
     assert status.commanded_by == {"drive": None}
     assert status.process == os.getpid()
+
+
+def test_the_leader_knows_the_sensors_at_fault_and_the_variables_that_the_program_reads() -> None:
+    of = load_text(
+        "robot r {\n sensor goal : mm default 0 from DServer.Goal\n sensor on[2] : bool from DServer.On\n"
+        "actuator drive { velocity : mm/s } to RServer.drive idle drive(velocity = 0)\n}\n"
+        "module go { when all(on) do drive(velocity = goal / 1 s) }\nnetwork { drive = go }\n"
+    )
+    source = SourceFile(kind="behavior", path="b.colony", data=b"")
+    compiled = replace(compile_program(of).compiled, sources=(source,))
+    tracker = RunStatusTracker(deployed(of), file="f.colony", compiled=compiled)
+    fault = Record("sensor fault", "goal")
+    for records, faults in (((fault, Record("limited", "drive.velocity")), ("goal",)), ((), ())):
+        tracker.take(replace(log(1), expected=Outcome((), records)))
+        assert tracker.status().faults == faults
+    goal, on = tracker.program().reads
+    assert (goal.variable, goal.expected, on.variable, on.expected) == (
+        *("Goal", "a number"),
+        *("On", "a list of 2 bools"),
+    )
+    assert all(map(goal.fits, (1, 2.5, None)))
+    assert not any(map(goal.fits, ("200", True, [1], {})))
+    assert all(map(on.fits, ([True, False], None)))
+    assert not any(map(on.fits, (True, [True], [1, 0], "x", [True, "x"])))
 
 
 def test_the_leader_answers(roaming: Program) -> None:

@@ -1,0 +1,31 @@
+"""Files from outside, changed at random: a sample of `python -m tests.cli.mutants`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.mutants import cases, try_mutant
+from tests.sampling import long
+
+NAMES = [
+    *("p.mcap", "p.jsonl"),
+    *(f"{stem}.{suffix}" for stem in "bm" for suffix in ("mcap", "jsonl", "input", "colonyc")),
+]
+
+
+@pytest.mark.parametrize("seed", [1, long(2), long(3)])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_changed_file_is_read_or_refused(
+    name: str, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("tests.cli.mutants.PATIENCE_S", float("inf"))
+    monkeypatch.setattr("sys.argv", ["colony"])
+    case, codes = cases(tmp_path)[name], set()
+    for i in range(40):
+        code, wrong = try_mutant(name, case, f"{seed}-{i}", tmp_path)
+        codes.add(code)
+        assert wrong is None, wrong
+    assert len(codes) > 1, "some are read, and some are refused"
