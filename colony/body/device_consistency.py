@@ -26,7 +26,7 @@ from colony.body.devices import (
 )
 from colony.body.footprint import radius_mm
 from colony.body.model import Body, Circle
-from colony.ir.bearings import TURN, Bearings
+from colony.ir.bearings import TURN, too_many_hint, uniform
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
 from colony.text.suggestions import did_you_mean
@@ -63,7 +63,7 @@ def device_contradictions(
         case Proximity() as ring:
             yield from _proximity(ring, body, places, keys)
         case Lidar() as lidar:
-            yield from _turn(lidar.bearings(), lidar.count, places, keys)
+            yield from _turn(lidar.step_deg, lidar.count, places, keys)
             yield from misplaced(lidar.pose, (*keys, "pose"), body, places)
         case RangeFinder() as finder:
             yield from _range_finder(finder, body, places, keys)
@@ -188,7 +188,7 @@ def _battery(battery: Battery, places: Located, keys: tuple[str, ...]) -> Iterat
 
 
 def _proximity(ring: Proximity, body: Body, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
-    yield from _turn(ring.bearings(), ring.count, places, keys)
+    yield from _turn(ring.step_deg, ring.count, places, keys)
     footprint = body.chassis.footprint
     if isinstance(footprint, Circle) and ring.ring_mm > footprint.radius_mm:
         message = (
@@ -205,12 +205,10 @@ def _proximity(ring: Proximity, body: Body, places: Located, keys: tuple[str, ..
         yield error("B009", places.value(*keys, "infrared", "wired"), message)
 
 
-def _turn(
-    bearings: Bearings | None, count: int, places: Located, keys: tuple[str, ...]
-) -> Iterator[Diagnostic]:
-    if bearings is None:
-        message = f"{count} elements take more than a turn"
-        yield error("B009", places.value(*keys, "step"), message, f"the step is at most {360 / count:g} deg")
+def _turn(step_deg: float | None, count: int, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+    if step_deg is not None and uniform(0.0, step_deg, count) is None:
+        message = f"{count} elements that are {degrees_text(step_deg)} apart take more than a full turn"
+        yield error("B009", places.value(*keys, "step"), message, too_many_hint(step_deg, count))
 
 
 def _range_finder(

@@ -11,10 +11,11 @@ from colony.body.footprint import radius_mm
 from colony.body.model import Body
 from colony.execute.compiled import Compiled
 from colony.ir.servers import DSERVER
+from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.world_map import WorldMap, load_world, world_of
 from colony.robots.company import join_others, populated_world
 from colony.robots.described import DescribedRobot
-from colony.robots.driven_path import DrivenPath, PeoplePaths
+from colony.robots.driven_path import DrivenPath, MapExit, PeoplePaths
 from colony.robots.expected import time_limit_ns
 from colony.robots.physics_choice import expect_simulable
 from colony.robots.recording import RunRecording, is_mcap, recording_into
@@ -58,7 +59,9 @@ def run_in_building(
     clock = VirtualClock()
     floors, plant, path = _building(request, described.body, mission, clock)
     others = join_others(plant, request, ui.report)
-    other_paths = {other.name: PathSink(plant.world, path.floor, other.number) for other in others}
+    other_paths = {other.name: PathSink(plant.world, path.floor, floors[0], other.number) for other in others}
+    for remark in floors[0].remarks(radius_mm(described.body), plant.world.true_pose(0)):
+        ui.report(remark)
     tally = Tally(compiled)
     session = VirtualSession(
         compiled,
@@ -89,9 +92,16 @@ def run_in_building(
         seed=request.seed,
         duration_s=clock() / 1e9,
         interrupted=interrupted,
-        travel=Travel(bumps=plant.world.bumps(0), distance_mm=plant.world.distance(0)),
+        travel=Travel(
+            bumps=plant.world.bumps(0), distance_mm=plant.world.distance(0), off_map=path.exit.off_map
+        ),
     )
-    summary = replace(summary, others=tuple(other.summary() for other in others))
+    summary = replace(
+        summary,
+        others=tuple(
+            replace(other.summary(), off_map=other_paths[other.name].exit.off_map) for other in others
+        ),
+    )
     if recording is not None:
         summary = replace(summary, broke_off=recording.truncation)
     return RunReport(
@@ -111,15 +121,12 @@ def _building(
     if mission is not None:
         site = mission.site
         plant = Plant(site.world, clock, [site.elevators.advance])
-        return (
-            tuple(map(world_of, site.maps.values())),
-            plant,
-            PathSink(plant.world, lambda: site.elevators.floor),
-        )
+        floors = tuple(map(world_of, site.maps.values()))
+        return floors, plant, PathSink(plant.world, lambda: site.elevators.floor, floors[0])
     assert request.map_path is not None
     floor = load_world(request.map_path)
     world = _physics(request, body, floor)
-    return (floor,), Plant(world, clock), PathSink(world, lambda: floor.name)
+    return (floor,), Plant(world, clock), PathSink(world, lambda: floor.name, floor)
 
 
 def _physics(request: RunRequest, body: Body, floor: WorldMap) -> Physics:
@@ -206,22 +213,29 @@ def wall_clock() -> Callable[[int], None]:
 
 
 class PathSink:
-    """A sink that collects a robot's true path, by floor; that of robot 0 those of the people, too. Mutable.
+    """A sink that collects a robot's true path, by floor, and whether it left the map. Mutable.
+
+    That of robot 0 collects the paths of the people, too.
 
     Args:
         world: the world.
         floor: function that returns the name of the current floor.
+        first_floor: the floor where the run begins, the only one that can be a grid.
         robot: the number of the robot.
     """
 
-    def __init__(self, world: Physics, floor: Callable[[], str], robot: int = 0) -> None:
+    def __init__(
+        self, world: Physics, floor: Callable[[], str], first_floor: WorldMap, robot: int = 0
+    ) -> None:
         self._world, self.floor, self._robot = world, floor, robot
+        self.exit = MapExit(first_floor)
         self._paths: dict[str, DrivenPath] = {}
         self.people = PeoplePaths()
 
     def take(self, log: FrameLog) -> None:
         """Add the robot's pose in this frame."""
-        self._add_pose()
+        pose = self._add_pose()
+        self.exit.add(log.frame.t_ns / 1e9, pose.x_mm, pose.y_mm)
 
     def close(self) -> None:
         """Add the robot's last pose."""
@@ -232,8 +246,9 @@ class PathSink:
         """The points on each floor, in mm, in chronological order."""
         return {floor: path.points for floor, path in self._paths.items()}
 
-    def _add_pose(self) -> None:
+    def _add_pose(self) -> Pose:
         pose = self._world.true_pose(self._robot)
         self._paths.setdefault(self.floor(), DrivenPath()).add(pose.x_mm, pose.y_mm)
         if self._robot == 0:
             self.people.add(self.floor(), self._world.situation().people.tolist())
+        return pose

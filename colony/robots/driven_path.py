@@ -1,9 +1,16 @@
-"""Paths of robots and people, for plotting, with a bounded number of points for a run of any length."""
+"""Paths of robots and people, with a bounded number of points for pictures, and where a robot left the map."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from colony.runtime.observe.summary import OffMap
+
+if TYPE_CHECKING:  # it loads numpy
+    from colony.nav.maps.world_map import WorldMap
 
 MAX_POINTS = 10_000
 """Maximum number of points; beyond it every second point is dropped."""
@@ -56,3 +63,25 @@ class PeoplePaths:
     def points(self) -> Mapping[str, Paths]:
         """The paths of the people, by the name of their floor."""
         return {floor: tuple(tuple(p.points) for p in paths) for floor, paths in self._paths.items() if paths}
+
+
+class MapExit:
+    """Finds out when a robot leaves the known cells of a grid, and its image. Mutable.
+
+    The attribute `off_map` is None as long as it has not, and in a map that is no grid.
+    """
+
+    def __init__(self, floor: WorldMap) -> None:
+        self._floor = floor
+        self._last_s = 0.0
+        self.off_map: OffMap | None = None
+
+    def add(self, t_s: float, x_mm: float, y_mm: float) -> None:
+        """Add the robot's position at a time, in mm; times rise."""
+        period_s, self._last_s = t_s - self._last_s, t_s
+        if self._floor.is_known(x_mm, y_mm):
+            return
+        off = self.off_map or OffMap(left_known_s=t_s, left_image_s=None, seconds=-period_s)
+        has_left = off.left_image_s is None and not self._floor.contains(x_mm, y_mm)
+        left_image_s = t_s if has_left else off.left_image_s
+        self.off_map = replace(off, left_image_s=left_image_s, seconds=round(off.seconds + period_s, 9))

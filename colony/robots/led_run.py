@@ -147,6 +147,13 @@ class LedRun:
         with closing(FieldGiver(robot_address, changes, lambda: self._window.begin_ns)) as giver:
             yield giver.poll
 
+    def elapsed_s(self, t_ns: int) -> float | None:
+        """Return the time since the beginning of the run at a time of the simulator; None before."""
+        began_ns = self._window.begin_ns
+        if began_ns is None or not isinstance(self._robot_address, Local):
+            return None
+        return (t_ns - began_ns - self._robot_address.directory.origin_ns()) / 1e9
+
     def set_variables(self, supervised_run: SupervisedRun, held: Mapping[str, Value]) -> None:
         """Let the run set variables of DServer: `held` to their values, others as the scenario says."""
         changes = self._scenario.variables

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, closing, nullcontext
+from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from colony.body.footprint import radius_mm
 from colony.execute.compiled import Compiled
 from colony.os_errors import naming
 from colony.robots.bound_servers import expect_running
@@ -49,6 +50,7 @@ def run_simulated(
         LiveError: the robot cannot be used; for example, another run of it is in progress.
         RunAbortedError: the run could not begin, or broke off.
     """
+    from colony.robots.driven_path import MapExit
     from colony.robots.simulated import (
         CompilationNotice,
         SimulatedRobot,
@@ -69,7 +71,12 @@ def run_simulated(
     cameras = {**_mission_cameras(route), **request.cameras}
     if cameras:
         floors[0].building("a camera")
-    truth = TruthLog(robot_address)
+    truth, map_exit = TruthLog(robot_address), MapExit(floors[0])
+    if route is None:
+        with suppress(ValueError):  # the simulator says why it cannot start there
+            radius = radius_mm(described.body)
+            for remark in floors[0].remarks(radius, floors[0].start(radius, request.start)):
+                ui.report(remark)
     with run.supervised() as supervised_run, run.giving() as give:
         robot = SimulatedRobot(
             described=described,
@@ -92,7 +99,10 @@ def run_simulated(
 
         def follow_plant() -> bool:
             given = give()
-            return truth.poll() and given
+            is_seen, last = truth.poll(), truth.last
+            if last is not None and (t_s := run.elapsed_s(last.t_ns)) is not None:
+                map_exit.add(t_s, last.x, last.y)
+            return is_seen and given
 
         def simulated() -> bool:
             notice.poll()
@@ -107,7 +117,7 @@ def run_simulated(
             lambda building: simulated_operator(robot_address, robot, building),
             meanwhile=follow_plant,
         )
-        travel = truth.travel
+        travel = replace(truth.travel, off_map=map_exit.off_map)
         truth.close()
     summary, result = run.summary(interrupted, travel), run.mission_result(truth.last)
     return RunReport(summary, result, floors, truth.paths, people=truth.people.points)

@@ -127,7 +127,7 @@ SLIPS = [
     ("module m { when true do drive(velocty = 0, turn = 0) }", "no field `velocty`", "mean `velocity`?"),
     # types
     ("module l = avoid(clearance = sonar[1])", "`clearance` must be constant", "as `input clearance : mm`"),
-    ("let a = recently(bumper, -2)", "must be a value in s, found a plain number", "`-2 s` or"),
+    ("let a = recently(bumper, -2)", "the duration of `recently` is negative", "a duration is at least 0"),
     ("let a = sonar < 3", "`<` needs two numbers of one dimension", "unit: `3 mm`, `3 cm` or `3 m`"),
     ("let a = sonar[0] + docked_at", "a value in mm and a plain number", "`x / 1 mm` is a plain number"),
     ("let a = sonar[0] + heading", "found a value in mm and a value in deg", ""),

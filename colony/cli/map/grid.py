@@ -39,7 +39,9 @@ def grid_summary(world: WorldMap, start: Pose | None) -> dict[str, object]:
         "area_m2": {state.name.lower(): round(grid.area_m2(state), 3) for state in Cell},
         "walls": len(world.walls),
         "start": None if start is None else start._asdict(),
+        "reachable": None if start is None else round(world.reachable(RADIUS_MM, start), 4),
         "docks": [dock._asdict() for dock in world.docks],
+        "remarks": list(grid.remarks if start is None else world.remarks(RADIUS_MM, start)),
     }
 
 
@@ -58,4 +60,5 @@ def grid_text(summary: dict[str, Any]) -> str:
     else:
         lines.append(f"  start of {robot} at {pose_text(start)}")
     lines += [f"  dock at {pose_text(dock)}" for dock in summary["docks"]]
+    lines += [f"  {remark}" for remark in summary["remarks"]]
     return "\n".join(lines)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.grid.model import Cell, Grid
 from colony.nav.maps.grid.outlines import TooManySidesError, outlines
-from colony.nav.maps.grid.places import clearance_mm, nearest_place
+from colony.nav.maps.grid.places import Reach, clearance_mm, nearest_place
 from colony.nav.maps.grid.reader import EAST_DEG, load_grid
 from colony.nav.maps.source import is_grid, no_building
 from colony.nav.maps.stickrep.geometry import corners, in_free_space
@@ -21,6 +22,9 @@ from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
 MAX_WALLS = 200_000
+
+SMALL_SHARE = 0.1
+"""Share of a grid's free cells below which a start is taken for one in a stray patch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,7 +57,8 @@ class WorldMap:
         """Return the pose at which a robot of this radius starts.
 
         By default this is the start of a StickRep map. In a grid it is (0, 0), where its maker began, or the
-        nearest place with enough room, facing along x.
+        nearest place with enough room, facing along x. If the robot can get to less than a tenth of the free
+        cells from there, it is the nearest place in the largest region.
 
         Args:
             radius_mm: the radius of the robot.
@@ -69,6 +74,35 @@ class WorldMap:
                 return self.source.start if wanted is None else _start_in_building(self.source, Pose(*wanted))
             case Grid():
                 return _start_in_grid(self.source, self.walls, radius_mm, wanted)
+
+    def reachable(self, radius_mm: float, start: Pose) -> float:
+        """Return the share of the free cells that a robot can cover from its start, from 0 to 1.
+
+        It is 1 in a StickRep map, which has no cells.
+        """
+        if isinstance(self.source, Map):
+            return 1.0
+        reach = _reach(self.source, radius_mm)
+        return reach.share(reach.region(start.x_mm, start.y_mm))
+
+    def remarks(self, radius_mm: float, start: Pose) -> tuple[str, ...]:
+        """Return sentences, without a period, on what is unusual about the map or this start of a robot."""
+        if isinstance(self.source, Map):
+            return ()
+        share = self.reachable(radius_mm, start)
+        if share >= SMALL_SHARE:
+            return self.source.remarks
+        at = f"({start.x_mm / 1000:.2f} m, {start.y_mm / 1000:.2f} m)"
+        stuck = f"a robot with a radius of {radius_mm:.0f} mm can get from {at} to {100 * share:.2g} %"
+        return (*self.source.remarks, f"{stuck} of the free cells; --start X,Y,HEADING names another place")
+
+    def is_known(self, x_mm: float, y_mm: float) -> bool:
+        """Return False if a place is in unknown cells of a grid, or beyond its image."""
+        return isinstance(self.source, Map) or self.source.state_at(x_mm, y_mm) is not Cell.UNKNOWN
+
+    def contains(self, x_mm: float, y_mm: float) -> bool:
+        """Return False if a place is beyond the image of a grid."""
+        return isinstance(self.source, Map) or self.source.contains(x_mm, y_mm)
 
     def building(self, purpose: str) -> Map:
         """Return the map of the building, for something that a grid has not.
@@ -143,11 +177,28 @@ def _start_in_grid(
     if room < radius_mm and wanted is None:
         nearest = nearest_place(grid, radius_mm)
         if nearest is None:
-            raise ValueError(f"there is no free place for a robot with a radius of {radius_mm:.0f} mm")
+            problem = f"there is no free place for a robot with a radius of {radius_mm:.0f} mm"
+            raise ValueError("; ".join([problem, *grid.remarks]))
         x, y = nearest
     elif grid.state_at(x, y) is Cell.OCCUPIED:
         raise ValueError(f"({x:.0f}, {y:.0f}) is in an occupied cell")
     elif room < radius_mm:
         found = f"({x:.0f}, {y:.0f}) is {room:.0f} mm from a wall or from cells that are unknown"
         raise ValueError(f"{found}; expected at least {radius_mm:.0f} mm")
+    if wanted is None:
+        x, y = _out_of_a_patch(grid, radius_mm, (x, y))
     return Pose(x, y, heading)
+
+
+@lru_cache(maxsize=1)
+def _reach(grid: Grid, radius_mm: float) -> Reach:
+    return Reach(grid, radius_mm)
+
+
+def _out_of_a_patch(grid: Grid, radius_mm: float, place: tuple[float, float]) -> tuple[float, float]:
+    """Return a place, or one in the largest region if the robot can hardly get anywhere from there."""
+    reach = _reach(grid, radius_mm)
+    region = reach.region(*place)
+    if region == reach.largest or reach.share(region) >= SMALL_SHARE:
+        return place
+    return nearest_place(grid, radius_mm, reach.cells(reach.largest)) or place

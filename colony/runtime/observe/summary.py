@@ -98,11 +98,28 @@ class InterventionSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OffMap:
+    """A simulated robot's way off the known cells of a grid.
+
+    It has the times when the robot first left these cells and the image (None if it stayed in the image), and
+    the seconds that it spent off the known cells.
+    """
+
+    left_known_s: float
+    left_image_s: float | None
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Travel:
-    """Travel of a robot: the number of times that it bumped into something, and the length of its path."""
+    """Travel of a robot: the number of times that it bumped into something, and the length of its path.
+
+    `off_map` is None if it stayed on the known cells of a grid, or its map is no grid.
+    """
 
     bumps: int
     distance_mm: float
+    off_map: OffMap | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,6 +135,7 @@ class OtherSummary:
     bumps: int
     distance_mm: float
     unread: tuple[str, ...] = ()
+    off_map: OffMap | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,9 +156,9 @@ class RunSummary:
 
     `restarts` counts the restarts of all memory, `skipped` the frames that could not be observed, and
     `unknown` the frames that could not be checked because memory was unknown. On a real robot the travel is
-    unknown: `bumps`, `distance_mm` and `mean_speed_mm_s` are None. `params` is None if no site set any.
-    `others` are the other robots of a simulated world. `driver_failures` has a line for each server of a real
-    robot whose driver failed. `shadow` is True if the program ran in the shadow of a robot: it commanded
+    unknown: `bumps`, `distance_mm`, `mean_speed_mm_s` and `off_map` are None. `params` is None if no site set
+    any. `others` are the other robots of a simulated world. `driver_failures` has a line for each server of a
+    real robot whose driver failed. `shadow` is True if the program ran in the shadow of a robot: it commanded
     nothing, and all else is what it would have done.
     """
 
@@ -168,6 +186,7 @@ class RunSummary:
     others: tuple[OtherSummary, ...] = ()
     driver_failures: tuple[str, ...] = ()
     shadow: bool = False
+    off_map: OffMap | None = None
 
     def as_json(self) -> dict[str, object]:
         """Return the summary as plain dicts and lists."""
@@ -269,6 +288,7 @@ class Tally:
             disagreements=tuple(self._disagreements),
             unknown=self._unknown,
             params=_params(self._compiled.site),
+            off_map=None if travel is None else travel.off_map,
         )
 
     def _actuator(self, name: str) -> ActuatorSummary:
@@ -329,6 +349,7 @@ def render(summary: RunSummary) -> str:
             f"  traveled {summary.distance_mm / 1000:.2f} m "
             f"at {summary.mean_speed_mm_s:.0f} mm/s on average, {counted(summary.bumps or 0, 'bump')}"
         )
+    lines += [f"  {_off_map(summary.off_map)}"] if summary.off_map is not None else []
     lines += map(_other_line, summary.others)
     lines += [f"  {r.subject}: {r.kind} in {counted(r.frames, 'frame')}" for r in summary.records]
     lines += [f"  client {t.client}: {t.fate} in {counted(t.frames, 'frame')}" for t in summary.troubles]
@@ -358,7 +379,13 @@ def render(summary: RunSummary) -> str:
 def _other_line(other: OtherSummary) -> str:
     way = f"{other.distance_mm / 1000:.2f} m, {counted(other.bumps, 'bump')}"
     unread = f"; {quoted(other.unread)} never had a value" if other.unread else ""
-    return f"  {other.name} ({other.robot} with {other.behavior}) traveled {way}{unread}"
+    left = "" if other.off_map is None else f"; {_off_map(other.off_map)}"
+    return f"  {other.name} ({other.robot} with {other.behavior}) traveled {way}{unread}{left}"
+
+
+def _off_map(off: OffMap) -> str:
+    image = "" if off.left_image_s is None else f" and the image at {off.left_image_s:.2f} s"
+    return f"left the known cells of the map at {off.left_known_s:.2f} s{image}; {off.seconds:.2f} s off them"
 
 
 def _shares(actuator: ActuatorSummary) -> list[str]:

@@ -158,7 +158,11 @@ def _present_text(present: Present, t_ns: int) -> str:
 
 def ago_text(at_ns: int, t_ns: int) -> str:
     """Return `10.2 s, 1.5 s before`, the time of what led to a frame."""
-    return time_text(at_ns) if at_ns == t_ns else f"{time_text(at_ns)}, {duration_text(rounded_ns(t_ns - at_ns))} before"
+    return (
+        time_text(at_ns)
+        if at_ns == t_ns
+        else f"{time_text(at_ns)}, {duration_text(rounded_ns(t_ns - at_ns))} before"
+    )
 
 
 def _verdict(holds: bool) -> str:

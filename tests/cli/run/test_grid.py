@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.cli.conftest import Colony
 from tests.cli.machine import ROBOT, Machine
+from tests.nav.maps.grid.small_grids import written
 from tests.waiting import until
 
 RUN = ("run", "wander", "--robot", "amr", "--map", "office", "--duration", "5")
@@ -20,6 +23,38 @@ def test_a_robot_drives_in_a_grid_and_its_path_is_drawn(colony: Colony, tmp_path
     assert result.code == 0
     assert json.loads(result.out)["distance_mm"] > 500.0
     assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_off_the_map_says_when_it_left(colony: Colony, tmp_path: Path) -> None:
+    shades = np.full((60, 60), 205, dtype=np.uint8)
+    shades[10:50, 10:50] = 254
+    path = written(tmp_path, shades, origin="[-1.0, -1.0, 0.0]")
+    command = ("run", "wander", "--robot", "amr", "--map", path, "--no-picture", "--duration", "8")
+    code, out, err = colony(*command)
+    assert code == 0
+    assert "no cell is occupied: the image has the shades 205 and 254" in err
+    [line] = [line for line in out.splitlines() if "left the known" in line]
+    known, image, off = map(float, re.findall(r"[0-9.]+(?= s)", line))
+    assert 0.0 < known < image < 8.0
+    assert off == pytest.approx(7.95 - known, abs=0.01)
+    summary = json.loads(colony(*command, "--format", "json").out)["off_map"]
+    assert [round(summary[key], 2) for key in ("left_known_s", "left_image_s", "seconds")] == [
+        known,
+        image,
+        off,
+    ]
+
+
+def test_a_start_from_where_a_robot_gets_nowhere_is_reported(colony: Colony, tmp_path: Path) -> None:
+    shades = np.full((80, 120), 254, dtype=np.uint8)
+    shades[:, 24:30] = shades[:50, :24] = 0
+    path = written(tmp_path, shades, origin="[0.0, 0.0, 0.0]")
+    command = ("run", "wander", "--robot", "amr", "--map", path, "--no-picture", "--duration", "0.1")
+    assert "of the free cells" not in colony(*command).err
+    code, _, err = colony(*command, "--start", "600,700,0")
+    assert code == 0
+    assert "can get from (0.60 m, 0.70 m) to 7.9 % of the free cells" in err
+    assert json.loads(colony("map", path, "--no-picture", "--format", "json").out)["reachable"] > 0.85
 
 
 def test_processes_drive_in_a_grid_from_the_start_that_is_chosen(machine: Machine) -> None:

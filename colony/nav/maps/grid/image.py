@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import warnings
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,6 +26,11 @@ FORMATS = {"PPM": "PGM", "PNG": "PNG", "BMP": "BMP"}
 """The formats of images, by their names in Pillow: those that map_saver recommends."""
 
 _OPAQUE = 255
+
+_GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
+_HEADER = re.compile(rb"(?:(P4)|(P[56]))%b(\d{1,9})%b(\d{1,9})(?(2)%b(\d{1,5}))" % (_GAP, _GAP, _GAP))
+_REMARK = re.compile(rb"[ \t]*#[^\r\n]*")
+_MAX_HEADER_BYTES = 1 << 16
 
 
 class Shades(NamedTuple):
@@ -51,7 +58,7 @@ def load_image(path: str | os.PathLike[str], named: Span) -> Shades:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the limit here is lower
-            image = Image.open(io.BytesIO(data), formats=list(FORMATS))
+            image = Image.open(io.BytesIO(_plain_header(data)), formats=list(FORMATS))
     except UnidentifiedImageError:
         raise _unknown(named, shown) from None
     except Image.DecompressionBombError:
@@ -67,6 +74,40 @@ def load_image(path: str | os.PathLike[str], named: Span) -> Shades:
         return _shades(image)
     except Exception:  # as above
         raise _damaged(named, shown, "its cells are malformed or cut off") from None
+
+
+def _plain_header(data: bytes) -> bytes:
+    """Return a binary PBM, PGM or PPM with line feeds and no comments in its header; other data unchanged.
+
+    By the format, and for Pillow, one byte ends the header. Programs end it with CR LF or a comment, too: the
+    longest end is taken after which there are enough bytes for the cells.
+    """
+    header = _HEADER.match(data, 0, _MAX_HEADER_BYTES)
+    if header is None:
+        return data
+    bitmap, other, columns, rows, maximum = header.groups()
+    magic = bitmap or other
+    bits = 1 if magic == b"P4" else (8 if int(maximum) < 256 else 16) * (3 if magic == b"P6" else 1)
+    size = int(rows) * ((int(columns) * bits + 7) // 8)
+    ends = _ends(data[: header.end() + _MAX_HEADER_BYTES], header.end())
+    start = max((end for end in ends if len(data) - end >= size), default=None)
+    if start is None:
+        return data
+    words = [magic, columns, rows, *([] if maximum is None else [maximum])]
+    return b"\n".join([*words, data[start:]])
+
+
+def _ends(data: bytes, at: int) -> Iterator[int]:
+    """Yield the places where a header can end whose last word ends at `at`."""
+    waiting = [at]
+    while waiting:
+        at = waiting.pop()
+        remark = _REMARK.match(data, at)
+        at = at if remark is None else remark.end()
+        for length in {2 if data.startswith(b"\r\n", at) else 1, 1}:
+            if data[at : at + 1].isspace():
+                yield at + length
+                waiting += [at + length] if data.startswith(b"#", at + length) else []
 
 
 def _shades(image: Image) -> Shades:

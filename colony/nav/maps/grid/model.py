@@ -38,6 +38,7 @@ class Grid:
         x_mm, y_mm: the lower left corner of the cell in row 0 and column 0.
         yaw_deg: the angle from x to the direction of the rows, counterclockwise.
         docks: the poses of robots at charging docks.
+        remarks: why a state is that of no cell, as sentences without a period.
     """
 
     name: str
@@ -48,12 +49,18 @@ class Grid:
     y_mm: float
     yaw_deg: float
     docks: tuple[Pose, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def state_at(self, x_mm: float, y_mm: float) -> Cell:
         """Return the state of the cell at a place; what is beyond the image is unknown."""
         column, row = np.floor(self.to_cells(np.array([x_mm, y_mm]))).astype(int).tolist()
+        return Cell(self.cells[row, column]) if self.contains(x_mm, y_mm) else Cell.UNKNOWN
+
+    def contains(self, x_mm: float, y_mm: float) -> bool:
+        """Return True if a place is within the image."""
+        column, row = self.to_cells(np.array([x_mm, y_mm])).tolist()
         rows, columns = self.cells.shape
-        return Cell(self.cells[row, column]) if 0 <= row < rows and 0 <= column < columns else Cell.UNKNOWN
+        return bool(0.0 <= row < rows and 0.0 <= column < columns)
 
     @property
     def size_mm(self) -> tuple[float, float]:

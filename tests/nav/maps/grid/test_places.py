@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from colony.nav.maps.grid.model import Cell, Grid
-from colony.nav.maps.grid.places import clearance_mm, nearest_place
+from colony.nav.maps.grid.places import Reach, clearance_mm, labeled, nearest_place
 from colony.nav.maps.world_map import WorldMap, world_of_grid
 from colony.text.diagnostics import DiagnosticError
 from tests.nav.maps.grid.small_grids import grid_of
@@ -83,6 +83,64 @@ def test_the_nearest_place_is_the_nearest_of_all() -> None:
             assert math.hypot(*found) == pytest.approx(np.hypot(*places.T).min())
         else:
             assert found is None
+
+
+def hall_and_patch(patch: int, wall: str = "#") -> WorldMap:
+    """Return a patch whose corner is at (0, 0), and a hall of 60 by 60 cells beside it."""
+    rows = [f"{'.' * patch if row < patch else '?' * patch}{wall}{'.' * 60}" for row in range(60)]
+    return world_of_grid(grid_of("\n".join(rows[::-1])))
+
+
+@pytest.mark.parametrize(
+    ("patch", "wall", "in_hall"),
+    [
+        (18, "#", True),  # 9 % of the free cells
+        (18, "?", True),
+        (18, ".", False),  # a way out
+        (22, "#", False),  # 12 %: no stray patch
+    ],
+)
+def test_a_robot_does_not_start_in_a_stray_patch(patch: int, wall: str, in_hall: bool) -> None:
+    world = hall_and_patch(patch, wall)
+    start = world.start(300.0)
+    assert (start.x_mm > 50.0 * (patch + 1)) == in_hall
+    assert world.remarks(300.0, start) == ()
+
+
+def test_a_start_in_a_stray_patch_is_remarked() -> None:
+    world = hall_and_patch(18)
+    start = world.start(300.0, (450.0, 450.0, 0.0))
+    assert start[:2] == (450.0, 450.0)
+    [remark] = world.remarks(300.0, start)
+    assert remark == (
+        "a robot with a radius of 300 mm can get from (0.45 m, 0.45 m) to 6.8 % of the free cells; "
+        "--start X,Y,HEADING names another place"
+    )
+    assert world.reachable(300.0, world.start(300.0)) == pytest.approx(0.91, abs=0.01)
+
+
+def test_a_place_beside_the_cells_that_fit_is_of_their_region() -> None:
+    reach = Reach(grid_of("\n".join(["#" * 9, *["#" + "." * 7 + "#"] * 7, "#" * 9])), 150.0)
+    assert reach.largest == 1
+    assert reach.cells(1).sum() == 1
+    assert [reach.region(x, 225.0) for x in (225.0, 200.0, 249.0, 150.0, -1e9)] == [1, 1, 1, 0, 0]
+
+
+def test_regions_are_those_of_a_flood_fill() -> None:
+    draws = np.random.default_rng(2)
+    for share in (0.0, 0.3, 0.6, 0.7, 1.0):
+        mask = draws.random((31, 43)) < share
+        regions, filled = labeled(mask), np.zeros(mask.shape, dtype=int)
+        assert ((regions > 0) == mask).all()
+        for number, seed in enumerate(np.argwhere(mask).tolist(), 1):
+            waiting = [tuple(seed)] if not filled[tuple(seed)] else []
+            while waiting:
+                row, column = waiting.pop()
+                if 0 <= row < 31 and 0 <= column < 43 and mask[row, column] and not filled[row, column]:
+                    filled[row, column] = number
+                    waiting += [(row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)]
+        pairs = set(zip(regions.ravel().tolist(), filled.ravel().tolist(), strict=True))
+        assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
 
 
 def test_a_grid_is_no_building() -> None:

@@ -96,6 +96,111 @@ def test_portable_gray_maps_as_others_write_them(tmp_path: Path, data: bytes) ->
     assert load_grid(written(tmp_path, data, image="map.pgm")).cells.tolist() == CELLS
 
 
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+@pytest.mark.parametrize("comments", ["", "first", "last"])
+@pytest.mark.parametrize("first", [254, 10, 13, 35])  # 10, 13 and 35 are LF, CR and `#`
+@pytest.mark.parametrize("after", [b"", b"\n"])
+def test_headers_of_portable_maps_end_lines_as_they_like(
+    tmp_path: Path, end: bytes, comments: str, first: int, after: bytes
+) -> None:
+    shades = np.array([[first, 205, 0], [255, 207, 10]], dtype=np.uint8)
+    expected = [[F, F, O], [O if first != 254 else F, U, O]]
+    remark = b"# 7 8 9" + end
+    dark = np.packbits(shades < 128, axis=1)
+    rows = {
+        b"P5": shades.tobytes(),
+        b"P6": np.repeat(shades[..., None], 3, axis=2).tobytes(),
+        b"P2": end.join(b" ".join(b"%d" % shade for shade in row) for row in shades),
+        b"P4": dark.tobytes(),
+    }
+    for magic, data in rows.items():
+        words = [
+            magic,
+            *([remark] if comments == "first" else []),
+            b"3 2",
+            *([] if magic == b"P4" else [b"255"]),
+        ]
+        header = b"".join(word if word is remark else word + end for word in words)
+        header += remark if comments == "last" else b""
+        if end == b"\r" and data[:1] == b"\n" and after:
+            continue  # CR LF, as far as anybody can tell
+        cells = load_grid(written(tmp_path, header + data + after, image="map.pgm")).cells.tolist()
+        assert cells == (np.where(dark_cells(shades), O, F).tolist() if magic == b"P4" else expected)
+
+
+def dark_cells(shades: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    return shades[::-1] < 128
+
+
+@pytest.mark.parametrize(
+    ("shades", "changed", "remarks"),
+    [
+        ([0, 205, 254], {}, []),
+        ([0, 254], {}, []),
+        (
+            [205, 254],
+            {},
+            [
+                "no cell is occupied: the image has the shades 205 and 254; in the mode trinary, "
+                "shades 0 to 89 count as occupied (occupied_thresh 0.65)"
+            ],
+        ),
+        (
+            [0, 205, 254],
+            {"mode": "raw"},
+            [
+                "no cell is occupied: the image has the shades 0, 205 and 254; in the mode raw, "
+                "shades 65 to 100 count as occupied (occupied_thresh 0.65); `mode: trinary` would give some"
+            ],
+        ),
+        (
+            [0, 205, 254],
+            {"free_thresh": "0.25"},
+            [
+                "no cell is unknown: the image has the shades 0, 205 and 254; in the mode "
+                "trinary, shades 90 to 191 count as unknown (free_thresh 0.25 and occupied_thresh 0.65)"
+            ],
+        ),
+        (
+            [*range(100)],
+            {"free_thresh": "0.0", "mode": "scale"},
+            [
+                "no cell is free: the image has 100 shades from 0 to 99; in the mode scale, "
+                "shade 255 counts as free (free_thresh 0)"
+            ],
+        ),
+        (
+            [0],
+            {"negate": "1"},
+            [
+                "no cell is occupied: the image has the shade 0; in the mode trinary, "
+                "shades 166 to 255 count as occupied (occupied_thresh 0.65)"
+            ],
+        ),
+    ],
+)
+def test_a_state_without_cells_is_explained(
+    tmp_path: Path, shades: list[int], changed: dict[str, str], remarks: list[str]
+) -> None:
+    grid = load_grid(written(tmp_path, np.array([shades], dtype=np.uint8), **changed))
+    assert list(grid.remarks) == remarks
+
+
+def test_transparency_explains_a_state_without_cells(tmp_path: Path) -> None:
+    def remarks(alpha: list[int], **changed: str) -> tuple[str, ...]:
+        image = Image.fromarray(np.array([[[0, a] for a in alpha]], dtype=np.uint8), "LA")
+        return load_grid(written(tmp_path, image, **changed)).remarks
+
+    assert remarks([255, 0, 0, 0]) == (
+        "no cell is free: the image has the shade 0; in the mode trinary, shades 206 to 255 count as free "
+        "(free_thresh 0.196); 75 % of the image are transparent, which is unknown",
+    )
+    assert remarks([0, 254]) == (
+        "no cell is free or occupied: all of the image is transparent, which is unknown",
+    )
+    assert "transparent" not in remarks([0, 0], mode="raw")[0]
+
+
 def test_colors_and_palettes(tmp_path: Path) -> None:
     gray = Image.fromarray(SHADES)
     for image in (gray.convert("RGB"), gray.convert("RGBA"), gray.convert("P")):
