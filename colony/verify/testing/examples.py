@@ -14,10 +14,21 @@ from colony.ir import expression as ir
 from colony.ir import frame
 from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
-from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
+from colony.ir.types import (
+    Array,
+    Bool,
+    Enum,
+    Quantity,
+    Scalar,
+    ScalarValue,
+    Type,
+    Value,
+    element_type,
+    unit_shown,
+)
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
-from colony.text.units import NUMBER, parse_unit, readable_unit
+from colony.text.units import parse_unit
 from colony.text.wording import counted, duration_text, quoted
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
@@ -353,13 +364,10 @@ def _scalar(value: ScalarValue, type_: Scalar, unit: str) -> str:
             return "true" if value else "false"
         case Enum(name=name, members=members):
             return next((f"{name}.{member}" for member, n in members if n == value), _number(value))
-        case Quantity(dimension=dimension):
-            if unit:
-                return f"{_number(value / float(parse_unit(unit).factor))} {unit}"
-            if dimension == NUMBER:
-                return _number(value)
-            shown = readable_unit(dimension)
-            return f"{_number(value / float(shown.factor))} {shown.text}"
+        case Quantity() as quantity:
+            of = parse_unit(unit) if unit else unit_shown(quantity)
+            text = _number(value / float(of.factor))
+            return text if of.text == "number" else f"{text} {of.text}"
         case _:
             assert_never(type_)
 

@@ -63,6 +63,28 @@ def test_unknown_says_why_and_is_no_error(colony: Colony, behavior: Path) -> Non
     assert "warning[V011]: contract `never_six` is neither proved nor refuted" in err
 
 
+def test_values_in_percent_are_shown_in_percent(colony: Colony, tmp_path: Path) -> None:
+    file = tmp_path / "gas.colony"
+    file.write_text("""robot r {
+  sensor gas : percent range 0 .. 100 from DServer.Gas
+  actuator fan { level : percent range 0 .. 100 } to DServer.Fan idle fan(level = 0)
+}
+state peak : percent = 0  next peak = max(peak, gas)
+module m { let half = gas / 2 + 10 percent  when gas > 50 percent do fan(level = half) }
+network { fan = m }
+contract low: fan by m implies m.half + peak < 70 percent
+test "t" { at 0 s given gas = 80 expect m.half == 20 percent }
+""")
+    _, out, err = colony("verify", file)
+    assert "`m.half + peak < 70 percent` fails by" in out
+    assert "percent against 70 percent" in out
+    assert "m.half = 60 percent" in err
+    assert "peak = 100 percent" in err
+    _, out, err = colony("test", "--explain", file)
+    assert "50 percent against 20 percent" in out
+    assert "found: m.half = 50 percent" in err
+
+
 def test_only_the_contracts_named(colony: Colony, behavior: Path) -> None:
     code, out, _ = colony("verify", "--contract", "backs", add(behavior, TRUE, FALSE))
     assert code == 0
