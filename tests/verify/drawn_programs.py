@@ -70,7 +70,7 @@ def formulas(seed: int) -> Findings:
 def verdicts(seed: int) -> Findings:
     """Break what is proved by drawn traces, and replay what is refuted."""
     program = with_weaker_contracts(run_of_seed(seed)[0], Random(seed))
-    results = {result.contract.name: result for result in prove_contracts(program, _OPTIONS, lambda: 0.0)}
+    results = {result.contract.name: result for result in prove_contracts(program, _OPTIONS)}
     counts = Counter(type(result).__name__.lower() for result in results.values())
     findings, proved = list[str](), Holding(set(), set(), set())
     for name, result in results.items():

@@ -135,7 +135,8 @@ def _commanders(moment: Moment, e: ir.Expression) -> Iterator[str]:
     sent = {node.actuator: None for node in ir.subexpressions(e) if isinstance(node, ir.SentField)}
     for actuator in sent:
         winner = moment.values.winners[actuator]
-        yield f"{actuator} is {'idle' if winner is None else f'by {winner}'}"
+        unwon = "by an operator" if actuator in moment.values.commanded else "idle"
+        yield f"{actuator} is {unwon if winner is None else f'by {winner}'}"
 
 
 def _outside_loops(e: ir.Expression) -> Iterator[ir.Expression]:

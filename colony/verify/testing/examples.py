@@ -317,7 +317,8 @@ class _Run:
         """Return `drive by cruise, velocity = 300 mm/s`."""
         actuator = next(a for a in self.program.robot.actuators if a.name == name)
         decision = next(d for d in outcome.decisions if d.actuator == name)
-        return ", ".join((f"{name} {_decider(decision)}", *self.sent(actuator)))
+        commanded = name in self.interpreter.values.commanded
+        return ", ".join((f"{name} {_decider(decision, commanded)}", *self.sent(actuator)))
 
     def sent(self, actuator: Actuator) -> Iterator[str]:
         for i, field in enumerate(actuator.fields):
@@ -331,9 +332,9 @@ class _Run:
                 return
 
 
-def _decider(decision: Decision) -> str:
+def _decider(decision: Decision, commanded: bool) -> str:
     if decision.by is None:
-        return "is idle"
+        return "by an operator" if commanded else "is idle"
     return f"by {decision.by}" + (f" ({decision.fault})" if decision.fault else "")
 
 

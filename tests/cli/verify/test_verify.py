@@ -139,6 +139,31 @@ def test_proved_only_while_every_client_is_in_time(colony: Colony, behavior: Pat
     assert "note[V012]: contract `acts` is proved only while every client is in time" in err
 
 
+@pytest.mark.parametrize(
+    ("contract", "shown"),
+    [
+        ("drive.velocity == 0 or drive by back or drive by cruise", "by an operator: velocity = "),
+        ("not drive by cruise or near >= 0 mm", None),
+    ],
+)
+def test_why_shows_the_run_in_which_an_operator_breaks_a_contract(
+    colony: Colony, behavior: Path, contract: str, shown: str | None
+) -> None:
+    add(behavior, f"contract c: {contract}\n", TRUE)
+    _, out, _ = colony("verify", behavior)
+    assert ("c  (without operators: --why c)\n" in out) == (shown is not None)
+    code, out, _ = colony("verify", "--why", "c", behavior)
+    assert code == 0
+    assert "backs" not in out
+    assert (f"{behavior}: proved   c  (operators too)\n" in out) == (shown is None)
+    assert ("a command from outside the network breaks it, within the limits:" in out) == (shown is not None)
+    assert shown is None or shown in out
+    code, out, _ = colony("verify", "--why", "c", "--format", "json", behavior)
+    [row] = json.loads(out)["files"][0]["contracts"]
+    runs = row.get("operator_runs")
+    assert runs is None if shown is None else [list(frame["commanded"]) for frame in runs[0]] == [["drive"]]
+
+
 def test_what_is_proved_in_time_is_so_in_json_and_sarif(colony: Colony, behavior: Path) -> None:
     _, out, _ = colony("verify", "--contract", "acts", "--format", "json", add(behavior, LATE))
     [contract] = json.loads(out)["files"][0]["contracts"]

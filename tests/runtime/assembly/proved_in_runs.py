@@ -129,7 +129,7 @@ def with_limits(program: Program) -> Program:
 def proofs(program: Program) -> Proofs:
     """Prove the contracts of a program with a small budget."""
     holding = Holding(set(), set(), set())
-    for result in prove_contracts(program, OPTIONS, lambda: 0.0):
+    for result in prove_contracts(program, OPTIONS):
         name = result.contract.name
         match result:
             case Proved(over_reals=(), operators=operators):
