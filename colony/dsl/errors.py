@@ -47,7 +47,6 @@ CODES: dict[str, str] = {
     "E215": "nothing looks along an angle",
     "E216": "an array without bearings",
     "E217": "a slice that would wrap",
-    "E220": "a plain number where a value in percent stands",
     "E301": "the program has no robot",
     "E302": "the program has two robots",
     "E303": "a range that bounds nothing",

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, assert_never
 
 from colony.ir.bearings import Bearings
-from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension, readable_unit
+from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension, Unit, parse_unit, readable_unit
 
 MAX_ELEMENTS = 4096
 """Maximum number of elements of an array."""
@@ -26,10 +26,15 @@ class Bool:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A 64-bit float with a dimension; `wildcard` marks the type of a literal `0`, which fits all of them."""
+    """A 64-bit float with a dimension; `wildcard` marks the type of a literal `0`, which fits all of them.
+
+    `written` sets apart numbers without a dimension: those in percent, and those written without a unit. They
+    are not mixed. Types that differ only in it are equal.
+    """
 
     dimension: Dimension = NUMBER
     wildcard: bool = False
+    written: Literal["", "percent", "literal"] = field(default="", compare=False, repr=False)
 
     def __str__(self) -> str:
         """Return the dimension as a unit in base units."""
@@ -79,6 +84,7 @@ Type = Scalar | Array
 BOOL = Bool()
 DIMENSIONLESS = Quantity()
 ZERO = Quantity(NUMBER, wildcard=True)
+LITERAL = Quantity(written="literal")
 DISTANCE = Quantity(LENGTH)
 DURATION = Quantity(TIME)
 DEGREES = Quantity(ANGLE)
@@ -97,13 +103,29 @@ def type_text(type_: Type) -> str:
     element = element_type(type_)
     if not isinstance(element, Quantity):
         return str(type_)
-    unit = readable_unit(element.dimension).text
+    unit = unit_shown(element).text
     return f"{unit}[{type_.size}]" if isinstance(type_, Array) else unit
 
 
 def bearings_of(type_: Type) -> Bearings | None:
     """Return the bearings of an array that has them."""
     return type_.bearings if isinstance(type_, Array) else None
+
+
+def in_unit(unit: Unit) -> Quantity:
+    """Return the type of values that are declared or written in a unit."""
+    return Quantity(unit.dimension, written="percent" if unit.text == "percent" else "")
+
+
+def is_percent(type_: Type) -> bool:
+    """Return True for values in percent, and arrays of these."""
+    element = element_type(type_)
+    return isinstance(element, Quantity) and element.written == "percent"
+
+
+def unit_shown(type_: Quantity) -> Unit:
+    """Return the unit in which messages show values of a type."""
+    return parse_unit("percent") if is_percent(type_) else readable_unit(type_.dimension)
 
 
 def is_rate(type_: Scalar) -> bool:

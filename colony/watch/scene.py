@@ -15,9 +15,18 @@ from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
 from colony.ir.expression import SensorValue
 from colony.ir.program import ActuatorField, Machine, Module, Program, Sensor, State
-from colony.ir.types import DISTANCE, Array, Bool, Enum, Quantity, Scalar, bearings_of, element_type
+from colony.ir.types import (
+    DISTANCE,
+    Array,
+    Bool,
+    Enum,
+    Quantity,
+    Scalar,
+    bearings_of,
+    element_type,
+    unit_shown,
+)
 from colony.ir.walk import all_subexpressions
-from colony.text.units import readable_unit
 from colony.view.graph.svg import to_live_svg
 
 SensorKind = Literal["polar", "row", "strip", "lamp", "word"]
@@ -285,7 +294,7 @@ def _state(state: State | Machine) -> StateScene:
     words, numbers = _words(state.type)
     unit, factor = "", 1.0
     if isinstance(state.type, Quantity):
-        readable = readable_unit(state.type.dimension)
+        readable = unit_shown(state.type)
         unit, factor = readable.text, float(1 / readable.factor)
     return StateScene(name=state.name, unit=unit, factor=factor, words=words, numbers=numbers)
 

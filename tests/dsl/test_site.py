@@ -42,7 +42,7 @@ module base {
 module left = base(gain = 5)
 module plain = base()
 module py from python "a:B" { param speed = 100 mm/s  commands drive }
-module view { when sonar[first] > 1 m and count > 0 and on and low > 0.1 }
+module view { when sonar[first] > 1 m and count > 0 and on and low > 10 percent }
 network { drive = py suppresses p.avoid suppresses left suppresses plain suppresses base }
 """
 
@@ -252,8 +252,8 @@ def test_private_names_that_two_files_have(folder: Path, text: str) -> None:
         ("count = true", "`count` is a plain number, found a bool"),
         ("on = 1", "`on` is a bool, found a plain number"),
         ('count = "1 m"', "`count` is a plain number, found a value in mm"),
-        ("low = 20", "`low` is declared with a unit, found a plain number"),
-        ("low = 0.2", "`low` is declared with a unit, found a plain number"),
+        ("low = 20", "`low` is a value in percent, found a plain number"),
+        ("low = 0.2", "`low` is a value in percent, found a plain number"),
         ('cruising = "bumper"', "`cruising`: `bumper` is not constant"),
         ('step = "run"', "`step`: unknown name `run`"),
         ('count = "1 let b = 2"', "`count` is more than a value"),

@@ -29,6 +29,13 @@ from colony.verify.interruption import reliable_interrupts
 @click.option(
     "--contract", "names", multiple=True, metavar="NAME", help="Verify only this contract. May be repeated."
 )
+@click.option(
+    "--why",
+    multiple=True,
+    metavar="NAME",
+    help="Verify only this contract, and if it is proved without operators, search for a run in which a "
+    "command from outside the network breaks it. May be repeated.",
+)
 @depth_option("counterexamples")
 @timeout_option(DEFAULT_SECONDS, each="contract")
 @click.option(
@@ -49,6 +56,7 @@ from colony.verify.interruption import reliable_interrupts
 def command(
     files: tuple[str, ...],
     names: tuple[str, ...],
+    why: tuple[str, ...],
     depth: int,
     timeout: float,
     write_test: bool,
@@ -62,9 +70,9 @@ def command(
     A contract is proved (for every run of any length, clients late or lost included), proved in time (only
     while every client is in time; V012 is a note about the other runs), REFUTED by a run, which is shown, or
     unknown for a stated reason. "(operators too)": also proved while a joystick or a script commands within
-    the limits; without it, a command may break the contract, or no proof was found. Warnings about modules
-    that can never act, and about other likely mistakes, follow. The proofs allow modules in Python any
-    answer.
+    the limits; "(without operators)": a command may break the contract, as --why shows, or no proof was
+    found. Warnings about modules that can never act, and about other likely mistakes, follow. The proofs
+    allow modules in Python any answer.
 
     Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted, a file
     has errors, an index that decides may be outside its array, or limits contradict each other on `idle
@@ -74,6 +82,7 @@ def command(
     Example:
       colony verify wander
       colony verify --contract never_rams --depth 8 wander
+      colony verify --why bump_first hallway
       colony verify --write-test patrol.colony
       colony verify --examples 1000 --seed 7 behaviors/*.colony
     """
@@ -81,6 +90,7 @@ def command(
     if faults and not examples:
         raise click.UsageError("--faults requires --examples N", context)
     expect_extras("verify")
+    names += why
     loaded = [load(file, write_test=write_test) for file in dict.fromkeys(files)]
     _check_names(names, loaded, context)
     for verified in loaded:
@@ -88,6 +98,7 @@ def command(
             check_writable(verified.file)
     work = Work(
         names=names,
+        why=why,
         depth=depth,
         timeout=timeout,
         examples=examples,

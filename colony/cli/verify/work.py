@@ -76,6 +76,7 @@ class Work:
     """The options of `colony verify` that determine the work on each file."""
 
     names: tuple[str, ...]
+    why: tuple[str, ...]
     depth: int
     timeout: float
     examples: int
@@ -92,14 +93,17 @@ class Work:
             self._examples(verified, verified.program, on_progress)
 
     def _contracts(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
+        from colony.verify.contracts.disturbances import with_operator_runs
         from colony.verify.contracts.prove import results
         from colony.verify.contracts.report import finding
-        from colony.verify.contracts.results import Options
+        from colony.verify.contracts.results import Options, Proved
 
         names = [c.name for c in program.contracts if not self.names or c.name in self.names]
         options = Options.within(self.timeout, depth=self.depth)
         on_progress(0, len(names), names[0] if names else "")
         for result in results(program, names, options):
+            if isinstance(result, Proved) and not result.operators and result.contract.name in self.why:
+                result = with_operator_runs(program, result)
             verified.results.append(result)
             diagnostic = finding(result, verified.suggested_file)
             verified.diagnostics += [diagnostic] if diagnostic else []

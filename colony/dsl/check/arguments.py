@@ -8,7 +8,7 @@ from dataclasses import replace
 from colony.dsl.check.compatibility import without_wildcard
 from colony.dsl.check.scope import ArgumentSymbol
 from colony.ir import expression as ir
-from colony.ir.types import BOOL, Quantity, Type, element_type
+from colony.ir.types import BOOL, Quantity, Type, element_type, in_shape_of
 from colony.text.source import Span
 
 _PLACEHOLDER = "(parameter)"
@@ -73,8 +73,11 @@ def with_new_cells(expression: ir.Expression, new_cell: Callable[[], int]) -> ir
 
 
 def as_declared(expression: ir.Expression, type_: Type) -> ir.Expression:
-    """Return an expression with the type of its parameter or input: a literal 0 gets the dimension."""
-    return expression if expression.type == type_ else replace(expression, type=type_)
+    """Return an expression with the type of its parameter or input: a literal 0 gets the dimension.
+
+    An array keeps its size and bearings; `type_` may be that of an element.
+    """
+    return replace(expression, type=in_shape_of(element_type(type_), expression.type))
 
 
 def without_wildcard_type(expression: ir.Expression) -> ir.Expression:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from colony.dsl import ast
 from colony.dsl.check.arguments import freshness, reads_parts
-from colony.dsl.check.checker import Checker
+from colony.dsl.check.checker import Checker, percent_hint
 from colony.dsl.check.compatibility import unify, with_article, with_articles
 from colony.dsl.check.scope import (
     ArgumentSymbol,
@@ -217,7 +217,8 @@ def _common(
         return common
     shown = with_articles(elements)
     message = f"`{function}` needs numbers of one dimension, found {shown}"
-    checker.error("E201", node, message)
+    arguments = node.arguments if isinstance(node, ast.Call) else ()
+    checker.error("E201", node, message, percent_hint(*zip(arguments, elements, strict=False)))
     return None
 
 
@@ -363,7 +364,8 @@ def _value_or(checker: Checker, node: ast.Call) -> ir.Expression | None:
     element = unify(element_type(expression.type), element_type(other.type))
     if element is None:
         shown = with_articles((expression.type, other.type))
-        checker.error("E201", node, f"`value_or` needs two values of one type, found {shown}")
+        hint = percent_hint(*zip(node.arguments, (expression.type, other.type), strict=True))
+        checker.error("E201", node, f"`value_or` needs two values of one type, found {shown}", hint)
         return None
     type_ = checker.broadcast(node, element, expression.type, other.type)
     if type_ is None:
@@ -444,7 +446,8 @@ def _memory_result(
             common = unify(first, initial)
             if common is None:
                 found = with_articles((first, initial))
-                checker.error("E201", node, f"`previous` needs two values of one type, found {found}")
+                hint = percent_hint(*zip(node.arguments, (first, initial), strict=True))
+                checker.error("E201", node, f"`previous` needs two values of one type, found {found}", hint)
             return common
         case ir.MemoryFunction.CAPTURED:
             return element_type(arguments[0].type)

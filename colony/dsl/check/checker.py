@@ -15,10 +15,20 @@ from colony.dsl import ast
 from colony.dsl.check.arguments import reads_placeholder
 from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.constants import constant_value, literal, unit_of
-from colony.dsl.check.percent import note_unit
 from colony.dsl.check.scope import Report, Scope, ValueSymbol, label, span_of
 from colony.ir import expression as ir
-from colony.ir.types import DIMENSIONLESS, Array, Bool, Quantity, Scalar, ScalarValue, Type, type_text
+from colony.ir.types import (
+    DIMENSIONLESS,
+    Array,
+    Bool,
+    Quantity,
+    Scalar,
+    ScalarValue,
+    Type,
+    element_type,
+    is_percent,
+    type_text,
+)
 from colony.text.diagnostics import Label
 from colony.text.source import Span
 from colony.text.units import TIME, UnitError, common_units, nanoseconds
@@ -122,7 +132,7 @@ class Checker(ABC):
     def constant_in(self, node: ast.Expression, type_: Scalar, unit: str, what: str) -> ScalarValue | None:
         """Check a constant of `type_`; a plain number is in the declared unit.
 
-        Where that has no dimension, as `percent`, only a literal is: what is computed may be 20 percent.
+        In `percent`, which has no dimension, only a literal is: what is computed may be 20 percent.
         """
         sign, unsigned = 1.0, node
         while isinstance(unsigned, ast.Prefix) and unsigned.operator == "-":
@@ -134,14 +144,13 @@ class Checker(ABC):
             found = self.constant(node, None, what)
             if found is None:
                 return None
-            if fits(found.type, type_):  # so is any plain number, if `type_` has no dimension
-                note_unit(self.report, what, unit, found.span, found)
+            if fits(found.type, type_):  # so is any number that is computed, if `type_` has no dimension
                 return found.value  # type: ignore[return-value]
-            if isinstance(found.type, Quantity) and found.type.dimension == DIMENSIONLESS.dimension:
+            is_plain = isinstance(found.type, Quantity) and found.type.dimension == DIMENSIONLESS.dimension
+            if is_plain and type_ != DIMENSIONLESS:
                 return float(found.value) * float(unit_of(unit).factor) if unit else found.value  # type: ignore[arg-type,return-value]
-            self.error(
-                "E202", node, f"{what} must be {with_article(type_)}, found {with_article(found.type)}"
-            )
+            message = f"{what} must be {with_article(type_)}, found {with_article(found.type)}"
+            self.error("E202", node, message, percent_hint((node, found.type), (node, type_)))
             return None
         found = self.constant(node, type_, what)
         return None if found is None else found.value  # type: ignore[return-value]
@@ -231,6 +240,9 @@ class Checker(ABC):
 
 def type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
     """Return a hint for an expression whose type is not the expected one, if there is one."""
+    hint = percent_hint((node, found), (node, expected))
+    if hint is not None:
+        return hint
     if isinstance(found, Array) and not isinstance(expected, Array):
         if isinstance(expected, Bool):
             return "reduce the array with `any(...)` or `all(...)`"
@@ -253,6 +265,28 @@ def type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
 def short_number(number: str) -> str:
     """Return a number as a hint repeats it: its beginning, if it is long."""
     return number if len(number) <= 20 else f"{number[:20]}..."
+
+
+def percent_hint(*parts: tuple[ast.Expression, Type]) -> str | None:
+    """Return how to write a number that is used with values in percent; None if no plain one is.
+
+    Args:
+        parts: expressions that must be of one type, with the types that they have.
+    """
+    if not any(is_percent(type_) for _, type_ in parts):
+        return None
+    for node, type_ in parts:
+        element = element_type(type_)
+        if isinstance(element, Quantity) and element.written == "literal":
+            sign, number = "", node
+            if isinstance(node, ast.Prefix) and node.operator == "-":
+                sign, number = "-", node.operand
+            if not isinstance(number, ast.Number):
+                return "write its numbers in percent, as in `20 percent`"
+            digits = f"{sign}{short_number(number.digits)}"
+            whole = f"{float(sign + number.digits) * 100:.15g}"
+            return f"write `{digits} percent`, or `{whole} percent` for {digits} of the whole"
+    return None
 
 
 def unit_hint(number: str, expected: Quantity) -> str:

@@ -14,19 +14,22 @@ from colony.ir.types import (
     Type,
     element_type,
     in_shape_of,
+    is_percent,
     type_text,
 )
 from colony.text.wording import listed
 
 
 def unify(a: Scalar, b: Scalar) -> Scalar | None:
-    """Return the common type of two scalars, or None; a literal 0 fits any dimension."""
+    """Return the common type of two scalars, or None; a literal 0 fits any dimension, others no percent."""
     if isinstance(a, Quantity) and isinstance(b, Quantity):
         if a.wildcard:
             return b
-        if b.wildcard or a.dimension == b.dimension:
+        if b.wildcard:
             return a
-        return None
+        if a.dimension != b.dimension or {a.written, b.written} == {"percent", "literal"}:
+            return None
+        return b if a.written == "literal" or b.written == "percent" else a
     return a if a == b else None
 
 
@@ -53,7 +56,7 @@ def with_article(type_: Type) -> str:
         return "a bool"
     if isinstance(type_, Enum):
         return f"a phase of `{type_.name}`" if type_.kind == "machine" else f"a `{type_.name}`"
-    if type_.dimension == DIMENSIONLESS.dimension:
+    if type_.dimension == DIMENSIONLESS.dimension and not is_percent(type_):
         return "a plain number"
     return f"a value in {type_text(type_)}"
 
@@ -64,7 +67,7 @@ def plural(type_: Scalar) -> str:
         return "bools"
     if isinstance(type_, Enum):
         return f"phases of `{type_.name}`" if type_.kind == "machine" else f"`{type_.name}` values"
-    if type_.dimension == DIMENSIONLESS.dimension:
+    if type_.dimension == DIMENSIONLESS.dimension and not is_percent(type_):
         return "plain numbers"
     return f"values in {type_text(type_)}"
 

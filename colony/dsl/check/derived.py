@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import without_wildcard
-from colony.dsl.check.percent import note_unit
 from colony.dsl.check.robot import check_type
 from colony.dsl.check.scope import (
     BrokenSymbol,
@@ -44,12 +43,11 @@ def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
 def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarValue] | None:
     """Return the type and initial value of a state; without a declared type, it has that of the value."""
     expected_type: Scalar | None = None
-    unit = ""
     if node.type is not None:
         found = check_type(checker, node.type)
         if found is None:
             return None
-        expected_type, unit = found
+        expected_type, _ = found
     what = f"the initial value of `{node.name.text}`"
     if expected_type is not None:
         initial = checker.constant(node.initial, expected_type, what)
@@ -57,7 +55,6 @@ def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarVa
         initial = checker.constant(node.initial, None, what)
     if initial is None:
         return None
-    note_unit(checker.report, f"`{node.name.text}`", unit, checker.span(node.name), initial)
     type_ = expected_type if expected_type is not None else without_wildcard(initial.type)
     return type_, initial.value  # type: ignore[return-value]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from colony.dsl import ast
 from colony.dsl.check.arrays import check_index, check_slice
-from colony.dsl.check.checker import Checker, unit_hint
+from colony.dsl.check.checker import Checker, percent_hint, unit_hint
 from colony.dsl.check.compatibility import unify, with_article, with_articles
 from colony.dsl.check.constants import unit_of
 from colony.dsl.check.functions import check_any_call
@@ -18,6 +18,7 @@ from colony.ir import expression as ir
 from colony.ir.types import (
     BOOL,
     DIMENSIONLESS,
+    LITERAL,
     ZERO,
     Bool,
     Enum,
@@ -25,6 +26,7 @@ from colony.ir.types import (
     Scalar,
     Type,
     element_type,
+    in_unit,
 )
 from colony.text.units import common_units
 from colony.text.wording import listed
@@ -48,9 +50,7 @@ class ExpressionChecker(Checker):
         value = self.literal(node, node.unit)
         if value is None:
             return None
-        type_ = (
-            Quantity(unit_of(node.unit).dimension) if node.unit else (DIMENSIONLESS if value != 0 else ZERO)
-        )
+        type_ = in_unit(unit_of(node.unit)) if node.unit else (LITERAL if value != 0 else ZERO)
         return ir.Constant(type=type_, value=value, span=self.span(node))
 
     def _prefix(self, node: ast.Prefix) -> ir.Expression | None:
@@ -99,7 +99,7 @@ class ExpressionChecker(Checker):
         element = unify(element_type(yes.type), element_type(no.type))
         if element is None:
             message = f"the branches of `if` differ: {with_article(yes.type)} and {with_article(no.type)}"
-            self.error("E201", node, message)
+            self.error("E201", node, message, percent_hint((node.yes, yes.type), (node.no, no.type)))
             return None
         type_ = self.broadcast(node, element, yes.type, no.type)
         if type_ is None:
@@ -107,15 +107,17 @@ class ExpressionChecker(Checker):
         return ir.Conditional(type=type_, condition=condition, yes=yes, no=no, span=self.span(node))
 
     def _in_range(self, node: ast.InRange) -> ir.Expression | None:
-        parts = [self.visit(p) for p in (node.operand, node.low, node.high)]
+        nodes = (node.operand, node.low, node.high)
+        parts = [self.visit(p) for p in nodes]
         operand, low, high = parts
         if operand is None or low is None or high is None:
             return None
         elements = [element_type(p.type) for p in (operand, low, high)]
         common = unify(elements[0], elements[1])
         if common is None or unify(common, elements[2]) is None or not isinstance(common, Quantity):
-            shown = with_articles(p.type for p in (operand, low, high))
-            self.error("E201", node, f"`in` needs three numbers of one dimension, found {shown}")
+            types = [p.type for p in (operand, low, high)]
+            shown, hint = with_articles(types), percent_hint(*zip(nodes, types, strict=True))
+            self.error("E201", node, f"`in` needs three numbers of one dimension, found {shown}", hint)
             return None
         type_ = self.broadcast(node, BOOL, operand.type, low.type, high.type)
         if type_ is None:
@@ -175,6 +177,9 @@ def _mismatch(operator: ir.Binary, a: Type, b: Type) -> str:
 
 def _infix_hint(node: ast.Infix, operator: ir.Binary, left: Type, right: Type) -> str | None:
     a, b = element_type(left), element_type(right)
+    hint = percent_hint((node.left, left), (node.right, right))
+    if hint is not None:
+        return hint
     if (isinstance(a, Enum) or isinstance(b, Enum)) and operator not in _EQUALITY | _BOOLEAN:
         return "only `==` and `!=` apply to an enum"
     if (

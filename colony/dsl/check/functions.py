@@ -24,7 +24,6 @@ from colony.dsl.check.calls import (
 from colony.dsl.check.checker import CONSTANT_HINT, Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
-from colony.dsl.check.percent import note_unit
 from colony.dsl.check.private import reject_private_name
 from colony.dsl.check.program_size import MAX_NODES, Excess
 from colony.dsl.check.references import kind_of_part
@@ -177,10 +176,7 @@ def _default(checker: Checker, node: ast.Parameter, typed: TypedParameter) -> ir
         message = f"the array `{node.name.text}` cannot have a default: there are no constant arrays"
         checker.error("E204", node.initial, message, "leave it out")
         return None
-    found = checker.constant(node.initial, typed.element, f"the default of `{node.name.text}`")
-    if found is not None:
-        note_unit(checker.report, f"`{typed.name}`", typed.unit, found.span, found)
-    return found
+    return checker.constant(node.initial, typed.element, f"the default of `{node.name.text}`")
 
 
 def _placeholders(parameters: tuple[TypedParameter, ...]) -> dict[str, ValueSymbol]:
@@ -201,14 +197,13 @@ def _arguments(
         value = given.get(parameter.name)
         if value is None:
             if parameter.default is not None:
-                arguments[parameter.name] = argument_symbol(parameter.default, parameter.type, 1)
+                arguments[parameter.name] = argument_symbol(parameter.default, parameter.element, 1)
             continue
         before = checker.report.size.nodes
         found = checker.visit(value)
         nodes = checker.report.size.nodes - before
         if found is not None and _fits(checker, node, value, parameter, found.type):
-            note_unit(checker.report, f"`{parameter.name}`", parameter.unit, found.span, found)
-            arguments[parameter.name] = argument_symbol(found, parameter.type, nodes)
+            arguments[parameter.name] = argument_symbol(found, parameter.element, nodes)
     return arguments if len(arguments) == len(function.parameters) else None
 
 

@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from colony.dsl import ast
-from colony.dsl.check.arguments import as_declared, without_wildcard_type
+from colony.dsl.check.arguments import as_declared
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
-from colony.dsl.check.percent import note_unit
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, Report, Scope, TypedParameter, ValueSymbol
 from colony.ir import program as ir
 from colony.ir.expression import DerivedValue
@@ -96,9 +95,9 @@ def _bound(report: Report, full_name: str, typed: TypedParameter, binding: Bindi
         hint = argument_hint(binding.value, typed, found.type)
         checker.error("E404", binding.value, f"{what}, found {with_article(found.type)}", hint)
         return None
-    note_unit(report, f"`{typed.name}`", typed.unit, found.span, found)
-    found = without_wildcard_type(found) if typed.type is None else as_declared(found, typed.type)
-    return ir.Let(name=full_name, expression=found, span=checker.span(binding.name))
+    return ir.Let(
+        name=full_name, expression=as_declared(found, typed.element), span=checker.span(binding.name)
+    )
 
 
 def input_readings(

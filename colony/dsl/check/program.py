@@ -28,7 +28,6 @@ from colony.dsl.check.derived import (
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.functions import declare_function
 from colony.dsl.check.modules import PendingModule, check_modules
-from colony.dsl.check.percent import percent_findings, plain_params
 from colony.dsl.check.phases import phase_findings
 from colony.dsl.check.robot import check_enum, check_robot, literal_frame_period
 from colony.dsl.check.scope import (
@@ -42,7 +41,6 @@ from colony.dsl.check.scope import (
     WireSymbol,
 )
 from colony.dsl.check.site_names import bind_params
-from colony.dsl.check.site_values import site_numbers
 from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, names_reaching_actuators
 from colony.dsl.files import SourceTree
 from colony.dsl.site import SiteParams
@@ -106,7 +104,7 @@ class _Check:
         self._warn_unused(robot, modules, wires)
         self._look_at_phases(derived)
         sent = sorted(self.robot.sent.values(), key=lambda sensor: _place(robot, sensor))
-        program = ir.Program(
+        return ir.Program(
             robot=replace(robot, sensors=(*robot.sensors, *sent)),
             derived=tuple(derived),
             modules=tuple(modules),
@@ -116,10 +114,6 @@ class _Check:
             tests=tuple(x for x in tests if x is not None),
             site=self.site,
         )
-        if not has_errors(self.report.diagnostics):
-            params = plain_params(scope.file.tree for scope in self.scopes) | site_numbers(self.root.site)
-            self.report.diagnostics += percent_findings(program, params, self.report.percents)
-        return program
 
     def _each(self, kind: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
         """Yield every declaration of a kind in all files, with a checker in the scope of its file."""

@@ -30,6 +30,7 @@ from colony.ir.types import (
     Quantity,
     Scalar,
     ScalarValue,
+    in_unit,
     is_rate,
 )
 from colony.text.units import UnitError
@@ -49,7 +50,7 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
         return DIMENSIONLESS, ""
     try:
         unit = unit_of(name)
-        return Quantity(unit.dimension), unit.text
+        return in_unit(unit), unit.text
     except UnitError as problem:
         unit_error_text = str(problem)
     scope, path = checker.scope.resolve(node.path)

@@ -310,28 +310,13 @@ def is_private(name: str) -> bool:
     return name.startswith("_")
 
 
-@record
-class InPercent(Record):
-    """A state, parameter, input, or part of a sensor or field, that is declared in percent.
-
-    Attributes:
-        shown: what it is, for messages.
-        place: the span of a state, or of what a parameter or input stands for.
-        value: the value given to it; the initial one of a state.
-    """
-
-    shown: str
-    place: Span
-    value: Expression
-
-
 @dataclass(slots=True)
 class Report:
     """The findings of all checkers, and the number of memory cells so far.
 
     `suggestions` is the number of suggestions that may still be made; they are slow to compute. `size` counts
     what calls of functions add to the program. `tolerated` are the codes of errors with which a program is
-    returned all the same. `percents` is what is declared in percent and given a value.
+    returned all the same.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -339,7 +324,6 @@ class Report:
     cells: int = 0
     suggestions: int = 100
     size: ProgramSize = field(default_factory=ProgramSize)
-    percents: list[InPercent] = field(default_factory=list)
 
     def error(
         self,

@@ -5,17 +5,15 @@ Such a value may read what the value in its place may read: enums, and the param
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker, short_number
 from colony.dsl.check.compatibility import fits, with_article
-from colony.dsl.check.percent import PERCENT
 from colony.dsl.check.scope import BrokenSymbol, ParamSymbol, Report
 from colony.dsl.parse import parse
 from colony.dsl.site import SiteValue
-from colony.ir.types import DIMENSIONLESS, Enum, Quantity, type_text
+from colony.ir.types import DIMENSIONLESS, Enum, Quantity, is_percent, type_text
 from colony.text.diagnostics import Diagnostic, Label, error, has_errors
 from colony.text.source import Source
 
@@ -64,18 +62,7 @@ def site_param(
     if not fits(found.type, own.type):
         message = f"`{given.name}` is {with_article(own.type)}, found {with_article(found.type)}"
         return refuse(message, _unit_hint(value, own, node))
-    if _lacks_unit(value, node):
-        return refuse(
-            f"`{given.name}` is declared with a unit, found a plain number", _unit_hint(value, own, node)
-        )
     return ParamSymbol(type=own.type, value=found.value)
-
-
-def _lacks_unit(value: ast.Expression, node: ast.SyntaxNode) -> bool:
-    """Return True for a plain number in the place of one in percent, which has a unit and no dimension."""
-    number = _unsigned(value)
-    is_plain = isinstance(number, ast.Number) and number.unit is None and float(number.digits) != 0
-    return is_plain and _declared_unit(node) is not None
 
 
 def _declared_unit(node: ast.SyntaxNode) -> str | None:
@@ -100,25 +87,12 @@ def _unit_hint(value: ast.Expression, own: ParamSymbol, node: ast.SyntaxNode) ->
     number, unit = _unsigned(value), _declared_unit(node)
     if not (isinstance(number, ast.Number) and isinstance(own.type, Quantity)):
         return None
-    if unit is None and own.type.dimension == DIMENSIONLESS.dimension:
+    if unit is None and own.type == DIMENSIONLESS and not is_percent(own.type):
         return "give it without a unit"
     if number.unit is not None:
         return f"give it in {unit or type_text(own.type)}"
     sign = "-" if isinstance(value, ast.Prefix) else ""
     shown = f"{sign}{short_number(number.digits)}"
-    if unit == PERCENT and float(number.digits) <= 1:
+    if unit == "percent" and float(number.digits) <= 1:
         return f'write its unit: {shown} is "{sign}{float(number.digits) * 100:.15g} percent"'
     return f'write its unit, for example "{shown} {unit or type_text(own.type)}"'
-
-
-def site_numbers(site: Mapping[str, SiteValue]) -> frozenset[tuple[str, float]]:
-    """Return the params that a site sets to plain numbers, each by its last name with the number."""
-    return frozenset(_numbers(site.items()))
-
-
-def _numbers(values: Iterable[tuple[str, SiteValue]]) -> Iterable[tuple[str, float]]:
-    for name, value in values:
-        try:
-            yield name.rpartition(".")[2], float(value.text or "")
-        except ValueError:
-            continue

@@ -17,7 +17,7 @@ from dataclasses import replace
 from functools import cached_property
 
 from colony.ir import expression as ir
-from colony.ir.program import Contract, modules_that_can_be_lost
+from colony.ir.program import Contract, Program, modules_that_can_be_lost
 from colony.verify.contracts.attempt import Attempt, Proof
 from colony.verify.contracts.cone import cone_of
 from colony.verify.contracts.explain import explain_unknown
@@ -45,6 +45,12 @@ _QUICK_SHARE = 0.05
 
 _DECISIONS = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
 """Expressions whose values any disturbance can change. Lost clients change those of `IsActive` as well."""
+
+
+def with_operator_runs(program: Program, proved: Proved) -> Proved:
+    """Return a proof without operators with a run in which a command from outside breaks the contract."""
+    trace = Refuter(program, proved.contract.name).search_random_runs(Disturbance.OPERATORS)
+    return replace(proved, operator_runs=() if trace is None else (trace,))
 
 
 class Confirmer:
@@ -171,7 +177,7 @@ class Confirmer:
         attempt = Attempt(context, name, budget, refuter, known)
         found = attempt.run()
         if found is None and attempt.python_trace is None and refuter is not None:
-            found = refuter.search_random_runs()
+            found = refuter.search_random_runs(disturbance)
         match found:
             case Proof():
                 return self._record(name, self._rounding(name, attempt))

@@ -9,7 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from colony.ir.frame import Reading
+from colony.ir.frame import Given, Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import number_text, rounded
@@ -55,11 +55,15 @@ def _fewer_late(shrinker: Shrinker[Snapshot]) -> None:
 
 
 def _with_one_fewer_late(trace: tuple[Snapshot, ...], i: int) -> Iterator[tuple[Snapshot, ...]]:
-    """Yield the trace with one idle actuator or lost module fewer in frame `i`."""
+    """Yield the trace with one disturbed actuator, commanded value or lost module fewer in frame `i`."""
     frame = trace[i]
     for actuator in frame.given:
-        given = {a: g for a, g in frame.given.items() if a != actuator}
-        yield (*trace[:i], frame._replace(given=given), *trace[i + 1 :])
+        others = {a: g for a, g in frame.given.items() if a != actuator}
+        yield (*trace[:i], frame._replace(given=others), *trace[i + 1 :])
+        values = frame.given[actuator].values or ()
+        for j in (j for j, x in enumerate(values) if x):
+            simpler = Given((*values[:j], type(values[j])(0), *values[j + 1 :]))
+            yield (*trace[:i], frame._replace(given=others | {actuator: simpler}), *trace[i + 1 :])
     for module in sorted(frame.lost):
         yield (*trace[:i], frame._replace(lost=frame.lost - {module}), *trace[i + 1 :])
 

@@ -18,7 +18,7 @@ from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
 from colony.verify.contracts.search import CandidateTrace, Search
 from colony.verify.snapshot import Snapshot
-from colony.verify.symbolic.system import DisturbanceInputs
+from colony.verify.symbolic.system import Disturbance, DisturbanceInputs
 from colony.verify.symbolic.witness import snapshots
 
 _MODELS_PER_LENGTH = 4
@@ -31,7 +31,7 @@ class Refuter:
     `uncalled` are the modules in Python that a run must not call to break the contract whatever they answer:
     those in the contract's cone (`search.called_modules`), by default all. `spurious_models` is the number of
     models that do not break the contract in the interpreter. With `late`, models are of a system in which
-    these inputs say what is late, and so are random runs.
+    these inputs say what is late.
     """
 
     def __init__(
@@ -62,10 +62,10 @@ class Refuter:
         self._models_tried[candidate.frames] = self._models_tried.get(candidate.frames, 0) + 1
         return None
 
-    def search_random_runs(self) -> Trace | None:
+    def search_random_runs(self, disturbance: Disturbance | None = None) -> Trace | None:
         """Return a minimal trace from random runs that call no Python module, None if none breaks it."""
         replay = self._replay_without_python
-        found = random_counterexample(self._program, replay, late=self._late is not None)
+        found = random_counterexample(self._program, replay, disturbance)
         return None if found is None else minimize(replay, found)
 
     def may_try_more(self, candidate: CandidateTrace) -> bool:

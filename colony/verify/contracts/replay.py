@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from colony.ir.expression import SensorValue
-from colony.ir.frame import Outcome
+from colony.ir.frame import Given, Outcome
 from colony.ir.program import (
     ActuatorField,
     AnyModule,
@@ -35,7 +35,8 @@ _SMALL_PROGRAM = 60
 class Replay:
     """Replays traces of `program` for one of its contracts.
 
-    A trace breaks the contract only if none of the modules in Python `uncalled` is called in any frame.
+    A trace breaks the contract only if none of the modules in Python `uncalled` is called in any frame, and
+    commands from outside the network are within the bounds of their frames.
     """
 
     def __init__(self, program: Program, contract: str, uncalled: Collection[str] = ()) -> None:
@@ -63,8 +64,8 @@ class Replay:
 
     def breach(self, snapshots: Sequence[Snapshot]) -> int | None:
         """Return the index of the first frame that breaks the contract, None if none does."""
-        outcomes, was_called = self._run(snapshots)
-        broken = bool(outcomes) and bool(outcomes[-1].breaches) and not was_called
+        outcomes, is_possible = self._run(snapshots)
+        broken = bool(outcomes) and bool(outcomes[-1].breaches) and is_possible
         return len(outcomes) - 1 if broken else None
 
     def facts(self, snapshots: Sequence[Snapshot]) -> BreachFacts:
@@ -80,16 +81,30 @@ class Replay:
         return tuple(s._replace(readings=self._readings(s)) for s in snapshots)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
-        """Return the outcomes, and True if one of `uncalled` was called; its stand-in is active then."""
-        outcomes, was_called = [], False
-        for outcome, interpreter in self.frames(snapshots):
+        """Return the outcomes, and False if a module of `uncalled` was called or a command was out of bounds.
+
+        The stand-in of a module that is called is active.
+        """
+        outcomes, is_possible = list[Outcome](), True
+        for snapshot, (outcome, interpreter) in zip(snapshots, self.frames(snapshots), strict=False):
             outcomes.append(outcome)
-            was_called = was_called or any(
-                interpreter.is_active(m) and not interpreter.is_blind(m) for m in self._uncalled
+            is_possible = (
+                is_possible
+                and not any(interpreter.is_active(m) and not interpreter.is_blind(m) for m in self._uncalled)
+                and all(self._is_allowed(name, given, interpreter) for name, given in snapshot.given.items())
             )
             if outcome.breaches:
                 break
-        return tuple(outcomes), was_called
+        return tuple(outcomes), is_possible
+
+    def _is_allowed(self, name: str, given: Given, interpreter: Interpreter) -> bool:
+        """Return True for a command within the bounds of the last frame, and for none."""
+        if given.values is None:
+            return True
+        bounds = interpreter.bounds(next(a for a in self.program.robot.actuators if a.name == name))
+        if bounds is None:
+            return False
+        return all(low <= x <= high for x, (low, high) in zip(given.values, bounds, strict=True))
 
     def frames(self, snapshots: Sequence[Snapshot]) -> Iterator[tuple[Outcome, Interpreter]]:
         """Yield the outcome of each frame, with the interpreter as it is after that frame."""

@@ -8,7 +8,7 @@ from shlex import quote
 from typing import assert_never
 
 from colony.ir.frame import Outcome
-from colony.ir.program import Program
+from colony.ir.program import Program, in_declared_units
 from colony.text.diagnostics import Diagnostic, error, note, warning
 from colony.text.wording import counted
 from colony.verify.contracts.decimals import seconds
@@ -49,8 +49,15 @@ def lines(program: Program, result: Result) -> tuple[str, ...]:
     space = " " if isinstance(result, ProvedInTime) else ""
     head = f"{verdict(result):8}{space} {result.contract.name}"
     match result:
-        case Proved(operators=operators):
-            return (head + over_reals(result) + ("  (operators too)" if operators else ""),)
+        case Proved(operators=True):
+            return (f"{head}{over_reals(result)}  (operators too)",)
+        case Proved(operator_runs=None):
+            return (f"{head}{over_reals(result)}  (without operators: --why {result.contract.name})",)
+        case Proved(operator_runs=runs):
+            why = "breaks it, within the limits:" if runs else "is not known to break it: no run was found"
+            rows = [f"a command from outside the network {why}"]
+            rows += [row for trace in runs for row in table(program, result.contract, trace)]
+            return (f"{head}{over_reals(result)}  (without operators)", *_indented(tuple(rows)))
         case ProvedInTime(trace=trace, because=because, python_trace=python_trace):
             shown = trace or python_trace
             rows = () if shown is None else table(program, result.contract, shown)
@@ -67,6 +74,10 @@ def lines(program: Program, result: Result) -> tuple[str, ...]:
 
 def _broken_text(trace: Trace) -> str:
     return f"it is {_IN_TIME}; the run below breaks it, in which {_disturbance(trace)}:"
+
+
+def _broken(trace: Trace) -> str:
+    return "is neither true nor false" if trace.unknown else "is false"
 
 
 def _disturbance(trace: Trace) -> str:
@@ -118,7 +129,7 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             time = time_of_breach(trace)
             found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
             length = counted(len(trace.snapshots), "frame")
-            how = "is unknown" if trace.unknown else "is false"
+            how = _broken(trace)
             message = f"contract `{contract.name}` {how} at {time} of a run of {length}{found}"
             return error("V010", contract.span, message, _hint(trace, file))
         case Unknown(because=because, hint=hint):
@@ -133,7 +144,7 @@ def _in_time_message(result: ProvedInTime) -> str:
     trace = result.trace
     if trace is None:
         return f"{start} {_OPEN}: {_on_one_line(result.because)}"
-    how = "is unknown" if trace.unknown else "is false"
+    how = _broken(trace)
     length = counted(len(trace.snapshots), "frame")
     found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
     time = time_of_breach(trace)
@@ -183,7 +194,7 @@ def _hint(trace: Trace, file: str | None) -> str | None:
         return f"`{name}` is infinite there: give it a `range`, which bounds its readings"
     if trace.unknown:
         return (
-            "what reads something missing is unknown, and a contract must be true: write "
+            "a contract must be true, and is not if what decides it is missing: write "
             "`fresh(X) implies ...` or `value_or(X, ...)`, and a second contract for X missing; of a field "
             "that may never have been sent, `ACTUATOR is commanded implies ...`"
         )
@@ -208,8 +219,10 @@ def row(program: Program, result: Result) -> dict[str, object]:
         "verdict": verdict_key(result),
     }
     match result:
-        case Proved(operators=operators):
+        case Proved(operators=operators, operator_runs=runs):
             result_row |= {**_proof_row(result), "operators": operators}
+            if runs is not None:
+                result_row["operator_runs"] = [trace_rows(program, trace) for trace in runs]
         case ProvedInTime(in_time=in_time, because=because):
             shown = result.trace or result.python_trace
             result_row |= {**_proof_row(in_time), "operators": False}
@@ -233,19 +246,32 @@ def _proof_row(proved: Proved) -> dict[str, object]:
 def trace_rows(program: Program, trace: Trace) -> list[dict[str, object]]:
     """Return an object per frame: the inputs, as `colony trace --input` takes them, and the commands sent.
 
-    Frames in which clients are late have those actuators as `late`, and lost modules as `lost`.
+    Frames in which clients are late have those actuators as `late`, those that an operator commands as
+    `commanded`, and lost modules as `lost`.
     """
     return [
         {
             "frame": frame_row(program.robot.sensors, snapshot),
             "answers": {m: None if a is None else list(a) for m, a in snapshot.answers.items()},
-            **({"late": sorted(snapshot.given)} if snapshot.given else {}),
+            **_given_row(program, snapshot),
             **({"lost": sorted(snapshot.lost)} if snapshot.lost else {}),
             "sent": outcome_row(program, outcome),
             "broken": list(outcome.breaches),
         }
         for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True)
     ]
+
+
+def _given_row(program: Program, snapshot: Snapshot) -> dict[str, object]:
+    """Return the actuators that are late, and those that an operator commands, in declared units."""
+    late = sorted(name for name, given in snapshot.given.items() if given.values is None)
+    commanded = {
+        a.name: dict(zip((f.name for f in a.fields), values, strict=True))
+        for a in program.robot.actuators
+        if a.name in snapshot.given
+        and (values := in_declared_units(snapshot.given[a.name].values, a.fields)) is not None
+    }
+    return ({"late": late} if late else {}) | ({"commanded": commanded} if commanded else {})
 
 
 def readable_frames(
@@ -255,7 +281,7 @@ def readable_frames(
     sensors = {s.name: s for s in program.robot.sensors}
     for snapshot, outcome in zip(snapshots, outcomes, strict=True):
         decided = (
-            f"{a.name} {decision_text(a, d, a.name in snapshot.given)}"
+            f"{a.name} {decision_text(a, d, snapshot.given.get(a.name))}"
             for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
         )
         restarted = ("restarted",) if snapshot.restarted else ()

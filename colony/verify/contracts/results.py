@@ -76,6 +76,8 @@ class Proved:
         over_reals: Places where the proof is about real numbers and floats may round.
         operators: True if the contract was also proved while connections outside the network command any
             actuators, within their bounds. Otherwise a command may break it, or no proof was found.
+        operator_runs: Runs in which such a command breaks it: one, or none that was found; None if none was
+            searched for.
     """
 
     contract: Contract
@@ -83,6 +85,7 @@ class Proved:
     invariants: tuple[str, ...] = ()
     over_reals: tuple[Reason, ...] = ()
     operators: bool = False
+    operator_runs: tuple[Trace, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from colony.ir import expression as ir
-from colony.ir.frame import Decision
+from colony.ir.frame import Decision, Given
 from colony.ir.program import Actuator, Contract, Program, Sensor, in_declared_units
 from colony.ir.types import Bool, Enum, Scalar, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import number_text, seconds
@@ -36,7 +36,7 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
                 f"{seconds(snapshot.t_ns)}{', restarted' if snapshot.restarted else ''}",
                 *(reading_cell(s, snapshot) for s in sensors),
                 *(_answer_text(program, m, snapshot) for m in modules),
-                *(decision_text(a, decisions[name], name in snapshot.given) for name, a in actuators.items()),
+                *(decision_text(a, decisions[n], snapshot.given.get(n)) for n, a in actuators.items()),
                 *([", ".join(sorted(snapshot.lost)) or "none"] if some_lost else []),
             ]
         )
@@ -109,12 +109,14 @@ def _value_text(value: ScalarValue, type_: Scalar, number: str) -> str:
     return next((f"{type_}.{name}" for name, n in members if n == value), number)
 
 
-def decision_text(actuator: Actuator, decision: Decision, late: bool = False) -> str:
+def decision_text(actuator: Actuator, decision: Decision, given: Given | None = None) -> str:
     """Return a decision as text: `by avoid: velocity = 150 mm/s, turn = 45 deg/s`.
 
-    With `late` the actuator is idle whatever the network decided.
+    `given` is what the actuator was given whatever the network decided, if anything.
     """
-    winner = "late, idle" if late else "idle" if decision.by is None else f"by {decision.by}"
+    winner = "idle" if decision.by is None else f"by {decision.by}"
+    if given is not None:
+        winner = "late, idle" if given.values is None else "by an operator"
     fault = f" ({decision.fault})" if decision.fault else ""
     if decision.values is None:
         return f"{winner}{fault}: nothing is sent"

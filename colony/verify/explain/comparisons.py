@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 from colony.ir import expression as ir
 from colony.ir.bearings import index_text
-from colony.ir.types import Array, Quantity, Type, bearings_of
+from colony.ir.types import Array, Quantity, Type, bearings_of, is_percent
 from colony.text.wording import duration_text
 from colony.verify.explain.causes import Comparison
 from colony.verify.explain.moment import Moment
@@ -54,8 +54,8 @@ def _nearest_bound(e: ir.Within, value: Values) -> tuple[ir.Expression, ir.Expre
 
 
 def _quantity(a: Type, b: Type) -> Type:
-    """Return the type of two compared quantities; a literal 0 fits any."""
-    return b if isinstance(a, Quantity) and a.wildcard else a
+    """Return the type of two compared quantities; a literal 0 fits any, a plain number may be in percent."""
+    return b if is_percent(b) or (isinstance(a, Quantity) and a.wildcard) else a
 
 
 def inputs_text(e: ir.Expression, value: Values) -> tuple[str, ...]:
@@ -135,7 +135,8 @@ def _commanders(moment: Moment, e: ir.Expression) -> Iterator[str]:
     sent = {node.actuator: None for node in ir.subexpressions(e) if isinstance(node, ir.SentField)}
     for actuator in sent:
         winner = moment.values.winners[actuator]
-        yield f"{actuator} is {'idle' if winner is None else f'by {winner}'}"
+        unwon = "by an operator" if actuator in moment.values.commanded else "idle"
+        yield f"{actuator} is {unwon if winner is None else f'by {winner}'}"
 
 
 def _outside_loops(e: ir.Expression) -> Iterator[ir.Expression]:

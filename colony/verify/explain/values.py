@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from colony.ir.types import Array, Bool, Enum, Quantity, ScalarValue, Type, Value, element_type
-from colony.text.units import NUMBER, readable_unit
+from colony.ir.types import Array, Bool, Enum, Quantity, ScalarValue, Type, Value, element_type, unit_shown
 from colony.verify.reference.kleene import Known
 from colony.verify.sparse import sparse_text
 
@@ -39,11 +38,10 @@ def scalar_text(value: ScalarValue, type_: Type, digits: int = _DIGITS[0]) -> st
             return "true" if value else "false"
         case Enum(name=name, members=members):
             return next((f"{name}.{member}" for member, n in members if n == value), _number(value, digits))
-        case Quantity(dimension=dimension):
-            if dimension == NUMBER:
-                return _number(value, digits)
-            unit = readable_unit(dimension)
-            return f"{_number(value / float(unit.factor), digits)} {unit.text}"
+        case Quantity() as quantity:
+            unit = unit_shown(quantity)
+            text = _number(value / float(unit.factor), digits)
+            return text if unit.text == "number" else f"{text} {unit.text}"
 
 
 def pair_text(left: Value, right: Value, left_type: Type, right_type: Type) -> tuple[str, str]:

@@ -14,10 +14,21 @@ from colony.ir import expression as ir
 from colony.ir import frame
 from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
-from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
+from colony.ir.types import (
+    Array,
+    Bool,
+    Enum,
+    Quantity,
+    Scalar,
+    ScalarValue,
+    Type,
+    Value,
+    element_type,
+    unit_shown,
+)
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
-from colony.text.units import NUMBER, parse_unit, readable_unit
+from colony.text.units import parse_unit
 from colony.text.wording import counted, duration_text, quoted
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
@@ -306,7 +317,8 @@ class _Run:
         """Return `drive by cruise, velocity = 300 mm/s`."""
         actuator = next(a for a in self.program.robot.actuators if a.name == name)
         decision = next(d for d in outcome.decisions if d.actuator == name)
-        return ", ".join((f"{name} {_decider(decision)}", *self.sent(actuator)))
+        commanded = name in self.interpreter.values.commanded
+        return ", ".join((f"{name} {_decider(decision, commanded)}", *self.sent(actuator)))
 
     def sent(self, actuator: Actuator) -> Iterator[str]:
         for i, field in enumerate(actuator.fields):
@@ -320,9 +332,9 @@ class _Run:
                 return
 
 
-def _decider(decision: Decision) -> str:
+def _decider(decision: Decision, commanded: bool) -> str:
     if decision.by is None:
-        return "is idle"
+        return "by an operator" if commanded else "is idle"
     return f"by {decision.by}" + (f" ({decision.fault})" if decision.fault else "")
 
 
@@ -353,13 +365,10 @@ def _scalar(value: ScalarValue, type_: Scalar, unit: str) -> str:
             return "true" if value else "false"
         case Enum(name=name, members=members):
             return next((f"{name}.{member}" for member, n in members if n == value), _number(value))
-        case Quantity(dimension=dimension):
-            if unit:
-                return f"{_number(value / float(parse_unit(unit).factor))} {unit}"
-            if dimension == NUMBER:
-                return _number(value)
-            shown = readable_unit(dimension)
-            return f"{_number(value / float(shown.factor))} {shown.text}"
+        case Quantity() as quantity:
+            of = parse_unit(unit) if unit else unit_shown(quantity)
+            text = _number(value / float(of.factor))
+            return text if of.text == "number" else f"{text} {of.text}"
         case _:
             assert_never(type_)
 

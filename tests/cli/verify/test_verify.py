@@ -63,6 +63,28 @@ def test_unknown_says_why_and_is_no_error(colony: Colony, behavior: Path) -> Non
     assert "warning[V011]: contract `never_six` is neither proved nor refuted" in err
 
 
+def test_values_in_percent_are_shown_in_percent(colony: Colony, tmp_path: Path) -> None:
+    file = tmp_path / "gas.colony"
+    file.write_text("""robot r {
+  sensor gas : percent range 0 .. 100 from DServer.Gas
+  actuator fan { level : percent range 0 .. 100 } to DServer.Fan idle fan(level = 0)
+}
+state peak : percent = 0  next peak = max(peak, gas)
+module m { let half = gas / 2 + 10 percent  when gas > 50 percent do fan(level = half) }
+network { fan = m }
+contract low: fan by m implies m.half + peak < 70 percent
+test "t" { at 0 s given gas = 80 expect m.half == 20 percent }
+""")
+    _, out, err = colony("verify", file)
+    assert "`m.half + peak < 70 percent` fails by" in out
+    assert "percent against 70 percent" in out
+    assert "m.half = 60 percent" in err
+    assert "peak = 100 percent" in err
+    _, out, err = colony("test", "--explain", file)
+    assert "50 percent against 20 percent" in out
+    assert "found: m.half = 50 percent" in err
+
+
 def test_only_the_contracts_named(colony: Colony, behavior: Path) -> None:
     code, out, _ = colony("verify", "--contract", "backs", add(behavior, TRUE, FALSE))
     assert code == 0
@@ -115,6 +137,31 @@ def test_proved_only_while_every_client_is_in_time(colony: Colony, behavior: Pat
         in out.splitlines()[-1]
     )
     assert "note[V012]: contract `acts` is proved only while every client is in time" in err
+
+
+@pytest.mark.parametrize(
+    ("contract", "shown"),
+    [
+        ("drive.velocity == 0 or drive by back or drive by cruise", "by an operator: velocity = "),
+        ("not drive by cruise or near >= 0 mm", None),
+    ],
+)
+def test_why_shows_the_run_in_which_an_operator_breaks_a_contract(
+    colony: Colony, behavior: Path, contract: str, shown: str | None
+) -> None:
+    add(behavior, f"contract c: {contract}\n", TRUE)
+    _, out, _ = colony("verify", behavior)
+    assert ("c  (without operators: --why c)\n" in out) == (shown is not None)
+    code, out, _ = colony("verify", "--why", "c", behavior)
+    assert code == 0
+    assert "backs" not in out
+    assert (f"{behavior}: proved   c  (operators too)\n" in out) == (shown is None)
+    assert ("a command from outside the network breaks it, within the limits:" in out) == (shown is not None)
+    assert shown is None or shown in out
+    code, out, _ = colony("verify", "--why", "c", "--format", "json", behavior)
+    [row] = json.loads(out)["files"][0]["contracts"]
+    runs = row.get("operator_runs")
+    assert runs is None if shown is None else [list(frame["commanded"]) for frame in runs[0]] == [["drive"]]
 
 
 def test_what_is_proved_in_time_is_so_in_json_and_sarif(colony: Colony, behavior: Path) -> None:

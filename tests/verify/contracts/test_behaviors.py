@@ -25,7 +25,7 @@ from tests.sampling import sampled
 PAGE = ROOT / "docs" / "verification.md"
 _CANARY = "canary"
 _HEAD = """\
-| behavior | contracts | only proved in time | proved, without "(operators too)" |
+| behavior | contracts | only proved in time | proved without operators |
 |---|---|---|---|
 """
 

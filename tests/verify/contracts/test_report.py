@@ -17,7 +17,9 @@ def test_what_holds_of_floats_is_proved_without_more() -> None:
     text = "contract c: drive by back implies back is active"
     found = proved(text)
     assert lines(program(text), found) == ("proved   c  (operators too)",)
-    assert lines(program(text), replace(found, operators=False)) == ("proved   c",)
+    assert lines(program(text), replace(found, operators=False)) == (
+        "proved   c  (without operators: --why c)",
+    )
     assert finding(found, "f.colony") is None
     assert row(program(text), found)["over_reals"] == []
 
@@ -146,7 +148,9 @@ def test_a_contract_that_cannot_be_told_says_what_is_missing() -> None:
     said = finding(refuted("contract c: far <= 10 m and x == x"), "f.colony")
     assert said is not None
     found = "`far` is missing; `x` is missing"
-    assert said.message == f"contract `c` is unknown at 0 s of a run of 1 frame; found: {found}"
+    assert (
+        said.message == f"contract `c` is neither true nor false at 0 s of a run of 1 frame; found: {found}"
+    )
     assert said.hint is not None
     assert "`fresh(X) implies ...`" in said.hint
     assert "`value_or(X, ...)`" in said.hint
