@@ -284,6 +284,14 @@ def test_the_warehouse_robot_leaves_an_edge_and_goes_to_its_charger(run: Run, tm
     assert seconds_by(report, None) > 15.0  # at the charger
 
 
+def test_the_warehouse_robot_stands_after_a_stop_until_it_is_started(run: Run, tmp_path: Path) -> None:
+    pressed = "at 2 s estop = true, resume = true\nat 3 s estop = false\nat 4 s resume = false\n"
+    (tmp_path / "stop.scenario").write_text(f"{pressed}at 5 s resume = true\n")
+    behavior, building = ROOT / "behaviors" / "warehouse.colony", ROOT / "maps" / "loop.stickrep"
+    report = run(behavior, building, 7, "--scenario", str(tmp_path / "stop.scenario"))
+    assert seconds_by(report, None) == pytest.approx(3.0, abs=0.1)
+
+
 @pytest.mark.parametrize("start", ["4m,0,90", "2m,600mm,200", "11.5m,-12.5m,130"])
 def test_recharge_stands_at_a_dock_until_it_is_nearly_full(start: str, run: Run, tmp_path: Path) -> None:
     (tmp_path / "charge.scenario").write_text("at 0 s battery = 15 percent\nat 40 s battery = 90 percent\n")
