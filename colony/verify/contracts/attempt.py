@@ -57,7 +57,7 @@ class Attempt:
     @property
     def frames_searched(self) -> int:
         """Number of frames searched for a counterexample."""
-        return self._search.length
+        return self._search.length if "_search" in self.__dict__ else 0
 
     def run(self) -> Proof | Trace | None:
         """Return a proof, a trace that refutes the contract whatever Python modules answer, or None."""

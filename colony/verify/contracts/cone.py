@@ -20,16 +20,12 @@ def cone_of(system: System, *claims: Claim) -> Cone:
 
 def covers(cone: Cone, other: Cone) -> bool:
     """Return True if `other` depends on nothing outside `cone`."""
-    return _constants(other) <= _constants(cone)
+    return other.leaves <= cone.leaves
 
 
 def key_of(cone: Cone) -> frozenset[int]:
     """Return a key that identifies a cone within its system."""
-    return _constants(cone)
-
-
-def _constants(cone: Cone) -> frozenset[int]:
-    return frozenset(c.get_id() for c in (*cone.constants, *(cell.old for cell in cone.cells)))
+    return cone.leaves
 
 
 def within(cone: Cone, term: z3.ExprRef) -> bool:

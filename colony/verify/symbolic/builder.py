@@ -76,15 +76,15 @@ class Builder:
 
     def assume(self, subject: z3.ExprRef, formula: z3.BoolRef, only_over_reals: bool = False) -> None:
         """Assume a formula about a term; with `only_over_reals`, it holds only for reals, not for floats."""
-        self._add(Fact(FactKind.ASSUMPTION, subject, formula, only_over_reals))
+        self._add(Fact(FactKind.ASSUMPTION, subject, formula, only_over_reals, len(self.facts)))
 
     def define(self, subject: z3.ExprRef, formula: z3.BoolRef) -> None:
         """Define a term by a formula."""
-        self._add(Fact(FactKind.DEFINITION, subject, formula))
+        self._add(Fact(FactKind.DEFINITION, subject, formula, position=len(self.facts)))
 
     def invariant(self, subject: z3.ExprRef, formula: z3.BoolRef) -> None:
         """State an invariant of a term."""
-        self._add(Fact(FactKind.INVARIANT, subject, formula))
+        self._add(Fact(FactKind.INVARIANT, subject, formula, position=len(self.facts)))
 
     def _add(self, fact: Fact) -> None:
         if not is_true(fact.formula):

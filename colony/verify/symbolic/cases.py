@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from functools import reduce
+from functools import lru_cache, reduce
 from itertools import product
 from typing import TypeVar
 
@@ -30,6 +30,12 @@ MAX_FLOAT = Fraction(sys.float_info.max)
 
 def constant(x: float) -> Number:
     """Return the float `x`."""
+    return _constant(x, math.copysign(1.0, x))
+
+
+@lru_cache(maxsize=4096)
+def _constant(x: float, sign: float) -> Number:
+    """Return the float `x` of this sign, which tells the two zeros apart."""
     cases = ((x, TRUE),)
     if math.isnan(x):
         return Number(real(0), TRUE, FALSE, cases=cases)

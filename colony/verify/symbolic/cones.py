@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import z3
 
-from colony.verify.symbolic.system import Cell, Number, Scalar, System
+from colony.verify.symbolic.system import Cell, Fact, FactKind, Number, Scalar, System
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,7 +15,7 @@ class Cone:
     """The part of a system that some terms depend on, in the system's order.
 
     `constants` are all constants of a frame except the cells: inputs and auxiliary ones. `visited` are the
-    ids of all terms in the cone.
+    ids of all terms in the cone, `leaves` those of its constants and cells.
     """
 
     system: System
@@ -25,6 +25,7 @@ class Cone:
     invariants: tuple[z3.BoolRef, ...]
     constants: tuple[z3.ExprRef, ...]
     visited: frozenset[int]
+    leaves: frozenset[int]
 
 
 def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
@@ -32,8 +33,9 @@ def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
     graph = system.graph
     cells = {c.old.get_id(): c for c in system.cells}
     visited: set[int] = set()
-    facts: set[int] = set()
-    constants: list[z3.ExprRef] = []
+    leaves: set[int] = set()
+    facts: list[Fact] = []
+    constants: list[tuple[str, z3.ExprRef]] = []
     pending = graph.add(terms)
     while pending:
         key = pending.pop()
@@ -44,21 +46,25 @@ def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
         constant = graph.constant(key)
         if constant is None:
             continue
+        leaves.add(key)
         if key in cells:
             pending.extend(graph.add([cells[key].next]))
         else:
             constants.append(constant)
-        formulas = graph.add(fact.formula for fact in system.facts.get(key, ()))
-        facts.update(formulas)
-        pending.extend(formulas)
+        own_facts = system.facts.get(key, ())
+        facts += own_facts
+        pending.extend(graph.add(fact.formula for fact in own_facts))
+    facts.sort(key=lambda fact: fact.position)
+    constants.sort(key=lambda named: named[0])
     return Cone(
         system=system,
         cells=tuple(c for key, c in cells.items() if key in visited),
-        definitions=_with_ids(system.definitions, facts),
-        assumptions=_with_ids(system.assumptions, facts),
-        invariants=_with_ids(system.invariants, facts),
-        constants=tuple(sorted(constants, key=lambda c: str(c.decl().name()))),
+        definitions=tuple(f.formula for f in facts if f.kind is FactKind.DEFINITION),
+        assumptions=tuple(f.formula for f in facts if f.kind is FactKind.ASSUMPTION),
+        invariants=tuple(f.formula for f in facts if f.kind is FactKind.INVARIANT),
+        constants=tuple(constant for _, constant in constants),
         visited=frozenset(visited),
+        leaves=frozenset(leaves),
     )
 
 
@@ -78,7 +84,3 @@ def _parts(scalars: Iterable[Scalar]) -> list[z3.ExprRef]:
     for x in scalars:
         parts += (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,)
     return parts
-
-
-def _with_ids(formulas: tuple[z3.BoolRef, ...], ids: set[int]) -> tuple[z3.BoolRef, ...]:
-    return tuple(x for x in formulas if x.get_id() in ids)

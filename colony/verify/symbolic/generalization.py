@@ -64,7 +64,8 @@ class _Generalization:
 
     def system(self) -> System:
         original = self.original
-        facts = [*self._facts(), *self._bounds(), *self._overflows()]
+        found = (*self._facts(), *self._bounds(), *self._overflows())
+        facts = [replace(fact, position=i) for i, fact in enumerate(found)]
         return replace(  # the inputs of disturbances are exact, and stay
             original,
             cells=tuple(replace(c, next=self.term(c.next)) for c in original.cells),

@@ -12,7 +12,7 @@ class Graph:
 
     def __init__(self) -> None:
         self._operands: dict[int, tuple[int, ...]] = {}
-        self._constants: dict[int, z3.ExprRef] = {}
+        self._constants: dict[int, tuple[str, z3.ExprRef]] = {}
         self._kept: list[z3.ExprRef] = []
 
     def add(self, terms: Iterable[z3.ExprRef]) -> list[int]:
@@ -29,13 +29,13 @@ class Graph:
             self._operands[key] = tuple(x.get_id() for x in operands)
             pending.extend(operands)
             if not operands and term.decl().kind() == z3.Z3_OP_UNINTERPRETED:
-                self._constants[key] = term
+                self._constants[key] = (str(term.decl().name()), term)
         return [term.get_id() for term in roots]
 
     def operands(self, key: int) -> tuple[int, ...]:
         """Return the ids of the operands of the term with this id."""
         return self._operands[key]
 
-    def constant(self, key: int) -> z3.ExprRef | None:
-        """Return the term with this id, if it is an uninterpreted constant."""
+    def constant(self, key: int) -> tuple[str, z3.ExprRef] | None:
+        """Return the name and the term with this id, if it is an uninterpreted constant."""
         return self._constants.get(key)

@@ -20,6 +20,12 @@ _MAIN = z3.main_ctx()
 _CONTEXT = _MAIN.ref()
 
 
+class _Negation(z3.BoolRef):  # type: ignore[misc]
+    """A `not` that keeps its operand, which z3 would make anew."""
+
+    operand: z3.BoolRef
+
+
 def _truth_of(ast: z3.Ast) -> z3.BoolRef:
     return z3.BoolRef(ast, _MAIN)
 
@@ -38,14 +44,9 @@ def is_false(x: z3.BoolRef) -> bool:
     return x is FALSE
 
 
-def is_negation(x: z3.BoolRef) -> bool:
-    """Return True if `x` is a `not`."""
-    return bool(z3.Z3_get_decl_kind(_CONTEXT, z3.Z3_get_app_decl(_CONTEXT, x.as_ast())) == z3.Z3_OP_NOT)
-
-
 def same(x: z3.ExprRef, y: z3.ExprRef) -> bool:
     """Return True if the terms are identical: z3 shares equal terms."""
-    return x is y or bool(x.get_id() == y.get_id())
+    return x is y or bool(x.ast.value == y.ast.value)
 
 
 def truth(x: bool) -> z3.BoolRef:
@@ -59,7 +60,13 @@ def negation(x: z3.BoolRef) -> z3.BoolRef:
         return FALSE
     if is_false(x):
         return TRUE
-    return cast(z3.BoolRef, x.arg(0) if is_negation(x) else _truth_of(z3.Z3_mk_not(_CONTEXT, x.as_ast())))
+    if isinstance(x, _Negation):
+        return x.operand
+    if z3.Z3_get_decl_kind(_CONTEXT, z3.Z3_get_app_decl(_CONTEXT, x.ast)) == z3.Z3_OP_NOT:
+        return cast(z3.BoolRef, x.arg(0))
+    result = _Negation(z3.Z3_mk_not(_CONTEXT, x.ast), _MAIN)
+    result.operand = x
+    return result
 
 
 def all_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
@@ -91,9 +98,11 @@ def _kept(
         if x is absorbing:
             return None
         if x is not neutral:
-            kept[x.get_id()] = x
-    if len(kept) > 1 and any(is_negation(x) and x.arg(0).get_id() in kept for x in kept.values()):
-        return None
+            kept[x.ast.value] = x
+    if len(kept) > 1:
+        for x in kept.values():
+            if isinstance(x, _Negation) and x.operand.ast.value in kept:
+                return None
     return list(kept.values())
 
 

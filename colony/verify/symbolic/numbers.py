@@ -236,6 +236,26 @@ def select_number(condition: z3.BoolRef, yes: Number, no: Number) -> Number:
     return Number(value, nan, infinite, replace(bounds, whole=False), branches=(yes, no))
 
 
+def select_first(conditions: Sequence[z3.BoolRef], values: Sequence[Scalar]) -> Scalar:
+    """Return the value whose condition holds; the last value if none does, whatever its condition.
+
+    At most one condition may hold.
+    """
+    *before, last = values
+    numbers = [x for x in values if isinstance(x, Number)]
+    distinct = {(v, math.copysign(1.0, v)) for x in numbers for v, _ in x.cases}
+    if len(numbers) == len(values) and all(x.cases for x in numbers) and len(distinct) <= MAX_CASES:
+        others = conditions[: len(before)]
+        chosen = [*others, negation(any_of(others))]
+        rows = [(v, both(c, case)) for c, x in zip(chosen, numbers, strict=True) for v, case in x.cases]
+        return by_cases(rows, loose_zero=any(x.loose_zero for x in numbers))
+    if isinstance(last, Number) and len(distinct) > MAX_CASES:
+        last = replace(last, cases=())  # all together are too many, so none are merged on the way
+    for condition, value in zip(reversed(conditions[: len(before)]), reversed(before), strict=True):
+        last = select(condition, value, last)
+    return last
+
+
 # --- sums ----------------------------------------------------------------------------------------
 
 

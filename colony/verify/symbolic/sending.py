@@ -19,7 +19,16 @@ from colony.verify.symbolic.frame_values import FrameValues, missing
 from colony.verify.symbolic.functions import boolean, number
 from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, both, either, is_false, negation
 from colony.verify.symbolic.memory import open_scalar_cell
-from colony.verify.symbolic.numbers import compared, finite, greatest, least, negated, select, select_number
+from colony.verify.symbolic.numbers import (
+    compared,
+    finite,
+    greatest,
+    least,
+    negated,
+    select,
+    select_first,
+    select_number,
+)
 from colony.verify.symbolic.system import (
     ActuatorTerms,
     Inexact,
@@ -151,9 +160,7 @@ def _field(
     """Return one field of the winner's command, taken to be finite, within its limits and range."""
     if not values:
         return FALSE if isinstance(field.type, Bool) else constant(0.0)
-    result = _as_finite_scalar(values[-1])
-    for condition, value in zip(reversed(finite_wins[:-1]), reversed(values[:-1]), strict=True):
-        result = select(condition, _as_finite_scalar(value), result)
+    result = select_first(finite_wins, [_as_finite_scalar(x) for x in values])
     return _bounded(result, field, bounds) if isinstance(result, Number) else result
 
 

@@ -282,6 +282,7 @@ class Fact:
     subject: z3.ExprRef
     formula: z3.BoolRef
     only_over_reals: bool = False
+    position: int = 0  # among the facts of its system
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
