@@ -1,4 +1,4 @@
-"""Paths of robots and people, with a bounded number of points for pictures, and where a robot left the map."""
+"""Paths of robots and people, of a bounded number of points for pictures, and when a robot left the map."""
 
 from __future__ import annotations
 
