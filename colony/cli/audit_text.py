@@ -30,7 +30,7 @@ def render(
     by = f", by {file}" if file else ""
     lines = [
         f"{name}: {title}{by}, {counted(report.frames, 'frame')}"
-        f" from {time_text(report.first_ns)} to {time_text(report.last_ns)}",
+        f" from 0 s to {time_text(report.last_ns - report.first_ns)}",
         *([f"  {SHADOW_TEXT}"] if reader.shadow else []),
         *_indented(_site(program.site, None if run is None else run.site)),
         *_indented(_counts(report)),
@@ -47,7 +47,7 @@ def render(
     return "\n".join(
         [
             *lines,
-            f"DIFFERS in {differing}, first {_location_text(report.first)}",
+            f"DIFFERS in {differing}, first {_location_text(report.first, report.first_ns)}",
             *_first_difference(report, program),
         ]
     )
@@ -89,8 +89,8 @@ def _counts(report: AuditReport) -> Iterator[str]:
 
 def _damage(report: AuditReport) -> Iterator[str]:
     for span in report.damaged:
-        start = "" if span.after_ns is None else f" from {time_text(span.after_ns)}"
-        end = "to its end" if span.before_ns is None else f"to {time_text(span.before_ns)}"
+        start = "" if span.after_ns is None else f" from {time_text(span.after_ns - report.first_ns)}"
+        end = "to its end" if span.before_ns is None else f"to {time_text(span.before_ns - report.first_ns)}"
         yield f"damaged{start} {end}: left out"
     if report.resumed:
         yield "after that, audited from the recorded memory"
@@ -104,14 +104,15 @@ def _contracts(report: AuditReport, program: Program) -> Iterator[str]:
     unbroken_count = len(program.contracts) - len(report.contracts)
     if unbroken_count:
         yield f"{counted(unbroken_count, 'contract')} held in every frame"
+    begin_ns = report.first_ns
     for c in report.contracts:
-        span = f"first at {time_text(c.first_ns)}, last at {time_text(c.last_ns)}"
+        span = f"first at {time_text(c.first_ns - begin_ns)}, last at {time_text(c.last_ns - begin_ns)}"
         yield f"contract {c.contract}: BROKEN in {counted(c.frames, 'frame')}, {span}"
 
 
-def _location_text(first: Difference) -> str:
+def _location_text(first: Difference, begin_ns: int) -> str:
     actuator = "" if first.actuator is None else f", {first.actuator}"
-    return f"at {time_text(first.t_ns)} (frame {first.k}){actuator}: {first.message}"
+    return f"at {time_text(first.t_ns - begin_ns)} (frame {first.k}){actuator}: {first.message}"
 
 
 def _first_difference(report: AuditReport, program: Program) -> Iterator[str]:

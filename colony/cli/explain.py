@@ -20,7 +20,7 @@ from colony.cli.reporting import refuse, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.text.suggestions import did_you_mean
-from colony.text.wording import counted, seconds_of, time_text
+from colony.text.wording import TIME_RESOLUTION_NS, counted, seconds_of, time_text
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
@@ -62,7 +62,8 @@ class Seconds(click.ParamType):  # type: ignore[type-arg]
     "at_ns",
     type=Seconds(),
     metavar="SECONDS",
-    help="The time to explain: that of the last frame at or before it. With --when, the search begins there.",
+    help="The time to explain, from the first frame on: that of the last frame at or before it. "
+    "With --when, the search begins there.",
 )
 @click.option(
     "--when",
@@ -131,7 +132,7 @@ def command(
         with TemporaryDirectory(prefix="colony-explain-") as folder:
             asked = _Asked(recording, file, Path(folder))
             chosen = None if when is None else asked.chosen(when, nth, at_ns)
-            found = asked.found(chosen.span.start.t_ns if chosen is not None else at_ns or 0)
+            found = asked.found(at_ns or 0) if chosen is None else asked.at(chosen.span.start.t_ns)
             questions = _questions(asked.program, why, why_not, chosen)
             answers = asked.answers(found, questions)
     except DiagnosticError as failure:
@@ -216,7 +217,8 @@ class _Asked:
             wanted = condition(self.program, when)
         except ConditionError as problem:
             _misuse(f"{self.recording}: error: --when: {problem}")
-        found = list(spans_of(self.index, wanted, from_ns))
+        begin_ns = None if from_ns is None else self.index.first_ns + from_ns - TIME_RESOLUTION_NS // 2
+        found = list(spans_of(self.index, wanted, begin_ns))
         if len(found) < nth:
             since = "" if from_ns is None else f" from {time_text(from_ns)} on"
             begins = f"begins {counted(len(found), 'time')}" if found else "never begins"
@@ -224,20 +226,27 @@ class _Asked:
         return _Chosen(when, wanted, found, nth)
 
     def _extent(self) -> str:
-        first, last = self.index.first_ns, self.index.last_ns
-        return f"; the recording has {self.index.frames} frames from {time_text(first)} to {time_text(last)}"
+        end = time_text(self.index.last_ns - self.index.first_ns)
+        return f"; the recording has {self.index.frames} frames from 0 s to {end}"
 
-    def found(self, t_ns: int) -> Found:
-        """Return the frame at a time; exit with 2 if the recording does not have it."""
+    def found(self, at_ns: int) -> Found:
+        """Return the frame at a time of the run; exit with 2 if the recording does not have it.
+
+        A frame is at the time that texts show of it.
+        """
+        index, frame_ns = self.index, self.program.robot.frame_ns
+        if not 0 <= at_ns < index.last_ns - index.first_ns + frame_ns:
+            where = "before" if at_ns < 0 else "after"
+            message = f"{time_text(at_ns)} is {where} the recording{self._extent()}"
+            breaks_off = f"; {index.truncation}" if index.truncation and where == "after" else ""
+            _misuse(f"{self.recording}: error: --at: {message}{breaks_off}")
+        return self.at(index.first_ns + at_ns + TIME_RESOLUTION_NS // 2)
+
+    def at(self, t_ns: int) -> Found:
+        """Return the last frame at or before a time of the robot, which the recording has."""
         from colony.robots.moments.finding import moment_at
         from colony.robots.moments.index import StaleIndexError
 
-        index, frame_ns = self.index, self.program.robot.frame_ns
-        if not index.first_ns <= t_ns < index.last_ns + frame_ns:
-            where = "before" if t_ns < index.first_ns else "after"
-            message = f"{time_text(t_ns)} is {where} the recording{self._extent()}"
-            breaks_off = f"; {index.truncation}" if index.truncation and where == "after" else ""
-            _misuse(f"{self.recording}: error: --at: {message}{breaks_off}")
         for _ in range(2):
             try:
                 with self._reading() as reader:
@@ -255,10 +264,8 @@ class _Asked:
         if found.moment is None:
             damage = "".join(f"; damaged {text}" for text in self.index.damaged)
             damage += "".join(f"; {text}" for text in self.index.remarks)
-            say(
-                f"{self.recording}: error: what the program remembered at {time_text(found.t_ns)} "
-                f"(frame {found.k}) is not known{damage}"
-            )
+            when = f"{time_text(found.t_ns - self.index.first_ns)} (frame {found.k})"
+            say(f"{self.recording}: error: what the program remembered at {when} is not known{damage}")
             raise click.exceptions.Exit(EXIT_ERRORS)
         return [explain(found.moment, question) for question in questions]
 
@@ -297,21 +304,22 @@ def _print_text(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
     from colony.runtime.observe.summary import SHADOW_TEXT
     from colony.verify.explain.text import lines
 
+    begin_ns = asked.index.first_ns
     if asked.shadow:
         click.echo(SHADOW_TEXT)
     if chosen is not None:
         click.echo(f"`{chosen.text}` begins {counted(len(chosen.spans), 'time')}:")
         for i, span in enumerate(chosen.spans[:MAX_SPANS], 1):
-            end = "to the end" if span.end is None else f"to {time_text(span.end.t_ns)}"
+            end = "to the end" if span.end is None else f"to {time_text(span.end.t_ns - begin_ns)}"
             mark = "  <- explained below" if i == chosen.nth else ""
-            click.echo(f"  {i}. from {time_text(span.start.t_ns)} {end}{mark}")
+            click.echo(f"  {i}. from {time_text(span.start.t_ns - begin_ns)} {end}{mark}")
         if len(chosen.spans) > MAX_SPANS:
             click.echo(f"  and {len(chosen.spans) - MAX_SPANS} more; choose one with --nth")
         click.echo()
     for i, answer in enumerate(answers):
         if i:
             click.echo()
-        for line in lines(answer):
+        for line in lines(answer, begin_ns):
             click.echo(line)
     for text in (*asked.index.remarks, *(f"damaged {text}" for text in asked.index.damaged)):
         say(f"{asked.recording}: warning: {text}")
@@ -322,11 +330,14 @@ def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
 
     from colony.verify.explain.json_rows import row
 
-    index, run = asked.index, asked.run
+    index, run, begin_ns = asked.index, asked.run, asked.index.first_ns
     when = None
     if chosen is not None:
         spans = [
-            {"from": seconds_of(s.start.t_ns), "to": None if s.end is None else seconds_of(s.end.t_ns)}
+            {
+                "from": seconds_of(s.start.t_ns - begin_ns),
+                "to": None if s.end is None else seconds_of(s.end.t_ns - begin_ns),
+            }
             for s in chosen.spans
         ]
         when = {"condition": chosen.text, "spans": spans, "explained": chosen.nth - 1}
@@ -337,12 +348,12 @@ def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
         "robot": asked.program.robot.name,
         "shadow": asked.shadow,
         "frames": index.frames,
-        "from": seconds_of(index.first_ns),
-        "to": seconds_of(index.last_ns),
+        "from": 0.0,
+        "to": seconds_of(index.last_ns - begin_ns),
         "truncated": index.truncation,
         "remarks": list(index.remarks),
         "damaged": list(index.damaged),
         "when": when,
-        "answers": [row(answer) for answer in answers],
+        "answers": [row(answer, begin_ns) for answer in answers],
     }
     click.echo(json.dumps(out, indent=2))

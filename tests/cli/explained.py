@@ -46,17 +46,20 @@ def readings(t_ns: int) -> dict[str, object]:
     }
 
 
-def recorded(write: Callable[..., Kept] = as_mcap) -> bytes:
-    """Return the recording of a run of five seconds, in which clients are late and an operator drives."""
+def recorded(write: Callable[..., Kept] = as_mcap, begin_ns: int = 0) -> bytes:
+    """Return the recording of a run of five seconds, in which clients are late and an operator drives.
+
+    The run begins at `begin_ns` of the robot's time.
+    """
     program = load_file(str(WANDER))
-    trace = [Frame(50 * MS * k, readings(50 * MS * k)) for k in range(100)]  # type: ignore[arg-type]
-    return write(program, [_disturbed(log) for log in logs(program, trace)]).content
+    trace = [Frame(begin_ns + 50 * MS * k, readings(50 * MS * k)) for k in range(100)]  # type: ignore[arg-type]
+    return write(program, [_disturbed(log, begin_ns) for log in logs(program, trace)]).content
 
 
-def _disturbed(log: FrameLog) -> FrameLog:
+def _disturbed(log: FrameLog, begin_ns: int) -> FrameLog:
     """Return a frame in which, at some times, `cruise` is late, an operator drives, or the stop is on."""
     verdict = log.verdicts["drive"]
-    match log.frame.t_ns // (50 * MS):
+    match (log.frame.t_ns - begin_ns) // (50 * MS):
         case 10:
             changed = _idle(verdict, "cruise", "late")
         case 12 | 13:

@@ -18,6 +18,7 @@ from mcap.writer import CompressionType, Writer
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
 from tests.cli.conftest import Colony, Ran
+from tests.cli.explained import recorded as recorded_run
 from tests.cli.run.test_run import MAP, ROAM
 from tests.paths import ROOT
 
@@ -87,6 +88,12 @@ def test_a_recording_that_another_tool_wrote_again(colony: Colony, recorded: Cal
     before = colony("audit", "run.mcap").out
     rewrite("run.mcap", lambda topic, row: row)
     assert colony("audit", "run.mcap") == (0, before, "")
+
+
+def test_times_of_an_audit_are_those_of_the_run(colony: Colony) -> None:
+    for begin_ns in (0, 89_751_399_999):
+        Path("run.mcap").write_bytes(recorded_run(begin_ns=begin_ns))
+        assert "100 frames from 0 s to 4.95 s" in colony("audit", "run.mcap", "wander").out
 
 
 def test_json_lines_agree(colony: Colony, recorded: Callable[..., Ran]) -> None:

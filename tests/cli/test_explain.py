@@ -51,6 +51,28 @@ def test_answers_are_as_shown(run: Colony) -> None:
         assert printed(command) == shown, f"{command}: `python -m tests.cli.explained` writes it again"
 
 
+@pytest.mark.parametrize("begin_ns", [89_751_399_999, 3_600 * 10**9 + 1])
+@pytest.mark.parametrize(
+    "question",
+    [
+        ("--at", "1.1", "--why-not", "cruise"),
+        ("--at", "2.3", "--format", "json"),
+        ("--at", "0"),
+        ("--when", "drive by avoid", "--at", "1", "--format", "json"),
+        ("--when", "sonar is missing", "--nth", "1"),
+        ("--at", "5"),
+        ("--when", "drive is idle", "--nth", "99"),
+    ],
+)
+def test_times_are_those_of_the_run_whenever_it_began(
+    run: Colony, question: tuple[str, ...], begin_ns: int
+) -> None:
+    expected = run("explain", "run.mcap", "wander", *question)
+    Path("run.mcap").write_bytes(recorded(begin_ns=begin_ns))
+    found = run("explain", "run.mcap", "wander", *question)
+    assert (found.code, found.out, found.err) == (expected.code, expected.out, expected.err)
+
+
 def test_the_second_question_is_answered_from_the_cache(run: Colony, cache: Path) -> None:
     first = run("explain", "run.mcap", "wander", "--at", "1.1")
     [index] = cache.iterdir()

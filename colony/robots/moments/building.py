@@ -42,7 +42,8 @@ def build_index(
     for recorded in reader.frames(program):
         t_ns = recorded.frame.t_ns
         if recorded.damaged:
-            damaged.append(_span(last_ns if frames else None, t_ns))
+            before_ns = t_ns - (first_ns if frames else t_ns)
+            damaged.append(_span(last_ns - first_ns if frames else None, before_ns))
         is_due = not marks or t_ns - marks[-1].t_ns >= interval_ns
         if recorded.place is not None and is_due and frames and not recorded.damaged:
             section, checksum = sections.add(follower.checkpoint)
@@ -53,7 +54,7 @@ def build_index(
         first_ns, last_ns, frames = (first_ns if frames else t_ns), t_ns, frames + 1
         progress()
     if reader.damaged:
-        damaged.append(_span(last_ns if frames else None, None))
+        damaged.append(_span(last_ns - first_ns if frames else None, None))
     return Index(
         frames=frames,
         first_ns=first_ns,

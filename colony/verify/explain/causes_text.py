@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import assert_never
+from typing import NamedTuple, assert_never
 
 from colony.text.wording import duration_text, listed, rounded_ns, time_text
 from colony.verify.explain.causes import (
@@ -23,8 +23,24 @@ from colony.verify.explain.causes import (
 )
 
 
-def cause_text(cause: Cause, holds: bool, t_ns: int) -> str:
-    """Return a condition as a sentence, with the values that decided it; `t_ns` is the time of the frame."""
+class FrameTime(NamedTuple):
+    """The time of an explained frame, and that from which times in texts count."""
+
+    t_ns: int
+    begin_ns: int = 0
+
+    def text(self, at_ns: int) -> str:
+        """Return a time."""
+        return time_text(at_ns - self.begin_ns)
+
+    def ago(self, at_ns: int) -> str:
+        """Return `10.2 s, 1.5 s before`, the time of what led to the frame."""
+        before = f", {duration_text(rounded_ns(self.t_ns - at_ns))} before"
+        return f"{self.text(at_ns)}{'' if at_ns == self.t_ns else before}"
+
+
+def cause_text(cause: Cause, holds: bool, now: FrameTime) -> str:
+    """Return a condition of a frame as a sentence, with the values that decided it."""
     match cause:
         case Comparison(condition=condition, left=left, right=right, gap=gap):
             by = "" if gap is None or gap.startswith("0 ") or gap == "0" else f" by {gap}"
@@ -34,21 +50,21 @@ def cause_text(cause: Cause, holds: bool, t_ns: int) -> str:
         case Constant(condition=condition):
             return f"`{condition}` is always {truth_text(holds)}"
         case Remembered(condition=condition, value=value, since_ns=since_ns):
-            since = "" if since_ns is None else f", set at {ago_text(since_ns, t_ns)}"
+            since = "" if since_ns is None else f", set at {now.ago(since_ns)}"
             return f"`{condition}` remembers {value}{since}"
         case Past():
-            return _past_text(cause, holds, t_ns)
+            return _past_text(cause, holds, now)
         case Present():
-            return _present_text(cause, t_ns)
+            return _present_text(cause, now)
         case Unknown(condition=condition, missing=missing):
             what = f"{listed(missing)} {'are' if len(missing) > 1 else 'is'}" if missing else "something is"
             return f"`{condition}` is unknown: {what} missing"
         case _:
-            return _runtime_text(cause, holds, t_ns)
+            return _runtime_text(cause, holds, now)
 
 
 def _runtime_text(
-    cause: TimeConstant | Answered | Heard | Undisturbed | Sendable | Unwired, holds: bool, t_ns: int
+    cause: TimeConstant | Answered | Heard | Undisturbed | Sendable | Unwired, holds: bool, now: FrameTime
 ) -> str:
     match cause:
         case TimeConstant(dominant=dominant, window_ns=window_ns, at_ns=at_ns):
@@ -56,8 +72,7 @@ def _runtime_text(
             if at_ns is None:
                 return f"{dominant} has not been active, so its time constant of {window} does not count"
             counts = "still counts" if holds else "is over"
-            ago = ago_text(at_ns, t_ns)
-            return f"{dominant} was last active at {ago}; its time constant of {window} {counts}"
+            return f"{dominant} was last active at {now.ago(at_ns)}; its time constant of {window} {counts}"
         case Answered(module=module, error=error, blind=blind):
             if error:
                 return f"the module in Python {module} failed in this frame"
@@ -112,7 +127,7 @@ def _disturbance_text(actuator: str, outside: str | None, hold: str | None) -> s
     return reason or f"nobody outside the network commanded {actuator}"
 
 
-def _past_text(past: Past, holds: bool, t_ns: int) -> str:
+def _past_text(past: Past, holds: bool, now: FrameTime) -> str:
     duration = duration_text(past.duration_ns)
     elapsed = "" if past.elapsed_ns is None else duration_text(past.elapsed_ns)
     match past.function, past.at_ns:
@@ -120,23 +135,21 @@ def _past_text(past: Past, holds: bool, t_ns: int) -> str:
             return f"`{past.condition}` has not been true before"
         case "recently", int(at_ns):
             relation = "within" if holds else "longer ago than"
-            return f"`{past.condition}` was last true at {ago_text(at_ns, t_ns)}: {relation} {duration}"
+            return f"`{past.condition}` was last true at {now.ago(at_ns)}: {relation} {duration}"
         case "sustained", None:
             return f"`{past.condition}` must have been true for {duration}"
         case "sustained", int(at_ns):
             relation = "long enough" if holds else f"{elapsed} of {duration}"
-            return f"`{past.condition}` is true since {time_text(at_ns)}: {relation}"
+            return f"`{past.condition}` is true since {now.text(at_ns)}: {relation}"
         case _:
             raise AssertionError(past.function)
 
 
-def _present_text(present: Present, t_ns: int) -> str:
+def _present_text(present: Present, now: FrameTime) -> str:
     if present.why is None:
         return f"{present.sensor} has a reading"
     since = (
-        "it has had none so far"
-        if present.since_ns is None
-        else f"missing since {ago_text(present.since_ns, t_ns)}"
+        "it has had none so far" if present.since_ns is None else f"missing since {now.ago(present.since_ns)}"
     )
     match present.why:
         case "server down":
@@ -154,15 +167,6 @@ def _present_text(present: Present, t_ns: int) -> str:
         case _:
             assert_never(present.why)
     return f"{present.sensor} is missing: {why}; {since}"
-
-
-def ago_text(at_ns: int, t_ns: int) -> str:
-    """Return `10.2 s, 1.5 s before`, the time of what led to a frame."""
-    return (
-        time_text(at_ns)
-        if at_ns == t_ns
-        else f"{time_text(at_ns)}, {duration_text(rounded_ns(t_ns - at_ns))} before"
-    )
 
 
 def _verdict(holds: bool) -> str:

@@ -9,19 +9,19 @@ from colony.text.source import Span
 from colony.text.wording import listed, seconds_of
 from colony.verify.explain.answer import Explanation, Question, Sent, Whether, Why, WhyNot
 from colony.verify.explain.causes import Cause
-from colony.verify.explain.causes_text import cause_text
+from colony.verify.explain.causes_text import FrameTime, cause_text
 from colony.verify.explain.changes_text import MAX_PARTS, changes_texts
 from colony.verify.explain.formula import Formula, Leaf
 from colony.verify.explain.text import MAX_LEVEL, head_text, lines, shown_parts
 
 
-def row(explanation: Explanation) -> dict[str, Any]:
-    """Return an answer as an object for JSON."""
-    module = explanation.module
+def row(explanation: Explanation, begin_ns: int = 0) -> dict[str, Any]:
+    """Return an answer as an object for JSON; times count from `begin_ns`."""
+    module, now = explanation.module, FrameTime(explanation.t_ns, begin_ns)
     return {
         "question": _question(explanation.question),
         "frame": explanation.k,
-        "t": seconds_of(explanation.t_ns),
+        "t": seconds_of(explanation.t_ns - begin_ns),
         "claim": explanation.claim,
         "holds": explanation.holds,
         "answer": explanation.answer,
@@ -30,22 +30,21 @@ def row(explanation: Explanation) -> dict[str, Any]:
         else {
             "name": module[0],
             "status": module[1].value,
-            "since": None if module[1].first else seconds_of(module[1].t_ns),
+            "since": None if module[1].first else seconds_of(module[1].t_ns - begin_ns),
         },
         "sent": None if explanation.sent is None else _sent(explanation.sent),
-        "because": _because(explanation.formula, explanation.t_ns, 0),
+        "because": _because(explanation.formula, now, 0),
         "changes": [
             {
                 "certain": change.is_certain,
                 "text": listed(changes_texts(change)),
                 "conditions": [
-                    _cause(leaf.cause, leaf.holds, explanation.t_ns, leaf.span)
-                    for leaf in change.leaves[:MAX_PARTS]
+                    _cause(leaf.cause, leaf.holds, now, leaf.span) for leaf in change.leaves[:MAX_PARTS]
                 ],
             }
             for change in explanation.changes
         ],
-        "lines": list(lines(explanation)),
+        "lines": list(lines(explanation, begin_ns)),
     }
 
 
@@ -61,13 +60,13 @@ def _question(question: Question) -> dict[str, str]:
             assert_never(question)
 
 
-def _because(formula: Formula, t_ns: int, depth: int) -> list[dict[str, Any]]:
+def _because(formula: Formula, now: FrameTime, depth: int) -> list[dict[str, Any]]:
     """Return an object for each condition that decided, with those that it rests on as `because`."""
     if isinstance(formula, Leaf):
-        return [] if formula.implied else [_cause(formula.cause, formula.holds, t_ns, formula.span)]
+        return [] if formula.implied else [_cause(formula.cause, formula.holds, now, formula.span)]
     if depth > MAX_LEVEL:
         return []
-    below = [found for part in shown_parts(formula)[:MAX_PARTS] for found in _because(part, t_ns, depth + 1)]
+    below = [found for part in shown_parts(formula)[:MAX_PARTS] for found in _because(part, now, depth + 1)]
     text = head_text(formula)
     if text is None:
         return below
@@ -81,10 +80,12 @@ def _because(formula: Formula, t_ns: int, depth: int) -> list[dict[str, Any]]:
     return [{**head, "because": below}]
 
 
-def _cause(cause: Cause, holds: bool, t_ns: int, span: Span | None) -> dict[str, Any]:
+def _cause(cause: Cause, holds: bool, now: FrameTime, span: Span | None) -> dict[str, Any]:
     members = {f.name: getattr(cause, f.name) for f in fields(cause)}
+    for name in {"at_ns", "since_ns"} & members.keys():
+        members[name] = None if members[name] is None else members[name] - now.begin_ns
     kind = type(cause).__name__.lower()
-    text = cause_text(cause, holds, t_ns)
+    text = cause_text(cause, holds, now)
     return {"kind": kind, "holds": holds, "text": text, "at": _place(span), **members}
 
 

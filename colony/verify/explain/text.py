@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import assert_never
 
-from colony.text.wording import listed, time_text
+from colony.text.wording import listed
 from colony.verify.explain.answer import Explanation, Whether
 from colony.verify.explain.causes import Constant
-from colony.verify.explain.causes_text import ago_text, cause_text, detail_text, truth_text
+from colony.verify.explain.causes_text import FrameTime, cause_text, detail_text, truth_text
 from colony.verify.explain.changes_text import MAX_PARTS, changes_texts
 from colony.verify.explain.command import Cut
 from colony.verify.explain.formula import Formula, Group, Leaf, deciding_parts
@@ -20,18 +20,21 @@ MAX_LEVEL = 100
 """Maximum depth of the conditions below each other that are followed, with or without a line."""
 
 
-def lines(explanation: Explanation) -> tuple[str, ...]:
-    """Return an answer as lines of text: the claim, the conditions indented below it, what had to change."""
-    formula, t_ns = explanation.formula, explanation.t_ns
+def lines(explanation: Explanation, begin_ns: int = 0) -> tuple[str, ...]:
+    """Return an answer as lines of text: the claim, the conditions indented below it, what had to change.
+
+    Times count from `begin_ns`.
+    """
+    formula, now = explanation.formula, FrameTime(explanation.t_ns, begin_ns)
     head, parts = _joined(formula)
     answer = explanation.answer
     is_joined = head is not None and head.startswith(answer)
     first, below = (head, parts) if is_joined else (answer, (formula,))
     return (
-        f"{time_text(t_ns)}: {first}{_sent_text(explanation)}",
-        *(f"  {line}" for line in _since_lines(explanation)),
+        f"{now.text(now.t_ns)}: {first}{_sent_text(explanation)}",
+        *(f"  {line}" for line in _since_lines(explanation, now)),
         *(f"  {_cut_text(cut)}" for cut in _cuts(explanation)),
-        *(f"  {line}" for part in below for line in _tree(part, t_ns, 0)),
+        *(f"  {line}" for part in below for line in _tree(part, now, 0)),
         *(f"  {line}" for line in _changes_lines(explanation)),
     )
 
@@ -45,18 +48,18 @@ MAX_CAUSES = 4
 
 def short(explanation: Explanation) -> str:
     """Return the first conditions that decided, on one line."""
-    texts = list(dict.fromkeys(_short(explanation.formula, explanation.t_ns)))
+    texts = list(dict.fromkeys(_short(explanation.formula, FrameTime(explanation.t_ns))))
     more = [f"and {len(texts) - MAX_CAUSES} more"] if len(texts) > MAX_CAUSES else []
     return "; ".join((*texts[:MAX_CAUSES], *more))
 
 
-def _short(formula: Formula, t_ns: int, level: int = 0) -> Iterator[str]:
+def _short(formula: Formula, now: FrameTime, level: int = 0) -> Iterator[str]:
     """Yield the conditions that decided; of modules, wires and winners no more than that they are active."""
     if level >= MAX_LEVEL:
         return
     if isinstance(formula, Leaf):
         if not formula.implied:
-            yield cause_text(formula.cause, formula.holds, t_ns)
+            yield cause_text(formula.cause, formula.holds, now)
         return
     match formula.subject:
         case "module" | "wire":
@@ -66,10 +69,10 @@ def _short(formula: Formula, t_ns: int, level: int = 0) -> Iterator[str]:
             yield f"{subject} is {'' if formula.holds else 'not '}{predicate}"
             for part in shown_parts(formula):
                 if isinstance(part, Leaf):
-                    yield from _short(part, t_ns, level + 1)
+                    yield from _short(part, now, level + 1)
         case _:
             for part in shown_parts(formula):
-                yield from _short(part, t_ns, level + 1)
+                yield from _short(part, now, level + 1)
 
 
 def _sent_text(explanation: Explanation) -> str:
@@ -83,23 +86,23 @@ def _sent_text(explanation: Explanation) -> str:
     return "" if explanation.answer == f"{actuator} is by {by}" else f"; {actuator} is by {by}"
 
 
-def _since_lines(explanation: Explanation) -> Iterator[str]:
+def _since_lines(explanation: Explanation, now: FrameTime) -> Iterator[str]:
     """Yield since when the module is as it is, if the run shows it."""
     if explanation.module is not None:
         name, since = explanation.module
         if not since.first and since.t_ns < explanation.t_ns:
-            yield f"{name} is {since.value} since {ago_text(since.t_ns, explanation.t_ns)}"
+            yield f"{name} is {since.value} since {now.ago(since.t_ns)}"
 
 
 # --- the tree of conditions ------------------------------------------------------------------------
 
 
-def _tree(formula: Formula, t_ns: int, depth: int, level: int = 0) -> Iterator[str]:
+def _tree(formula: Formula, now: FrameTime, depth: int, level: int = 0) -> Iterator[str]:
     """Yield a line for each condition that decided, indented by depth."""
     indent = "  " * depth
     if isinstance(formula, Leaf):
         if not formula.implied:
-            yield indent + cause_text(formula.cause, formula.holds, t_ns)
+            yield indent + cause_text(formula.cause, formula.holds, now)
         return
     head, parts = _joined(formula)
     if depth >= MAX_DEPTH or level >= MAX_LEVEL:
@@ -109,7 +112,7 @@ def _tree(formula: Formula, t_ns: int, depth: int, level: int = 0) -> Iterator[s
         yield indent + head
         depth += 1
     for part in parts[:MAX_PARTS]:
-        yield from _tree(part, t_ns, depth, level + 1)
+        yield from _tree(part, now, depth, level + 1)
     if len(parts) > MAX_PARTS:
         yield f"{'  ' * depth}and {len(parts) - MAX_PARTS} more"
 
