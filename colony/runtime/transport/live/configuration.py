@@ -136,7 +136,7 @@ def gateway_settings(directory: RobotDirectory, listen: str, security: Security)
     }
 
 
-def _local(directory: RobotDirectory, server: str | None) -> Settings:
+def _local(directory: RobotDirectory, server: str | None) -> dict[str, object]:
     """Return the settings to listen as `server`, and to dial the sockets before its own."""
     dialed = _dialed(directory)
     if server is None:
@@ -155,7 +155,7 @@ def _dialed(directory: RobotDirectory) -> list[str]:
     return named + slots
 
 
-def _dialing(listen: list[str], dialed: list[str]) -> Settings:
+def _dialing(listen: list[str], dialed: list[str]) -> dict[str, object]:
     return _common("peer", LOCAL_LINKS) | {
         "listen/endpoints": listen,
         "connect/endpoints": dialed,
