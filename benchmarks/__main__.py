@@ -27,6 +27,7 @@ MODULES = (
     "load",
     "reading_to_motion",
     "stops_on_wire",
+    "one_line",
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 MARK = "<!-- results -->"
