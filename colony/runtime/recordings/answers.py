@@ -17,6 +17,8 @@ from typing import Literal
 import msgspec
 
 from colony.ir.frame import Answer
+from colony.ir.program import Program
+from colony.ir.types import Bool
 
 
 class AnswerMessage(msgspec.Struct, frozen=True, kw_only=True):
@@ -42,11 +44,22 @@ def _value(x: float | bool) -> float | bool | str:
     return x if math.isfinite(x) else repr(x)
 
 
-def read_answers(recorded: Mapping[str, AnswerMessage]) -> dict[str, Answer]:
-    """Return the recorded answers of a frame."""
-    return {
+def read_answers(recorded: Mapping[str, AnswerMessage], program: Program) -> dict[str, Answer]:
+    """Return the recorded answers of a frame.
+
+    Raises:
+        ValueError: a module of the program does not command these fields.
+    """
+    answers = {
         module: Answer(_values(message), message.error, message.blind) for module, message in recorded.items()
     }
+    fields = {actuator.name: actuator.fields for actuator in program.robot.actuators}
+    for module in program.modules if answers else ():
+        values = answers[module.name].values if module.name in answers else None
+        expected = [isinstance(f.type, Bool) for f in fields.get(module.actuator or "", ())]
+        if values is not None and [isinstance(x, bool) for x in values] != expected:
+            raise ValueError(f"the answer of `{module.name}` does not have the fields of its actuator")
+    return answers
 
 
 def _values(recorded: AnswerMessage) -> tuple[float | bool, ...] | None:

@@ -301,7 +301,7 @@ class _RecordedFrameAssembler:
     """
 
     def __init__(self, topics: Mapping[int, str], program: Program) -> None:
-        self._topics = topics
+        self._topics, self._program = topics, program
         self._chunk = -1
         self._actuators = {VERDICTS + a.name: a for a in program.robot.actuators}
         self._k: int | None = None
@@ -399,7 +399,7 @@ class _RecordedFrameAssembler:
             breaches=self._broken,
             keyframe=self._keyframe,
             damaged=damaged or self._gap,
-            answers=read_answers(message.python),
+            answers=read_answers(message.python, self._program),
             place=place,
         )
         self._gap = False

@@ -65,7 +65,7 @@ class LinesReader(_Lines):
             DiagnosticError: at the first bad line. Codes: those of `Rows`, A004 for a malformed decision, and
                 A001 if the file cannot be read or a line is too long.
         """
-        actuators, place = program.robot.actuators, self._place or Place(0, _UNKNOWN_START)
+        place = self._place or Place(0, _UNKNOWN_START)
         start = None if self._place is None else self._place.start
         rows = Rows(self._bounded(), self._name, program)
         for index, row in enumerate(rows):
@@ -75,7 +75,7 @@ class LinesReader(_Lines):
                 if members.restart or start is None:
                     start = k if members.restart else _start(k, row)
                 tick = Tick(k=k, t_ns=row.frame.t_ns, start=start, gaps=gaps(members.previous, k))
-                recorded = _recorded_frame(tick, row, actuators, members)
+                recorded = _recorded_frame(tick, row, program, members)
                 recorded = replace(recorded, place=Place(place.offset + row.offset, start))
             except Exception as problem:  # malformed in any way
                 message = f"this is not a decision of this program: {problem}"
@@ -193,7 +193,8 @@ class _Decision(
     held_by: Hold | None = None
 
 
-def _recorded_frame(tick: Tick, row: Row, actuators: tuple[Actuator, ...], members: _Row) -> RecordedFrame:
+def _recorded_frame(tick: Tick, row: Row, program: Program, members: _Row) -> RecordedFrame:
+    actuators = program.robot.actuators
     verdicts = {a.name: _verdict(tick, a, row.values[a.name]) for a in actuators if a.name in row.values}
     lost = {f"{v.actuator}/{c}" for v in verdicts.values() for c, fate in v.fates if fate == "lost"}
     return RecordedFrame(
@@ -205,7 +206,7 @@ def _recorded_frame(tick: Tick, row: Row, actuators: tuple[Actuator, ...], membe
         memory_unknown=members.skipped is not None,
         keyframe=read_keyframe(members.keyframe),
         damaged=row.damaged,
-        answers=read_answers(members.python),
+        answers=read_answers(members.python, program),
     )
 
 

@@ -16,8 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.dsl.load import load_file, load_text
-from colony.ir.frame import Frame, Outcome
+from colony.ir.frame import Answer, Frame, Outcome
 from colony.runtime.observe.observer import FrameLog
+from colony.text.diagnostics import DiagnosticError
 from colony.verify.audit.audit import Auditor, audit
 from colony.verify.audit.report import AuditReport
 from colony.verify.explain.follower import Follower
@@ -368,3 +369,13 @@ def test_after_a_missing_answer_of_a_module_in_python_memory_is_known_from_the_n
     follower = Follower(PULSES)
     moments = [follower.take(log) is not None for log in right]
     assert moments[missed + 15 :] == [True] * (25 - missed)
+
+
+@pytest.mark.parametrize("command", [(), (1.0, 2.0), (True,)])
+def test_an_answer_with_other_fields_is_not_one_of_this_program(command: tuple[float | bool, ...]) -> None:
+    (log,) = logs(PULSES, (Frame(0, {"near": 1.0}),))
+    wrong = [replace(log, answers={"pulse": Answer(command)})]
+    with pytest.raises(DiagnosticError, match=r"A004.*does not have the fields of its actuator"):
+        read_mcap(PULSES, as_mcap(PULSES, wrong).content)
+    with pytest.raises(DiagnosticError, match=r"A004.*does not have the fields of its actuator"):
+        read_lines(PULSES, as_lines(PULSES, wrong).content)
