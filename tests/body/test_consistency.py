@@ -82,6 +82,12 @@ def test_each_field_and_parameter_is_described_by_a_noun_or_when_it_is_true() ->
             "the device of `RServer` has no field `bumpr`",
         ),
         (
+            "simulated.count = 360",
+            'simulated.count = 361\nsimulated.step = "1 deg"',
+            '"1 deg"',
+            "361 elements that are 1 deg apart take more than a full turn",
+        ),
+        (
             'pose = ["5 cm",',
             'pose = ["9 m",',
             '["9 m", "0 mm", "90 deg"]',
