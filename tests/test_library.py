@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import math
 import os
 import re
 import subprocess
@@ -16,7 +17,7 @@ from hypothesis import given
 
 import colony
 from colony import testing
-from colony.ir.frame import Frame
+from colony.ir.frame import Frame, Reading
 from colony.verify.contracts.results import Proved, Refuted
 from colony.verify.difference.results import Different, Same
 from tests.cli.machine import MAP
@@ -143,8 +144,27 @@ def test_a_recording_is_read_and_audited(tmp_path: Path) -> None:
 @given(testing.traces(PROGRAM))
 def test_a_property_of_a_behavior(trace: tuple[Frame, ...]) -> None:
     for frame, outcome in testing.check(PROGRAM, trace):
-        if frame.readings.get("bumper") is True:
+        if frame.readings["bumper"]:
             assert outcome.commands["drive"].by == "back_off"
+
+
+def test_check_yields_readings_as_the_program_saw_them() -> None:
+    text = """robot r { sensor near : m range 0 .. 5 from P.near  sensor rays[2] : m from P.rays
+      sensor bumper : bool from P.bumper
+      actuator drive { velocity : mm/s } to R.drive idle drive(velocity = 0) }
+    module m { when near < 1 m and bumper and rays[0] < 1 m do drive(velocity = 1 mm/s) }
+    network { drive = m }"""
+    faulty: list[dict[str, Reading]] = [
+        {"near": "high", "rays": (1.0, math.nan), "bumper": 1},  # type: ignore[dict-item]
+        {"near": 7.0, "rays": [1.0, 2]},
+        {"near": None, "rays": (1.0,), "bumper": True},
+    ]
+    frames = [Frame(i, readings) for i, readings in enumerate(faulty)]
+    assert [dict(f.readings) for f, _ in testing.check(colony.loads(text), frames)] == [
+        {"near": None, "rays": None, "bumper": None},
+        {"near": 5.0, "rays": (1.0, 2), "bumper": None},
+        {"near": None, "rays": None, "bumper": True},
+    ]
 
 
 def test_a_broken_contract_fails_a_property_test() -> None:

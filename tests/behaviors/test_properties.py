@@ -73,6 +73,40 @@ network { drive = back_off suppresses cruise }
 """
 
 
+FICKLE = """
+import robot
+let lhs = min(sonar[15 deg .. 90 deg])
+let rhs = min(sonar[-90 deg .. -15 deg])
+module slide {
+  when min(sonar[-30 deg .. 30 deg]) < 700 mm
+  do drive(velocity = 100 mm/s, turn = if lhs > rhs then 40 deg/s else -40 deg/s)
+}
+module back { when recently(front_bumper, 1 s) do drive(velocity = -100 mm/s, turn = 0) }
+network { drive = back suppresses slide }
+contract keeps_side:
+  previous(drive by slide, false) and drive by slide implies previous(drive.turn, 0) * drive.turn > 0
+"""
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_module_that_changes_sides_is_found_in_60_draws_and_shrunk_in_few(seed: int) -> None:
+    fickle, runs = load_text(FICKLE, robot="rome"), list[Trace]()
+
+    def changes_side(trace: Trace) -> bool:
+        runs.append(trace)
+        return any(outcome.breaches for outcome in reference(fickle, trace))
+
+    found = find(
+        traces(fickle),
+        changes_side,
+        settings=settings(max_examples=60, database=None),
+        random=Random(seed),
+    )
+    assert len(found) == 2
+    assert [name for name, reading in found[0].readings.items() if reading is not None] == ["sonar"]
+    assert len(runs) < 200
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_property_that_does_not_hold_is_refuted_by_little(seed: int) -> None:
     careless = load_text(CARELESS)

@@ -21,8 +21,13 @@ def draw_frame(choices: Choices, program: Program, t_ns: int) -> Frame:
     return Frame(t_ns, _some_sent(choices, program, readings))
 
 
-def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
-    """Draw a trace; see `colony.verify.testing.strategies.traces`."""
+def draw_trace(
+    choices: Choices, program: Program, max_frames: int, *, mirrored: bool = False
+) -> tuple[Frame, ...]:
+    """Draw a trace; see `colony.verify.testing.strategies.traces`.
+
+    With `mirrored`, arrays also recur in reverse, so that what is on one side is on the other a frame later.
+    """
     thresholds = thresholds_of(program)
     # Few readings per sensor, used repeatedly, since memory has effects only if values recur. In a calm trace
     # most sensors do not change: conditions that need several readings at once hold only there. Sensors that
@@ -33,6 +38,8 @@ def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Fra
         is_constant = s.name not in read or (is_calm and not choices.one_in(4))
         count = 1 if is_constant else choices.mostly_large(1, 4)
         pools[s.name] = [draw_reading(choices, s, thresholds) for _ in range(count)]
+        if mirrored and not is_constant:
+            pools[s.name] += [x[::-1] for x in pools[s.name] if isinstance(x, list | tuple)]
     gaps = gaps_of(program)
     frames = [*_beginning_of_test(choices, program, max_frames)]
     t_ns = (

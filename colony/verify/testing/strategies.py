@@ -20,14 +20,16 @@ twice.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from random import Random
 
 from hypothesis import strategies as st
 
 from colony.ir.frame import Frame
 from colony.ir.program import Program, expect_program
+from colony.verify.testing.agreement import reference
 from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_frame, draw_trace
+from colony.verify.testing.frames import draw_frame, draw_trace, sensors_read
 from colony.verify.testing.networks import draw_network
 from colony.verify.testing.program_text import draw_text
 
@@ -91,7 +93,55 @@ def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[
     expect_program(program)
     if max_frames < 1:
         raise ValueError(f"max_frames: found {max_frames}; expected 1 or more")
-    return choices().map(lambda c: draw_trace(c, program, max_frames))
+    names = sorted(sensors_read(program))
+    drawn = st.integers(0, _MAX_SEED).map(lambda seed: _varied(Choices(Random(seed)), program, max_frames))
+    count = max_frames - 1 + len(names)
+    kept = st.lists(st.integers(0, _KEPT), min_size=count, max_size=count)
+    return st.builds(lambda kept, trace: _reduced(trace, names, kept), kept, drawn)
+
+
+_MAX_SEED = 2**24 - 1
+"""The largest seed of a trace; of a larger range hypothesis mostly draws small numbers, again and again."""
+
+_KEPT = 255
+"""The largest of the numbers by which hypothesis leaves out parts of a trace: those at 0."""
+
+
+_CANDIDATES = 3
+"""Number of traces of which the one with the most different decisions is taken."""
+
+
+def _varied(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
+    """Return the one of a few drawn traces in which the program decides most differently."""
+
+    def variety(trace: tuple[Frame, ...]) -> tuple[int, int]:
+        """Return how often the same modules win with another command, then the number of decisions."""
+        outcomes = reference(program, trace)
+        winners, texts = (
+            [[d.by for d in o.decisions] for o in outcomes],
+            [repr(o.decisions) for o in outcomes],
+        )
+        steps = zip(pairwise(winners), pairwise(texts), strict=True)
+        return len({texts for (a, b), texts in steps if a == b and any(a) and texts[0] != texts[1]}), len(
+            {*texts}
+        )
+
+    return max(
+        (draw_trace(choices, program, max_frames, mirrored=True) for _ in range(_CANDIDATES)), key=variety
+    )
+
+
+def _reduced(trace: tuple[Frame, ...], names: list[str], kept: list[int]) -> tuple[Frame, ...]:
+    """Return a trace without some frames, but with the last one, and without readings of some sensors.
+
+    `names` are the sensors that the program reads; those of others are left out.
+    """
+    read = {name for name, number in zip(names, kept, strict=False) if number}
+    frames = [f for f, number in zip(trace[:-1], kept[len(names) :], strict=False) if number]
+    return tuple(
+        frame._replace(readings={n: x if n in read else None for n, x in frame.readings.items()})
+        for frame in (*frames, trace[-1])
+    )
 
 
 def network_runs(*, max_modules: int = 6, max_wires: int = 5, max_frames: int = 8) -> st.SearchStrategy[Run]:
