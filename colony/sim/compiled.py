@@ -10,7 +10,7 @@ import os.path
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from pickle import UnpicklingError
-from typing import Any, ForwardRef, TypeVar, cast
+from typing import Any, ClassVar, ForwardRef, TypeVar, cast
 
 import numba
 import numpy as np
@@ -58,20 +58,20 @@ class _OwnFolder:
         super().ensure_cache_path()  # type: ignore[misc]
 
 
-class _Provided(_OwnFolder, caching.UserProvidedCacheLocator): ...  # type: ignore[misc]
+class _Provided(_OwnFolder, caching.UserProvidedCacheLocator): ...
 
 
-class _InTree(_OwnFolder, caching.InTreeCacheLocator): ...  # type: ignore[misc]
+class _InTree(_OwnFolder, caching.InTreeCacheLocator): ...
 
 
-class _UserWide(_OwnFolder, caching.UserWideCacheLocator): ...  # type: ignore[misc]
+class _UserWide(_OwnFolder, caching.UserWideCacheLocator): ...
 
 
-class _Implementation(caching.CompileResultCacheImpl):  # type: ignore[misc]
-    _locator_classes = (_Provided, _InTree, _UserWide)
+class _Implementation(caching.CompileResultCacheImpl):
+    _locator_classes: ClassVar[list[type[object]]] = [_Provided, _InTree, _UserWide]
 
 
-class Cache(caching.FunctionCache):  # type: ignore[misc]
+class Cache(caching.FunctionCache):
     """The cache of a compiled function."""
 
     _impl_class = _Implementation
@@ -86,9 +86,9 @@ def compiled(function: F) -> F:
     names = {**function.__annotations__}
     del names["return"]
     signature = numba.void(*(_native(name, function.__globals__) for name in names.values()))
-    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
+    dispatcher: Any = numba.njit(nogil=True, error_model="numpy")(function)
     try:
-        dispatcher._cache = Cache(function)
+        dispatcher._cache = Cache(function)  # type: ignore[no-untyped-call]
         _compile_or_load(dispatcher, signature)
     except (RuntimeError, OSError) as failure:
         if isinstance(failure, RuntimeError) and "cannot cache" not in str(failure):

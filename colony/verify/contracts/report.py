@@ -54,10 +54,10 @@ def lines(program: Program, result: Result) -> tuple[str, ...]:
         case Proved(operator_runs=None):
             return (f"{head}{over_reals(result)}  (without operators: --why {result.contract.name})",)
         case Proved(operator_runs=runs):
-            why = "breaks it, within the limits:" if runs else "is not known to break it: no run was found"
-            rows = [f"a command from outside the network {why}"]
-            rows += [row for trace in runs for row in table(program, result.contract, trace)]
-            return (f"{head}{over_reals(result)}  (without operators)", *_indented(tuple(rows)))
+            effect = "breaks it, within the limits:" if runs else "is not known to break it: no run was found"
+            shown_runs = [row for run in runs or () for row in table(program, result.contract, run)]
+            outside = (f"a command from outside the network {effect}", *shown_runs)
+            return (f"{head}{over_reals(result)}  (without operators)", *_indented(outside))
         case ProvedInTime(trace=trace, because=because, python_trace=python_trace):
             shown = trace or python_trace
             rows = () if shown is None else table(program, result.contract, shown)
