@@ -10,7 +10,7 @@ import os.path
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from pickle import UnpicklingError
-from typing import Any, ClassVar, ForwardRef, TypeVar, cast
+from typing import Any, ForwardRef, TypeVar, cast
 
 import numba
 import numpy as np
@@ -68,7 +68,7 @@ class _UserWide(_OwnFolder, caching.UserWideCacheLocator): ...
 
 
 class _Implementation(caching.CompileResultCacheImpl):
-    _locator_classes: ClassVar[list[type[object]]] = [_Provided, _InTree, _UserWide]
+    _locator_classes = [_Provided, _InTree, _UserWide]  # noqa: RUF012  # numba declares an instance variable
 
 
 class Cache(caching.FunctionCache):
