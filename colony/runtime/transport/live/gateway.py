@@ -43,8 +43,8 @@ MAX_GROWTH_BYTES = 128 * 1024 * 1024
 """Growth of a gateway's resident memory, in bytes, at which it restarts; it starts with about 45 MiB.
 
 Zenoh keeps 1.3 KB for every key that a session declares, for the life of the session and without a limit. The
-robot's servers also keep it, for keys that come through the gateway. A flood of the largest messages by twenty
-sessions, which are received at once, stays below.
+robot's servers also keep it, for keys that come through the gateway. The largest messages
+of twenty sessions, received at the same time, stay below the limit.
 """
 
 MEMORY_CHECK_INTERVAL_NS = 500_000_000

@@ -5,9 +5,11 @@ from __future__ import annotations
 import errno
 import os
 import resource
+import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from threading import Thread
 
 import zenoh
 
@@ -40,6 +42,9 @@ SOCKET_SCAN_S = 0.1
 
 FREE_DESCRIPTORS = 32
 """File descriptors that must be free to open a session, which needs up to 12, plus one per linked process."""
+
+CLOSE_S = 0.5
+"""Seconds that a session may take to close by itself."""
 
 Watcher = Callable[[str, bool], None]
 """A function that takes the address of a node, and True if the node is present."""
@@ -194,7 +199,7 @@ def require_threads() -> None:
     if is_forked():
         raise ForkedError(
             "connections do not work in a process that was forked after its parent had opened one: fork "
-            'before, or start it anew, as by multiprocessing.get_context("spawn")'
+            'before, or use multiprocessing.get_context("spawn")'
         )
 
 
@@ -215,8 +220,36 @@ def _open(
         raise UnreachableError(
             f"no session can be opened, for lack of memory or threads: {problem}"
         ) from None
-    resources.callback(session.close)
+    resources.callback(_close, robot_address, session)
     return session
+
+
+def _close(robot_address: RobotAddress, session: zenoh.Session) -> None:
+    """Close a session, even if a frozen process of the robot does not answer a dial.
+
+    Zenoh waits for its dials, which end when their sockets are shut down.
+    """
+
+    def close() -> None:
+        with suppress(zenoh.ZError):  # it took too long
+            session.close()
+
+    closing = Thread(target=close, name="closing", daemon=True)
+    closing.start()
+    closing.join(CLOSE_S)
+    if closing.is_alive() and isinstance(robot_address, Local):
+        _shut_down_links(os.fsencode(robot_address.directory.path) + b"/")
+    closing.join()
+
+
+def _shut_down_links(folder: bytes) -> None:
+    """Shut down all sockets of this process that are bound, or connected to one, in this folder."""
+    for name in os.listdir("/proc/self/fd"):
+        with suppress(OSError), socket.socket(fileno=os.dup(int(name))) as link:
+            if link.family == socket.AF_UNIX and any(
+                os.fsencode(address()).startswith(folder) for address in (link.getsockname, link.getpeername)
+            ):
+                link.shutdown(socket.SHUT_RDWR)
 
 
 @contextmanager

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import os
 import signal
+import socket
+import time
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -218,3 +223,27 @@ def test_a_process_ends_by_a_signal_and_another_takes_its_place(
             until(lambda n=network: n.alive() == (), "it is gone")  # type: ignore[misc]
         assert rest == ("closed\nended\n" if how is signal.SIGTERM else "")
         assert process.returncode == (0 if how is signal.SIGTERM else -9)
+
+
+ZENOH_CLOSE_S = 10.0
+"""Seconds after which zenoh gives up to close a session."""
+
+
+def test_a_session_closes_although_a_server_that_it_dials_is_frozen(environment: Mapping[str, str]) -> None:
+    with python_process(environment, "-c", PROCESS, says="ready") as process:
+        process.send_signal(signal.SIGSTOP)
+        network = ZenohSession.open(robot_address(environment))
+        until(lambda: _dials(robot_address(environment).directory.path), "it dials the server")
+        begin = time.monotonic()
+        network.close()
+        assert time.monotonic() - begin < ZENOH_CLOSE_S
+        assert not _dials(robot_address(environment).directory.path)
+
+
+def _dials(folder: Path) -> bool:
+    """Return True if this process has a socket that is connected to one in the folder."""
+    for descriptor in os.listdir("/proc/self/fd"):
+        with suppress(OSError), socket.socket(fileno=os.dup(int(descriptor))) as link:
+            if link.family == socket.AF_UNIX and str(link.getpeername()).startswith(str(folder)):
+                return True
+    return False
