@@ -10,7 +10,7 @@ import os.path
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from pickle import UnpicklingError
-from typing import Any, ForwardRef, TypeVar, cast
+from typing import Any, ClassVar, ForwardRef, TypeVar, cast
 
 import numba
 import numpy as np
@@ -21,7 +21,6 @@ from colony.files import own_folder
 
 Floats = NDArray[np.float64]
 Floats2 = NDArray[np.float64]
-Floats4 = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Ints2 = NDArray[np.int64]
 Bools2 = NDArray[np.bool_]
@@ -33,7 +32,6 @@ _NATIVE = {
     "bool": numba.boolean,
     "Floats": numba.float64[::1],
     "Floats2": numba.float64[:, ::1],
-    "Floats4": numba.float64[:, :, :, ::1],
     "Ints": numba.int64[::1],
     "Ints2": numba.int64[:, ::1],
     "Bools2": numba.boolean[:, ::1],
@@ -41,6 +39,9 @@ _NATIVE = {
 }
 
 F = TypeVar("F", bound=Callable[..., object])
+
+
+_caching: Any = caching  # untyped, as some versions of numba
 
 
 class _OwnFolder:
@@ -58,20 +59,20 @@ class _OwnFolder:
         super().ensure_cache_path()  # type: ignore[misc]
 
 
-class _Provided(_OwnFolder, caching.UserProvidedCacheLocator): ...
+class _Provided(_OwnFolder, _caching.UserProvidedCacheLocator): ...  # type: ignore[misc]
 
 
-class _InTree(_OwnFolder, caching.InTreeCacheLocator): ...
+class _InTree(_OwnFolder, _caching.InTreeCacheLocator): ...  # type: ignore[misc]
 
 
-class _UserWide(_OwnFolder, caching.UserWideCacheLocator): ...
+class _UserWide(_OwnFolder, _caching.UserWideCacheLocator): ...  # type: ignore[misc]
 
 
-class _Implementation(caching.CompileResultCacheImpl):
-    _locator_classes = [_Provided, _InTree, _UserWide]  # noqa: RUF012  # numba declares an instance variable
+class _Implementation(_caching.CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes: ClassVar[list[type]] = [_Provided, _InTree, _UserWide]
 
 
-class Cache(caching.FunctionCache):
+class Cache(_caching.FunctionCache):  # type: ignore[misc]
     """The cache of a compiled function."""
 
     _impl_class = _Implementation
@@ -88,7 +89,7 @@ def compiled(function: F) -> F:
     signature = numba.void(*(_native(name, function.__globals__) for name in names.values()))
     dispatcher: Any = numba.njit(nogil=True, error_model="numpy")(function)
     try:
-        dispatcher._cache = Cache(function)  # type: ignore[no-untyped-call]
+        dispatcher._cache = Cache(function)
         _compile_or_load(dispatcher, signature)
     except (RuntimeError, OSError) as failure:
         if isinstance(failure, RuntimeError) and "cannot cache" not in str(failure):

@@ -94,8 +94,8 @@ class Reach:
 
     def cells(self, region: int) -> NDArray[np.bool_]:
         """Return a mask of the cells in which the robot's center can be in a region, (rows, columns)."""
-        mask: NDArray[np.bool_] = self._regions == region
-        return mask if region else np.zeros_like(mask)
+        within: NDArray[np.bool_] = self._regions == region
+        return within if region else np.zeros_like(within)
 
     def share(self, region: int) -> float:
         """Return the share of all free cells that the robot can cover in a region, from 0 to 1."""
