@@ -29,6 +29,34 @@ MODULES = (
     "stops_on_wire",
     "one_line",
 )
+QUICK: dict[str, dict[str, Any]] = {
+    "start": {"RUNS": 1},
+    "decide": {"SIZES": (10,), "ROUNDS": 1},
+    "compile_time": {"SIZES": (100,), "GRAPH_SIZES": (100,), "LEAST_RUNS": 1, "LEAST_SECONDS": 0.0},
+    "proof": {"SECONDS": {100: 0.3}, "FILES": ("behaviors/figure_4_14.colony",)},
+    "front_end": {"MODULES": 100},
+    "functions": {"MODULES": 20, "ROUNDS": 1},
+    "explain": {"MINUTES": 1, "MOMENTS_S": (1.0,)},
+    "simulation": {"REPEATS": 1},
+    "physics": {"MINUTE_S": 1.0, "HOUR_S": 2.0, "POSES": 1, "SEEDS": (1,)},
+    "vision": {"ROUNDS": 1, "BATCH": 1},
+    "transport": {"ROUNDS": 1, "CALLS": 20, "CALLS_OF_MANY": 5, "CLIENTS": 2},
+    "data_server": {"SETS": 20, "GETS": 20, "WARM": 5, "CLIENTS": 2},
+    "data_limits": {"ROUNDS": 1, "VARIABLES": 50},
+    "processes": {
+        "STARTS": 1,
+        "FRAMES": 10,
+        "WARM_UP": 2,
+        "CROWD": 4,
+        "CROWD_PROCESSES": 1,
+        "CROWD_FRAMES": 5,
+    },
+    "load": {"ROUNDS": 1, "FRAMES": 5, "WARM_UP": 1, "FLOOR_S": 1.0, "BEHAVIORS": ("wander",)},
+    "reading_to_motion": {"EVENTS": 2},
+    "stops_on_wire": {"ROUNDS": 1, "WATCHED_S": 0.2},
+}
+"""With --quick: constants with which a benchmark takes about a second; its figures mean nothing."""
+
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 MARK = "<!-- results -->"
 
@@ -82,11 +110,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", type=_name, help=f"which: {', '.join(MODULES)} (default: all)")
     parser.add_argument("--write", action="store_true", help="put the results into docs/benchmarks.md")
+    parser.add_argument(
+        "--quick", action="store_true", help="run each for about a second: whether it runs, not how fast"
+    )
     arguments = parser.parse_args()
+    if arguments.quick and arguments.write:
+        parser.error("--quick measures nothing that could be written")
     sections: dict[str, str] = {}
     missed = 0
     for name in arguments.names or MODULES:
         module = importlib.import_module(f"benchmarks.{name}")
+        for constant, value in QUICK[name].items() if arguments.quick else ():
+            getattr(module, constant)  # an AttributeError if it has moved
+            setattr(module, constant, value)
         print(f"\n{name}: {(module.__doc__ or '').splitlines()[0]}", flush=True)
         rows = module.run()
         missed += sum(1 for row in rows if row["target"] is not None and not row["ok"])

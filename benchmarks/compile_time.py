@@ -16,6 +16,8 @@ from colony.ir.program import Program
 from tests.networks import chain, ladder, random_program
 
 SEED = 1
+SIZES = (1_000, 10_000)
+GRAPH_SIZES = (*SIZES, 100_000)
 LEAST_RUNS = 3
 LEAST_SECONDS = 4.0
 MOST_SECONDS = 2.0
@@ -26,9 +28,9 @@ Row = dict[str, object]
 
 def run() -> list[Row]:
     """One row a figure: name, value, unit, target (None: only told), ok, note."""
-    rows = _growth("random graph", lambda n: random_program(n, SEED), (1_000, 10_000, 100_000), "modules")
-    rows += _growth("ladder", ladder, (1_000, 10_000), "rungs")
-    rows += _growth("chain", chain, (1_000, 10_000), "modules")
+    rows = _growth("random graph", lambda n: random_program(n, SEED), GRAPH_SIZES, "modules")
+    rows += _growth("ladder", ladder, SIZES, "rungs")
+    rows += _growth("chain", chain, SIZES, "modules")
     return rows
 
 

@@ -127,7 +127,7 @@ def _fill(stage: Stage) -> None:
     for i in range(MAX_SEMAPHORES - 10):
         stage.take(stage.call(data.create_semaphore(f"S{i:05}")))
     stage.do(data.create_semaphore("Held", MAX_HOLDS))
-    stage.do(data.watch(prefixes=[f"{i:03}" for i in range(990)]), BOB)
+    stage.do(data.watch(prefixes=[f"{i:03}" for i in range(48)]), BOB)
     stage.do(data.watch(prefixes=["", "V"]), BOB)
 
 

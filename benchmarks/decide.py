@@ -277,7 +277,7 @@ def workload(size: int) -> Program:
         return Constant(type=DIMENSIONLESS, value=value)
 
     def element(i: int) -> Expression:
-        return Element(type=DIMENSIONLESS, array=reading, index=number(float(i % size)))
+        return Element(type=DIMENSIONLESS, array=reading, index=number(float(i % size)), wraps=False)
 
     def of(operator: Binary, left: Expression, right: Expression, type_: Type = DIMENSIONLESS) -> Expression:
         return BinaryOperation(type=type_, operator=operator, left=left, right=right)

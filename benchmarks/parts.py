@@ -28,7 +28,7 @@ TELL = signal.SIGUSR1
 
 PARTS = {
     "decode": (
-        "colony.runtime.protocol.codec:_decoded",
+        "colony.runtime.protocol.codec:decode_all",
         "colony.runtime.transport.live.host:check_plausible",
     ),
     "encode": ("colony.runtime.protocol.codec:encode",),
@@ -41,8 +41,8 @@ PARTS = {
     "monitor": ("colony.runtime.observe.monitor:Monitor.check",),
     "record": ("colony.runtime.recordings.mcap_writer:McapRecording.take",),
     "devices": (
-        "colony.sim.plant.drivers:_Cable._take",
-        "colony.sim.plant.drivers:_Cable.tell",
+        "colony.sim.plant.drivers:_DeviceConnection._handle",
+        "colony.sim.plant.drivers:_DeviceConnection.send",
         "colony.sim.plant.drivers:read_from_plant",
     ),
     "nodes": (

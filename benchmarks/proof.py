@@ -25,6 +25,7 @@ from tests.networks import chain, ladder, random_program
 SEED = 1
 SECONDS = {100: 0.3, 1_000: 3.0, 10_000: 60.0}
 SECONDS_FOR_A_BEHAVIOR = 10.0
+FILES = ("behaviors/*.colony", "robots/*/*.colony")
 ROOT = Path(__file__).parent.parent
 
 Row = dict[str, object]
@@ -38,7 +39,7 @@ def run() -> list[Row]:
     rows += [
         _behavior(file)
         for file in sorted(
-            [*ROOT.glob("behaviors/*.colony"), *ROOT.glob("robots/*/*.colony")], key=lambda path: path.stem
+            [path for pattern in FILES for path in ROOT.glob(pattern)], key=lambda path: path.stem
         )
     ]
     return rows

@@ -148,8 +148,8 @@ def _row(base: Base, case: Case, found: list[float | None]) -> Row:
     return row(name, 0.0, "stops", None if case.is_cut_off else 0.0, f"drove on for {WATCHED_S:g} s: {why}")
 
 
-def run(rounds: int = ROUNDS) -> list[Row]:
-    return [each for base in BASES for each in _rows_of(base, rounds)]
+def run(rounds: int | None = None) -> list[Row]:
+    return [each for base in BASES for each in _rows_of(base, rounds or ROUNDS)]
 
 
 def main() -> None:
