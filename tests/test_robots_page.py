@@ -50,7 +50,7 @@ def test_commands_print_what_is_shown(tmp_path: Path, monkeypatch: pytest.Monkey
     for commands, shown in COMMANDS.findall(PAGE):
         printed = "".join(typed(command, monkeypatch, errors=True) for command in commands.splitlines())
         assert printed == shown
-    assert typed("colony test wander --robot scout", monkeypatch).endswith("5 passed, 0 failed\n")
+    assert typed("colony test wander --robot scout", monkeypatch).endswith("7 passed, 0 failed\n")
     typed("colony new walk", monkeypatch)
     assert typed("colony test walk/walk.colony --robot scout", monkeypatch).endswith("1 passed, 0 failed\n")
 

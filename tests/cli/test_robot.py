@@ -203,7 +203,7 @@ def test_a_new_robot_checks_and_runs_wander(colony: Colony) -> None:
     assert colony("robot", "show", "scout").code == 0
     code, out, err = colony("test", "wander", "--robot", "scout")
     assert (code, err) == (0, "")
-    assert out.endswith("5 passed, 0 failed\n")
+    assert out.endswith("7 passed, 0 failed\n")
     assert colony("verify", "robots/scout/scout.colony").code == 0
 
 

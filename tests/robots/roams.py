@@ -3,9 +3,9 @@
     python -m tests.robots.roams --seeds 100 --workers 2
     python -m tests.robots.roams --robot create2 --map loop --seeds 5
 
-Each run begins at a place, and with a heading, of its seed. `wander` shall touch nothing. `bounce` feels its
-way: half of the walls are dark, so that it meets them with its bumper, but it shall neither push on nor stay;
-and its wheels shall stay on a floor with holes, at places of the seed.
+Each run begins at a place, and with a heading, of its seed. `wander` shall touch nothing, nor turn in circles.
+`bounce` feels its way: half of the walls are dark, so that it meets them with its bumper, but it shall neither
+push on nor stay; and its wheels shall stay on a floor with holes, at places of the seed.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ PUSH_S = 0.2
 def is_good(roam: Roam) -> bool:
     """Return whether a run is as it shall be."""
     if roam.case.behavior == "wander":
-        return not roam.contacts
-    return roam.pushed_s <= PUSH_S and roam.got_away and not roam.rams and not roam.fell
+        return roam.got_away and not roam.contacts
+    return roam.got_away and roam.pushed_s <= PUSH_S and not roam.rams and not roam.fell
 
 
 @lru_cache(maxsize=8)
