@@ -21,6 +21,7 @@ from colony.files import own_folder
 
 Floats = NDArray[np.float64]
 Floats2 = NDArray[np.float64]
+Floats4 = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Ints2 = NDArray[np.int64]
 Bools2 = NDArray[np.bool_]
@@ -32,6 +33,7 @@ _NATIVE = {
     "bool": numba.boolean,
     "Floats": numba.float64[::1],
     "Floats2": numba.float64[:, ::1],
+    "Floats4": numba.float64[:, :, :, ::1],
     "Ints": numba.int64[::1],
     "Ints2": numba.int64[:, ::1],
     "Bools2": numba.boolean[:, ::1],
