@@ -232,7 +232,7 @@ def _close(robot_address: RobotAddress, session: zenoh.Session) -> None:
 
     def close() -> None:
         with suppress(zenoh.ZError):  # it took too long
-            session.close()
+            session.close()  # type: ignore[no-untyped-call]
 
     closing = Thread(target=close, name="closing", daemon=True)
     closing.start()
