@@ -24,7 +24,7 @@ from colony.body.devices import (
 )
 from colony.body.footprint import radius_mm
 from colony.body.model import Body, Circle, Omnidirectional
-from colony.ir.bearings import TURN, Bearings
+from colony.ir.bearings import TURN, too_many_hint, uniform
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
 from colony.text.wording import degrees_text
@@ -59,7 +59,7 @@ def device_contradictions(
         case Proximity() as ring:
             yield from _proximity(ring, body, places, keys)
         case Lidar() as lidar:
-            yield from _turn(lidar.bearings(), lidar.count, places, keys)
+            yield from _turn(lidar.step_deg, lidar.count, places, keys)
             yield from _place(lidar.pose[:2], "pose", body, places, keys)
         case RangeFinder() as finder:
             yield from _range_finder(finder, body, places, keys)
@@ -143,7 +143,7 @@ def _battery(battery: Battery, places: Located, keys: tuple[str, ...]) -> Iterat
 
 
 def _proximity(ring: Proximity, body: Body, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
-    yield from _turn(ring.bearings(), ring.count, places, keys)
+    yield from _turn(ring.step_deg, ring.count, places, keys)
     footprint = body.chassis.footprint
     if isinstance(footprint, Circle) and ring.ring_mm > footprint.radius_mm:
         message = (
@@ -160,12 +160,10 @@ def _proximity(ring: Proximity, body: Body, places: Located, keys: tuple[str, ..
         yield error("B009", places.value(*keys, "infrared", "wired"), message)
 
 
-def _turn(
-    bearings: Bearings | None, count: int, places: Located, keys: tuple[str, ...]
-) -> Iterator[Diagnostic]:
-    if bearings is None:
-        message = f"{count} elements take more than a turn"
-        yield error("B009", places.value(*keys, "step"), message, f"the step is at most {360 / count:g} deg")
+def _turn(step_deg: float | None, count: int, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+    if step_deg is not None and uniform(0.0, step_deg, count) is None:
+        message = f"{count} elements that are {degrees_text(step_deg)} apart take more than a full turn"
+        yield error("B009", places.value(*keys, "step"), message, too_many_hint(step_deg, count))
 
 
 def _range_finder(

@@ -301,6 +301,8 @@ def _range(actuator: Actuator, field: ActuatorField, limit: float, file: BodyFil
         return
     here = Label(file.value("body", "limits", field.name), "the limit of the base")
     top = f"{limit / field.factor:.10g}"
+    if float(top) * field.factor > limit:  # it was rounded up
+        top = f"{limit / field.factor * (1.0 - 1e-9):.10g}"
     hint = f"the base refuses what is beyond: write `range -{top} .. {top}`"
     yield error("B016", field.span, message, hint, here)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 
 from colony.text.suggestions import did_you_mean
 from colony.text.units import BASE_UNITS
@@ -28,8 +29,6 @@ _SLIP_HINTS = {
     "**": "powers of numbers are written as products",
     "%": "write `mod(x, y)`",
     "?": "write `if CONDITION then A else B`",
-    "“": "strings are written in straight double quotes",
-    "”": "strings are written in straight double quotes",
     "=>": "write `implies` between bools, `>=` between numbers",
     "xor": "write `a != b`",
     "^": "powers are allowed only in units, without spaces: `m/s^2`",
@@ -58,6 +57,56 @@ _CONTEXT_HINTS = {
 }
 
 
+_LOOKALIKES = {
+    **dict.fromkeys("‐‑‒–—―−﹣", "`-`"),
+    **dict.fromkeys("×·∙⋅∗", "`*`"),
+    **dict.fromkeys("÷∕⁄", "`/`"),
+    **dict.fromkeys("→⟶➔", "`->`"),
+    **dict.fromkeys("“”„‟«»‘’‚‹›", "a straight double quote"),
+    "≤": "`<=`",
+    "≥": "`>=`",
+    "≠": "`!=`",
+    "…": "`..`",
+    "∧": "`and`",
+    "∨": "`or`",
+    "¬": "`not`",
+    "°": "`deg`",
+}
+"""What the language writes for characters that keyboards and word processors put in its place."""
+
+
+def _lookalike_hint(text: str, offset: int) -> str | None:
+    """Return a hint for a character that the language does not have, but that looks like some of it."""
+    found = text[offset : offset + 1]
+    if not found or found.isascii():
+        return None
+    plain, category = unicodedata.normalize("NFKC", found), unicodedata.category(found)
+    if plain == "μ":
+        return f"no unit begins with {found}: 1 {found}s is `0.001 ms`, and 1 {found}m is `0.001 mm`"
+    if plain in _SLIP_HINTS:
+        return _SLIP_HINTS[plain]
+    if text.startswith("°C", offset):
+        written = "`degC` for `°C`"
+    elif found in _LOOKALIKES:
+        written = _LOOKALIKES[found]
+    elif plain.isspace():
+        written = "a plain space"
+    elif category == "No" and plain.isdecimal():
+        written = f"`^{plain}`, in units alone"
+    elif category == "Cf":
+        return f"remove it: it is {_character(found)}, which cannot be seen"
+    elif len(plain) == 1 and plain.isascii():
+        written = f"`{plain}`"
+    else:
+        return None
+    return f"write {written}; this is {_character(found)}"
+
+
+def _character(found: str) -> str:
+    """Return a character by its number and name."""
+    return f"U+{ord(found):04X} ({unicodedata.name(found, 'no name').lower()})"
+
+
 def hint_for(text: str, offset: int, found: str, accepted: frozenset[str]) -> str | None:
     """Return a hint about what the author probably meant to write, or None."""
     before = text[max(offset - 40, 0) : offset]
@@ -66,7 +115,8 @@ def hint_for(text: str, offset: int, found: str, accepted: frozenset[str]) -> st
     if found == "language" and re.match(r"[ \t]*\d", text[offset + len(found) :]):
         return "a file has this line once, before its first declaration"
     return (
-        _did_you_mean(found, accepted)
+        _lookalike_hint(text, offset)
+        or _did_you_mean(found, accepted)
         or _number_hint(before, found, text[offset + len(found) : offset + len(found) + 40], accepted)
         or _punctuation_hint(text, offset, found, accepted)
         or _word_hint(before, found, accepted)
@@ -155,7 +205,10 @@ def _name_hint(found: str, accepted: frozenset[str]) -> str | None:
     if found in RESERVED and "NAME" in accepted:
         return f"`{found}` is a reserved word and cannot be a name"
     if found[:1].isalpha() and not found.isascii():
-        return "names are made of the letters A to Z and a to z, digits and `_`"
+        strange = next(c for c in found if not c.isascii())
+        return (
+            f"names are made of the letters A to Z and a to z, digits and `_`; this is {_character(strange)}"
+        )
     if found.startswith('"') and "STRING" not in accepted:
         return "strings are allowed only after `import`, `test` and `python`"
     return None

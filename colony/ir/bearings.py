@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
+from colony.text.wording import counted, degrees_text
+
 TURN = 360
 """A full turn in degrees."""
 
@@ -66,6 +68,16 @@ def uniform(start: float, step: float | None, size: int) -> Bearings | None:
     angles = tuple(_normal(first + i * exact_step) for i in range(size))
     ends = (0, size - 1) if exact_step >= 0 else (size - 1, 0)
     return Bearings(angles, float(exact_step), None if closes else ends, closes)
+
+
+def too_many_hint(step: float, size: int) -> str:
+    """Return a hint for `size` elements that take more than a turn, `step` degrees apart."""
+    exact = abs(Fraction(repr(step)))
+    fitting = int((TURN + _CLOSED_WITHIN) / exact)
+    if fitting == size - 1 and abs(fitting * exact - TURN) <= _CLOSED_WITHIN:
+        return f"the last element looks where the first one does: drop it, and declare {fitting} elements"
+    ring = f"a ring of {size} elements has a step of {degrees_text(TURN / size)}"
+    return f"{ring}; a turn has room for {counted(fitting, 'element')} of {degrees_text(step)}"
 
 
 def listed_bearings(angles: Iterable[float]) -> Bearings:

@@ -64,6 +64,12 @@ def test_a_body_with_every_device_has_no_contradiction() -> None:
             "the device of `RServer` has no field `bumpr`",
         ),
         (
+            "simulated.count = 360",
+            'simulated.count = 361\nsimulated.step = "1 deg"',
+            '"1 deg"',
+            "361 elements that are 1 deg apart take more than a full turn",
+        ),
+        (
             'pose = ["5 cm",',
             'pose = ["9 m",',
             '["9 m", "0 mm", "90 deg"]',

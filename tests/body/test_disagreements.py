@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from colony.body.disagreements import disagreements
@@ -117,6 +119,14 @@ def test_what_is_sent_before_is_no_field_of_the_body() -> None:
 def test_what_differs_is_found(old: str, new: str, expected: tuple[str, str, str]) -> None:
     assert old in INTERFACE
     assert found(INTERFACE.replace(old, new), BODY)[0] == expected
+
+
+@pytest.mark.parametrize("turn", ["1 rad/s", "1.5 rad/s", "0.7 rad/s", "100 deg/s", "1.2345678901 rad/s"])
+def test_the_range_that_a_hint_gives_is_within_the_limit(turn: str) -> None:
+    body = BODY.replace('turn              = "1 rad/s"', f'turn = "{turn}"')
+    [wide] = findings(INTERFACE.replace("range -45 .. 45", "range -180 .. 180"), body)
+    [given] = re.findall("`(range .*?)`", wide.hint or "")
+    assert found(INTERFACE.replace("range -45 .. 45", given), body) == []
 
 
 def test_a_period_is_compared_in_nanoseconds() -> None:

@@ -79,6 +79,11 @@ def make(files: list[Fence]) -> None:
 
 def checked(files: list[Fence]) -> tuple[Diagnostic, ...]:
     make(files)
+    return checked_again(files)
+
+
+def checked_again(files: list[Fence]) -> tuple[Diagnostic, ...]:
+    """Check an example whose files have been made, as its command does."""
     [text] = re.findall(r" --robot (\S+)$", files[-1].text) or [None]
     robot = None if text is None else RobotChoice(text=text, origin=f"--robot {text}")
     [site] = re.findall(r" --params (\S+)$", files[-1].text) or [None]

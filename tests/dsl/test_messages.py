@@ -54,7 +54,7 @@ SLIPS = [
     ("sensor s : mm", "found `sensor`", "inside `robot NAME { ... }`"),
     ("when true", "found `when`", "inside `module NAME { ... }`"),
     ("test 'x' { }", "found `'`", "double quotes"),
-    ("test “x” { }", "found `“`", "straight double quotes"),
+    ("test “x” { }", "found `“`", "a straight double quote"),
     ('test "x { }', "the text that begins here is not closed on its line", "add the missing `\"`"),
     ('test "x" { at 0 s, given bumper = true }', "found `,`", "there is no comma before `given`"),
     ('test "x" { at 0 s given bumper == true }', "found `==`, expected `=`", "a single `=`"),
@@ -127,7 +127,7 @@ SLIPS = [
     ("module m { when true do drive(velocty = 0, turn = 0) }", "no field `velocty`", "mean `velocity`?"),
     # types
     ("module l = avoid(clearance = sonar[1])", "`clearance` must be constant", "as `input clearance : mm`"),
-    ("let a = recently(bumper, -2)", "must be a value in s, found a plain number", "`-2 s` or"),
+    ("let a = recently(bumper, -2)", "the duration of `recently` is negative", "a duration is at least 0"),
     ("let a = sonar < 3", "`<` needs two numbers of one dimension", "unit: `3 mm`, `3 cm` or `3 m`"),
     ("let a = sonar[0] + docked_at", "a value in mm and a plain number", "`x / 1 mm` is a plain number"),
     ("let a = sonar[0] + heading", "found a value in mm and a value in deg", ""),
@@ -143,6 +143,31 @@ SLIPS = [
     ("let a = max(sonar, 2 * sonar)", "one array or several", "first: `max(max(sonar), max(2 * sonar))`"),
     ("network { d = avoid suppresses cruise inhibits avoid }", "mixed without parentheses",
      "write `avoid suppresses (cruise inhibits avoid)` or `(avoid suppresses cruise) inhibits avoid`"),
+    ("let a = \u22123", "found `\u2212`, expected an expression", "write `-`; this is U+2212 (minus sign)"),
+    ("let a = 5 \u2013 3", "found `\u2013`", "write `-`; this is U+2013 (en dash)"),
+    ("let a = 2 \u00d7 3", "found `\u00d7`", "write `*`; this is U+00D7"),
+    ("let a = 6 \u00f7 3", "found `\u00f7`", "write `/`; this is U+00F7"),
+    ("let a = sonar[0] \u2264 3 m", "found `\u2264`", "write `<=`; this is U+2264"),
+    ("let a = sonar[0] \u2265 3 m", "found `\u2265`", "write `>=`; this is U+2265"),
+    ("let a = bumper \u2260 true", "found `\u2260`", "write `!=`; this is U+2260"),
+    ("let a = bumper \u2227 bumper", "found `\u2227`", "write `and`; this is U+2227"),
+    ("let a = \u00ac bumper", "found `\u00ac`", "write `not`; this is U+00AC"),
+    ("let a = sonar[0 \u2026 3]", "found `\u2026`", "write `..`; this is U+2026"),
+    ("machine m { start one one \u2192 two when bumper }", "found `\u2192`", "write `->`; this is U+2192"),
+    ("let a\u00a0= 3", "found the character U+00A0", "write a plain space; this is U+00A0 (no-break space)"),
+    ("let a = 3\u202fm", "found the character U+202F", "write a plain space; this is U+202F"),
+    ("let a\u200b = 3", "found the character U+200B", "remove it: it is U+200B (zero width space)"),
+    ("let a \uff1d 3", "found `\uff1d`", "write `=`; this is U+FF1D (fullwidth equals sign)"),
+    ("let a = \uff13", "found `\uff13`", "write `3`; this is U+FF13"),
+    ("let a = 3\uff1b", "found `\uff1b`", "leave the `;` out"),
+    ("import \u201crome\u201d", "found `\u201c`", "write a straight double quote; this is U+201C"),
+    ("import \u2018rome\u2019", "found `\u2018`", "write a straight double quote; this is U+2018"),
+    ("let a = 90\u00b0", "found `\u00b0`", "write `deg`; this is U+00B0 (degree sign)"),
+    ("let a = 20 \u00b0C", "found `\u00b0`", "write `degC` for `\u00b0C`; this is U+00B0"),
+    ("let a = 3 m/s\u00b2", "found `\u00b2`", "write `^2`, in units alone; this is U+00B2"),
+    ("let a = 3 \u00b5s", "found `\u00b5`", "1 \u00b5s is `0.001 ms`"),
+    ("let a = 3 \u03bcm", "found `\u03bc`", "1 \u03bcm is `0.001 mm`"),
+    ("let \u0430 = 3", "found `\u0430`", "and `_`; this is U+0430 (cyrillic small letter a)"),
 ]  # fmt: skip
 
 
@@ -154,6 +179,12 @@ def test_a_slip_is_one_error_with_its_hint(text: str, message: str, hint: str) -
     assert message in headline, shown
     assert hint in rest.rpartition("hint: ")[2], shown
     assert shown.count(": error[") == 1, shown
+
+
+def test_a_scan_whose_last_reading_repeats_the_first_drops_it() -> None:
+    shown = messages("robot r { sensor k[361] : m bearing -180 deg step 1 deg from P.k }", robot="")
+    assert "361 elements that are 1 deg apart take more than a full turn" in shown
+    assert "hint: the last element looks where the first one does: drop it, and declare 360 elements" in shown
 
 
 def test_the_first_bearing_without_its_unit() -> None:

@@ -19,6 +19,7 @@ from colony.ir.bearings import (
     part_by_index,
     reaches_beyond,
     sweep,
+    too_many_hint,
     uniform,
 )
 from colony.ir.types import DEGREES, DIMENSIONLESS, Array, Quantity, Type
@@ -92,7 +93,8 @@ def _whole_index(
         angle = type_.bearings.angles[place]
         same = degrees_text(angle) if nearest(type_.bearings, angle) == place else None
         is_inside = 0 <= round(value) < type_.size
-        _note_plain(checker, node, f"looks along {degrees_text(angle)}", same, is_inside)
+        is_angle_too = nearest(type_.bearings, value) is not None
+        _note_plain(checker, node, f"looks along {degrees_text(angle)}", same, is_inside, is_angle_too)
     return index
 
 
@@ -150,7 +152,8 @@ def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) ->
         written = f"{degrees_text(same[0][0])} .. {degrees_text(same[0][1])}" if same else None
         is_inside = first >= 0 and last < size
         looks = f"looks from {degrees_text(a)} to {degrees_text(b)}"
-        _note_plain(checker, node, looks, written, is_inside)
+        is_angle_too = last - first <= TURN and bool(between(type_.bearings, float(first), float(last)))
+        _note_plain(checker, node, looks, written, is_inside, is_angle_too)
     return indices
 
 
@@ -232,12 +235,13 @@ def check_bearings(checker: Checker, node: ast.BearingDecl, size: int | None) ->
     if start is None or (step is None and node.step is not None):
         return None
     if step == 0:
-        checker.error("E311", node, "a step of 0 deg", "list equal bearings: `bearing [0 deg, 0 deg]`")
+        equal = ", ".join([degrees_text(start)] * size) if size <= _SHOWN_BEARINGS else "..."
+        checker.error("E311", node, "a step of 0 deg", f"list equal bearings: `bearing [{equal}]`")
         return None
     bearings = uniform(start, step, size)
     if bearings is None:
         message = f"{size} elements that are {degrees_text(step or 0)} apart take more than a full turn"
-        checker.error("E311", node, message, f"a ring that closes has a step of {degrees_text(TURN / size)}")
+        checker.error("E311", node, message, too_many_hint(step or 0, size))
     return bearings
 
 
@@ -250,11 +254,17 @@ def _angle(checker: Checker, node: ast.Expression, what: str) -> float | None:
 
 
 def _note_plain(
-    checker: Checker, node: ast.Index | ast.SliceOf, looks: str, bearing: str | None, is_inside: bool
+    checker: Checker,
+    node: ast.Index | ast.SliceOf,
+    looks: str,
+    bearing: str | None,
+    is_inside: bool,
+    is_angle_too: bool,
 ) -> None:
     """Note where a plain index looks; warn of one that wraps: perhaps an angle without its unit.
 
-    `bearing` is the index or slice that takes the same elements by angle, None if there is none.
+    `bearing` is the index or slice that takes the same elements by angle, None if there is none;
+    `is_angle_too` is True if there are elements along the numbers as degrees.
     """
     array, span = _text(checker, node.array), checker.span(node)
     if is_inside:
@@ -267,9 +277,9 @@ def _note_plain(
     message = f"`{_text(checker, node)}` wraps, and {looks}: a number without a unit is an index"
     ends = (node.index,) if isinstance(node, ast.Index) else (node.first, node.last)
     meant = " .. ".join(f"{_text(checker, end)} deg" for end in ends)
-    hint = f"write `{array}[{meant}]` if that is an angle"
-    if bearing is not None:
-        hint += f", else `{array}[{bearing}]`"
+    hints = [f"`{array}[{meant}]` if that is an angle"] if is_angle_too else []
+    hints += [] if bearing is None else [f"`{array}[{bearing}]`"]
+    hint = f"write {', else '.join(hints)}" if hints else None
     checker.report.diagnostics.append(warning("W014", span, message, hint))
 
 

@@ -148,12 +148,18 @@ class Checker(ABC):
 
     def duration_ns(self, node: ast.Expression, what: str) -> int | None:
         """Return a non-negative constant time in whole nanoseconds."""
-        found = self.constant(node, Quantity(TIME), what)
-        if found is None:
-            return None
-        ns = nanoseconds(found.value)  # type: ignore[arg-type]
+        is_negative = (
+            isinstance(node, ast.Prefix)
+            and node.operator == "-"
+            and isinstance(node.operand, ast.Number)
+            and float(node.operand.digits) > 0.0
+        )
+        found = None if is_negative else self.constant(node, Quantity(TIME), what)
+        ns = -1 if is_negative else 0 if found is None else nanoseconds(found.value)  # type: ignore[arg-type]
         if ns < 0:
             self.error("E213", node, f"{what} is negative", "a duration is at least 0")
+            return None
+        if found is None:
             return None
         if ns > MAX_DURATION_NS:
             years = MAX_DURATION_NS // (365 * 86_400 * 10**9)
@@ -235,7 +241,7 @@ def type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
     if isinstance(node, ast.Prefix) and node.operator == "-":
         sign, number = "-", node.operand
     if isinstance(number, ast.Number) and number.unit is None:
-        return unit_hint(f"{sign}{number.digits[:20]}", expected)
+        return unit_hint(f"{sign}{number.digits}", expected)
     if found == DIMENSIONLESS:
         units = [f"`1 {unit}`" for unit in common_units(expected.dimension)]
         return f"give it a unit: times {listed(units, 'or')}"
@@ -244,7 +250,12 @@ def type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
     return None
 
 
+def short_number(number: str) -> str:
+    """Return a number as a hint repeats it: its beginning, if it is long."""
+    return number if len(number) <= 20 else f"{number[:20]}..."
+
+
 def unit_hint(number: str, expected: Quantity) -> str:
     """Return a hint for a number without a unit; which unit was meant, only its author knows."""
-    units = [f"`{number} {unit}`" for unit in common_units(expected.dimension)]
+    units = [f"`{short_number(number)} {unit}`" for unit in common_units(expected.dimension)]
     return f"write its unit: {listed(units, 'or')}"

@@ -185,7 +185,7 @@ def _infix_hint(node: ast.Infix, operator: ir.Binary, left: Type, right: Type) -
     ):
         plain, unit = (node.left, b) if a == DIMENSIONLESS else (node.right, a)
         if isinstance(plain, ast.Number):
-            return unit_hint(plain.digits[:20], unit)
+            return unit_hint(plain.digits, unit)
         units = listed([f"`1 {name}`" for name in common_units(unit.dimension)], "or")
         return f"give it a unit, times {units}; or divide the other: `x / 1 {unit}` is a plain number"
     if isinstance(a, Bool) and isinstance(b, Bool) and operator not in _BOOLEAN:

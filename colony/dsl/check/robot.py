@@ -251,12 +251,12 @@ def _idle(
     """Return True for `idle hold`, and otherwise the values of the idle command."""
     node, name = item.idle, item.name.text
     if node.arguments is None:
+        may_hold = item.server.text != "RServer" and not any(is_rate(field.type) for field in fields)
+        safe = ", ".join(f"{f.name} = {'0' if is_rate(f.type) else '...'}" for f in fields)
         if node.name.text != "hold":
-            hint = f"write `idle {name}(FIELD = CONSTANT, ...)` or `idle hold`"
+            hint = f"write `idle {name}({safe})`" + (" or `idle hold`" if may_hold else "")
             checker.error("E306", node, f"found `{node.name.text}`, expected a command of `{name}`", hint)
-            return True, None
-        if item.server.text == "RServer" or any(is_rate(field.type) for field in fields):
-            safe = ", ".join(f"{f.name} = {'0' if is_rate(f.type) else '...'}" for f in fields)
+        elif not may_hold:
             checker.error(
                 "E305",
                 node,

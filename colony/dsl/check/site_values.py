@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from colony.dsl import ast
-from colony.dsl.check.checker import Checker
+from colony.dsl.check.checker import Checker, short_number
 from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.percent import PERCENT
 from colony.dsl.check.scope import BrokenSymbol, ParamSymbol, Report
@@ -105,11 +105,10 @@ def _unit_hint(value: ast.Expression, own: ParamSymbol, node: ast.SyntaxNode) ->
     if number.unit is not None:
         return f"give it in {unit or type_text(own.type)}"
     sign = "-" if isinstance(value, ast.Prefix) else ""
+    shown = f"{sign}{short_number(number.digits)}"
     if unit == PERCENT and float(number.digits) <= 1:
-        return (
-            f'write its unit: {sign}{number.digits[:20]} is "{sign}{float(number.digits) * 100:.15g} percent"'
-        )
-    return f'write its unit, for example "{sign}{number.digits[:20]} {unit or type_text(own.type)}"'
+        return f'write its unit: {shown} is "{sign}{float(number.digits) * 100:.15g} percent"'
+    return f'write its unit, for example "{shown} {unit or type_text(own.type)}"'
 
 
 def site_numbers(site: Mapping[str, SiteValue]) -> frozenset[tuple[str, float]]:

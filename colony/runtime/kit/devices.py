@@ -133,7 +133,10 @@ class DeviceReader:
             text = f"is {reprlib.repr(value)}; expected a list or tuple of {type_.size}"
             raise InvalidReadingError("type", text)
         if len(value) != type_.size:
-            raise InvalidReadingError("size", f"has {len(value)} elements; expected {type_.size}")
+            text = f"has {len(value)} elements; expected {type_.size}"
+            is_one_more = len(value) == type_.size + 1
+            text += "; leave out the last one if it repeats the first" if is_one_more else ""
+            raise InvalidReadingError("size", text)
         blocked, no_echo = self._blocked[field.name], field.no_echo
         if no_echo is None and (infinite := next(filter(_is_infinite, value), None)) is not None:
             at = f"is inf in element {value.index(infinite)}"

@@ -136,7 +136,11 @@ BAD = [
     (DISTANCE, Reading(0.5, 1.5), "has an age of 1.5; expected whole nanoseconds"),  # type: ignore[arg-type]
     (Array(DISTANCE, 3), Reading(1.0, 0), "is 1.0; expected a list or tuple of 3"),
     (Array(DISTANCE, 3), Reading((1.0, 2.0), 0), "has 2 elements; expected 3"),
-    (Array(DISTANCE, 3), Reading((1.0,) * 4, 0), "has 4 elements; expected 3"),
+    (
+        Array(DISTANCE, 3),
+        Reading((1.0,) * 4, 0),
+        "has 4 elements; expected 3; leave out the last one if it repeats the first",
+    ),
     (Array(DISTANCE, 3), Reading((1.0, "x", 2.0), 0), "is 'x'; expected a finite number"),  # type: ignore[arg-type]
     (Array(DISTANCE, 3), Reading((1.0, -math.inf, 2.0), 0), "is -inf; expected a finite number"),
     (Array(BOOL, 2), Reading((True, 1.0), 0), "is 1.0; expected True or False"),
