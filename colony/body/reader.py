@@ -33,16 +33,13 @@ from colony.files import read_file, reason
 from colony.text.diagnostics import Diagnostic, error, in_order
 from colony.text.source import Source, Span
 from colony.text.suggestions import did_you_mean
-from colony.text.toml_places import Extent, Place, all_places
+from colony.text.toml_places import MAX_DOTS, Extent, Place, all_places
 from colony.text.toml_places import Path as Keys
 from colony.text.units import NUMBER, readable_unit
 from colony.text.wording import counted, printable, quoted, shortened
 
 MAX_BYTES = 256 * 1024
 """Byte limit of a body."""
-
-MAX_DOTS = 100
-"""Maximum number of dots in a line: `tomllib` takes minutes for a key of many thousand parts."""
 
 LARGEST_OPTION = 1e18
 """Greatest magnitude of a number for a driver, which fits 64 bits."""

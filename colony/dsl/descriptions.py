@@ -93,13 +93,13 @@ def _table(path: Path) -> dict[str, object] | None:
 
 
 def _read(path: Path) -> dict[str, object]:
-    import tomllib  # only programs with `import robot` have a project
+    from colony.text.toml_places import tables_of  # only programs with `import robot` have a project
 
     try:
-        return tomllib.loads(read_file(path, MAX_PROJECT_BYTES).decode("utf-8-sig"))
+        return tables_of(read_file(path, MAX_PROJECT_BYTES).decode("utf-8-sig"))
     except OSError as problem:
         raise _ProjectError(f"cannot read `{shown(path)}`: {reason(problem)}") from None
-    except (ValueError, RecursionError) as problem:  # not UTF-8, or not TOML
+    except ValueError as problem:  # not UTF-8, or not TOML
         raise _ProjectError(f"`{shown(path)}` is not TOML: {problem}") from None
 
 

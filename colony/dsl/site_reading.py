@@ -23,16 +23,13 @@ from colony.files import read_file, reason, size_text
 from colony.ir.site import Site
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Source, Span
-from colony.text.toml_places import places
+from colony.text.toml_places import MAX_DOTS, places
 
 MAX_BYTES = 64 * 1024
 """Byte limit of a file of params: it is far more than people write, and is read at once."""
 
 MAX_TEXT = 1000
 """Maximum number of characters of a value."""
-
-MAX_DOTS = 100
-"""Maximum number of dots in a line: `tomllib` takes minutes for a key of many thousand parts."""
 
 _TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 

@@ -1,7 +1,7 @@
-"""The places of keys and values in a TOML text, which `tomllib` does not report.
+"""TOML texts within limits, and the places of their keys and values, which `tomllib` does not report.
 
-The text is one that `tomllib` has read, so that this scanner need not find its errors. What it does not
-understand, it leaves out.
+The places are those of a text that `tomllib` has read, so that this scanner need not find its errors. What it
+does not understand, it leaves out.
 """
 
 from __future__ import annotations
@@ -21,6 +21,23 @@ _TEXT = re.compile(
 _SCALAR = re.compile(r"[^,#\[\]{}\r\n]+")
 
 Path = tuple[str, ...]
+
+MAX_DOTS = 100
+"""Maximum number of dots in a key: `tomllib` takes minutes for one of many thousand parts."""
+
+
+def tables_of(text: str) -> dict[str, object]:
+    """Return the tables of a TOML text.
+
+    Raises:
+        ValueError: it is not TOML, nests too deep, or has a key with too many parts.
+    """
+    if any(run.count(".") > MAX_DOTS for run in re.findall(r"""[\w"' \t.-]+""", text)):
+        raise ValueError(f"a key has more than {MAX_DOTS} dots")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("it nests too deep") from None
 
 
 class Extent(NamedTuple):

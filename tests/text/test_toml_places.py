@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from colony.text.toml_places import all_places, places
+from colony.text.toml_places import MAX_DOTS, all_places, places, tables_of
 
 TEXT = '''# first
 a = "x"  # with a comment
@@ -81,3 +81,23 @@ def test_lines_end_in_any_way(text: str) -> None:
 @pytest.mark.parametrize("text", ["= 1", "a = ", "[a", 'a = "', "a = { b", "a = [1, "])
 def test_places_of_invalid_toml_are_found_in_finite_time(text: str) -> None:
     assert "zzz" not in places(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("a." * (MAX_DOTS + 1) + "a = 1", "a key has more than 100 dots"),
+        ("[" + " . ".join(["a"] * (MAX_DOTS + 2)) + "]", "a key has more than 100 dots"),
+        ("a = " + "[" * 5000, "it nests too deep"),
+        ("a = " + "9" * 5000, "digits"),
+        ("a = b", "Invalid value"),
+    ],
+)
+def test_a_text_beyond_the_limits_is_refused(text: str, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        tables_of(text)
+
+
+def test_many_numbers_and_versions_in_a_line_are_no_long_key() -> None:
+    numbers = ", ".join(["1.5", '"a>=1.2.3"'] * MAX_DOTS)
+    assert len(tables_of(f"a = [{numbers}]")["a"]) == 2 * MAX_DOTS  # type: ignore[arg-type]

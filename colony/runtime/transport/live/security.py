@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import ssl
 import stat
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +29,7 @@ from colony.runtime.protocol.messages import Right
 from colony.runtime.transport.live.errors import SecurityError
 from colony.runtime.transport.live.names import check_user, local_user
 from colony.runtime.transport.live.robot_address import Credentials
+from colony.text.toml_places import tables_of
 
 Permission = Literal["read", "command", "stop", "run", "unlimited"]
 PERMISSIONS: tuple[Permission, ...] = get_args(Permission)
@@ -122,12 +122,10 @@ def _raise_if_any(path: Path, problems: list[str]) -> None:
 
 def _read_toml(path: Path) -> dict[str, object]:
     try:
-        return tomllib.loads(read_file(path, FILE_BYTES).decode("utf-8"))
+        return tables_of(read_file(path, FILE_BYTES).decode("utf-8"))
     except OSError as problem:
         raise SecurityError(f"{path}: {reason(problem)}") from None
-    except RecursionError:
-        raise SecurityError(f"{path}: brackets nest too deep") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+    except ValueError as problem:  # not UTF-8, or not TOML
         raise SecurityError(f"{path}: {problem}") from None
 
 
