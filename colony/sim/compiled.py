@@ -10,7 +10,7 @@ import os.path
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from pickle import UnpicklingError
-from typing import Any, ForwardRef, TypeVar, cast
+from typing import Any, ClassVar, ForwardRef, TypeVar, cast
 
 import numba
 import numpy as np
@@ -41,6 +41,9 @@ _NATIVE = {
 F = TypeVar("F", bound=Callable[..., object])
 
 
+_caching: Any = caching  # untyped, as some versions of numba
+
+
 class _OwnFolder:
     """A folder of numba's cache that only this user can write to, in the one that numba would choose.
 
@@ -56,20 +59,20 @@ class _OwnFolder:
         super().ensure_cache_path()  # type: ignore[misc]
 
 
-class _Provided(_OwnFolder, caching.UserProvidedCacheLocator): ...  # type: ignore[misc]
+class _Provided(_OwnFolder, _caching.UserProvidedCacheLocator): ...  # type: ignore[misc]
 
 
-class _InTree(_OwnFolder, caching.InTreeCacheLocator): ...  # type: ignore[misc]
+class _InTree(_OwnFolder, _caching.InTreeCacheLocator): ...  # type: ignore[misc]
 
 
-class _UserWide(_OwnFolder, caching.UserWideCacheLocator): ...  # type: ignore[misc]
+class _UserWide(_OwnFolder, _caching.UserWideCacheLocator): ...  # type: ignore[misc]
 
 
-class _Implementation(caching.CompileResultCacheImpl):  # type: ignore[misc]
-    _locator_classes = (_Provided, _InTree, _UserWide)
+class _Implementation(_caching.CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes: ClassVar[list[type]] = [_Provided, _InTree, _UserWide]
 
 
-class Cache(caching.FunctionCache):  # type: ignore[misc]
+class Cache(_caching.FunctionCache):  # type: ignore[misc]
     """The cache of a compiled function."""
 
     _impl_class = _Implementation
@@ -84,7 +87,7 @@ def compiled(function: F) -> F:
     names = {**function.__annotations__}
     del names["return"]
     signature = numba.void(*(_native(name, function.__globals__) for name in names.values()))
-    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
+    dispatcher: Any = numba.njit(nogil=True, error_model="numpy")(function)
     try:
         dispatcher._cache = Cache(function)
         _compile_or_load(dispatcher, signature)

@@ -94,13 +94,14 @@ class Reach:
 
     def cells(self, region: int) -> NDArray[np.bool_]:
         """Return a mask of the cells in which the robot's center can be in a region, (rows, columns)."""
-        return (self._regions == region) & (region != 0)
+        within: NDArray[np.bool_] = self._regions == region
+        return within if region else np.zeros_like(within)
 
     def share(self, region: int) -> float:
         """Return the share of all free cells that the robot can cover in a region, from 0 to 1."""
         free = self._grid.cells == Cell.FREE
         covered = _dilated(self.cells(region), self._cells, border=False)
-        return float(np.count_nonzero(covered & free) / max(np.count_nonzero(free), 1))
+        return float(np.count_nonzero(covered & free)) / max(float(np.count_nonzero(free)), 1.0)
 
 
 def labeled(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
