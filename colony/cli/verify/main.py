@@ -52,6 +52,9 @@ from colony.verify.interruption import reliable_interrupts
 @click.option(
     "--faults", is_flag=True, help="With --examples: also run the traces with failing servers and clients."
 )
+@click.option(
+    "--strict", is_flag=True, help="Fail also if a contract is unknown, or a question was not decided."
+)
 @format_option
 def command(
     files: tuple[str, ...],
@@ -63,6 +66,7 @@ def command(
     examples: int,
     seed: int,
     faults: bool,
+    strict: bool,
     format_: str,
 ) -> None:
     """Prove each contract for all possible sensor values, or find the shortest run that breaks it.
@@ -74,9 +78,9 @@ def command(
     found. Warnings about modules that can never act, and about other likely mistakes, follow. The proofs
     allow modules in Python any answer.
 
-    Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted, a file
-    has errors, an index that decides may be outside its array, or limits contradict each other on `idle
-    hold`, 2 if a file cannot be read.
+    Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted (with
+    --strict also if one is unknown), a file has errors, an index that decides may be outside its array, or
+    limits contradict each other on `idle hold`, 2 if a file cannot be read.
 
     \b
     Example:
@@ -119,7 +123,7 @@ def command(
         finish_output(begun, cast(Format, format_), interrupted=True)
         raise
     finish_output(begun, cast(Format, format_))
-    raise click.exceptions.Exit(_exit_code(begun))
+    raise click.exceptions.Exit(_exit_code(begun, strict))
 
 
 def _check_names(names: Sequence[str], files: Sequence[Verified], context: click.Context) -> None:
@@ -134,10 +138,11 @@ def _check_names(names: Sequence[str], files: Sequence[Verified], context: click
             raise click.UsageError(f"no contract `{name}`; {hint}", context)
 
 
-def _exit_code(verified_files: Sequence[Verified]) -> int:
+def _exit_code(verified_files: Sequence[Verified], strict: bool) -> int:
     from colony.text.diagnostics import has_errors
 
     if any(is_unreadable(verified.diagnostics) for verified in verified_files):
         return EXIT_MISUSE
     failed = any(has_errors(verified.diagnostics) or verified.bug for verified in verified_files)
+    failed = failed or (strict and any(verified.is_undecided for verified in verified_files))
     return EXIT_ERRORS if failed else 0

@@ -49,6 +49,13 @@ class Verified:
         return [r for r in self.results if isinstance(r, Refuted)]
 
     @property
+    def is_undecided(self) -> bool:
+        """True if a contract is unknown, or a question about modules that can never act was not decided."""
+        from colony.verify.contracts.results import Unknown
+
+        return self.undecided_questions > 0 or any(isinstance(r, Unknown) for r in self.results)
+
+    @property
     def bug(self) -> str | None:
         """The executors' disagreement, a bug of colony; None if they agree."""
         if self.report is None:

@@ -449,7 +449,7 @@ def _python_module(
     _report_duplicates(checker, node.clauses)
     params = _params(checker, template, local)
     if not _PYTHON_PATH.fullmatch(node.path):
-        hint = 'for example "colony.nav.hallway:CenterHallway"'
+        hint = 'for example "center_hallway:CenterHallway"'
         checker.error("E405", node, f'"{node.path}" does not name a class as "package.module:Class"', hint)
     commands, rates = _clauses(node, ast.CommandsDecl), _clauses(node, ast.RateDecl)
     for extra in [*commands[1:], *rates[1:]]:

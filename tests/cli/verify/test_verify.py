@@ -61,6 +61,8 @@ def test_unknown_says_why_and_is_no_error(colony: Colony, behavior: Path) -> Non
     assert f"{behavior}: unknown  never_six\n" in out
     assert "no run of up to 6 frames breaks it" in out
     assert "warning[V011]: contract `never_six` is neither proved nor refuted" in err
+    code, _, _ = colony("verify", "--strict", "--depth", "1", behavior)
+    assert code == 1
 
 
 def test_values_in_percent_are_shown_in_percent(colony: Colony, tmp_path: Path) -> None:
