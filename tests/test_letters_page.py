@@ -12,7 +12,9 @@ PAGE = Path(__file__).parent.parent / "docs" / "letters.md"
 
 
 def test_the_facts_are_those_of_the_weights() -> None:
-    told = re.search(r"<!-- facts -->\n```text\n(.*?)\n```\n<!-- end of facts -->", PAGE.read_text(), re.DOTALL)
+    told = re.search(
+        r"<!-- facts -->\n```text\n(.*?)\n```\n<!-- end of facts -->", PAGE.read_text(), re.DOTALL
+    )
     assert told is not None
     assert told[1] == network().facts
 
