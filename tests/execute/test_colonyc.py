@@ -89,6 +89,7 @@ SHAPES = {
     3: "07ced120fba76cf1",
     4: "93638d932ebdb229",
     5: "4527ee11c6b90bec",
+    6: "77628aacc7e93e36",
 }
 """For each version of the format, the digest of the data classes that it is made of."""
 
