@@ -68,7 +68,7 @@ def blocks() -> list[Block]:
     """Every block of every page, without the indentation of a list around it."""
     found = []
     for page in PAGES:
-        lines, info, begun = [], None, 0
+        lines, info, begun = list[str](), None, 0
         for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
             if line.lstrip().startswith("```"):
                 if info is not None:

@@ -90,6 +90,6 @@ def test_verdicts_come_before_a_module_that_leaves_when_it_is_imported(
     )
     code, out, err = colony("verify", "--examples", "3", file)
     assert code == 1
-    assert f"{file}: proved   still\n" in out
+    assert f"{file}: proved   still  (without operators: --why still)\n" in out
     assert f"{file}:6:" in err
     assert "error[P001]: `cli_leaving:Plan` cannot be imported and built: SystemExit: 3" in err

@@ -89,7 +89,7 @@ SHAPES = {
     3: "07ced120fba76cf1",
     4: "93638d932ebdb229",
     5: "4527ee11c6b90bec",
-    6: "5f8b0858f12298b8",
+    6: "32bc49a88a85b0c3",
 }
 """For each version of the format, the digest of the data classes that it is made of."""
 

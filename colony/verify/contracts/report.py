@@ -53,11 +53,13 @@ def lines(program: Program, result: Result) -> tuple[str, ...]:
             return (f"{head}{over_reals(result)}  (operators too)",)
         case Proved(operator_runs=None):
             return (f"{head}{over_reals(result)}  (without operators: --why {result.contract.name})",)
-        case Proved(operator_runs=runs):
-            effect = "breaks it, within the limits:" if runs else "is not known to break it: no run was found"
-            shown_runs = [row for run in runs or () for row in table(program, result.contract, run)]
-            outside = (f"a command from outside the network {effect}", *shown_runs)
-            return (f"{head}{over_reals(result)}  (without operators)", *_indented(outside))
+        case Proved(operator_runs=(trace,)):
+            found = "a command from outside the network breaks it, within the limits:"
+            shown_rows = (found, *table(program, result.contract, trace))
+            return (f"{head}{over_reals(result)}  (without operators)", *_indented(shown_rows))
+        case Proved():
+            found = "no run was found in which a command from outside the network breaks it"
+            return (f"{head}{over_reals(result)}  (without operators)", *_indented((found,)))
         case ProvedInTime(trace=trace, because=because, python_trace=python_trace):
             shown = trace or python_trace
             rows = () if shown is None else table(program, result.contract, shown)
