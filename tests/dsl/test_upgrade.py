@@ -81,7 +81,10 @@ let fastest_heard =""",
     "let fastest_behind =": """
 let fastest_ahead = if unheard then min(fastest_heard, 250 mm/s) else fastest_heard
 let fastest_behind =""",
-    "module arm   {": "let sticks = sustained(front_bumper, 5 s)\nmodule stuck { when sticks }\nmodule arm   {",
+    "module arm   {": """
+let sticks = sustained(front_bumper, 5 s)
+module stuck { when sticks }
+module arm   {""",
     "arm inhibits (ballistic": "arm inhibits stuck inhibits (ballistic",
     "module arrived { when e_goal }": """
 let sticks = sustained(front_bumper or rear_bumper, 5 s)
