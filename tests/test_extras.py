@@ -148,7 +148,7 @@ def test_params_of_a_site_are_refused_without_a_prover(tmp_path: Path) -> None:
     words = ("run", "wander", "--map", "loop", "--params", "site.toml")
     ran = _run(COMMAND, *words, folder=tmp_path, missing=("z3",))
     assert ran.returncode == 2
-    assert "12 contracts must be proved with these params, and z3 is not installed" in ran.stderr
+    assert "14 contracts must be proved with these params, and z3 is not installed" in ran.stderr
     assert "--unproved" in ran.stderr
     compiled = _run(
         COMMAND,

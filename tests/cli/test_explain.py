@@ -111,7 +111,7 @@ def test_json_has_the_answer_its_conditions_and_what_had_to_change(run: Colony) 
     [answer] = found["answers"]
     assert (answer["t"], answer["answer"]) == (2.0, "drive is by back_off")
     assert answer["sent"]["by"] == "back_off"
-    assert [b["name"] for b in answer["because"]] == ["back_off", "docked", "blind"]
+    assert [b["name"] for b in answer["because"]] == ["back_off", "docked", "blind", "stuck"]
     assert answer["changes"][0]["text"] == "`front_bumper` did not hold"
     [kind] = {c["kind"] for c in answer["changes"][0]["conditions"]}
     assert kind == "reading"

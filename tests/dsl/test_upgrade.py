@@ -64,7 +64,36 @@ module back_off {
              turn = if captured(room_left > room_right, recently(front_bumper, 1.5 s))
                     then 30 deg/s else -30 deg/s)
 }
-"""
+let sticks = sustained(front_bumper, 5 s)
+module stuck { when sticks }
+""",
+    "  wandering = docked inhibits blind inhibits roam": (
+        "  wandering = docked inhibits blind inhibits stuck inhibits roam"
+    ),
+    "  let   near = min(sonar[10..14]) < clearance or fastest_ahead < 300 mm/s": """
+  state relents : bool = false
+  let   close = if relents then min(700 mm, clearance) else clearance
+  let   near = min(sonar[10..14]) < close or fastest_ahead < (if relents then 150 mm/s else 300 mm/s)
+  next  relents = recently(sustained(recently(near, 2 s), 10 s), 20 s)""",
+    "let fastest_ahead  =": """
+let unheard = value_or(any(infrared[10..14] and sonar[10..14] > 1 m), false)
+let fastest_heard =""",
+    "let fastest_behind =": """
+let fastest_ahead = if unheard then min(fastest_heard, 250 mm/s) else fastest_heard
+let fastest_behind =""",
+    "module arm   {": """
+let sticks = sustained(front_bumper, 5 s)
+module stuck { when sticks }
+module arm   {""",
+    "arm inhibits (ballistic": "arm inhibits stuck inhibits (ballistic",
+    "module arrived { when e_goal }": """
+let sticks = sustained(front_bumper or rear_bumper, 5 s)
+module stuck { when sticks }
+module arrived { when e_goal }""",
+    "blind inhibits (arrived inhibits checked)": (
+        "blind inhibits (arrived inhibits (stuck inhibits checked))"
+    ),
+    "arrived inhibits moving": "arrived inhibits (hallway.stuck inhibits moving)",
 }
 """What behaviors do otherwise today: parts of their files as upgraded, and what has taken their place."""
 

@@ -3,9 +3,9 @@
     python -m tests.robots.roams --seeds 100 --workers 2
     python -m tests.robots.roams --robot create2 --map loop --seeds 5
 
-Each run begins at a place, and with a heading, of its seed. `wander` shall touch nothing, nor circle.
-`bounce` feels its way: half of the walls are dark, so that it meets them with its bumper, but it shall
-neither push on nor stay; and its wheels shall stay on a floor with holes, at places of the seed.
+Each run begins at a place, and with a heading, of its seed. `wander` shall touch nothing and not
+turn in circles. `bounce` feels its way: half of the walls are dark, so that it meets them with its bumper,
+but it shall neither push on nor stay; and its wheels shall stay on a floor with holes, at places of the seed.
 """
 
 from __future__ import annotations
