@@ -111,7 +111,7 @@ class SerialBase(Generic[Packet]):
         return self._line.base()
 
     def close(self) -> None:
-        """End the connection to the guard, which stops the base. Idempotent."""
+        """Leave the line: the guard stops the base, at its deadline if other drivers use the line."""
         self._line.close()
 
 
