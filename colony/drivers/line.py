@@ -119,6 +119,7 @@ class Line(Generic[Packet]):
         self.dialect = dialect
         self._port = port
         self._baud = baud or dialect.baud
+        self._first_bytes = b"" if handshake_first(dialect, port) else dialect.stop_bytes
         self._channels: list[Channel] = []  # grows only
         self._greeted = 0  # number of channels that the guard knows
         self._report = report
@@ -279,7 +280,7 @@ class Line(Generic[Packet]):
             began = time.monotonic()
             try:
                 commands = [channel.command for channel in tuple(self._channels)]
-                connection = connect(self._port, self._baud, self._first_bytes(commands), *commands)
+                connection = connect(self._port, self._baud, self._first_bytes, *commands)
                 self._serve(connection, len(commands))
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
@@ -289,12 +290,6 @@ class Line(Generic[Packet]):
                     continue
             pause_s = next_pause_s(pause_s, time.monotonic() - began)
             self._closed.wait(pause_s)
-
-    def _first_bytes(self, commands: Sequence[Command]) -> bytes:
-        """Return the stops that a guard sends first if it is started here."""
-        if handshake_first(self.dialect, self._port):
-            return b""
-        return b"".join(dict.fromkeys((self.dialect.stop_bytes, *(command.stop for command in commands))))
 
     def _serve(self, connection: GuardConnection, greeted: int) -> None:
         """Take what arrives, until the connection or the device is lost, which raises."""
