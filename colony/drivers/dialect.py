@@ -109,7 +109,8 @@ class Dialect(ABC, Generic[Packet]):
         baud: the baud rate where neither the body nor the command line gives one; 0 if it does not matter.
         delay_ns: age of a measurement when its packet has arrived: the device's cycle and transmission.
         stop_bytes: a complete packet (or several) that stops the base whatever it was commanded, and is
-            harmless at any time, also before the opening and repeatedly.
+            harmless at any time, also before the opening and repeatedly. Other actuators have theirs in
+            `SerialActuators`.
         handshake_first: True if a simulator behind TCP has to hear the opening before any stop. The guard
             then sends none on a new connection, and the opening has to stop a base that is still moving.
         goodbye: what ends the session: sent after the stop when no driver needs the port any more.
@@ -139,7 +140,7 @@ class Dialect(ABC, Generic[Packet]):
     def opening(self) -> Opening[Packet]:
         """Return the dialogue that makes the device ready; by default there is none.
 
-        Called in the process of the base alone, whenever the line begins again. Packets that arrive during it
+        Called in the process that commands, whenever the line begins again. Packets that arrive during it
         are answers first, and are read as well.
         """
         return

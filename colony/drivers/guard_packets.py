@@ -1,21 +1,28 @@
-"""The packets between a guard and the drivers of its port: a kind of one byte, and a body."""
+"""The packets between a guard and the drivers of its port: a kind of one byte, and a body.
+
+A connection that commands has a channel for each actuator, from 0: its number is the first byte of `HELLO`,
+`DECIDED` and `ASK`.
+"""
 
 import struct
 
 HELLO = b"H"
-"""From a driver that commands: the head, the stop, the goodbye."""
+"""From a driver that commands: the head, the stop, the goodbye of a channel."""
 
-HELLO_HEAD = struct.Struct("<I?H")
-"""Head of a hello: deadline in ms, whether the handshake comes before the first stop, length of the stop."""
+HELLO_HEAD = struct.Struct("<BI?H")
+"""Head of a hello: channel, deadline in ms, whether the handshake precedes any stop, length of the stop."""
 
 DECIDED = b"D"
-"""From the driver that commands: u64 time of the decision (CLOCK_MONOTONIC, ns), bytes that carry it out."""
+"""From the driver that commands: the head, bytes that carry a decision out."""
+
+DECIDED_HEAD = struct.Struct("<BQ")
+"""Head of a decision: channel, and its time (CLOCK_MONOTONIC, ns)."""
 
 ASK = b"A"
 """From the driver that commands: stop, if it says so, and answer once the newest stop or decision is sent."""
 
-ASK_BODY = struct.Struct("<I?")
-"""Body of a question: its number, and whether to stop."""
+ASK_BODY = struct.Struct("<BI?")
+"""Body of a question: channel, number of the question, and whether to stop."""
 
 SENT = b"S"
 """To the driver that commands: u32 number of the question; empty, or why nothing was sent, as text."""

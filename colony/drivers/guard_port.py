@@ -52,11 +52,11 @@ class GuardedPort:
         """True while bytes can be sent."""
         return self._link is not None
 
-    @property
-    def is_sent(self) -> bool | None:
-        """True once the newest stop or decision has left this computer; None if there was none."""
-        is_sent = self.outbox.is_sent(time.monotonic_ns())
-        return is_sent and self._link is not None and self._link.unsent() == 0
+    def is_sent(self, channel: int) -> bool | None:
+        """Return True once a channel's newest stop or decision has left this computer; None without one."""
+        if self._link is None:
+            return None
+        return self.outbox.is_sent(time.monotonic_ns(), channel, unsent=self._link.unsent())
 
     def due_ns(self) -> int | None:
         """Return when `do_what_is_due` has something to do."""

@@ -19,6 +19,7 @@ from colony.drivers.guard_packets import (
     ASK_BODY,
     DATA,
     DECIDED,
+    DECIDED_HEAD,
     HELLO,
     HELLO_HEAD,
     LOST,
@@ -51,12 +52,12 @@ _guards: list[subprocess.Popen[bytes]] = []
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """What a driver that commands leaves with the guard.
+    """What a driver that commands leaves with the guard, for one actuator.
 
     Attributes:
-        stop: what stops the base.
+        stop: what stops the actuator.
         goodbye: what ends the session.
-        deadline_ns: time in ns without a decision after which the guard stops the base.
+        deadline_ns: time in ns without a decision after which the guard stops the actuator.
         handshake_first: whether a port that was just opened hears the driver before any stop.
     """
 
@@ -139,13 +140,24 @@ class GuardConnection:
             return Sent(struct.unpack_from("<I", body)[0], body[4:].decode())
         raise GuardError("the guard of the port has ended")
 
-    def decide(self, data: bytes, decided_ns: int) -> None:
+    def greet(self, channel: int, command: Command) -> None:
+        """Command an actuator over this channel.
+
+        Raises:
+            OSError: the guard has ended, or does not read.
+        """
+        head = HELLO_HEAD.pack(
+            channel, command.deadline_ns // 1_000_000, command.handshake_first, len(command.stop)
+        )
+        self._socket.send(HELLO + head + command.stop + command.goodbye, socket.MSG_DONTWAIT)
+
+    def decide(self, data: bytes, decided_ns: int, channel: int = 0) -> None:
         """Have bytes sent that carry out a frame that was decided at `decided_ns`.
 
         Raises:
             OSError: the guard has ended, or does not read.
         """
-        self._socket.send(DECIDED + struct.pack("<Q", decided_ns) + data, socket.MSG_DONTWAIT)
+        self._socket.send(DECIDED + DECIDED_HEAD.pack(channel, decided_ns) + data, socket.MSG_DONTWAIT)
 
     def send(self, data: bytes) -> None:
         """Have bytes of a handshake, a setting or a query sent.
@@ -155,13 +167,15 @@ class GuardConnection:
         """
         self._socket.send(PLAIN + data, socket.MSG_DONTWAIT)
 
-    def ask_sent(self, number: int, *, stops: bool) -> None:
-        """Have the stop sent if it `stops`, and ask whether the newest stop or decision was; `Sent` answers.
+    def ask_sent(self, number: int, channel: int = 0, *, stops: bool) -> None:
+        """Have the stop of a channel sent if it `stops`, and ask whether its newest stop or decision was.
+
+        `Sent` answers.
 
         Raises:
             OSError: the guard has ended, or does not read.
         """
-        self._socket.send(ASK + ASK_BODY.pack(number, stops), socket.MSG_DONTWAIT)
+        self._socket.send(ASK + ASK_BODY.pack(channel, number, stops), socket.MSG_DONTWAIT)
 
     def kill_guard(self) -> None:
         """Kill the guard, which may be frozen, and wait until its lock and its port are free."""
@@ -181,14 +195,14 @@ class GuardConnection:
         self._socket.close()
 
 
-def connect(port: str, baud: int, stop: bytes, command: Command | None) -> GuardConnection:
+def connect(port: str, baud: int, stop: bytes, *commands: Command) -> GuardConnection:
     """Connect to the guard of a port; start it if there is none.
 
     Args:
         port: what `link.open_link` opens.
         baud: the baud rate of the port.
         stop: what a guard that is started here sends first, as the base may still drive.
-        command: what a driver that commands leaves with the guard; None only to listen.
+        commands: what a driver that commands leaves with the guard, by channel; none only to listen.
 
     Raises:
         LinkError: the guard does not start.
@@ -199,15 +213,14 @@ def connect(port: str, baud: int, stop: bytes, command: Command | None) -> Guard
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         _reach(connection, path, port, baud, stop)
-        if command is not None:
-            head = HELLO_HEAD.pack(
-                command.deadline_ns // 1_000_000, command.handshake_first, len(command.stop)
-            )
-            connection.send(HELLO + head + command.stop + command.goodbye)
+        guarded = GuardConnection(connection)
+        for channel, command in enumerate(commands):
+            with suppress(ConnectionError):  # a guard that refuses the first: `receive` says why
+                guarded.greet(channel, command)
     except BaseException:
         connection.close()
         raise
-    return GuardConnection(connection)
+    return guarded
 
 
 def _reach(connection: socket.socket, path: Path, port: str, baud: int, stop: bytes) -> None:

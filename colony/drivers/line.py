@@ -7,7 +7,8 @@ import pickle
 import sys
 import threading
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic
 
 from colony.drivers.decoder import Packet
@@ -83,25 +84,44 @@ def _key(dialect: Dialect[Packet], port: str, baud: int) -> object:
     return os.path.abspath(port), baud, type(dialect), made
 
 
+@dataclass(slots=True)
+class Channel:
+    """What one actuator commands over a line. Mutable.
+
+    Attributes:
+        number: its number on the line, from 0.
+        command: what is left with the guard.
+        question: number of the newest question about it.
+        pending: number of the newest question that the guard was asked and has not answered.
+        unreached: why the newest stop or decision has not left this computer, or not yet.
+    """
+
+    number: int
+    command: Command
+    question: int = 0
+    pending: int | None = None
+    unreached: str | None = None
+
+
 class Line(Generic[Packet]):
     """A line to one device. Mutable; shared by its thread and those of servers.
 
+    A line with channels opens and commands the device; others only listen.
+
     Args:
-        dialect: the protocol; used by the thread alone, but for `drive`.
+        dialect: the protocol; used by the thread alone, but for `drive` and other commands.
         port: what `link.open_link` opens.
         baud: the baud rate; 0 for that of the dialect.
-        command: what is left with the guard, for the line that opens and commands the device; else None.
         report: takes each kind of problem once in each outage, and the end of the outage.
     """
 
-    def __init__(
-        self, dialect: Dialect[Packet], port: str, baud: int, command: Command | None, report: Report
-    ) -> None:
-        self._dialect = dialect
+    def __init__(self, dialect: Dialect[Packet], port: str, baud: int, report: Report) -> None:
+        self.dialect = dialect
         self._port = port
         self._baud = baud or dialect.baud
         self._first_bytes = b"" if handshake_first(dialect, port) else dialect.stop_bytes
-        self._command = command
+        self._channels: list[Channel] = []  # grows only
+        self._greeted = 0  # number of channels that the guard knows
         self._report = report
         self._problems: OnceReporter | None = None
         self._implausible = OnceReporter(report)
@@ -120,9 +140,8 @@ class Line(Generic[Packet]):
         self._heard_bytes = self._heard_packets = 0
         self._connection: GuardConnection | None = None
         self._knows_port = False  # the guard has said whether the port is open
-        self._asked_number = 0
+        self._questions = 0
         self._asked_ns = 0
-        self._unreached: str | None = None
         self._answer_due: float | None = None
         self.drivers = 1
         self._key: object = None
@@ -145,24 +164,37 @@ class Line(Generic[Packet]):
             if (line := _lines.get(key)) is not None:
                 line.drivers += 1
                 return line
-            line = cls(dialect, port, baud, None, report)
-            line._share(key)
+            line = cls(dialect, port, baud, report)
+            _lines[key], line._key = line, key
         return line.begin()
 
     @classmethod
     def commanding(
-        cls, dialect: Dialect[Packet], port: str, baud: int, command: Command, report: Report
-    ) -> Line[Packet]:
-        """Return a line that opens and commands the device, for others of this process to listen to."""
-        key = _key(dialect, port, baud)
-        line = cls(dialect, port, baud, command, report)
-        with _lines_lock:
-            if key not in _lines:
-                line._share(key)
-        return line.begin()
+        cls, dialect: Dialect[Packet], port: str, baud: int, commands: Sequence[Command], report: Report
+    ) -> tuple[Line[Packet], Sequence[Channel]]:
+        """Return a line that opens and commands the device, and a channel of it for each command.
 
-    def _share(self, key: object) -> None:
-        _lines[key], self._key = self, key
+        It is one that commands already, if one of this process has the same port and dialect; a guard refuses
+        another one. A second driver of an actuator, which has its stop, gets no part of that line.
+        """
+        key = _key(dialect, port, baud)
+        stops = {command.stop for command in commands}
+        with _lines_lock:
+            line = _lines.get(key)
+            if line is not None and line._channels:
+                if stops.isdisjoint(channel.command.stop for channel in line._channels):
+                    line.drivers += 1
+                    return line, line._add(commands)
+                key = object()
+            line = cls(dialect, port, baud, report)
+            channels = line._add(commands)
+            _lines[key], line._key = line, key
+        return line.begin(), channels
+
+    def _add(self, commands: Sequence[Command]) -> Sequence[Channel]:
+        added = [Channel(number, command) for number, command in enumerate(commands, len(self._channels))]
+        self._channels += added
+        return added
 
     # --- called by the server ------------------------------------------------------------------------
 
@@ -176,7 +208,7 @@ class Line(Generic[Packet]):
         """True while the device is being opened, and has not failed."""
         return not self._is_ready and self._problems is None
 
-    def decide(self, data: bytes, *, confirms: bool = False) -> None:
+    def decide(self, channel: Channel, data: bytes, *, confirms: bool = False) -> None:
         """Send bytes that carry out the frame that is being decided, in the thread that decides it.
 
         With `confirms`, `unreached` says what has become of them.
@@ -185,37 +217,37 @@ class Line(Generic[Packet]):
             OSError: the device is not ready, or the guard has ended.
         """
         connection = self._connection
-        if connection is None or not self._is_ready:
+        if connection is None or not self._is_ready or channel.number >= self._greeted:
             raise ConnectionError(f"the device is not ready: {self._problem or 'it is being opened'}")
-        connection.decide(data, time.monotonic_ns())
+        connection.decide(data, time.monotonic_ns(), channel.number)
         if confirms:
-            self._ask_sent(connection)
+            self._ask_sent(connection, channel)
 
-    def stop(self) -> None:
-        """Send the stop, if the device is ready; `unreached` says what has become of it.
+    def stop(self, channel: Channel) -> None:
+        """Send the stop of a channel, if the device is ready; `unreached` says what has become of it.
 
         Until then nothing was decided since the stop of the guard, and without a guard nothing could move the
-        base. More stops would disturb the handshake of a device that takes each packet for a part of it.
+        device. More stops would disturb the handshake of a device that takes each packet for a part of it.
 
         Raises:
             OSError: the guard has just ended.
         """
-        self._ask_sent(self._connection, stops=self._is_ready)
+        self._ask_sent(self._connection, channel, stops=self._is_ready)
 
-    def _ask_sent(self, connection: GuardConnection | None, *, stops: bool = False) -> None:
+    def _ask_sent(self, connection: GuardConnection | None, channel: Channel, *, stops: bool = False) -> None:
         """Ask the guard to stop, or only whether it has sent what it was given last."""
         with self._lock:
-            self._asked_number += 1
-            self._unreached = f"{self._port}: the guard has not sent it"
-        if connection is not None and self._knows_port:
-            self._expect(connection, stops=stops)
+            self._questions += 1
+            channel.question = self._questions
+            channel.unreached = f"{self._port}: the guard has not sent it"
+        if connection is not None and self._knows_port and channel.number < self._greeted:
+            self._expect(connection, channel, stops=stops)
 
-    @property
-    def unreached(self) -> str | None:
-        """Why the newest stop has not left this computer, or not yet; None once it has."""
-        if self._unreached is None or self._is_ready:
-            return self._unreached
-        return self._problem or self._unreached
+    def unreached(self, channel: Channel) -> str | None:
+        """Return why the newest stop has not left this computer, or not yet; None once it has."""
+        if channel.unreached is None or self._is_ready:
+            return channel.unreached
+        return self._problem or channel.unreached
 
     def base(self) -> BaseState | None:
         """Return the newest state of the base; None until the device is ready."""
@@ -233,7 +265,8 @@ class Line(Generic[Packet]):
             self.drivers -= 1
             if self.drivers > 0:
                 return
-            _lines.pop(self._key, None)
+            if _lines.get(self._key) is self:
+                del _lines[self._key]
         self._closed.set()
         if (connection := self._connection) is not None:
             connection.close()
@@ -246,39 +279,59 @@ class Line(Generic[Packet]):
         while not self._closed.is_set():
             began = time.monotonic()
             try:
-                self._serve(connect(self._port, self._baud, self._first_bytes, self._command))
+                commands = [channel.command for channel in tuple(self._channels)]
+                connection = connect(self._port, self._baud, self._first_bytes, *commands)
+                self._serve(connection, len(commands))
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
                 if isinstance(problem, GuardError) and self._knows_port:
                     pause_s = 0.0
-                    self._closed.wait(0.0 if self._command is not None else SUCCESSOR_PAUSE_S)
+                    self._closed.wait(0.0 if self._channels else SUCCESSOR_PAUSE_S)
                     continue
             pause_s = next_pause_s(pause_s, time.monotonic() - began)
             self._closed.wait(pause_s)
 
-    def _serve(self, connection: GuardConnection) -> None:
+    def _serve(self, connection: GuardConnection, greeted: int) -> None:
         """Take what arrives, until the connection or the device is lost, which raises."""
         self._knows_port, self._answer_due = False, time.monotonic() + STATUS_S
-        self._connection = connection
-        wake_s = WAKE_S if self._command is not None else 10 * WAKE_S
+        for channel in self._channels:
+            channel.pending = None
+        self._connection, self._greeted = connection, greeted
+        wake_s = WAKE_S if self._channels else 10 * WAKE_S
         try:
             while not self._closed.is_set():
                 event = connection.receive(wake_s)
                 if event is None:
                     self._expect_answer(connection)
                 self._take(connection, event)
-        except BrokenPipeError:  # what the guard said before it closed the connection is still there
+        except ConnectionError:  # what the guard said before it closed the connection is still there
             while True:
                 connection.receive(0.0)
         finally:
             self._connection, self._is_ready, self._opening = None, False, None
             connection.close()
 
-    def _expect(self, connection: GuardConnection, *, stops: bool) -> None:
+    def _expect(self, connection: GuardConnection, channel: Channel, *, stops: bool) -> None:
         """Expect an answer to what the guard is asked here."""
-        self._answer_due = self._answer_due or time.monotonic() + ANSWER_S
         self._asked_ns = time.monotonic_ns()
-        connection.ask_sent(self._asked_number, stops=stops)
+        with self._lock:
+            self._answer_due = self._answer_due or time.monotonic() + ANSWER_S
+            number = channel.pending = channel.question
+        connection.ask_sent(number, channel.number, stops=stops)
+
+    def _expect_all(self, connection: GuardConnection, *, stops: bool) -> None:
+        """Ask again for each channel that is not known to be reached."""
+        for channel in self._channels[: self._greeted]:
+            if channel.unreached is not None:
+                self._expect(connection, channel, stops=stops)
+
+    def _greet_late(self, connection: GuardConnection) -> None:
+        """Greet for channels that were added after the connection, which must not disturb the opening."""
+        for channel in self._channels[self._greeted :]:
+            connection.greet(channel.number, channel.command)
+            self._greeted += 1
+            if channel.unreached is not None:
+                self._expect(connection, channel, stops=True)
 
     def _expect_answer(self, connection: GuardConnection) -> None:
         """Kill a guard that has not answered in time, although nothing is left to be read.
@@ -295,18 +348,20 @@ class Line(Generic[Packet]):
             case Up(baud=baud):
                 self._knows_port, self._answer_due = True, None
                 self._begin(connection, baud)
-                if self._unreached is not None and self._command is not None:
-                    self._expect(connection, stops=self._is_ready)
+                self._expect_all(connection, stops=self._is_ready)
             case Lost(why=why):
                 self._knows_port, self._answer_due = True, None
                 self._is_ready, self._opening = False, None
                 self._lose(LinkError(why))
             case Sent(number=number, why=why):
                 with self._lock:
-                    if number == self._asked_number:
-                        self._answer_due, self._unreached = None, f"{self._port}: {why}" if why else None
-                    else:  # the answer to a newer question follows
-                        self._answer_due = time.monotonic() + ANSWER_S
+                    for channel in self._channels:
+                        if number == channel.question:
+                            channel.unreached = f"{self._port}: {why}" if why else None
+                        if number == channel.pending:
+                            channel.pending = None
+                    is_pending = any(channel.pending is not None for channel in self._channels)
+                    self._answer_due = time.monotonic() + ANSWER_S if is_pending else None
             case Arrived(data=data, t_ns=t_ns):
                 self._heard_bytes += len(data)
                 for packet in self._decoder.feed(data):
@@ -317,38 +372,36 @@ class Line(Generic[Packet]):
         if self._opening is not None:
             self._opening.on_time(now_ns)
             self._end_opening(now_ns)
-        elif self._is_ready and now_ns - self._heard_ns > self._dialect.silent_s * 1e9:
+        elif self._is_ready and now_ns - self._heard_ns > self.dialect.silent_s * 1e9:
             self._lose_silent()
-        elif (
-            self._is_ready
-            and self._command is not None
-            and now_ns - max(self._heard_ns, self._asked_ns) > self._dialect.silent_s * 5e8
-        ):
-            self._ask_sent(connection)  # the guard may be frozen
+        elif self._is_ready and self._channels:
+            self._greet_late(connection)
+            if now_ns - max(self._heard_ns, self._asked_ns) > self.dialect.silent_s * 5e8:
+                self._ask_sent(connection, self._channels[0])  # the guard may be frozen
 
     def _begin(self, connection: GuardConnection, baud: int) -> None:
         if baud != self._baud:
             text = f"the guard of {self._port} runs at {baud} baud, and this driver needs {self._baud}"
             raise LinkError(f"{text}: give all servers of the port the same `baud`, and end them first")
-        self._decoder = self._dialect.decoder()
+        self._decoder = self.dialect.decoder()
         self._heard_bytes = self._heard_packets = 0
-        self._dialect.restart()
-        self._is_ready, self._heard_ns = self._command is None, time.monotonic_ns()
-        if self._command is not None:
+        self.dialect.restart()
+        self._is_ready, self._heard_ns = not self._channels, time.monotonic_ns()
+        if self._channels:
             now_ns = time.monotonic_ns()
-            self._opening = OpeningRun(self._dialect.opening(), connection.send, now_ns)
+            self._opening = OpeningRun(self.dialect.opening(), connection.send, now_ns)
             self._end_opening(now_ns)
 
     def _end_opening(self, now_ns: int) -> None:
         if self._opening is not None and self._opening.is_done:
             self._opening, self._is_ready, self._heard_ns = None, True, now_ns
             self._note_success()
-            if self._unreached is not None and self._connection is not None:
-                self._expect(self._connection, stops=True)
+            if self._connection is not None:
+                self._expect_all(self._connection, stops=True)
 
     def _lose_silent(self) -> None:
-        silence = f"nothing was heard for {self._dialect.silent_s:g} s"
-        if self._command is not None:
+        silence = f"nothing was heard for {self.dialect.silent_s:g} s"
+        if self._channels:
             raise OpeningError(f"{silence}: the device is opened again")
         self._lose(OpeningError(f"{silence}: does RServer run, whose driver opens the device?"))
 
@@ -359,8 +412,8 @@ class Line(Generic[Packet]):
         if self._opening is not None:
             self._opening.on_packet(packet, time.monotonic_ns())
         try:
-            measured_ns = t_ns - self._dialect.delay_ns
-            readings = self._dialect.read(packet, measured_ns)
+            measured_ns = t_ns - self.dialect.delay_ns
+            readings = self.dialect.read(packet, measured_ns)
             with self._lock:
                 self._measured.take(readings, measured_ns)
         except REFUSALS as problem:

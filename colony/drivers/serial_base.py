@@ -1,4 +1,4 @@
-"""The drivers of a device on a serial line, made of its dialect: of the base, and of other servers."""
+"""The drivers of a device on a serial line, made of its dialect: of its base, its actuators and sensors."""
 
 from __future__ import annotations
 
@@ -19,6 +19,16 @@ DEADLINE_FRAMES = 3
 """Time without a decision after which the guard stops the base, or number of frames if that is longer."""
 
 DEFAULT_FRAME_NS = 50_000_000
+
+
+def _guarded(dialect: Dialect[Packet], port: str, stop: bytes, frame_ns: int) -> Command:
+    """Return what is left with the guard for an actuator that `stop` stops."""
+    return Command(
+        stop=stop,
+        goodbye=dialect.goodbye,
+        deadline_ns=max(DEADLINE_NS, DEADLINE_FRAMES * frame_ns),
+        handshake_first=handshake_first(dialect, port),
+    )
 
 
 class SerialBase(Generic[Packet]):
@@ -50,15 +60,10 @@ class SerialBase(Generic[Packet]):
         report: Report = to_stderr,
     ) -> None:
         check_options(port, baud)
-        self._dialect = dialect
         self._report = report
-        command = Command(
-            stop=dialect.stop_bytes,
-            goodbye=dialect.goodbye,
-            deadline_ns=max(DEADLINE_NS, DEADLINE_FRAMES * frame_ns),
-            handshake_first=handshake_first(dialect, port),
-        )
-        self._line = Line.commanding(dialect, port, baud, command, report)
+        command = _guarded(dialect, port, dialect.stop_bytes, frame_ns)
+        self._line, (self._channel,) = Line.commanding(dialect, port, baud, [command], report)
+        self._dialect = self._line.dialect
 
     @property
     def problem(self) -> str | None:
@@ -83,19 +88,19 @@ class SerialBase(Generic[Packet]):
             )
         if not (abs(turn) <= self._dialect.max_turn):
             raise ValueError(f"{turn:g} deg/s; at most {self._dialect.max_turn:g} is possible")
-        self._line.decide(self._dialect.drive(velocity, turn, sideways))
+        self._line.decide(self._channel, self._dialect.drive(velocity, turn, sideways))
 
     def stop(self) -> None:
         """Stop. Never raises: where the guard has ended, its successor begins with a stop."""
         try:
-            self._line.stop()
+            self._line.stop(self._channel)
         except OSError as problem:
             self._report(f"the stop was not sent: {exception_text(problem)}")
 
     @property
     def unreached(self) -> str | None:
         """Why the last stop has not left this computer, or not yet; None once it has."""
-        return self._line.unreached
+        return self._line.unreached(self._channel)
 
     def watch_bumpers(self, watched: bool) -> None:
         """Let the base itself stop at a bumper or not, if it can."""
@@ -106,7 +111,7 @@ class SerialBase(Generic[Packet]):
         return self._line.base()
 
     def close(self) -> None:
-        """End the connection to the guard, which stops the base. Idempotent."""
+        """Leave the line: the guard stops the base, at its deadline if other drivers use the line."""
         self._line.close()
 
 
@@ -166,3 +171,69 @@ class SerialFields(Generic[Packet]):
     def close(self) -> None:
         """End the connection to the guard. Idempotent."""
         self._line.close()
+
+
+class SerialActuators(SerialFields[Packet]):
+    """The driver of another server of the same port that commands, such as a gripper beside the base.
+
+    Each command has a channel of its own: if its decisions stay away, the guard sends its stop, and no other.
+
+    Args:
+        dialect: the protocol, with a method for each command, called like it. The method takes the parameters
+            by name and returns complete bytes, as `Dialect.drive` does.
+        port: a serial port or `tcp:HOST:PORT`.
+        names: the dialect's name of each field or ring, by the name of the server's field.
+        stops: for each command the bytes that stop its actuator, which are harmless at any time. No other
+            driver of the port has them.
+        baud: the baud rate; 0 for that of the dialect.
+        frame_ns: the length of the robot's frames in ns.
+        report: takes each problem once in each outage, and the end of the outage.
+
+    Raises:
+        TypeError: the port is not text, or the baud rate is not a whole number.
+        AttributeError: the dialect has no method for a command.
+    """
+
+    def __init__(
+        self,
+        dialect: Dialect[Packet],
+        port: str,
+        names: Mapping[str, str],
+        stops: Mapping[str, bytes],
+        *,
+        baud: int = 0,
+        frame_ns: int = DEFAULT_FRAME_NS,
+        report: Report = to_stderr,
+    ) -> None:
+        check_options(port, baud)
+        for name in stops:
+            getattr(dialect, name)
+        self._names, self._report = dict(names), report
+        commands = [_guarded(dialect, port, stop, frame_ns) for stop in stops.values()]
+        self._line, channels = Line.commanding(dialect, port, baud, commands, report)
+        self._channels = dict(zip(stops, channels, strict=True))
+
+    def command(self, name: str, values: Mapping[str, ScalarValue]) -> None:
+        """Carry out a command that was decided in this frame.
+
+        Raises:
+            ValueError: the device has no such command, or cannot do that.
+            OSError: the device is not ready, or the guard has ended.
+        """
+        if name not in self._channels:
+            raise ValueError(f"the device has no command `{name}`")
+        data: bytes = getattr(self._line.dialect, name)(**values)
+        self._line.decide(self._channels[name], data, confirms=True)
+
+    def safe(self) -> None:
+        """Stop all actuators. Never raises: if the guard has ended, its successor begins with the stops."""
+        try:
+            for channel in self._channels.values():
+                self._line.stop(channel)
+        except OSError as problem:
+            self._report(f"the stop was not sent: {exception_text(problem)}")
+
+    @property
+    def unreached(self) -> str | None:
+        """Why a last stop or command has not left this computer, or not yet; None once all have."""
+        return next(filter(None, map(self._line.unreached, self._channels.values())), None)

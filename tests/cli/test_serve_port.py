@@ -20,32 +20,41 @@ from tests.waiting import until
 def test_the_robot_of_the_page(machine: Machine, tmp_path: Path) -> None:
     write_files(tmp_path)
     drivers = tmp_path / "robots" / "rover" / "rover_drivers.py"
-    patient = "    baud = 115200\n    silent_s = 600.0\n"  # so that it is the stop that finds a frozen guard
+    patient = "    baud = 115200\n    silent_s = 600.0\n"  # so that the gripper finds a frozen guard
     drivers.write_text(drivers.read_text().replace("    baud = 115200\n", patient))
     stop = Tiny.stop_bytes[2:-1]
+    stops = {stop, Tiny.jaw_stop[2:-1]}
     rover = TinyRobot(tmp_path / "port")
+
+    def moves() -> bool:
+        return rover.speeds == (300, 0) and rover.jaw == 5
+
     try:
         robot = f"rome={tmp_path / 'robots' / 'rover'}"
         served = machine.start("serve", "all", "--robot", robot, "--port", os.fspath(rover.port))
         until(lambda: machine.pid("DServer") or served.ended(), "the robot runs")
         run = machine.start("run", str(tmp_path / "cruise.colony"), "--robot", robot, "--connect")
-        until(lambda: rover.speeds == (300, 0) or served.ended() or run.ended(), "the robot drives")
+        until(lambda: moves() or served.ended() or run.ended(), "the robot drives and grasps")
         assert not served.ended(), served.err
         assert not run.ended(), run.err
         os.kill(machine.pid("RServer"), signal.SIGKILL)
         before = len(rover.heard)
-        until(lambda: stop in [data for data, _ in rover.heard[before:]], "the base stands")
-        until(lambda: rover.speeds == (300, 0) or served.ended(), "a new RServer drives it again")
+        until(lambda: stops <= {data for data, _ in rover.heard[before:]}, "base and gripper stand")
+        until(lambda: moves() or served.ended(), "new servers drive it again")
         guard = guard_pid(rover)
         os.kill(guard, signal.SIGSTOP)
+        until(lambda: guard_runs(rover) and guard_pid(rover) != guard, "a frozen guard has a successor")
+        until(lambda: moves() or served.ended(), "it drives again")
+        rover.pull_out()
         stopped = machine.start("stop", "--robot", "rome")
         assert stopped.wait() == 1
-        assert "RServer is stopped, but the stop has not reached its device: the guard of" in stopped.err
-        until(lambda: rover.speeds == (0, 0), "the next guard stops the base")
-        assert guard_pid(rover) != guard
+        for server in ("RServer", "Gripper"):
+            assert f"{server} is stopped, but the stop has not reached its device: " in stopped.err
+        rover.plug_in()
+        until(lambda: rover.speeds == (0, 0) and rover.jaw == 0, "the guard stops base and gripper")
         until(lambda: machine.start("stop", "--robot", "rome").wait() == 0, "a stop is acknowledged again")
         assert machine.start("stop", "--robot", "rome", "--release").wait() == 0
-        until(lambda: rover.speeds == (300, 0) or served.ended(), "it drives again")
+        until(lambda: moves() or served.ended(), "it drives again")
         assert "nothing stops `RServer`" in served.err
         run.tell(signal.SIGINT)
         assert run.wait() == 130

@@ -18,11 +18,11 @@ import pytest
 
 from colony.drivers import guarded
 from colony.drivers import line as line_module
-from colony.drivers.guarded import Command, Lost, Up, connect
+from colony.drivers.guarded import Command, Lost, Sent, Up, connect
 from colony.drivers.link import LinkError
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.runtime.transport.live.run_directory import RunDirectory
-from tests.drivers.tiny import GOODBYE, HELLO, SPEEDS, Tiny, base, battery, encoded
+from tests.drivers.tiny import GOODBYE, HELLO, JAW, SPEEDS, Tiny, base, battery, encoded, gripper
 from tests.drivers.tiny_robot import TinyRobot
 
 PATIENCE_S = 30.0
@@ -311,6 +311,80 @@ def test_drivers_of_one_dialect_share_a_line_until_the_last_is_closed(robot: Tin
             line.close()
 
 
+def test_each_channel_is_stopped_by_its_own_deadline_and_all_when_the_driver_ends(robot: TinyRobot) -> None:
+    patient = Command(stop=Tiny.stop_bytes, goodbye=Tiny.goodbye, deadline_ns=600_000_000_000)
+    hasty = Command(stop=Tiny.jaw_stop, goodbye=Tiny.goodbye, deadline_ns=150_000_000)
+    connection, dialect = connect(os.fspath(robot.port), 0, b"", patient, hasty), Tiny()
+
+    def jaw_closes() -> bool:
+        connection.decide(dialect.jaw(5.0), time.monotonic_ns(), 1)
+        return robot.jaw == 5
+
+    try:
+        while not isinstance(connection.receive(PATIENCE_S), Up):
+            pass
+        connection.decide(dialect.drive(200.0, 0.0), time.monotonic_ns())
+        wait_for(lambda: robot.speeds == (200, 0))
+        wait_for(jaw_closes)
+        wait_for(lambda: robot.jaw == 0)
+        connection.ask_sent(7, 1, stops=True)
+        while (event := connection.receive(PATIENCE_S)) != Sent(7, ""):
+            assert not isinstance(event, Sent)
+        assert robot.speeds == (200, 0)
+        connection.ask_sent(8, 9, stops=True)  # there is no such channel
+        wait_for(jaw_closes)
+    finally:
+        connection.close()
+    wait_for(lambda: robot.speeds == (0, 0) and robot.jaw == 0)
+    wait_for(lambda: not guard_runs(robot))
+    wait_for(lambda: robot.count(GOODBYE) == 1)
+
+
+def test_a_base_and_a_gripper_command_over_one_line(robot: TinyRobot) -> None:
+    port = os.fspath(robot.port)
+    jaw, driver = gripper(port), base(port)
+    drivers: list[SerialBase[bytes] | SerialFields[bytes]] = [jaw, driver]
+
+    def both_move() -> bool:
+        driver.drive(100.0, 0.0)
+        jaw.command("jaw", {"speed": 5.0})
+        return robot.speeds == (100, 0) and robot.jaw == 5
+
+    try:
+        assert jaw._line is driver._line
+        wait_for(lambda: driver.state() and driver._line._greeted == 2)
+        wait_for(both_move)
+        wait_for(lambda: jaw.unreached is None)
+        drivers += [base(port), gripper(port)]
+        refusal = f"another driver commands {port} already; end it first"
+        for second in drivers[2:]:
+            wait_for(lambda second=second: second.problem == refusal)
+            second.close()
+        jaw.safe()
+        wait_for(lambda: jaw.unreached is None)
+        wait_for(lambda: robot.jaw == 0)
+        first = guard_pid(robot)
+        robot.heard.clear()
+        os.kill(first, signal.SIGKILL)
+        wait_for(lambda: guard_runs(robot) and guard_pid(robot) != first)
+        wait_for(lambda: robot.count(HELLO))
+        assert [data[0] for data, _ in robot.heard[:2]] == [SPEEDS, JAW]
+        robot.pull_out()
+        wait_for(lambda: "there is no port" in (jaw.problem or ""))
+        jaw.safe()
+        wait_for(lambda: "there is no port" in (jaw.unreached or ""))
+        assert driver.unreached is None
+        robot.heard.clear()
+        robot.plug_in()
+        wait_for(lambda: driver.state() and jaw.unreached is None)
+        assert sorted(data[0] for data, _ in robot.heard[:2]) == [SPEEDS, JAW]
+        with pytest.raises(ValueError, match="the device has no command `lift`"):
+            jaw.command("lift", {})
+    finally:
+        for each in drivers:
+            each.close()
+
+
 def test_one_driver_alone_commands(robot: TinyRobot) -> None:
     command = Command(stop=b"", goodbye=b"", deadline_ns=150_000_000)
     first = connect(os.fspath(robot.port), 0, b"", command)
@@ -422,7 +496,7 @@ def test_a_wrong_baud_rate(robot: TinyRobot) -> None:
 def test_a_busy_port(robot: TinyRobot) -> None:
     with robot.port.open("rb", buffering=0) as other:
         fcntl.flock(other, fcntl.LOCK_EX)
-        connection = connect(os.fspath(robot.port), 0, b"", None)
+        connection = connect(os.fspath(robot.port), 0, b"")
         try:
             event = connection.receive(PATIENCE_S)
             while event == Lost("the port is not open yet"):
@@ -466,11 +540,14 @@ def test_garbage_from_the_line_moves_nothing_and_costs_no_line(robot: TinyRobot)
 
 
 def test_garbage_from_a_driver_is_ignored(robot: TinyRobot) -> None:
-    connection = connect(os.fspath(robot.port), 0, b"", None)
+    connection = connect(os.fspath(robot.port), 0, b"")
     raw: socket.socket = connection._socket
     try:
-        for packet in (b"H", b"D", b"?", b"H" + bytes(3), b"D" + struct.pack("<Q", 0) + b"x"):
+        for packet in (b"H", b"D", b"?", b"H" + bytes(3), b"D" + struct.pack("<BQ", 0, 0) + b"x"):
             raw.send(packet)
+        rng = random.Random(1)
+        for _ in range(200):  # the first hello among them makes it command
+            raw.send(bytes([rng.choice(b"HDA")]) + rng.randbytes(rng.randrange(20)))
         while not isinstance(connection.receive(PATIENCE_S), Up):
             pass
     finally:

@@ -51,6 +51,41 @@ def test_a_decision_ends_the_repeats() -> None:
     assert written(outbox, 1000 * MS) == [b"go"]
 
 
+def test_a_channel_replaces_and_stops_only_what_is_its_own() -> None:
+    outbox = Outbox(0)
+    for packet, channel in ((b"old", 0), (b"grip", 1), (b"go", 0)):
+        outbox.decide(packet, channel)
+    assert written(outbox, 0) == [b"go", b"grip"]
+    outbox.decide(b"go", 0)
+    outbox.decide(b"grip", 1)
+    outbox.stop(b"open", 0, 1)
+    assert written(outbox, 0) == [b"open", b"go"]
+    outbox.decide(b"go", 0)
+    times = [t for t in range(MS, 1000 * MS, MS) if b"open" in written(outbox, t)]
+    assert times == list(REPEATS_NS[1:])
+
+
+def test_decisions_of_several_channels_take_turns() -> None:
+    outbox, sent = Outbox(9600), b""
+    for i in range(40):  # faster than the line, which takes 5 ms for each
+        for channel, packet in enumerate((b"<go> ", b"<jaw>")):
+            outbox.decide(packet, channel)
+        sent += b"".join(written(outbox, 3 * i * MS))
+    assert abs(sent.count(b"<go> ") - sent.count(b"<jaw>")) <= 1
+
+
+def test_a_stop_is_sent_although_another_channel_keeps_the_line_busy() -> None:
+    outbox = Outbox(9600)
+    outbox.stop(b"open", 0, 1)
+    for i in range(10):
+        outbox.decide(b"go", 0)
+        written(outbox, i * MS)
+    assert outbox.is_sent(9 * MS, 1, unsent=2)
+    assert not outbox.is_sent(9 * MS, 1, unsent=6)
+    assert outbox.is_sent(9 * MS, 0, unsent=2) is False
+    assert outbox.is_sent(9 * MS, 2) is None
+
+
 def test_a_stop_is_sent_once_the_line_has_carried_all_of_it() -> None:
     outbox = Outbox(9600)
     assert outbox.is_sent(0) is None
@@ -88,9 +123,9 @@ def test_no_packet_is_torn_whatever_the_port_takes() -> None:
                 case 0:
                     outbox.add(b"<plain>")
                 case 1:
-                    outbox.decide(b"<decided>")
+                    outbox.decide(b"<decided>", rng.randrange(2))
                 case 2:
-                    outbox.stop(b"<stop>", now_ns)
+                    outbox.stop(b"<stop>", now_ns, rng.randrange(2))
                 case _:
                     now_ns += rng.randrange(20 * MS)
             if packet := outbox.next(now_ns):

@@ -11,9 +11,9 @@ import pytest
 from colony.drivers import guarded
 from colony.drivers.guarded import Command, GuardConnection, Up, connect
 from colony.drivers.link import LinkError
-from colony.drivers.serial_base import SerialBase, SerialFields
+from colony.drivers.serial_base import SerialActuators, SerialBase, SerialFields
 from tests.drivers.test_guard import PATIENCE_S
-from tests.drivers.tiny import HELLO, SPEEDS, Tiny, decoder, encoded
+from tests.drivers.tiny import HELLO, JAW, SPEEDS, Tiny, decoder, encoded
 
 
 class Polite(Tiny):
@@ -119,6 +119,23 @@ def test_what_was_sent_before_a_line_was_open_does_not_begin_it(simulator: Simul
             assert kinds(connection, 1) == [HELLO]
     finally:
         driver.close()
+
+
+def test_an_actuator_that_is_added_during_the_handshake_does_not_disturb_it(simulator: Simulator) -> None:
+    simulator.listen()
+    drivers: list[SerialBase[bytes] | SerialActuators[bytes]] = [SerialBase(Polite(), simulator.port)]
+    try:
+        with simulator.accept() as connection:
+            assert kinds(connection, 1) == [HELLO]
+            drivers.append(SerialActuators(Polite(), simulator.port, {}, {"jaw": Polite.jaw_stop}))
+            assert drivers[0]._line is drivers[1]._line
+            assert kinds(connection, 1) == [HELLO]
+            connection.sendall(encoded(bytes([4])))
+            while (kind := kinds(connection, 1)) != [JAW]:
+                assert kind == [HELLO]
+    finally:
+        for driver in drivers:
+            driver.close()
 
 
 def test_any_other_device_hears_the_stop_first(simulator: Simulator) -> None:

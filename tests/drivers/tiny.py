@@ -1,8 +1,9 @@
 """The tiny protocol of the tests: a base with two encoders and a battery, in frames of `A5 N data sum`.
 
 From the base: `01 x:i16 y:i16 heading:u16` (mm, 0.01 deg), `02 volts:u8` (0.1 V), `03 i:u8 mm:u16` (one sonar
-of four), `04` (hello). To the base: `10` (hello), `11 velocity:i16 turn:i16` (mm/s, deg/s), `12` (goodbye).
-Little endian; the sum of all bytes but the first is 0 modulo 256.
+of four), `04` (hello). To the base: `10` (hello), `11 velocity:i16 turn:i16` (mm/s, deg/s), `12` (goodbye),
+`13 speed:i8` (mm/s, the jaw of its gripper). Little endian; the sum of all bytes but the first is 0 modulo
+256.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import ClassVar
 from colony.drivers.decoder import Need, SlidingDecoder
 from colony.drivers.dialect import NOTHING, Ask, Dialect, Opening, OpeningError, Readings, Send
 from colony.drivers.odometry import Pose, Registers
-from colony.drivers.serial_base import SerialBase, SerialFields
+from colony.drivers.serial_base import SerialActuators, SerialBase, SerialFields
 from colony.runtime.servers.drivers import BaseState
 from tests.drivers.fuzz import Case
 from tests.drivers.fuzz_device import Device
@@ -72,7 +73,7 @@ def _frame_at(stream: bytes, at: int) -> int:
     return len(frame) if total == 0 and len(frame) == 3 + stream[at + 1] else 0
 
 
-HELLO, SPEEDS, GOODBYE = 0x10, 0x11, 0x12
+HELLO, SPEEDS, GOODBYE, JAW = 0x10, 0x11, 0x12, 0x13
 """Kinds of frames to the base."""
 
 
@@ -83,6 +84,7 @@ class Tiny(Dialect[bytes]):
     delay_ns = 1_000_000
     stop_bytes = encoded(struct.pack("<Bhh", SPEEDS, 0, 0))
     goodbye = encoded(bytes([GOODBYE]))
+    jaw_stop = encoded(bytes([JAW, 0]))
     rings: ClassVar = {"sonar": 4}
     bounds: ClassVar = {"volts": (0.0, 20.0), "sonar": (0.0, 5000.0)}
     max_speed = 600.0
@@ -124,6 +126,10 @@ class Tiny(Dialect[bytes]):
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes:
         return encoded(struct.pack("<Bhh", SPEEDS, round(velocity), round(turn)))
 
+    def jaw(self, speed: float) -> bytes:
+        """Return the bytes that close the gripper at a speed in mm/s."""
+        return encoded(struct.pack("<Bb", JAW, round(speed)))
+
 
 def _state(pose: Pose, t_ns: int) -> BaseState:
     return BaseState(
@@ -149,6 +155,11 @@ def battery(port: str, baud: int = 0) -> SerialFields[bytes]:
     return SerialFields(Tiny(), port, {"level": "volts"}, baud=baud)
 
 
+def gripper(port: str, baud: int = 0, frame_ns: int = 50_000_000) -> SerialActuators[bytes]:
+    """Return the driver of the gripper."""
+    return SerialActuators(Tiny(), port, {}, {"jaw": Tiny.jaw_stop}, baud=baud, frame_ns=frame_ns)
+
+
 @cache
 def _recording() -> list[bytes]:
     found = []
@@ -162,7 +173,7 @@ def _recording() -> list[bytes]:
 
 
 def _moves(data: bytes) -> bool:
-    return any(frame[0] == SPEEDS and any(frame[1:]) for frame in decoder().feed(data))
+    return any(frame[0] in (SPEEDS, JAW) and any(frame[1:]) for frame in decoder().feed(data))
 
 
 DEVICE = Device(

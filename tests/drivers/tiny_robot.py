@@ -11,7 +11,7 @@ import time
 import tty
 from pathlib import Path
 
-from tests.drivers.tiny import GOODBYE, HELLO, SPEEDS, decoder, encoded
+from tests.drivers.tiny import GOODBYE, HELLO, JAW, SPEEDS, decoder, encoded
 
 PERIOD_S = 0.02
 
@@ -23,6 +23,7 @@ class TinyRobot:
         self.port = port
         self.heard: list[tuple[bytes, float]] = []  # data of frames, `time.monotonic`
         self.speeds = (0, 0)
+        self.jaw = 0
         self.is_on = self.greets = True
         self._master = -1
         self._plugged = threading.Event()
@@ -87,6 +88,8 @@ class TinyRobot:
         self.heard.append((data, time.monotonic()))
         if data[0] == SPEEDS:
             self.speeds = struct.unpack_from("<hh", data, 1)
+        elif data[0] == JAW:
+            (self.jaw,) = struct.unpack_from("<b", data, 1)
         elif data[0] == HELLO and self.greets:
             os.write(self._master, encoded(bytes([4])))
         elif data[0] == GOODBYE:
