@@ -35,7 +35,7 @@ def constant(x: float) -> Number:
 
 @lru_cache(maxsize=4096)
 def _constant(x: float, sign: float) -> Number:
-    """Return the float `x` of this sign, which tells the two zeros apart."""
+    """Return the float `x` of this sign; the sign distinguishes the two zeros."""
     cases = ((x, TRUE),)
     if math.isnan(x):
         return Number(real(0), TRUE, FALSE, cases=cases)

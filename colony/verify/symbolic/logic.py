@@ -21,7 +21,7 @@ _CONTEXT = _MAIN.ref()
 
 
 class _Negation(z3.BoolRef):  # type: ignore[misc]
-    """A `not` that keeps its operand, which z3 would make anew."""
+    """A `not` that keeps its operand, which z3 would wrap again."""
 
     operand: z3.BoolRef
 
