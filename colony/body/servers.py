@@ -36,7 +36,9 @@ def in_declared_units(spec: ServerSpec, robot: Robot) -> ServerSpec:
     }
     return replace(
         spec,
-        fields=tuple(replace(f, factor=fields.get(f.name, 1.0)) for f in spec.fields),
+        fields=tuple(
+            replace(f, factor=fields.get(f.name, 1.0), is_read=f.name in fields) for f in spec.fields
+        ),
         commands=tuple(
             replace(
                 command,

@@ -29,6 +29,7 @@ class FieldSpec:
         hold: True if an invalid element keeps its last value and time; otherwise the array is missing.
         blocked: the elements that the robot's own body blocks, which read `no_echo`.
         factor: the unit of the numbers that a driver gives, in base units; servers send base units.
+        is_read: False if the interface has no sensor that reads it: a driver need not give it.
     """
 
     name: str
@@ -39,6 +40,7 @@ class FieldSpec:
     hold: bool = False
     blocked: tuple[int, ...] = ()
     factor: float = 1.0
+    is_read: bool = True
 
 
 @dataclass(frozen=True, slots=True)
