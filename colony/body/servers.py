@@ -34,6 +34,7 @@ def in_declared_units(spec: ServerSpec, robot: Robot) -> ServerSpec:
         if actuator.server == spec.name
         for field in actuator.fields
     }
+    bound = {actuator.command for actuator in robot.actuators if actuator.server == spec.name}
     return replace(
         spec,
         fields=tuple(
@@ -45,6 +46,7 @@ def in_declared_units(spec: ServerSpec, robot: Robot) -> ServerSpec:
                 parameters=tuple(
                     replace(p, factor=parameters.get((command.name, p.name), 1.0)) for p in command.parameters
                 ),
+                is_bound=command.name in bound,
             )
             for command in spec.commands
         ),

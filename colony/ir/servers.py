@@ -61,10 +61,14 @@ class ParameterSpec:
 
 @dataclass(frozen=True, slots=True)
 class CommandSpec:
-    """A command of a server, by name, with its parameters in the order in which the server takes them."""
+    """A command of a server, by name, with its parameters in the order in which the server takes them.
+
+    `is_bound` is False if the interface has no actuator that sends it: a driver need not have it.
+    """
 
     name: str
     parameters: tuple[ParameterSpec, ...]
+    is_bound: bool = True
 
 
 @dataclass(frozen=True, slots=True)

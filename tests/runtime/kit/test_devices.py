@@ -486,10 +486,12 @@ def test_a_driver_gives_and_takes_numbers_in_the_units_of_the_interface() -> Non
     checked = check_text(program)
     assert checked.program is not None
     at, moving = FieldSpec("at", DISTANCE, "where it is"), FieldSpec("moving", BOOL, "whether it moves")
+    home = CommandSpec("home", ())
     declared = in_declared_units(
-        ServerSpec("Arm", fields=(at, moving), commands=(move,)), checked.program.robot
+        ServerSpec("Arm", fields=(at, moving), commands=(move, home)), checked.program.robot
     )
     assert declared.fields == (replace(at, factor=1000.0), replace(moving, is_read=False))
+    assert [command.is_bound for command in declared.commands] == [True, False]
     device.found = {"at": Reading(1.0, 0)}
     drivers = Drivers(servers=(declared, *COMMON_SERVERS), devices={"Arm": device})
     log = Log()
