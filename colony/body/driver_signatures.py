@@ -27,7 +27,7 @@ _Definition = ast.FunctionDef | ast.ClassDef
 
 
 def driver_misfits(file: BodyFile, actuators: Sequence[Actuator] = ()) -> Iterator[Diagnostic]:
-    """Yield what is wrong with the names, options and commands of drivers, as far as their sources show it."""
+    """Yield what is wrong with the names, options and commands of drivers, as far as sources show it."""
     for name, server in () if file.body is None else file.body.servers.items():
         if server.hardware is not None:
             commands = [actuator.command for actuator in actuators if actuator.server == name]

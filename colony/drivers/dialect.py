@@ -158,8 +158,7 @@ class Dialect(ABC, Generic[Packet]):
 
         Raises:
             ImplausibleError: a reading is outside the device's physics; the whole packet is refused.
-            ValueError, LookupError, ArithmeticError, struct.error: the packet is unreadable or too short; it is
-                refused.
+            ValueError: the packet is unreadable and refused; so are those with another of the `REFUSALS`.
         """
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes:

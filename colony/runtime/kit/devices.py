@@ -245,6 +245,7 @@ def _command(spec: CommandSpec, driver: DeviceDriver) -> Command:
         in_units(perform, factors),
         partial(driver.safe),
         partial(unreached_of, driver),
+        partial(is_opening, driver),
     )
 
 

@@ -16,8 +16,9 @@ from colony.dsl.load import check_text
 from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Enum, ScalarValue
 from colony.runtime.assembly.virtual import VirtualSession
+from colony.runtime.kit.commands import CommandPerformer
 from colony.runtime.kit.description import Description, describe, server_spec
-from colony.runtime.kit.devices import NEVER_READ_NS, DeviceReader, device_server
+from colony.runtime.kit.devices import NEVER_READ_NS, DeviceReader, device_commands, device_server
 from colony.runtime.kit.fields import MAX_AGE_NS
 from colony.runtime.kit.once import RECOVERED_AFTER
 from colony.runtime.kit.service import RETRY_SAFE_NS, Service
@@ -457,6 +458,24 @@ def test_a_lift_whose_commands_fail_is_made_safe_and_reported_once() -> None:
     assert robot.lift.commands[:2] == [("move", UP), ("move", IDLE)]  # idle in its place, then safe
     assert robot.lift.safes >= 40
     assert robot.reports == ["Lift.move failed: OSError: port is gone"]
+
+
+def test_a_command_that_fails_while_its_device_is_opened_is_no_failure() -> None:
+    class Opening(Device):
+        is_opening = True
+
+    device = Opening()
+    device.failing_safe = True
+    move = CommandSpec("move", (ParameterSpec("to", DISTANCE, "where"),))
+    reports: list[str] = []
+    performer = CommandPerformer(
+        "Arm", device_commands(ServerSpec("Arm", commands=(move,)), device), reports.append
+    )
+    performer.halt()
+    assert (performer.failing, reports, performer.is_safe) == ((), [], False)
+    device.is_opening = False
+    performer.retry()
+    assert performer.failing == tuple(reports) == ("safe of Arm.move failed: OSError: port is gone",)
 
 
 def test_a_lift_that_cannot_even_be_made_safe_ends_no_server() -> None:
