@@ -111,7 +111,7 @@ def _option_misfits(
     required = positional[: len(positional) - len(accepted.defaults)]
     required += [a.arg for a, x in zip(accepted.kwonlyargs, accepted.kw_defaults, strict=True) if x is None]
     for option, value in hardware.options.items():
-        annotation = annotations.get(option, accepted.kwarg and accepted.kwarg.annotation)
+        annotation = annotations.get(option, None if accepted.kwarg is None else accepted.kwarg.annotation)
         if annotation is not None and not _is_of_type(value, annotation):
             place = file.value("server", server, "hardware", option)
             message = f"`{option}` of `{hardware.driver}` takes `{ast.unparse(annotation)}`, not {value!r}"
