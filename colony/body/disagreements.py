@@ -68,19 +68,29 @@ def disagreements(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnost
         yield from _actuator(actuator, servers, body, file)
     yield from shared_commands(robot.actuators)
     yield from _unread(robot, body, file)
-    yield from unwatched_devices(body, file)
+    yield from unwatched_devices(robot, body, file)
 
 
 def unwatched_devices(
-    body: Body, file: BodyFile, servers: Sequence[str] | None = None
+    robot: Robot | None, body: Body, file: BodyFile, servers: Sequence[str] | None = None
 ) -> Iterator[Diagnostic]:
-    """Yield a warning for each device, of these servers or all, that stops by itself in no case."""
+    """Yield a warning for each device, of these servers or all, that stops by itself in no case.
+
+    The body of a device that is stopped when it is idle has to say whether it does.
+    """
+    stopped = {a.server for a in (() if robot is None else robot.actuators) if a.idle is not None}
     for name, server in body.servers.items():
-        is_asked = servers is None or name in servers
-        if is_asked and server.hardware is not None and server.hardware.watchdog == "none":
+        if server.hardware is None or (servers is not None and name not in servers):
+            continue
+        if server.hardware.watchdog == "none":
             message = f"nothing stops `{name}` when its computer fails or its cable is pulled"
             place = file.value("server", name, "hardware", "watchdog")
             hint = "stay within reach of its switch: the guard of its port ends with the computer"
+            yield warning("B019", place, message, hint)
+        elif server.hardware.watchdog is None and name in stopped:
+            message = f"`{name}` has no `watchdog`: nothing may stop it when its computer fails"
+            place = file.value("server", name, "hardware", "driver")
+            hint = 'write after what time it stops by itself, `watchdog = "2 s"`, or `watchdog = "none"`'
             yield warning("B019", place, message, hint)
 
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from colony.body.devices import Base
 from colony.body.model import Hardware
 from colony.body.reader import BodyFile
 from colony.files import read_file
+from colony.ir.program import Actuator
 from colony.text.diagnostics import Diagnostic, error, warning
 from colony.text.suggestions import did_you_mean
-from colony.text.wording import quoted
+from colony.text.wording import listed, quoted
 
 MAX_BYTES = 4 << 20
 """Maximum size of a module that is read."""
@@ -24,14 +26,17 @@ GIVEN = "frame_ns"
 _Definition = ast.FunctionDef | ast.ClassDef
 
 
-def driver_misfits(file: BodyFile) -> Iterator[Diagnostic]:
-    """Yield what is wrong with the names and options of drivers, as far as their sources are at hand."""
+def driver_misfits(file: BodyFile, actuators: Sequence[Actuator] = ()) -> Iterator[Diagnostic]:
+    """Yield what is wrong with the names, options and commands of drivers, as far as sources show it."""
     for name, server in () if file.body is None else file.body.servers.items():
         if server.hardware is not None:
-            yield from _misfits(name, server.hardware, file)
+            commands = [actuator.command for actuator in actuators if actuator.server == name]
+            yield from _misfits(name, server.hardware, file, commands)
 
 
-def _misfits(server: str, hardware: Hardware, file: BodyFile) -> Iterator[Diagnostic]:
+def _misfits(
+    server: str, hardware: Hardware, file: BodyFile, commands: Sequence[str]
+) -> Iterator[Diagnostic]:
     module, _, name = hardware.driver.partition(":")
     place = file.value("server", server, "hardware", "driver")
     folders = (Path(file.source.name).resolve().parent, Path.cwd(), *map(Path, sys.path))
@@ -51,16 +56,66 @@ def _misfits(server: str, hardware: Hardware, file: BodyFile) -> Iterator[Diagno
         yield error("B020", place, f"`{module}` has no class `{name}`", did_you_mean(name, list(names)))
     elif (accepted := _parameters(names.get(name))) is not None:
         yield from _option_misfits(server, hardware, file, accepted)
+    assert file.body is not None
+    method = "drive" if isinstance(file.body.device(server), Base) else "command"
+    missing = _missing_commands(names.get(name), method, commands)
+    if missing:
+        yield error("B020", place, f"`{hardware.driver}` has no {missing}")
+
+
+def _missing_commands(definition: _Definition | None, method: str, commands: Sequence[str]) -> str:
+    """Return which of the commands a driver lacks, or the method for them; "" if that is not plain to see."""
+    if not commands or definition is None or definition.decorator_list:
+        return ""
+    if isinstance(definition, ast.ClassDef):
+        stored = {n.attr for n in ast.walk(definition) if isinstance(n, ast.Attribute)}
+        known = {*dict(_names(definition.body)), *stored}
+        return "" if definition.bases or known & {method, "__getattr__"} else f"method `{method}`"
+    match [node.value for node in ast.walk(definition) if isinstance(node, ast.Return)]:
+        case [ast.Call(func=ast.Name(id="SerialFields"))]:
+            offered: set[object] = set()
+        case [ast.Call(func=ast.Name(id="SerialActuators"), args=[_, _, _, ast.Dict(keys=keys), *_])]:
+            if not all(isinstance(key, ast.Constant) for key in keys):
+                return ""
+            offered = {key.value for key in keys if isinstance(key, ast.Constant)}
+        case _:
+            return ""
+    lacking = [name for name in commands if name not in offered]
+    return "command " + listed([f"`{name}`" for name in lacking], "or") if lacking else ""
+
+
+_TYPES: Mapping[str, tuple[type, ...]] = {
+    "int": (int, float),
+    "float": (int, float),
+    "str": (str,),
+    "bool": (bool,),
+}
+
+
+def _is_of_type(value: object, annotation: ast.expr | None) -> bool:
+    """Return False if an option is plainly not of the type of its parameter."""
+    name = annotation.id if isinstance(annotation, ast.Name) else ""
+    if name not in _TYPES:
+        return True
+    is_whole = name != "int" or not isinstance(value, float) or value.is_integer()
+    return isinstance(value, _TYPES[name]) and is_whole and (isinstance(value, bool) == (name == "bool"))
 
 
 def _option_misfits(
     server: str, hardware: Hardware, file: BodyFile, accepted: ast.arguments
 ) -> Iterator[Diagnostic]:
-    parameters = [a.arg for a in (*accepted.posonlyargs, *accepted.args, *accepted.kwonlyargs)]
+    declared = (*accepted.posonlyargs, *accepted.args, *accepted.kwonlyargs)
+    parameters = [a.arg for a in declared]
+    annotations = {a.arg: a.annotation for a in declared}
     positional = parameters[: len(accepted.posonlyargs) + len(accepted.args)]
     required = positional[: len(positional) - len(accepted.defaults)]
     required += [a.arg for a, x in zip(accepted.kwonlyargs, accepted.kw_defaults, strict=True) if x is None]
-    for option in hardware.options:
+    for option, value in hardware.options.items():
+        annotation = annotations.get(option, None if accepted.kwarg is None else accepted.kwarg.annotation)
+        if annotation is not None and not _is_of_type(value, annotation):
+            place = file.value("server", server, "hardware", option)
+            message = f"`{option}` of `{hardware.driver}` takes `{ast.unparse(annotation)}`, not {value!r}"
+            yield error("B020", place, message)
         if option not in parameters and accepted.kwarg is None:
             place = file.key("server", server, "hardware", option)
             others = [parameter for parameter in parameters if parameter != GIVEN]

@@ -34,15 +34,19 @@ def in_declared_units(spec: ServerSpec, robot: Robot) -> ServerSpec:
         if actuator.server == spec.name
         for field in actuator.fields
     }
+    bound = {actuator.command for actuator in robot.actuators if actuator.server == spec.name}
     return replace(
         spec,
-        fields=tuple(replace(f, factor=fields.get(f.name, 1.0)) for f in spec.fields),
+        fields=tuple(
+            replace(f, factor=fields.get(f.name, 1.0), is_read=f.name in fields) for f in spec.fields
+        ),
         commands=tuple(
             replace(
                 command,
                 parameters=tuple(
                     replace(p, factor=parameters.get((command.name, p.name), 1.0)) for p in command.parameters
                 ),
+                is_bound=command.name in bound,
             )
             for command in spec.commands
         ),

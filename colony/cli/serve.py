@@ -247,7 +247,8 @@ def _unwatched(settings: Settings, server: str) -> tuple[Diagnostic, ...]:
     if path is None:
         return ()
     file = read_body(path)
-    return tuple(unwatched_devices(settings.described.body, file, (server,) if server != ALL else None))
+    described, servers = settings.described, None if server == ALL else (server,)
+    return tuple(unwatched_devices(described.interface, described.body, file, servers))
 
 
 def server_named(text: str, settings: Settings) -> str:

@@ -33,6 +33,7 @@ Parse = Callable[[bytearray, int], tuple[Packet, int] | Need]
 Args: the bytes, and the place where a packet may begin, which has the decoder's `start`.
 Returns: the packet and the place behind it; "more" if it may be one, but is not complete; "other" if it is
     none, whatever follows. It says "other" as early as it can, for example when the length is impossible.
+Raises: ValueError, which stands for "other", such as that of a checksum that is no number.
 """
 
 
@@ -64,7 +65,10 @@ class SlidingDecoder(Generic[Packet]):
         packets: list[Packet] = []
         at = 0
         while (found := self._data.find(self._start, at)) >= 0:
-            read = self._parse(self._data, found)
+            try:
+                read = self._parse(self._data, found)
+            except ValueError:
+                read = "other"
             if read == "more":
                 at = found
                 break

@@ -39,8 +39,8 @@ class ImplausibleError(ValueError):
     """A reading is outside the device's physics, although its checksum holds; the text says which."""
 
 
-REFUSALS = (ImplausibleError, struct.error, IndexError)
-"""Exceptions of `Dialect.read` that refuse a packet: it cannot be, or it ends too early."""
+REFUSALS = (ValueError, LookupError, ArithmeticError, struct.error)
+"""Exceptions of `Dialect.read` that refuse a packet: it is implausible, unreadable or too short."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +115,8 @@ class Dialect(ABC, Generic[Packet]):
             then sends none on a new connection, and the opening has to stop a base that is still moving.
         goodbye: what ends the session: sent after the stop when no driver needs the port any more.
         rings: number of elements of each ring.
-        bounds: least and greatest value of fields and of the elements of rings; a packet with another value
-            is refused as a whole. A ring's `math.inf`, no echo, is always in bounds.
+        bounds: least and greatest value of fields and of the elements of arrays; a packet with another value
+            is refused as a whole. An element's `math.inf`, no echo, or None, invalid, is always in bounds.
         max_speed, max_turn: greatest speeds in mm/s and deg/s that the base can physically have; a packet
             with a greater one is refused as a whole.
         silent_s: seconds without any packet after which the device counts as lost, and is opened again.
@@ -158,7 +158,7 @@ class Dialect(ABC, Generic[Packet]):
 
         Raises:
             ImplausibleError: a reading is outside the device's physics; the whole packet is refused.
-            struct.error, IndexError: the packet ends too early; it is refused.
+            ValueError: the packet is unreadable and refused; so are those with another of the `REFUSALS`.
         """
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes:

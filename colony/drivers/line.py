@@ -7,12 +7,13 @@ import pickle
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic
 
 from colony.drivers.decoder import Packet
-from colony.drivers.dialect import REFUSALS, Dialect, OpeningError
+from colony.drivers.dialect import REFUSALS, Dialect, ImplausibleError, OpeningError
 from colony.drivers.guarded import (
     Arrived,
     Command,
@@ -42,6 +43,9 @@ STATUS_S = 10.0
 
 SUCCESSOR_PAUSE_S = 0.2
 """Seconds after which a line that only listens looks for the successor of a guard that has ended."""
+
+MAX_REFUSAL_KINDS = 64
+"""Maximum number of kinds of refused packets that are counted apart."""
 
 CLOSE_S = 1.0
 """Seconds that the thread has to end when the line is closed."""
@@ -124,7 +128,7 @@ class Line(Generic[Packet]):
         self._greeted = 0  # number of channels that the guard knows
         self._report = report
         self._problems: OnceReporter | None = None
-        self._implausible = OnceReporter(report)
+        self._refused = Counter[str]()
         self._problem: str | None = None
         self._lock = threading.Lock()
         self._measured = Measurements(
@@ -417,9 +421,23 @@ class Line(Generic[Packet]):
             with self._lock:
                 self._measured.take(readings, measured_ns)
         except REFUSALS as problem:
-            self._implausible.report("", "", f"a packet was refused: {problem}")
+            self._count_refusal(problem)
         if self._is_ready:
             self._note_success()
+
+    def _count_refusal(self, problem: Exception) -> None:
+        """Count a refused packet; report the 1st, 10th, 100th and so on of each measurement or exception."""
+        text = exception_text(problem)
+        is_implausible = isinstance(problem, ImplausibleError)
+        kind = text.partition(" ")[0] if is_implausible else type(problem).__name__
+        if kind not in self._refused and len(self._refused) >= MAX_REFUSAL_KINDS:
+            kind = ""
+        self._refused[kind] += 1
+        count = self._refused[kind]
+        if str(count).strip("0") == "1":
+            what = "a packet was" if count == 1 else f"{count} packets were"
+            cause = text if is_implausible else f"{type(problem).__name__}: {text}"
+            self._report(f"{what} refused: {cause}")
 
     def _note_success(self) -> None:
         self._problem = None

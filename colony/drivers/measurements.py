@@ -75,14 +75,16 @@ class Measurements:
 
     def _check(self, readings: Readings) -> None:
         for name, value in readings.fields.items():
-            for one in value if isinstance(value, tuple) else (value,):
-                self._check_value(name, one)
+            if not isinstance(value, (tuple, list)):
+                self._check_value(name, value)
+                continue
+            for element in value:
+                self._check_element(name, element)
         for name, elements in readings.elements.items():
             for i, value in elements.items():
                 if not 0 <= i < self._rings[name]:
                     raise ImplausibleError(f"{name}[{i}]: the ring has {self._rings[name]} elements")
-                if value != math.inf:
-                    self._check_value(f"{name}", value)
+                self._check_element(name, value)
         if (base := readings.base) is not None:
             speed = max(math.hypot(base.speed, base.sideways_speed), abs(base.wheel_speed))
             if not speed <= self._max_speed:
@@ -92,6 +94,10 @@ class Measurements:
             if not abs(base.turn_rate) <= self._max_turn:
                 text = f"the base turns at {base.turn_rate:g} deg/s; at most {self._max_turn:g} is possible"
                 raise ImplausibleError(text)
+
+    def _check_element(self, name: str, value: ScalarValue | None) -> None:
+        if value is not None and value != math.inf:
+            self._check_value(name, value)
 
     def _check_value(self, name: str, value: ScalarValue) -> None:
         low, high = self._bounds.get(name, (-math.inf, math.inf))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Generic
 
 from colony.drivers.decoder import Packet
-from colony.drivers.dialect import Ask, Opening, Send
+from colony.drivers.dialect import REFUSALS, Ask, Opening, Send
 
 
 class OpeningRun(Generic[Packet]):
@@ -32,7 +32,11 @@ class OpeningRun(Generic[Packet]):
 
     def on_packet(self, packet: Packet, now_ns: int) -> None:
         """Take a packet: the answer to a question, if it is accepted."""
-        if isinstance(self._step, Ask) and self._step.accepts(packet):
+        try:
+            is_answer = isinstance(self._step, Ask) and self._step.accepts(packet)
+        except REFUSALS:  # `accepts` cannot read the packet
+            return
+        if is_answer:
             self._go_on(packet, now_ns)
 
     def on_time(self, now_ns: int) -> None:

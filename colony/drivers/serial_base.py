@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Generic
 
 from colony.drivers.decoder import Packet
@@ -140,6 +140,7 @@ class SerialFields(Generic[Packet]):
     ) -> None:
         check_options(port, baud)
         self._names = dict(names)
+        self.commands: Set[str] = frozenset()
         self._line = Line.listening(dialect, port, baud, report)
 
     @property
@@ -212,6 +213,7 @@ class SerialActuators(SerialFields[Packet]):
         commands = [_guarded(dialect, port, stop, frame_ns) for stop in stops.values()]
         self._line, channels = Line.commanding(dialect, port, baud, commands, report)
         self._channels = dict(zip(stops, channels, strict=True))
+        self.commands = self._channels.keys()
 
     def command(self, name: str, values: Mapping[str, ScalarValue]) -> None:
         """Carry out a command that was decided in this frame.

@@ -29,6 +29,7 @@ class FieldSpec:
         hold: True if an invalid element keeps its last value and time; otherwise the array is missing.
         blocked: the elements that the robot's own body blocks, which read `no_echo`.
         factor: the unit of the numbers that a driver gives, in base units; servers send base units.
+        is_read: False if the interface has no sensor that reads it: a driver need not give it.
     """
 
     name: str
@@ -39,6 +40,7 @@ class FieldSpec:
     hold: bool = False
     blocked: tuple[int, ...] = ()
     factor: float = 1.0
+    is_read: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +61,14 @@ class ParameterSpec:
 
 @dataclass(frozen=True, slots=True)
 class CommandSpec:
-    """A command of a server, by name, with its parameters in the order in which the server takes them."""
+    """A command of a server, by name, with its parameters in the order in which the server takes them.
+
+    `is_bound` is False if the interface has no actuator that sends it: a driver need not have it.
+    """
 
     name: str
     parameters: tuple[ParameterSpec, ...]
+    is_bound: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,7 +82,7 @@ CODES: dict[str, str] = {
     "B017": "a field is measured less often than it is read",
     "B018": "nothing in the interface reads a part of the body",
     "B019": "nothing stops a device when its computer fails",
-    "B020": "a driver does not exist, or does not have an option",
+    "B020": "a driver does not exist, or does not have an option or command",
     "P001": "a class in Python cannot be imported and built",
     "P002": "a module in Python is not deterministic",
     "T001": "an expectation is false",

@@ -152,16 +152,25 @@ def test_what_nothing_reads_is_a_warning() -> None:
     ]
 
 
-DRIVEN = BODY.replace('simulated = { device = "base" }', 'hardware = { driver = "my.base:Base" }')
+DRIVER = 'hardware = { driver = "my.base:Base", watchdog = "2 s" }'
+DRIVEN = BODY.replace('simulated = { device = "base" }', DRIVER)
 WHEELS = INTERFACE.replace("RServer", "Wheels")
 DRIVEN_WHEELS = DRIVEN.replace("RServer", "Wheels")
 
 
 @pytest.mark.parametrize(("watchdog", "count"), [("none", 1), ("2 s", 0), ("500 ms", 0)])
 def test_a_device_that_nothing_stops_is_a_warning(watchdog: str, count: int) -> None:
-    body = DRIVEN.replace('Base" }', f'Base", watchdog = "{watchdog}" }}')
+    body = DRIVEN.replace("2 s", watchdog)
     text = "nothing stops `RServer` when its computer fails or its cable is pulled"
     assert found(INTERFACE, body) == [("B019", f'"{watchdog}"', text)] * count
+
+
+def test_a_device_that_is_stopped_needs_a_watchdog() -> None:
+    body = DRIVEN.replace(', watchdog = "2 s"', "")
+    text = "`RServer` has no `watchdog`: nothing may stop it when its computer fails"
+    assert found(INTERFACE, body) == [("B019", '"my.base:Base"', text)]
+    before, _, after = INTERFACE.partition("  actuator drive")
+    assert found(before + after[after.index("  actuator") :], body) == []
 
 
 def test_a_server_with_a_driver_alone_takes_any_command() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from colony.body.driver_signatures import driver_misfits
 from colony.body.reader import body_of_text
+from colony.dsl.load import load_text
 
 MODULE = """
 import math
@@ -19,7 +20,19 @@ except ImportError:
     def spare(): ...
 
 def battery(port, baud=0, *, frame_ns, cells): ...
-def fields(port, **names): ...
+def fields(port, **names: str): ...
+def typed(port: str, baud: int = 0, *, scale: float = 1, inverted: bool = False) -> Any: ...
+def listening(port):
+    return SerialFields(Rover(), port, {})
+def commanding(port):
+    return SerialActuators(Rover(), port, {}, {"jaw": b"", "lift": b""}, frame_ns=5)
+class Arm:
+    def fields(self): ...
+class Whole(Arm):
+    def safe(self): ...
+class Given:
+    def __init__(self):
+        self.command = print
 @math.wraps
 def wrapped(): ...
 class Lidar:
@@ -62,6 +75,15 @@ hardware = {{ driver = "{driver}", {options} }}
         ),
         ("parts.mine:Lidar", 'port = "x", rat = 5', ["no option `rat`; did you mean `rate`?"]),
         ("parts.mine:fields", 'port = "x", level = "volts"', []),
+        ("parts.mine:fields", 'port = "x", level = 3', ["`level` of `parts.mine:fields` takes `str`, not 3"]),
+        ("parts.mine:typed", 'port = "x", baud = 9600, scale = 2, inverted = true', []),
+        (
+            "parts.mine:typed",
+            'port = 5, baud = "57600", scale = true, inverted = 1',
+            [f"takes `{kind}`, not " for kind in ("str", "int", "float", "bool")],
+        ),
+        ("parts.mine:typed", 'port = "x", baud = 0.5', ["`baud` of `parts.mine:typed` takes `int`, not 0.5"]),
+        ("colony.drivers.pioneer.pioneer:base", 'port = "x", baud = "57600"', ["takes `int`, not '57600'"]),
         *(
             (f"parts.mine:{name}", "a = 1", [])
             for name in ("wrapped", "Derived", "alias", "imported", "numpy")
@@ -84,3 +106,30 @@ def test_a_driver_and_its_options_are_found_in_the_source(
     assert len(texts) == len(found)
     for text, expected in zip(texts, found, strict=True):
         assert expected in text
+
+
+@pytest.mark.parametrize(
+    ("driver", "found"),
+    [
+        ("commanding", []),
+        ("listening", ["`parts:listening` has no command `jaw` or `lift`"]),
+        ("Arm", ["`parts:Arm` has no method `command`"]),
+        *((name, []) for name in ("Whole", "Given", "alias", "imported", "typed")),
+    ],
+)
+def test_a_command_that_a_driver_lacks_is_found_in_the_source(
+    tmp_path: Path, driver: str, found: list[str]
+) -> None:
+    (tmp_path / "parts.py").write_text(MODULE)
+    options = 'port = "x"' if driver[0] in "clt" else "rate = 1"
+    file = body_of_text(BODY.format(driver=f"parts:{driver}", options=options), str(tmp_path / "ada.toml"))
+    interface = """
+    language 2
+    robot ada {
+      actuator jaw { to : mm } to Battery.jaw idle hold
+      actuator lift { to : mm } to Battery.lift idle hold
+    }
+    """
+    actuators = load_text(interface).robot.actuators
+    messages = [d.message for d in driver_misfits(file, actuators) if "option" not in d.message]
+    assert messages == found

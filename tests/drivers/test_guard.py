@@ -18,6 +18,7 @@ import pytest
 
 from colony.drivers import guarded
 from colony.drivers import line as line_module
+from colony.drivers.dialect import Readings
 from colony.drivers.guarded import Command, Lost, Sent, Up, connect
 from colony.drivers.link import LinkError
 from colony.drivers.serial_base import SerialBase, SerialFields
@@ -531,12 +532,46 @@ def test_garbage_from_the_line_moves_nothing_and_costs_no_line(robot: TinyRobot)
     try:
         wait_for(driver.state)
         robot.write(encoded(b"\x01\x02") + random.Random(1).randbytes(3000))
-        refusal = "a packet was refused: unpack_from requires a buffer of at least 7 bytes"
+        refusal = "a packet was refused: error: unpack_from requires a buffer of at least 7 bytes"
         wait_for(lambda: any(text.startswith(refusal) for text in said))
         wait_for(lambda: driver.problem is None and driver.state())
         assert not any(data[0] == SPEEDS and any(data[1:]) for data, _ in robot.heard)
     finally:
         driver.close()
+
+
+class Text(Tiny):
+    """A dialect with packets of text: `05 text`, the charge."""
+
+    def read(self, packet: bytes, t_ns: int) -> Readings:
+        if packet[0] != 5:
+            return super().read(packet, t_ns)
+        number, divisor = packet[1:].decode().split(",")
+        return Readings(fields={"charge": float(number) / int(divisor)})
+
+
+def test_packets_that_cannot_be_read_are_counted_and_cost_no_line(robot: TinyRobot) -> None:
+    said: list[str] = []
+    base = SerialBase(Text(), os.fspath(robot.port), report=said.append)
+    driver = SerialFields(Text(), os.fspath(robot.port), {"charge": "charge"})
+    try:
+        wait_for(base.state)
+        damaged = (b"\x05abc,1", b"\x05\xff,1", b"\x051,0", b"\x05nan,1", *[b"\x02\xff"] * 10)
+        robot.write(b"".join(map(encoded, damaged)) + encoded(b"\x0542,2"))
+        wait_for(lambda: driver.fields()["charge"])
+        assert sorted(said) == [
+            "10 packets were refused: volts is 25.5; from 0 to 20 is possible",
+            "a packet was refused: UnicodeDecodeError: 'utf-8' codec can't decode byte 0xff in position 0: "
+            "invalid start byte",
+            "a packet was refused: ValueError: could not convert string to float: 'abc'",
+            "a packet was refused: ZeroDivisionError: float division by zero",
+            "a packet was refused: charge is nan; from -inf to inf is possible",
+            "a packet was refused: volts is 25.5; from 0 to 20 is possible",
+        ]
+        assert (driver.problem, base.problem) == (None, None)
+    finally:
+        driver.close()
+        base.close()
 
 
 def test_garbage_from_a_driver_is_ignored(robot: TinyRobot) -> None:

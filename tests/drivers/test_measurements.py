@@ -25,7 +25,7 @@ STATE = BaseState(
 
 
 def measurements() -> Measurements:
-    bounds = {"volts": (0.0, 20.0), "sonar": (0.0, 5000.0)}
+    bounds = {"volts": (0.0, 20.0), "sonar": (0.0, 5000.0), "scan": (0.0, 5000.0)}
     return Measurements(rings={"sonar": 3}, bounds=bounds, max_speed=500.0, max_turn=90.0)
 
 
@@ -43,6 +43,8 @@ def test_a_ring_is_as_old_as_its_oldest_element() -> None:
     [
         (Readings(fields={"volts": 25.5}), "volts is 25.5; from 0 to 20 is possible"),
         (Readings(fields={"volts": math.nan}), "volts is nan"),
+        (Readings(fields={"scan": (100.0, None, math.inf, 6000.0)}), "scan is 6000.0"),
+        (Readings(fields={"scan": [6000.0]}), "scan is 6000.0"),  # type: ignore[dict-item]
         (Readings(elements={"sonar": {3: 10.0}}), r"sonar\[3\]: the ring has 3 elements"),
         (Readings(elements={"sonar": {1: 6000.0}}), "sonar is 6000.0"),
         (Readings(base=replace(STATE, speed=501.0)), "the base drives at 501 mm/s; at most 500"),

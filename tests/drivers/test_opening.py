@@ -13,7 +13,7 @@ MS = 1_000_000
 def dialogue() -> Opening[int]:
     yield Send(b"reset", pause_s=0.1)
     for _ in range(2):
-        if (answer := (yield Ask(b"who?", lambda packet: packet > 10, timeout_s=0.5))) is not None:
+        if (answer := (yield Ask(b"who?", lambda packet: 100 // packet < 10, timeout_s=0.5))) is not None:
             yield Send(bytes([answer]))
             return
     raise OpeningError("no answer")
@@ -26,6 +26,7 @@ def test_a_dialogue() -> None:
     assert sent == [b"reset"]
     run.on_time(100 * MS)
     run.on_packet(9, 101 * MS)  # no answer
+    run.on_packet(0, 102 * MS)  # one that cannot be read
     run.on_time(599 * MS)
     assert sent == [b"reset", b"who?"]
     run.on_time(600 * MS)

@@ -59,7 +59,13 @@ def describe(text: str) -> Described:
     else:
         body = read_body(body_beside(path, path.stem if program is None else program.robot.name))
     of_body = body.diagnostics if program is None else findings(program.robot, body)
-    found = in_order((*checked.diagnostics, *of_body, *driver_misfits(body)))
+    found = in_order(
+        (
+            *checked.diagnostics,
+            *of_body,
+            *driver_misfits(body, () if program is None else program.robot.actuators),
+        )
+    )
     return Described(text=text, checked=checked, body=body, diagnostics=found)
 
 

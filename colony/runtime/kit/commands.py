@@ -43,13 +43,15 @@ class Parameter(NamedTuple):
 class Command(NamedTuple):
     """A command: its description, the function that performs it, and the one that makes its device safe.
 
-    `unreached` returns why the device has not been reached by either, or not yet, although they returned.
+    `unreached` returns why the device has not been reached by either, or not yet, although they returned. An
+    OSError of either is not reported while `is_opening` is true.
     """
 
     description: CommandDescription
     perform: Callable[..., object]
     safe: Callable[[], object] | None
     unreached: Callable[[], tuple[str, ...]] = tuple
+    is_opening: Callable[[], bool] = bool
 
 
 def command(
@@ -306,6 +308,8 @@ class CommandPerformer:
     def _report_failure(self, name: str, what: str, failure: BaseException) -> None:
         problem = failure_text(f"{what}{self._server}.{name}", failure)
         self._unstopped[name] = headline(problem)
+        if isinstance(failure, OSError) and self._commands[name].is_opening():
+            return
         self._problems.report(f"{what}{name}", type(failure).__name__, problem)
 
     # --- deployments ---------------------------------------------------------------------------------

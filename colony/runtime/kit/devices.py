@@ -60,7 +60,10 @@ def device_server(
 
 
 NEVER_READ_NS = 10_000_000_000
-"""Time in ns after which a field that a working device has never given is reported."""
+"""Time in ns after which a field that a working device has never given is reported, once.
+
+It is no failure: some fields, such as a goal in sight, are rarely given.
+"""
 
 
 class _Held(NamedTuple):
@@ -79,10 +82,11 @@ class DeviceReader:
     def __init__(self, spec: ServerSpec, driver: DeviceDriver, report: Report) -> None:
         self._spec = spec
         self._driver = driver
+        self._report = report
         self._problems = OnceReporter(report)
         self._blocked = {field.name: frozenset(field.blocked) for field in spec.fields}
         self._held: dict[str, _Held] = {}
-        self._never_read = [field.name for field in spec.fields]
+        self._never_read = [field.name for field in spec.fields if field.is_read]
         self._works_since_ns: int | None = None
 
     @property
@@ -109,7 +113,7 @@ class DeviceReader:
         return fields
 
     def _look_for_fields(self, fields: Fields, now_ns: int) -> None:
-        """Report fields that were never read although the device works."""
+        """Report the fields that a sensor reads and a working device has never given."""
         self._never_read = [name for name in self._never_read if fields.get(name) is None]
         if problems_of(self._driver) or self.opening:
             self._works_since_ns = None
@@ -117,8 +121,8 @@ class DeviceReader:
             self._works_since_ns = now_ns
         elif now_ns - self._works_since_ns >= NEVER_READ_NS:
             for name in self._never_read:
-                text = f"{self._spec.name}.{name} is missing: the driver has never given it a value"
-                self._problems.report(name, "never", text)
+                self._report(f"{self._spec.name}.{name} is missing: the driver has never given it a value")
+            self._never_read = []
 
     def _read(self, now_ns: int) -> Fields:
         server = self._spec.name
@@ -241,6 +245,7 @@ def _command(spec: CommandSpec, driver: DeviceDriver) -> Command:
         in_units(perform, factors),
         partial(driver.safe),
         partial(unreached_of, driver),
+        partial(is_opening, driver),
     )
 
 

@@ -166,8 +166,8 @@ class DeviceDriver(Protocol):
     """A device with fields and commands of any kind, in the units that the robot's interface declares.
 
     A driver may be a class of a user. Whatever it raises is reported, and counts as no value or as a command
-    that was not sent. A driver may have the properties `problem` (`problems_of`), `is_opening` and
-    `unreached` (`unreached_of`).
+    that was not sent. A driver may have the properties `problem` (`problems_of`), `is_opening`,
+    `unreached` (`unreached_of`) and `commands`: the names of its commands, if it knows them.
     """
 
     def fields(self) -> Mapping[str, Reading | None]:

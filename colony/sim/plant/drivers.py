@@ -85,14 +85,15 @@ class _DeviceConnection(Generic[R]):
         self._newest: R | None = None
         self._number = 0
         self._problem = "not connected yet"
+        self.is_opening = True  # until it is connected, or refused
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name=type(attach).__name__, daemon=True)
         self._thread.start()
 
     @property
     def problem(self) -> str | None:
-        """The reason why there is no connection; None while there is one."""
-        return None if self._attached else self._problem
+        """The reason why there is no connection any more; None while there is one, and while it is opened."""
+        return None if self._attached or self.is_opening else self._problem
 
     def newest(self) -> R | None:
         """Return the latest reading, however old; in logical time request a new one."""
@@ -157,9 +158,9 @@ class _DeviceConnection(Generic[R]):
             except (FileNotFoundError, ConnectionRefusedError):
                 self._problem = "the Simulator is not running yet, or no longer"
             except OSError as problem:
-                self._problem = describe(problem)
+                self._problem, self.is_opening = describe(problem), False
             except PlantProtocolError as problem:
-                self._problem = str(problem)
+                self._problem, self.is_opening = str(problem), False
             with self._condition:
                 delay_s = _MIN_RETRY_DELAY_S if self._attached else min(2.0 * delay_s, _MAX_RETRY_DELAY_S)
                 self._sock, self._attached = None, False
@@ -184,9 +185,9 @@ class _DeviceConnection(Generic[R]):
     def _handle(self, message: FromPlant) -> None:
         with self._condition:
             if isinstance(message, Attached):
-                self._logical, self._attached = message.logical, True
+                self._logical, self._attached, self.is_opening = message.logical, True, False
             elif isinstance(message, Refusal):
-                self._problem = message.message
+                self._problem, self.is_opening = message.message, False
             elif isinstance(message, self._reading_type):
                 self._newest = message
             self._condition.notify_all()
@@ -211,8 +212,13 @@ class _RemoteDriver(Generic[R]):
 
     @property
     def problem(self) -> str | None:
-        """The reason why there is no connection to the device; None while there is one."""
+        """The reason why there is no connection to the device any more; None while there is one."""
         return self._connection.problem
+
+    @property
+    def is_opening(self) -> bool:
+        """True until there is a connection to the device, or a reason why there can be none."""
+        return self._connection.is_opening
 
     def close(self) -> None:
         """Close the connection to the device."""
@@ -350,8 +356,13 @@ class RemoteDevice:
 
     @property
     def problem(self) -> str | None:
-        """The reason why there is no connection to the device; None while there is one."""
+        """The reason why there is no connection to the device any more; None while there is one."""
         return self._connection.problem
+
+    @property
+    def is_opening(self) -> bool:
+        """True until there is a connection to the device, or a reason why there can be none."""
+        return self._connection.is_opening
 
     def fields(self) -> Mapping[str, DriverReading | None]:
         """Return the latest readings with their ages; none if the plant has sent none lately."""
@@ -373,7 +384,7 @@ class RemoteDevice:
             ConnectionError: there is no connection to the device.
         """
         if not self._connection.send(DeviceCommand(name=name, values=values)):
-            problem = self._connection.problem
+            problem = "it is not connected yet" if self.is_opening else self._connection.problem
             raise ConnectionError(
                 f"the simulator takes no command{'' if problem is None else f': {problem}'}"
             )

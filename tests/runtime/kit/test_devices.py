@@ -16,8 +16,9 @@ from colony.dsl.load import check_text
 from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Enum, ScalarValue
 from colony.runtime.assembly.virtual import VirtualSession
+from colony.runtime.kit.commands import CommandPerformer
 from colony.runtime.kit.description import Description, describe, server_spec
-from colony.runtime.kit.devices import NEVER_READ_NS, DeviceReader, device_server
+from colony.runtime.kit.devices import NEVER_READ_NS, DeviceReader, device_commands, device_server
 from colony.runtime.kit.fields import MAX_AGE_NS
 from colony.runtime.kit.once import RECOVERED_AFTER
 from colony.runtime.kit.service import RETRY_SAFE_NS, Service
@@ -459,6 +460,24 @@ def test_a_lift_whose_commands_fail_is_made_safe_and_reported_once() -> None:
     assert robot.reports == ["Lift.move failed: OSError: port is gone"]
 
 
+def test_a_command_that_fails_while_its_device_is_opened_is_no_failure() -> None:
+    class Opening(Device):
+        is_opening = True
+
+    device = Opening()
+    device.failing_safe = True
+    move = CommandSpec("move", (ParameterSpec("to", DISTANCE, "where"),))
+    reports: list[str] = []
+    performer = CommandPerformer(
+        "Arm", device_commands(ServerSpec("Arm", commands=(move,)), device), reports.append
+    )
+    performer.halt()
+    assert (performer.failing, reports, performer.is_safe) == ((), [], False)
+    device.is_opening = False
+    performer.retry()
+    assert performer.failing == tuple(reports) == ("safe of Arm.move failed: OSError: port is gone",)
+
+
 def test_a_lift_that_cannot_even_be_made_safe_ends_no_server() -> None:
     robot = Robot()
     robot.lift.failing_commands = robot.lift.failing_safe = True
@@ -485,9 +504,13 @@ def test_a_driver_gives_and_takes_numbers_in_the_units_of_the_interface() -> Non
     """
     checked = check_text(program)
     assert checked.program is not None
-    at = FieldSpec("at", DISTANCE, "where it is")
-    declared = in_declared_units(ServerSpec("Arm", fields=(at,), commands=(move,)), checked.program.robot)
-    assert declared.fields == (replace(at, factor=1000.0),)
+    at, moving = FieldSpec("at", DISTANCE, "where it is"), FieldSpec("moving", BOOL, "whether it moves")
+    home = CommandSpec("home", ())
+    declared = in_declared_units(
+        ServerSpec("Arm", fields=(at, moving), commands=(move, home)), checked.program.robot
+    )
+    assert declared.fields == (replace(at, factor=1000.0), replace(moving, is_read=False))
+    assert [command.is_bound for command in declared.commands] == [True, False]
     device.found = {"at": Reading(1.0, 0)}
     drivers = Drivers(servers=(declared, *COMMON_SERVERS), devices={"Arm": device})
     log = Log()
@@ -517,25 +540,23 @@ def test_a_device_that_cannot_be_made_safe_is_tried_again_until_it_is() -> None:
     assert device.safes == 4
 
 
-def test_a_field_that_a_working_device_never_gives_is_reported() -> None:
+def test_a_field_that_a_working_device_never_gives_is_reported_and_no_failure() -> None:
     class Opening(Device):
         is_opening, problem = True, None
 
     device, reports = Opening({"level": Reading(1.0, 0)}), list[str]()
-    spec = ServerSpec("S", fields=tuple(FieldSpec(name, DIMENSIONLESS, "") for name in ("level", "volts")))
+    read = tuple(FieldSpec(name, DIMENSIONLESS, "") for name in ("level", "volts"))
+    spec = ServerSpec("S", fields=(*read, FieldSpec("unread", DIMENSIONLESS, "", is_read=False)))
     reader = DeviceReader(spec, device, reports.append)
     for ready_ns in (0, NEVER_READ_NS):  # it works only from the second on
         reader.read(NOW_NS + ready_ns)
         device.is_opening = False
     reader.read(NOW_NS + 2 * NEVER_READ_NS - 1)
-    assert reader.failing == ()
-    for _ in range(2):
-        reader.read(NOW_NS + 2 * NEVER_READ_NS)
+    assert reports == []
+    device.found.clear()  # a field that was given once may be missing for ever
+    for seconds in (2, 3, 4):
+        reader.read(NOW_NS + seconds * NEVER_READ_NS)
     assert reports == ["S.volts is missing: the driver has never given it a value"]
-    assert reader.failing == tuple(reports)
-    device.found["volts"] = Reading(12.0, 0)
-    for _ in range(RECOVERED_AFTER + 1):
-        reader.read(NOW_NS + 2 * NEVER_READ_NS)
     assert reader.failing == ()
 
 

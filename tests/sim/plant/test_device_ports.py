@@ -185,15 +185,15 @@ def test_without_a_plant_there_is_no_value_and_a_command_fails(tmp_path: Path) -
     path = tmp_path / "plant"
     with closing(RemoteDevice(path, "amr", "Lift")) as lift:
         assert lift.fields() == {}
-        wait_for(lambda: lift.problem == "the Simulator is not running yet, or no longer")
-        refused = "the simulator takes no command: the Simulator is not running yet, or no longer"
-        with pytest.raises(ConnectionError, match=refused):
+        assert (lift.problem, lift.is_opening) == (None, True)
+        with pytest.raises(ConnectionError, match="the simulator takes no command: it is not connected yet"):
             lift.command("move", {"position": UP})
         lift.safe()
         with PlantProcess(path, {"amr": START}, body="amr") as running:
             wait_for(lift.fields)
             running.kill()
-            wait_for(lambda: lift.problem is not None)
+            wait_for(lambda: lift.problem == "the Simulator is not running yet, or no longer")
+            assert not lift.is_opening
         wait_for(lambda: lift.fields() == {})  # what it read last is too old
 
 

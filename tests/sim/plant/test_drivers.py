@@ -139,7 +139,7 @@ def test_a_plant_that_is_killed_and_comes_back(tmp_path: Path) -> None:
     assert robot.mute()
     robot.base.stop()
     robot.base.drive(100.0, 0.0)
-    assert robot.base.problem is not None
+    assert (robot.base.problem, robot.base.is_opening) == (None, True)
     with PlantProcess(path, {"rome": START}) as plant:
         wait_for(robot.ready)
         plant.kill()
@@ -162,7 +162,7 @@ def test_a_driver_of_a_plant_that_never_answers_can_be_closed(tmp_path: Path) ->
         base = RemoteBase(path, "rome", limits=LIMITS, origin_ns=0)
         connection, _ = listener.accept()
         assert base.state() is None
-        assert base.problem == "not connected yet"
+        assert (base.problem, base.is_opening) == (None, True)
         base.close()
         connection.close()
 

@@ -12,7 +12,7 @@ import reprlib
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Set
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -75,13 +75,18 @@ def _frame(make: Callable[..., Any], hardware: Hardware) -> dict[str, int]:
     return {"frame_ns": hardware.frame_ns} if is_asked and "frame_ns" not in hardware.options else {}
 
 
-def device_driver(driver: Any, hardware: Hardware) -> DeviceDriver:
-    """Return a driver as one of a device with fields and commands.
+def device_driver(driver: Any, hardware: Hardware, commands: Iterable[str] = ()) -> DeviceDriver:
+    """Return a driver as one of a device with fields and these commands.
 
     Raises:
-        DriverError: it lacks a method.
+        DriverError: it lacks a method, or says that it lacks a command.
     """
     _expect_methods(driver, hardware, DEVICE_METHODS)
+    known = getattr(driver, "commands", None)
+    if isinstance(known, Set) and (missing := [name for name in commands if name not in known]):
+        close_driver(driver, lambda text: None)
+        why = f"it has no command {listed([f'`{name}`' for name in missing], 'or')}"
+        raise _error(hardware, "does not fit the interface", why, is_final=True)
     checked: DeviceDriver = driver
     return checked
 

@@ -163,7 +163,8 @@ def _hardware_server(part: DevicesPart, hardware: Hardware, origin_ns: int, reso
         case DevicePart():
             from colony.runtime.kit.devices import device_server
 
-            checked = device_driver(driver, hardware)
+            bound = (command.name for command in part.server.commands if command.is_bound)
+            checked = device_driver(driver, hardware, bound)
             resources.callback(close_driver, driver, log_line)
             return device_server(part.server, checked, log_line, is_expected=True)
         case _:

@@ -54,6 +54,14 @@ def test_a_class_beside_the_body_is_made_with_the_options(folder: Path) -> None:
     assert (driver.port, driver.baud) == ("/dev/x", 115200)  # type: ignore[attr-defined]
 
 
+def test_a_driver_that_lacks_a_command_of_the_interface_is_refused(folder: Path) -> None:
+    (folder / "few_drivers.py").write_text(f"{GOOD}\nScanner.commands = {{'scan'}}\n")
+    of = hardware(folder, "few_drivers:Scanner", port="/dev/x")
+    device_driver(load_driver(of), of, ["scan"])
+    with pytest.raises(DriverError, match="does not fit the interface: it has no command `lift`"):
+        device_driver(load_driver(of), of, ["scan", "lift"])
+
+
 FRAMED = GOOD.replace("baud=9600", "frame_ns").replace("baud", "frame_ns")
 
 
