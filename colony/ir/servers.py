@@ -29,6 +29,7 @@ class FieldSpec:
         hold: True if an invalid element keeps its last value and time; otherwise the array is missing.
         blocked: the elements that the robot's own body blocks, which read `no_echo`.
         factor: the unit of the numbers that a driver gives, in base units; servers send base units.
+        declared: the unit that the interface declares, which is that of a bare number; "" for base units.
     """
 
     name: str
@@ -39,6 +40,7 @@ class FieldSpec:
     hold: bool = False
     blocked: tuple[int, ...] = ()
     factor: float = 1.0
+    declared: str = ""
 
 
 @dataclass(frozen=True, slots=True)
