@@ -8,6 +8,7 @@ import pytest
 
 import colony as library
 from colony.shipped import Shipped
+from colony.text.diagnostics import DiagnosticError
 from tests.cli.conftest import Colony
 from tests.cli.conftest import colony as colony
 from tests.paths import BEHAVIORS, MAPS, ROBOTS, ROOT
@@ -64,13 +65,19 @@ def test_commands_take_names_and_say_what_may_be_meant(colony: Colony) -> None:
     code, _, err = colony("check", "wandr")
     assert code == 2
     assert err.endswith("(did you mean `wander`?)\n")
+    Path("forage.colony").write_text(OWN)
+    for name in ("forag", "forag.colony"):
+        assert colony("check", name).err.endswith("(did you mean `forage.colony`?)\n")
     assert colony("map", "loop", "--no-picture").code == 0
     code, _, err = colony("map", "lop")
     assert code == 2
     assert "did you mean `loop`?" in err
 
 
-def test_the_front_door_takes_names() -> None:
+def test_the_front_door_takes_names_and_says_what_may_be_meant() -> None:
+    with pytest.raises(DiagnosticError) as failed:
+        library.load("wandr")
+    assert str(failed.value).endswith("No such file or directory (did you mean `wander`?)")
     assert library.load("figure_4_14").files[-1][0] == "figure_4_14.colony"
 
 

@@ -37,7 +37,7 @@ from colony.ir.fitting import (
 )
 from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
 from colony.ir.servers import FieldSpec, ServerSpec
-from colony.ir.types import DISTANCE, Array, Quantity, bearings_of, element_type
+from colony.ir.types import DISTANCE, Array, Quantity, bearings_of, element_type, is_percent
 from colony.text.diagnostics import Diagnostic, Label, error, warning
 from colony.text.suggestions import did_you_mean
 from colony.text.wording import counted, degrees_text, duration_text
@@ -119,9 +119,12 @@ def _sensor(
     size = list(_size(sensor, spec, server, file))
     found = size or [_with_body(d, sensor, body, file) for d in declaration_misfits(sensor, servers)]
     yield from found
+    bare = [] if found else list(_bare(sensor, server, file))
+    yield from bare
     if not found:
         yield from _bearings(sensor, server, file)
-        yield from _ends(sensor, server, file)
+        if not bare:
+            yield from _ends(sensor, server, file)
         yield from _blocked(sensor, server, file)
     yield from _times(sensor, server, body, file)
 
@@ -203,18 +206,38 @@ def _sectors(sensor: Sensor, bumper: Bumper, file: BodyFile) -> Iterator[Diagnos
             return
 
 
+def _bare(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error for each number without a unit of a field that the interface declares in percent."""
+    device = server.simulated
+    if not (is_percent(sensor.type) and isinstance(device, Values) and sensor.field in device.values):
+        return
+    field = device.values[sensor.field]
+    noise = () if field.noise is None else (("noise", field.noise),)
+    for key, (value, _, unit) in (*field.amounts, *noise):
+        if not unit and value and isinstance(value, float):
+            where = file.value("server", sensor.server, "simulated", "values", sensor.field, key)
+            message = f"found `{value:.10g}` without a unit; `{sensor.name}` is in percent"
+            hint = (
+                f"write `{value:.10g} percent`, or `{value * 100:.10g} percent` for {value:.10g} of the whole"
+            )
+            yield error("B007", where, message, hint, Label(sensor.span, "declared here"))
+
+
 def _ends(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error where a reading is beyond the sensor's range, which would clamp it."""
-    of = element_type(sensor.type)
+
+    def shown(value: float) -> str:
+        return f"{value / sensor.factor:g} {sensor.unit or 'number'}"
+
     declared = Label(sensor.span, "declared here")
     hint = "a reading beyond the range counts as its end: give the sensor a wider one"
     for path, (low, high) in _readings(sensor, server).items():
         where = file.value("server", sensor.server, *path)
         if sensor.high is not None and high > sensor.high:
-            found = f"has a range up to {sensor.high:g} {of}, and its device reads {high:g} {of}"
+            found = f"has a range up to {shown(sensor.high)}, and its device reads {shown(high)}"
             yield error("B015", where, f"`{sensor.name}` {found}", hint, declared)
         if sensor.low is not None and low < sensor.low:
-            found = f"has a range from {sensor.low:g} {of}, and its device reads {low:g} {of}"
+            found = f"has a range from {shown(sensor.low)}, and its device reads {shown(low)}"
             yield error("B015", where, f"`{sensor.name}` {found}", hint, declared)
 
 

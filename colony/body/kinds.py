@@ -49,10 +49,14 @@ class Measure:
 
 
 class Amount(NamedTuple):
-    """A value of a body of any type: a number in base units with its dimension, a bool, or a name."""
+    """A value of a body of any type: a number in base units with its dimension, a bool, or a name.
+
+    `unit` is the unit as written; "" for none.
+    """
 
     value: float | bool | str
     dimension: Dimension
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,7 @@ def parse_amount(text: str, example: str) -> Amount | Problem:
     except UnitError as problem:
         return Problem("B007", str(problem), _such_as(example))
     value = _in_base_units(*parts, dimension, example)
-    return value if isinstance(value, Problem) else Amount(value, dimension)
+    return value if isinstance(value, Problem) else Amount(value, dimension, parts[1])
 
 
 def parse_interval(text: str, dimension: Dimension, example: str) -> tuple[float, float] | Problem:

@@ -77,7 +77,9 @@ def _fields(server: Server, device: Device | None, sensors: Mapping[str, Sensor]
 
 
 def _described(spec: FieldSpec, server: Server, sensor: Sensor | None) -> FieldSpec:
-    """Return a field with what the body says of it."""
+    """Return a field with what the interface and the body say of it."""
+    if sensor is not None:
+        spec = replace(spec, declared=sensor.unit)
     own, device = server.fields.get(spec.name), server.simulated
     if own is None:
         return spec

@@ -8,6 +8,7 @@ import click
 
 from colony.shipped import errors_page
 from colony.text.suggestions import did_you_mean
+from colony.text.units import BASE_UNITS
 
 _SECTION = re.compile(r"^### (([A-Z]\d{3}): .*\n(?:(?!^##).*\n?)*)", re.MULTILINE)
 """A section of docs/errors.md: the code in its heading, and the text up to the next heading."""
@@ -27,6 +28,8 @@ def command(context: click.Context, topic: str | None) -> None:
       colony help run
     """
     from colony.cli.main import COMMANDS, colony
+    from colony.dsl.tables import load
+    from colony.ir.expression import Function, MemoryFunction
 
     if topic is None:
         click.echo(colony.get_help(context.find_root()))
@@ -40,6 +43,9 @@ def command(context: click.Context, topic: str | None) -> None:
     sections = {code: text for text, code in _SECTION.findall(errors_page())}
     section = sections.get(topic.upper())
     if section is None:
+        functions = (function.value for function in (*Function, *MemoryFunction))
+        if topic in (*BASE_UNITS, *load()["words"], *functions):
+            raise click.UsageError(f"`{topic}` is a word of the language: see docs/language.md", context)
         hint = did_you_mean(topic.upper(), sections) or did_you_mean(topic, COMMANDS)
         message = f"no code or command `{topic}`; {hint or 'for words of the language see docs/language.md'}"
         raise click.UsageError(message, context)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
 from io import BufferedWriter, FileIO, TextIOWrapper
@@ -193,6 +194,18 @@ def _report_failure(problem: Exception) -> int:
     return EXIT_ERRORS
 
 
+def _command_path(arguments: Sequence[str]) -> str:
+    """Return the command that arguments name, for errors that click raises without a context."""
+    command: click.Command = colony
+    path, context = "colony", click.Context(colony)
+    for argument in arguments:
+        found = command.get_command(context, argument) if isinstance(command, click.Group) else None
+        if found is None:
+            break
+        path, command = f"{path} {argument}", found
+    return path
+
+
 def _run() -> int:
     """Run the command, and return the exit code.
 
@@ -205,7 +218,7 @@ def _run() -> int:
     except click.exceptions.Exit as done:
         return done.exit_code
     except click.UsageError as problem:
-        path = problem.ctx.command_path if problem.ctx else "colony"
+        path = problem.ctx.command_path if problem.ctx else _command_path(sys.argv[1:])
         _say(f"{path}: error: {problem.format_message().rstrip('.')} (see `{path} --help`)")
         return EXIT_MISUSE
     except click.ClickException as problem:

@@ -66,6 +66,11 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
 
 def _robots(robot: str | None, connect: str | None) -> list[str]:
     if robot is not None:
+        if connect is None and robot not in running_robots():
+            found = ", ".join(running_robots()) or "none"
+            raise click.ClickException(
+                f"no process of `{robot}` runs on this machine (running robots: {found})"
+            )
         return [robot]
     expect_robot_with_endpoint(robot, connect)
     running = running_robots()

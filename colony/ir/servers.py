@@ -30,6 +30,7 @@ class FieldSpec:
         blocked: the elements that the robot's own body blocks, which read `no_echo`.
         factor: the unit of the numbers that a driver gives, in base units; servers send base units.
         is_read: False if the interface has no sensor that reads it: a driver need not give it.
+        declared: the unit that the interface declares, which is that of a bare number; "" for base units.
     """
 
     name: str
@@ -41,6 +42,7 @@ class FieldSpec:
     blocked: tuple[int, ...] = ()
     factor: float = 1.0
     is_read: bool = True
+    declared: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from colony.runtime.protocol.bindings import bound_servers
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
 
-def expect_running(robot_address: RobotAddress) -> None:
+def expect_running(robot_address: RobotAddress, described: DescribedRobot) -> None:
     """Check that a robot on this machine has processes; one behind a gateway is not checked.
 
     Raises:
@@ -21,10 +21,12 @@ def expect_running(robot_address: RobotAddress) -> None:
     """
     if isinstance(robot_address, Local) and not robot_address.directory.running():
         robots = ", ".join(running_robots()) or "none"
+        robot, kind = robot_address.robot, described.path and described.path.stem
+        served = robot if kind in (None, robot) else f"{robot}={kind}"
         raise MisuseError(
-            f"colony: error: no process of `{robot_address.robot}` runs on this machine "
+            f"colony: error: no process of `{robot}` runs on this machine "
             f"(running robots: {robots}); "
-            f"start it with `colony serve all --robot {robot_address.robot} --map MAP`, "
+            f"start it with `colony serve all --robot {served} --map MAP`, "
             "a real one with --hardware or --port PORT in place of the map"
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from colony.dsl.descriptions import RobotChoice, existing_choice, find_in_project
@@ -11,6 +12,8 @@ from colony.dsl.load import load_text
 from colony.ir.program import Program
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.protocol.interface import Interface, interface_of, interface_problem
+from colony.text.diagnostics import DiagnosticError
+from colony.text.source import Source, Span
 
 
 class NoDescriptionError(RobotConnectionError):
@@ -23,7 +26,17 @@ def described_program(choice: RobotChoice) -> Program:
     Raises:
         DiagnosticError: it has errors, or there is no such description.
     """
-    return load_text(f"{VERSION_LINE}\nimport robot\n", "--robot", robot=choice)
+    try:
+        return load_text(f"{VERSION_LINE}\nimport robot\n", "--robot", robot=choice)
+    except DiagnosticError as problem:
+        option, _, typed = choice.origin.partition(" ")
+        source = Source(option, typed)
+        written = Span(
+            source, len(typed) - len(choice.text) if typed.endswith(choice.text) else 0, len(typed)
+        )
+        raise DiagnosticError(
+            [replace(d, span=written) if d.span.source.name == "--robot" else d for d in problem.diagnostics]
+        ) from None
 
 
 def served_program(interface: Interface, choice: RobotChoice) -> Program:

@@ -7,10 +7,22 @@ import re
 
 from colony.ir.fitting import name_hint
 from colony.ir.program import Robot, Sensor
-from colony.ir.servers import DSERVER
-from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
-from colony.text.units import Dimension, UnitError, parse_unit, readable_unit
-from colony.text.wording import counted, shortened
+from colony.ir.servers import DSERVER, FieldSpec
+from colony.ir.types import (
+    Array,
+    Bool,
+    Enum,
+    Quantity,
+    Scalar,
+    ScalarValue,
+    Value,
+    element_type,
+    in_unit,
+    is_percent,
+)
+from colony.text.suggestions import did_you_mean
+from colony.text.units import BASE_UNITS, NUMBER, Dimension, UnitError, common_units, parse_unit
+from colony.text.wording import counted, listed, shortened
 
 _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
@@ -38,27 +50,40 @@ def sensor_named(robot: Robot, name: str) -> Sensor:
     return readers[name]
 
 
+def described_sensor(server: str, field: FieldSpec) -> Sensor:
+    """Return the sensor of a field that a server describes, in its declared unit."""
+    element, factor = element_type(field.type), 1.0
+    if field.declared:
+        unit = parse_unit(field.declared)
+        element, factor = in_unit(unit), float(unit.factor)
+    type_ = Array(element, field.type.size) if isinstance(field.type, Array) else element
+    return Sensor(name=f"{server}.{field.name}", type=type_, factor=factor, server=server, field=field.name)
+
+
 def parse_value(sensor: Sensor, text: str) -> Value:
     """Return what a sensor reads, in its declared unit.
 
     The text is a number, with or without a unit; true or false; an enumerator; or a list of such values:
-    `[1, 2]`.
+    `[1, 2]`. One value fills an array.
 
     Raises:
         GivenValueError: the text is no value of the sensor's type.
     """
     if isinstance(sensor.type, Array):
-        if not (text.startswith("[") and text.endswith("]")):
-            raise GivenValueError(f"found `{shortened(text)}`; expected a list of {sensor.type.size}")
+        size, element = sensor.type.size, sensor.type.element
+        if not text.startswith("["):
+            return (_scalar(sensor, element, text),) * size
+        if not text.endswith("]"):
+            raise GivenValueError(f"found `{shortened(text)}`; expected a list of {size}")
         parts = [part.strip() for part in text[1:-1].split(",")] if text[1:-1].strip() else []
-        if len(parts) != sensor.type.size:
-            raise GivenValueError(f"found {counted(len(parts), 'value')}; expected {sensor.type.size}")
-        element = sensor.type.element
+        if len(parts) != size:
+            raise GivenValueError(f"found {counted(len(parts), 'value')}; expected {size}")
         return tuple(_scalar(sensor, element, part) for part in parts)
     return _scalar(sensor, sensor.type, text)
 
 
 def _scalar(sensor: Sensor, type_: Scalar, text: str) -> ScalarValue:
+    hint = None
     match type_:
         case Bool():
             if text in ("true", "false"):
@@ -76,10 +101,17 @@ def _scalar(sensor: Sensor, type_: Scalar, text: str) -> ScalarValue:
             value = parse_number(text, dimension, sensor.factor)
             if value is not None:
                 return value
+            units = ("percent",) if is_percent(type_) else common_units(dimension)
             expected = (
-                f"a number in {readable_unit(dimension).text}" if dimension != Dimension() else "a number"
+                "a number"
+                if dimension == NUMBER and not is_percent(type_)
+                else f"a number in {listed(units, 'or')}"
             )
-    raise GivenValueError(f"found `{shortened(text)}`; expected {expected}")
+            parts = _QUANTITY.fullmatch(text)
+            if parts is not None and parts[2] not in BASE_UNITS:
+                known = [name for name, (of, _) in BASE_UNITS.items() if of == dimension]
+                hint = did_you_mean(parts[2], known, cutoff=0.75)
+    raise GivenValueError(f"found `{shortened(text)}`; expected {expected}{f'; {hint}' if hint else ''}")
 
 
 def parse_number(text: str, dimension: Dimension, factor: float) -> float | None:

@@ -156,7 +156,7 @@ def run_served(
             what only a simulator on this machine can give.
         DiagnosticError, LiveError, RunAbortedError: see `run_simulated`.
     """
-    expect_running(robot_address)
+    expect_running(robot_address, described)
     _expect_givable(robot_address, request)
     route = None
     if request.goal is not None:

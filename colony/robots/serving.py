@@ -225,7 +225,7 @@ class DriverDeaths:
         job, reason = death.job, death.tail[-1] if death.tail else death.cause
         if job.gives_up or self._last.get(job.name) != reason:
             again = "" if death.pause_s is None else "; it is tried again until it works"
-            self._report(describe(death) if job.gives_up else f"{job.name}: {reason}{again}")
+            self._report(describe(death) if job.gives_up else f"{job.title}: {reason}{again}")
         self._last[job.name] = reason
 
 

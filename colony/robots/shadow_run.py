@@ -61,7 +61,7 @@ def run_shadow(
         LiveError: the robot cannot be reached.
         RunAbortedError: the robot would refuse the program, no frame comes, or the Clock stays absent.
     """
-    expect_running(robot_address)
+    expect_running(robot_address, described)
     servers = bound_servers(compiled.robot)
     additional = additional_servers(compiled.robot, described, robot_address)
     bindings = bind(compiled.robot, (*described.servers, *additional))

@@ -102,7 +102,13 @@ class Shipped(Enum):
 
     def hint(self, name_or_path: str) -> str | None:
         """Return a suggestion for `name_or_path`, which was not found; None if there is none."""
-        close = did_you_mean(Path(name_or_path).stem, self.names())
+        folder = Path(name_or_path).parent
+        paths = sorted(folder.iterdir()) if folder.is_dir() else []
+        own = {path.stem: path for path in paths if path.suffix in self.suffixes}
+        close = did_you_mean(Path(name_or_path).stem, (*own, *self.names()))
+        for stem, path in own.items():
+            if close == f"did you mean `{stem}`?":
+                return f"did you mean `{path}`?"
         if close is None and not Path(name_or_path).suffix and os.path.basename(name_or_path) == name_or_path:
             return f"{self.value[0]} that come with colony: {', '.join(self.names())}"
         return close

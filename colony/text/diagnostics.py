@@ -41,7 +41,9 @@ class DiagnosticError(Exception):
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
-        super().__init__("\n".join(headline(d) for d in self.diagnostics))
+        super().__init__(
+            "\n".join(headline(d) + (f" ({d.hint})" if d.hint else "") for d in self.diagnostics)
+        )
 
 
 def error(code: str, span: Span, message: str, hint: str | None = None, *labels: Label) -> Diagnostic:

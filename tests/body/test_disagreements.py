@@ -92,7 +92,7 @@ def test_what_is_sent_before_is_no_field_of_the_body() -> None:
         (
             "range 0 .. 12",
             "range 0 .. 11",
-            ("B015", '"12 m"', "`scan` has a range up to 11000 mm, and its device reads 12000 mm"),
+            ("B015", '"12 m"', "`scan` has a range up to 11 m, and its device reads 12 m"),
         ),
         (
             "range -0.5 .. 0.5",
@@ -283,7 +283,7 @@ def test_every_device_agrees() -> None:
         (
             "range 0 .. 0.4",
             "range 0 .. 0.3",
-            ("B015", '"0 .. 400 mm"', "`height` has a range up to 300 mm, and its device reads 400 mm"),
+            ("B015", '"0 .. 400 mm"', "`height` has a range up to 0.3 m, and its device reads 0.4 m"),
         ),
         (
             "range -90 .. 90 ",

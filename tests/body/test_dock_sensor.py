@@ -39,7 +39,7 @@ def test_an_interface_of_a_dock_sensor_agrees() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "code", "message"),
     [
-        ("0 .. 3.5", "0 .. 3.4", "B015", "`away` has a range up to 3400 mm, and its device reads 3500 mm"),
+        ("0 .. 3.5", "0 .. 3.4", "B015", "`away` has a range up to 3.4 m, and its device reads 3.5 m"),
         ("off  : deg", "off  : mm", "R003", "`off`: Eye.dock_bearing is deg, not mm"),
         ("Eye.dock_seen", "Eye.dock_see", "R002", "`seen`: Eye has no field `dock_see`"),
         (

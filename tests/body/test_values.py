@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from tests.body.test_disagreements import found
+from colony.body.servers import servers_of
+from colony.dsl.load import load_text
+from colony.runtime.assembly.processes.spec import decoded_server, encoded_server
+from colony.runtime.kit.description import Description, server_spec
+from colony.runtime.kit.devices import DeviceReader
+from tests.body.test_disagreements import findings, found
 from tests.body.test_reader import SMALL, body_of, problems
+from tests.runtime.kit.test_devices import Device
 
 INTERFACE = """language 2
 enum floor { tiles = 0, carpet = 1 }
@@ -22,7 +28,7 @@ BODY = (
     + """
 [server.Nose.simulated]
 device  = "value"
-values.gas = { value = "5 percent", noise = 0.01, circles = [["1 m", "2 m", "3 m", "80 percent"]] }
+values.gas = { value = "5 percent", noise = "1 percent", circles = [["1 m", "2 m", "3 m", "80 percent"]] }
 values.kind = { value = "tiles", members = ["tiles", "carpet"] }
 values.wet = { value = false, rectangles = [["1 m", "2 m", "3 m", "4 m", true]] }
 values.voltage = { value = "12 V", noise = "50 mV" }
@@ -37,12 +43,41 @@ def test_an_interface_of_values_agrees() -> None:
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "hint"),
+    [
+        ('"5 percent"', "0.5", "write `0.5 percent`, or `50 percent` for 0.5 of the whole"),
+        ('"1 percent"', '"0.01"', "write `0.01 percent`, or `1 percent` for 0.01 of the whole"),
+        ('"80 percent"', "80", "write `80 percent`, or `8000 percent` for 80 of the whole"),
+        ('"5 percent"', "0", None),
+        ('"5 percent"', '"50 percent"', None),
+    ],
+)
+def test_a_bare_number_of_a_field_in_percent_is_refused(old: str, new: str, hint: str | None) -> None:
+    assert old in BODY
+    found = [(d.code, d.hint) for d in findings(INTERFACE, BODY.replace(old, new))]
+    assert found == ([] if hint is None else [("B007", hint)])
+
+
+def test_a_server_describes_the_units_that_the_interface_declares() -> None:
+    declared = INTERFACE.replace("voltage : V", "voltage : mV")
+    [spec, *_] = [s for s in servers_of(body_of(BODY), load_text(declared).robot) if s.name == "Nose"]
+    reader = DeviceReader(decoded_server(encoded_server(spec)), Device(), print)
+    described = server_spec(Description(server="Nose", fields=reader.descriptions))
+    assert {f.name: f.declared for f in described.fields} == {
+        "gas": "percent",
+        "kind": "",
+        "wet": "",
+        "voltage": "mV",
+    }
+
+
+@pytest.mark.parametrize(
     ("old", "new", "code", "message"),
     [
         ("voltage : V", "voltage : A", "R003", "`voltage`: Nose.voltage is V, not A"),
-        ("wet : bool", "wet : percent", "R003", "`wet`: Nose.wet is bool, not number"),
+        ("wet : bool", "wet : percent", "R003", "`wet`: Nose.wet is bool, not percent"),
         ("carpet = 1", "rug = 1", "R003", None),
-        ("0 .. 80", "0 .. 50", "B015", None),
+        ("0 .. 80", "0 .. 50", "B015", "`gas` has a range up to 50 percent, and its device reads 80 percent"),
         ("Nose.gas", "Nose.gass", "R002", "`gas`: Nose has no field `gass`"),
     ],
 )

@@ -28,5 +28,7 @@ def test_what_there_is_not(colony: Colony) -> None:
     code, _, err = colony("help", "vrify")
     assert code == 2
     assert "no code or command `vrify`; did you mean `verify`?" in err
-    assert "for words of the language see docs/language.md" in colony("help", "failsafe").err
+    for word in ("percent", "failsafe", "sensor", "recently", "min", "implies"):
+        assert f"`{word}` is a word of the language: see docs/language.md" in colony("help", word).err
+    assert "for words of the language see docs/language.md" in colony("help", "zzzzz").err
     assert colony("help").out.startswith("Usage: colony")

@@ -44,6 +44,9 @@ def test_each_command_has_help_with_an_example(colony: Colony, name: str) -> Non
         (("trace", "x.colony", "--input", "f", "--backend", "c++"), "'c++' is not one of"),
         (("run",), "Missing"),
         (("map",), "Missing"),
+        (("run", "x", "--start"), "colony run: error: Option '--start' requires an argument"),
+        (("sim", "hold", "x", "--for"), "colony sim hold: error: Option '--for' requires an argument"),
+        (("stop", "--robot", "nobody"), "no process of `nobody` runs on this machine (running robots: "),
     ],
 )
 def test_misuse_is_one_line_and_exit_code_2(colony: Colony, arguments: tuple[str, ...], said: str) -> None:

@@ -8,6 +8,7 @@ import pytest
 from colony.dsl.descriptions import RobotChoice
 from colony.robots.description import NoDescriptionError, described_program, served_program
 from colony.runtime.protocol.interface import Interface, interface_of
+from colony.text.diagnostics import DiagnosticError
 
 ROME, AMR = (RobotChoice(text=name, origin="the test") for name in ("rome", "amr"))
 
@@ -47,3 +48,15 @@ def test_what_a_robot_calls_its_description_is_no_path(name: str) -> None:
     called = msgspec.structs.replace(interface(ROME), robot=name)
     with pytest.raises(NoDescriptionError, match="is not found"):
         served_program(called, by_name("lab"))
+
+
+def test_an_unknown_description_is_shown_in_the_option_that_names_it() -> None:
+    choice = RobotChoice(text="romme", origin="--robot h1=romme")
+    with pytest.raises(DiagnosticError) as failed:
+        described_program(choice)
+    [problem] = failed.value.diagnostics
+    assert (str(problem.span), problem.span.text, problem.hint) == (
+        "--robot:1:4",
+        "romme",
+        "did you mean `rome`?",
+    )

@@ -8,8 +8,10 @@ import msgspec
 import pytest
 
 from colony.ir.program import Robot, Sensor
-from colony.ir.types import BOOL, DISTANCE, Array
-from colony.robots.scenario import Change, Scenario, ScenarioError, player, read_scenario
+from colony.ir.servers import FieldSpec
+from colony.ir.types import BOOL, DISTANCE, Array, Quantity, Value
+from colony.robots.given_values import described_sensor
+from colony.robots.scenario import Change, Scenario, ScenarioError, player, read_scenario, setting
 from colony.runtime.kit.script import Do, Sleep
 
 S = 1_000_000_000
@@ -22,7 +24,8 @@ def sensor(name: str, server: str, field: str, type_: object = BOOL, factor: flo
 ESTOP = sensor("estop", "Panel", "estop")
 POSE = sensor("pose_x", "DServer", "PoseX", DISTANCE, 1000.0)
 SCAN = sensor("scan", "Lidar", "scan", Array(DISTANCE, 2), 1000.0)
-ROBOT = Robot(name="amr", sensors=(ESTOP, POSE, SCAN, sensor("bumper", "RServer", "bumper")))
+GAS = sensor("gas", "Nose", "gas", Quantity(written="percent"), 0.01)
+ROBOT = Robot(name="amr", sensors=(ESTOP, POSE, SCAN, GAS, sensor("bumper", "RServer", "bumper")))
 
 TEXT = """
 # a stop of three seconds
@@ -69,7 +72,13 @@ def test_values_hold_until_the_next(tmp_path: Path) -> None:
         ("at 1 s scan = [1, 1e307]", "scan: found `1e307`; expected a number in mm"),  # of m
         ("at 1 s estop = true,", "found ``; expected NAME=VALUE"),
         (f"at 1 s estop = {'x' * 9999}", f"estop: found `{'x' * 60}...`; expected true or false"),
-        (f"at 1 s scan = {'x' * 9999}", f"scan: found `{'x' * 60}...`; expected a list of 2"),
+        (f"at 1 s scan = {'x' * 9999}", f"scan: found `{'x' * 60}...`; expected a number in mm, cm or m"),
+        ("at 1 s scan = [1", "scan: found `[1`; expected a list of 2"),
+        ("at 1 s gas = 30 mm", "gas: found `30 mm`; expected a number in percent"),
+        (
+            "at 1 s gas = 30percnt",
+            "gas: found `30percnt`; expected a number in percent; did you mean `percent`?",
+        ),
         (f"at 1 s {'x' * 9999} = 1", f"no sensor reads `{'x' * 60}...`; "),
         (f"at 1 s {'x' * 9999}", f"found `{'x' * 60}...`; expected NAME=VALUE"),
         ("x" * 9999, f"found `{'x' * 60}...`; expected `at TIME"),
@@ -95,6 +104,26 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "latin.scenario").write_bytes(b"\xff")
     with pytest.raises(ScenarioError, match="it is not UTF-8"):
         read_scenario(str(tmp_path / "latin.scenario"), ROBOT)
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "expected"),
+    [
+        (FieldSpec("gas", Quantity(), "", declared="percent"), "30", 0.3),
+        (FieldSpec("gas", Quantity(), "", declared="percent"), "30 percent", 0.3),
+        (FieldSpec("gas", Quantity(), ""), "30", 30.0),
+        (FieldSpec("gas", Quantity(), ""), "30 percent", 0.3),
+        (FieldSpec("scan", Array(DISTANCE, 2), "", declared="m"), "2", (2000.0, 2000.0)),
+        (FieldSpec("scan", Array(DISTANCE, 2), "", declared="m"), "[1, 250 mm]", (1000.0, 250.0)),
+        (FieldSpec("scan", Array(DISTANCE, 2), ""), "2", (2.0, 2.0)),
+        (FieldSpec("cliff", Array(BOOL, 2), ""), "true", (True, True)),
+    ],
+)
+def test_a_value_of_a_described_field_is_in_its_declared_unit(
+    field: FieldSpec, text: str, expected: Value
+) -> None:
+    described = described_sensor("Nose", field)
+    assert setting(Robot(name="amr", sensors=(described,)), f"{described.name}={text}").given == expected
 
 
 def test_changes_of_devices_are_in_base_units(tmp_path: Path) -> None:

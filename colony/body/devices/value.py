@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Literal, NamedTuple
 
 from colony.body.devices.common import FIELD_NAME, POSITION, SIZE, Sensor
 from colony.body.kinds import Amount, AnyAmount, Many, Named, Row, Table, Word, entry
 from colony.ir.servers import FieldSpec
-from colony.ir.types import BOOL, Enum, Quantity, Scalar
+from colony.ir.types import BOOL, Enum, Scalar, in_unit
+from colony.text.units import Unit
 
 _AMOUNT = AnyAmount("20 percent")
 
@@ -77,7 +79,7 @@ class ValueField:
             case str():
                 return Enum(name, tuple((member, float(i)) for i, member in enumerate(self.members)))
             case _:
-                return Quantity(self.amount.dimension)
+                return in_unit(Unit(self.amount.unit, self.amount.dimension, Fraction(1)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

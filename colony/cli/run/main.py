@@ -91,7 +91,8 @@ PICTURE = "run.png"
     multiple=True,
     metavar="NAME=VALUE",
     help="Hold what the program reads at this value: a variable of DServer, as if an operator kept setting "
-    "it, or a sensor that nothing simulates, such as a button. May be repeated.",
+    "it, or a field of a device, such as a button. A number without a unit is in that of the sensor; one "
+    "value fills an array. May be repeated.",
 )
 @click.option(
     "--scenario",

@@ -30,9 +30,10 @@ POLL_INTERVAL_S = 0.05
 def hold_command(settings: tuple[str, ...], robot: str | None, length: str | None) -> None:
     """Hold fields of a simulated robot's devices at values, until Ctrl-C or for a time.
 
-    The robot is one of `colony serve` or `colony run --processes`, on this machine. VALUE is in base units
-    (mm, s, deg) or has a unit; `missing` is none. Afterwards the devices read what they did before. What the
-    base and the ring of sonars measure cannot be held.
+    The robot is one of `colony serve` or `colony run --processes`, on this machine. VALUE is that of
+    `colony run --set`: a number has a unit, or the one that the interface declares for the field (base units
+    if it declares none); one value fills an array; `missing` is none. Afterwards the devices read what they
+    did before. What the base and the ring of sonars measure cannot be held.
 
     Exit code: 0 at the end, 1 if the simulator refuses, 2 for misuse.
 
@@ -48,6 +49,7 @@ def hold_command(settings: tuple[str, ...], robot: str | None, length: str | Non
     from colony.robots.given_values import GivenValueError
     from colony.robots.request import RunAbortedError
     from colony.runtime.transport.live.robot_address import local
+    from colony.text.wording import duration_text
 
     try:
         length_ns = None if length is None else duration_ns(length, option="--for")
@@ -70,7 +72,8 @@ def hold_command(settings: tuple[str, ...], robot: str | None, length: str | Non
                 raise click.exceptions.Exit(EXIT_ERRORS) from None
             if given and held_ns is None:
                 held_ns = time.monotonic_ns()
-                say(f"{robot_address.robot}: {', '.join(settings)}; Ctrl-C ends it")
+                end = "Ctrl-C ends it" if length_ns is None else f"ends after {duration_text(length_ns)}"
+                say(f"{robot_address.robot}: {', '.join(settings)}; {end}")
             if None not in (held_ns, length_ns) and time.monotonic_ns() - held_ns >= length_ns:  # type: ignore[operator]
                 return
             time.sleep(POLL_INTERVAL_S)
@@ -121,12 +124,11 @@ def _changes(name: str, session: Session, settings: tuple[str, ...]) -> tuple[Ch
 
 
 def _fields(session: Session, server: str) -> Iterable[Sensor]:
-    """Yield a sensor for each field that a server describes."""
-    from colony.ir.program import Sensor
+    """Yield a sensor for each field that a server describes, in the unit that the interface declares."""
+    from colony.robots.given_values import described_sensor
     from colony.runtime.kit.description import describe, server_spec
 
     with session.connect(server, name="colony sim hold") as connection:
         spec = server_spec(connection.do(describe()))
     for field in spec.fields:
-        name = f"{server}.{field.name}"
-        yield Sensor(name=name, type=field.type, factor=1.0, server=server, field=field.name)
+        yield described_sensor(server, field)

@@ -22,7 +22,8 @@ from colony.text.units import NUMBER, parse_unit
 class FieldDescription(msgspec.Struct, frozen=True, kw_only=True):
     """A field of the server's frames: a number in `unit` (plain if ""), a bool, or `size` of them.
 
-    With `has_age`, its readings say how old they are.
+    With `has_age`, its readings say how old they are. `declared` is the unit of bare numbers that are given
+    for it: that of the interface, or `unit` if "".
     """
 
     name: str
@@ -31,6 +32,7 @@ class FieldDescription(msgspec.Struct, frozen=True, kw_only=True):
     size: int | None = None
     meaning: str = ""
     has_age: bool = False
+    declared: str = ""
 
 
 class ParameterDescription(msgspec.Struct, frozen=True, kw_only=True):
@@ -79,7 +81,10 @@ def server_spec(description: Description) -> ServerSpec:
     Raises:
         ValueError: a unit is invalid, or not a base unit; fields are in mm, s, deg, A, V and degC.
     """
-    fields = tuple(FieldSpec(f.name, field_type(f), f.meaning, has_age=f.has_age) for f in description.fields)
+    fields = tuple(
+        FieldSpec(f.name, field_type(f), f.meaning, has_age=f.has_age, declared=f.declared)
+        for f in description.fields
+    )
     commands = tuple(CommandSpec(c.name, tuple(map(_parameter, c.parameters))) for c in description.commands)
     return ServerSpec(description.server, fields=fields, commands=commands)
 

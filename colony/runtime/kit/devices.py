@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from colony.execute.intake import as_float
 from colony.ir.servers import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
-from colony.ir.types import BOOL, Array, Bool, Enum, ScalarValue, Value, element_type
+from colony.ir.types import BOOL, Array, Bool, Enum, ScalarValue, Value, element_type, is_percent
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields
 from colony.runtime.kit.commands import Command, in_units
 from colony.runtime.kit.description import CommandDescription, FieldDescription, ParameterDescription
@@ -259,6 +259,7 @@ def _field_description(spec: FieldSpec) -> FieldDescription:
         size=spec.type.size if isinstance(spec.type, Array) else None,
         meaning=spec.meaning,
         has_age=spec.has_age,
+        declared=spec.declared or ("percent" if is_percent(element) else ""),
     )
 
 

@@ -44,7 +44,9 @@ def cause_text(cause: Cause, holds: bool, now: FrameTime) -> str:
     match cause:
         case Comparison(condition=condition, left=left, right=right, gap=gap):
             by = "" if gap is None or gap.startswith("0 ") or gap == "0" else f" by {gap}"
-            return f"`{condition}` {_verdict(holds)}{by}: {left} against {right}{detail_text(cause.detail)}"
+            is_said = left == right and left[:1].isalpha() and left in condition.split()
+            sides = "" if is_said else f": {left} against {right}"
+            return f"`{condition}` {_verdict(holds)}{by}{sides}{detail_text(cause.detail)}"
         case Reading(condition=condition, detail=detail):
             return f"`{condition}` is {truth_text(holds)}{detail_text(detail)}"
         case Constant(condition=condition):

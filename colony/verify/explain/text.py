@@ -174,7 +174,7 @@ def _changes_lines(explanation: Explanation) -> Iterator[str]:
     if not changes:
         yield "nothing that was sensed or remembered would have changed this"
     for is_certain, word in ((True, "would"), (False, "might")):
-        ways = [changes_texts(change) for change in changes if change.is_certain == is_certain]
+        ways = [*dict.fromkeys(changes_texts(c) for c in changes if c.is_certain == is_certain)]
         only = " only" if is_certain and any(len(way) > 1 for way in ways) else ""
         if len(ways) == 1 and len(ways[0]) <= MAX_CLAUSES:
             yield f"it {word} change{only} if {listed(ways[0])}"

@@ -217,7 +217,8 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("--connect", "--realtime"), "--realtime is for a simulated run"),
     (
         ("--connect", "--robot", "nobody"),
-        "no process of `nobody` runs on this machine (running robots: none)",
+        "no process of `nobody` runs on this machine (running robots: none); "
+        "start it with `colony serve all --robot nobody=rome --map MAP`",
     ),
 ]
 

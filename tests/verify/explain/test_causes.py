@@ -147,6 +147,19 @@ def test_a_cause_is_told(text: str, frames: list[Readings], question: Why | WhyN
     assert sentence in answer(program(text), frames, question)
 
 
+def test_ways_to_change_an_outcome_that_read_alike_are_given_once() -> None:
+    text = go("near", "recently(bumper, 1 s)") + go("far", "recently(bumper, 1 s)")
+    given = answer(program(f"{text}network {{ drive = near suppresses far }}"), [FAR, {}], WhyNot("drive"))
+    assert given.count("`bumper` had been true in the 1 s before") == 1
+
+
+def test_a_phase_that_the_condition_names_is_not_repeated() -> None:
+    text = "machine p { start rest  rest -> run when bumper }\n" + go("m", "p == p.rest")
+    given = answer(program(text + "network { drive = m }"), [FAR, {}], Why("m"))
+    assert "`p == p.rest` holds" in given
+    assert "p.rest against p.rest" not in given
+
+
 def test_a_follower_goes_on_from_the_checkpoint_of_another_before_its_first_frame() -> None:
     loaded = program(go("m", "bumper") + "network { drive = m }")
     followers = Follower(loaded), Follower(loaded, Follower(loaded).checkpoint)

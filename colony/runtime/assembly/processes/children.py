@@ -64,6 +64,11 @@ class Job:
     others: tuple[str, ...] = ()
     gives_up: bool = True
 
+    @property
+    def title(self) -> str:
+        """The name of the process, with the servers that share it."""
+        return f"{self.name} (with {', '.join(self.others)})" if self.others else self.name
+
 
 class Death(NamedTuple):
     """The unexpected end of a process.
@@ -315,7 +320,7 @@ def last_lines(path: Path, start: int = 0) -> tuple[str, ...]:
 
 def describe(death: Death) -> str:
     """Describe a death for users: its cause, what happens next, and the last lines of the process."""
-    name, pause_s = death.job.name, death.pause_s
+    name, pause_s = death.job.title, death.pause_s
     if death.final and death.tail:
         return f"{name}: {death.tail[-1]}"
     if pause_s is None:

@@ -70,7 +70,9 @@ AUDITED = ("frames", "compared", "late", "lost", "idled", "unheard", "unknown", 
 DRIFT = 3 << 20
 """Bytes by which late incarnations of a process may be larger than early ones."""
 
-_STRANGE = re.compile(r"^\S+ (?:(?:ended with|was killed by (?!SIGKILL)).*|.*given up)$", re.MULTILINE)
+_STRANGE = re.compile(
+    r"^\S+(?: \(with .*\))? (?:(?:ended with|was killed by (?!SIGKILL)).*|.*given up)$", re.MULTILINE
+)
 """A death, as the leader reports it, that the stage did not cause, or one too many."""
 
 

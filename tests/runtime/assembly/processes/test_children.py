@@ -266,6 +266,8 @@ def test_a_death_is_told_with_the_last_words(folder: Path) -> None:
     expected += [f"last lines of {folder}/a.log:", "  x", "  y"]
     assert describe(death).splitlines() == expected
     assert describe(death._replace(tail=(), pause_s=None)) == "a ended with exit code 1; it is not restarted"
+    shared = death._replace(job=replace(death.job, others=("b", "c")), tail=())
+    assert describe(shared) == "a (with b, c) ended with exit code 1; it is restarted in 0.25 s"
 
 
 def test_only_what_a_process_wrote_itself_explains_its_death(children: Children, folder: Path) -> None:
