@@ -16,11 +16,12 @@ def test_it_never_rams(trace):
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import cast
 
-from colony.compile.pipeline import compile_program
+from colony.compile.backends.python.generate import generate, load
+from colony.compile.pipeline import Compilation, compile_program
 from colony.execute.checked import checked_trace
 from colony.execute.intake import converted
 from colony.extras import naming_missing_extras
@@ -59,7 +60,8 @@ def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Out
     expect_program(program)
     frames = checked_trace(trace, program.robot.sensors)
     outcomes = agreement.reference(program, frames)
-    difference = agreement.disagreement(program, frames, expected=outcomes, compilation=_compiled(program))
+    compilation, executors = _prepared(program)
+    difference = agreement.disagreement(program, frames, executors, outcomes, compilation)
     assert difference is None, str(difference)
     for frame, outcome in zip(frames, outcomes, strict=True):
         broken = ", ".join(outcome.breaches)
@@ -67,7 +69,12 @@ def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Out
         yield _as_seen(program, frame), outcome
 
 
-_compiled = lru_cache(maxsize=8)(compile_program)
+@lru_cache(maxsize=8)
+def _prepared(program: Program) -> tuple[Compilation, Mapping[str, agreement.Factory]]:
+    """Compile a program, and generate its Python, once for all traces."""
+    compilation = compile_program(program)
+    source = generate(compilation.compiled)
+    return compilation, {**agreement.EXECUTORS, "generated Python": lambda _: load(source)}
 
 
 def _as_seen(program: Program, frame: Frame) -> Frame:

@@ -27,7 +27,7 @@ from colony.body.devices import (
 from colony.body.model import Body, Server
 from colony.body.reader import BodyFile
 from colony.body.servers import servers_of
-from colony.ir.bearings import TURN, between
+from colony.ir.bearings import LIST_STEP, TURN, between
 from colony.ir.fitting import (
     declaration_misfits,
     field_named,
@@ -44,6 +44,9 @@ from colony.text.wording import counted, degrees_text, duration_text
 
 _SAME_WITHIN_DEG = 1e-6
 """The angle between bearings that count as equal: a text in radians is rounded."""
+
+_PLACE_WITHIN_DEG = LIST_STEP
+"""The largest angle between a bearing and the direction of its place: an index this far off is outside."""
 
 
 def findings(robot: Robot, file: BodyFile) -> tuple[Diagnostic, ...]:
@@ -175,13 +178,15 @@ def _bearings(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagno
     device = server.simulated
     if isinstance(device, Bumper) and sensor.field == device.field:
         yield from _sectors(sensor, device, file)
+    if isinstance(device, Cliff) and sensor.field == device.field:
+        yield from _places(sensor, device, file)
     if not isinstance(device, Directed) or sensor.field not in {f.name for f in device.fields}:
         return
     own, theirs = bearings_of(sensor.type), device.bearings()
     if own is None or theirs is None:
         return
     for i, (angle, other) in enumerate(zip(own.angles, theirs.angles, strict=True)):
-        if abs((angle - other + TURN / 2) % TURN - TURN / 2) > _SAME_WITHIN_DEG:
+        if _between(angle, other) > _SAME_WITHIN_DEG:
             step = "poses" if isinstance(device, RangeFinder) else "bearing" if i == 0 else "step"
             where = file.value("server", sensor.server, "simulated", step)
             message = (
@@ -221,6 +226,46 @@ def _bare(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic
                 f"write `{value:.10g} percent`, or `{value * 100:.10g} percent` for {value:.10g} of the whole"
             )
             yield error("B007", where, message, hint, Label(sensor.span, "declared here"))
+
+
+def _places(sensor: Sensor, cliff: Cliff, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error where an element looks away from its place, or towards another one's place."""
+    own, places = bearings_of(sensor.type), cliff.directions()
+    for i, angle in enumerate(() if own is None else own.angles):
+        place = places[i]
+        if place is None or own is None:
+            continue
+        nearest = min(_between(angle, other) for other in places if other is not None)
+        off = _between(angle, place)
+        if off > _PLACE_WITHIN_DEG or off > nearest + _SAME_WITHIN_DEG:
+            message = (
+                f"`{sensor.name}[{i}]` looks along {degrees_text(angle)}, and its place lies along "
+                f"{degrees_text(round(place, 1))}"
+            )
+            order = ", ".join(degrees_text(x) for x in _in_order_of(places, own.angles))
+            where = file.value("server", sensor.server, "simulated", "places")
+            hint = f"in the order of the places the bearings are `[{order}]`"
+            yield error("B014", where, message, hint, Label(sensor.span, "declared here"))
+            return
+
+
+def _in_order_of(places: Sequence[float | None], angles: Sequence[float]) -> Sequence[float]:
+    """Return the angles in the order of the places, or the places' own where an angle fits none of them."""
+    order = [
+        a if p is None else min(angles, key=lambda x: _between(x, p))
+        for p, a in zip(places, angles, strict=True)
+    ]
+    fits_all = all(
+        p is None or _between(p, a) <= _PLACE_WITHIN_DEG for p, a in zip(places, order, strict=True)
+    )
+    if fits_all and sorted(order) == sorted(angles):
+        return order
+    return [a if p is None else float(round(p)) for p, a in zip(places, angles, strict=True)]
+
+
+def _between(a: float, b: float) -> float:
+    """Return the angle between two directions, in degrees."""
+    return abs((a - b + TURN / 2) % TURN - TURN / 2)
 
 
 def _ends(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-COMPILING = "compiling the simulator: about 20 s, once if the result can be cached (see NUMBA_CACHE_DIR)"
+COMPILING = (
+    "compiling the simulator: about 20 s on an idle machine, once if the result can be cached (see "
+    "NUMBA_CACHE_DIR); its cameras by themselves, when a command such as `run --processes` first loads them"
+)
 
 
 @contextmanager

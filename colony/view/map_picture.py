@@ -31,6 +31,7 @@ from colony.view.palette import FLOOR, INK, MUTED
 from colony.view.sheet import (
     Sheet,
     draw_docks,
+    draw_holes,
     draw_paths,
     draw_people,
     draw_start,
@@ -80,6 +81,7 @@ def draw_map(
     sheet, placed = _sheet_for(map_, walls)
     figure, axes = new_figure()
     _draw_floor(axes, map_)
+    draw_holes(axes, [np.array(hole.corners()) for hole in map_.holes])
     _draw_edges(axes, walls)
     _draw_links(axes, map_)
     _draw_lights(axes, map_)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from colony.nav.maps.stickrep.model import Pose
@@ -150,6 +151,17 @@ def draw_docks(axes: Axes, docks: Sequence[Pose]) -> None:
         axes.plot(
             dock.x_mm, dock.y_mm, marker=(3, 0, dock.heading_deg), color=DOCK, markersize=10,
             linestyle="none", markeredgecolor="white", label="dock" if i == 0 else "_", zorder=3.5,
+        )  # fmt: skip
+
+
+def draw_holes(axes: Axes, holes: Sequence[NDArray[np.float64]]) -> None:
+    """Hatch the holes in the floor, polygons (n, 2) each."""
+    for i, hole in enumerate(holes):
+        axes.add_patch(
+            Polygon(
+                hole, facecolor=PAPER, edgecolor=INK, hatch="xxx", linewidth=0.8,
+                label="hole" if i == 0 else "_", zorder=1.5,
+            )
         )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.body.test_disagreements import found
+from tests.body.test_disagreements import findings, found
 from tests.body.test_reader import SMALL, problems
 
 INTERFACE = """language 2
@@ -129,6 +129,33 @@ def test_bearings_of_range_finders_may_have_a_step() -> None:
     steps = INTERFACE.replace("[0 deg, 60 deg, -60 deg]", "-60 deg step 60 deg")
     order = '[["5 cm", "-9 cm", "-60 deg"], ["10 cm", "0 cm", "0 deg"], ["5 cm", "9 cm", "60 deg"]]'
     assert found(steps, BODY.replace(POSES, order)) == []
+
+
+CORNERS = '[["13 cm", "6 cm"], ["13 cm", "-6 cm"], ["0 cm", "0 cm"]]'
+
+
+@pytest.mark.parametrize(
+    ("bearings", "looks", "order"),
+    [
+        ("[25 deg, -25 deg, 0 deg]", None, ""),
+        ("[45 deg, -10 deg, 90 deg]", None, ""),
+        ("-25 deg step 50 deg", ("down[0]", "-25", "24.8"), "25, -25, 75"),
+        ("[25 deg, 0 deg, -25 deg]", None, ""),
+        ("[-2 deg, 2 deg, 90 deg]", ("down[0]", "-2", "24.8"), "2, -2, 90"),
+        ("[25 deg, -150 deg, 0 deg]", ("down[1]", "-150", "-24.8"), "25, -25, 0"),
+    ],
+)
+def test_cliff_sensors_look_where_their_places_are(
+    bearings: str, looks: tuple[str, str, str] | None, order: str
+) -> None:
+    floor = f'\n[server.Floor]\nsimulated = {{ device = "cliff", places = {CORNERS} }}\n'
+    sensor = f"  sensor   down[3] : bool  bearing {bearings}  from Floor.cliff\n}}\n"
+    interface = INTERFACE.rstrip("}\n") + "\n" + sensor
+    said = [(d.code, d.message, d.hint) for d in findings(interface, BODY + floor)]
+    degrees = ", ".join(f"{x} deg" for x in order.split(", "))
+    hint = f"in the order of the places the bearings are `[{degrees}]`"
+    message = "`{}` looks along {} deg, and its place lies along {} deg"
+    assert said == ([("B014", message.format(*looks), hint)] if looks else [])
 
 
 FAULTS = '[server.Imu]\nfaults = { missing = "1 percent", frozen = 0.005, lasting = "2 s" }\n'

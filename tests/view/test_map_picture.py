@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
+from matplotlib.patches import Polygon
 
 from colony.nav.maps.stickrep.geometry import link_endpoints
-from colony.nav.maps.stickrep.model import Pose
+from colony.nav.maps.stickrep.model import Hole, Pose
 from colony.nav.maps.stickrep.reader import load_map
 from colony.view.map_picture import draw_map, encode_picture, picture_format
 from tests.paths import MAPS
@@ -111,3 +112,13 @@ def test_docks_are_drawn_and_explained_once() -> None:
     legend = figure.axes[0].get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()].count("dock") == 1
+
+
+def test_holes_are_drawn_and_explained_once() -> None:
+    holes = (Hole(1000.0, 2000.0, 1500.0, 2600.0), Hole(0.0, 0.0, 300.0, 400.0))
+    figure = draw_map(replace(LOOP, holes=holes))
+    drawn = [patch.get_xy()[:-1].tolist() for patch in figure.axes[0].patches if isinstance(patch, Polygon)]
+    assert drawn == [[list(corner) for corner in hole.corners()] for hole in holes]
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()].count("hole") == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from colony.body.devices.common import FIELD_NAME, POSITION, Place, Sensor
@@ -25,3 +26,7 @@ class Cliff(Sensor):
     def fields(self) -> tuple[FieldSpec, ...]:
         """The fields that it measures."""
         return (FieldSpec(self.field, Array(BOOL, len(self.places)), "true where the ground is missing"),)
+
+    def directions(self) -> tuple[float | None, ...]:
+        """Return where each place lies from the robot's center, in degrees; None for one at the center."""
+        return tuple(math.degrees(math.atan2(y, x)) if x or y else None for x, y in self.places)

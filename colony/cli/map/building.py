@@ -25,6 +25,7 @@ def building_summary(building: Building) -> dict[str, object]:
         "lights": len(lights_of(first_map)),
         "start": first_map.start._asdict(),
         "docks": [dock._asdict() for dock in first_map.docks],
+        "holes": [hole._asdict() for hole in first_map.holes],
         "travel": first_map.travel,
         "rings": [
             {
@@ -52,6 +53,10 @@ def building_text(summary: dict[str, Any]) -> str:
         f"  start at {pose_text(summary['start'])}",
     ]
     lines += [f"  dock at {pose_text(dock)}" for dock in summary["docks"]]
+    lines += [
+        f"  hole from ({h['x0_mm']:.0f}, {h['y0_mm']:.0f}) to ({h['x1_mm']:.0f}, {h['y1_mm']:.0f}) mm"
+        for h in summary["holes"]
+    ]
     lines += [
         f"  ring {ring['name']}: {ring['nodes']} nodes, {ring['corners']} corners, "
         f"{ring['path_length_mm'] / 1000:.1f} m around"

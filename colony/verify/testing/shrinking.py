@@ -186,11 +186,11 @@ class _PlainReadings:
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
         """Yield a plain reading, then the first and the last reading."""
-        yield from (_plain(sensor), readings[0], readings[-1])
+        yield from (plain_reading(sensor), readings[0], readings[-1])
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
         """Yield plainer readings; an invalid reading may also become missing."""
-        plain = _plain(sensor)
+        plain = plain_reading(sensor)
         if repr(reading) in (repr(plain), "None"):
             return
         yield plain
@@ -217,7 +217,8 @@ def _plainer_elements(plain: ScalarValue, elements: list[ScalarValue | int]) -> 
             yield rounded
 
 
-def _plain(sensor: Sensor) -> Reading:
+def plain_reading(sensor: Sensor) -> Reading:
+    """Return a plain reading, in declared units: false, the first enumerator, or the number nearest to 0."""
     plain = _plain_scalar(sensor)
     return (plain,) * sensor.type.size if isinstance(sensor.type, Array) else plain
 

@@ -20,18 +20,23 @@ twice.
 
 from __future__ import annotations
 
-from itertools import pairwise
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
+from itertools import accumulate, pairwise
 from random import Random
 
 from hypothesis import strategies as st
 
-from colony.ir.frame import Frame
-from colony.ir.program import Program, expect_program
+from colony.ir.frame import Frame, Reading
+from colony.ir.program import Program, Sensor, expect_program
+from colony.ir.types import ScalarValue
 from colony.verify.testing.agreement import reference
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_frame, draw_trace, sensors_read
 from colony.verify.testing.networks import draw_network
 from colony.verify.testing.program_text import draw_text
+from colony.verify.testing.shrinking import plain_reading
 
 
 def choices() -> st.SearchStrategy[Choices]:
@@ -93,18 +98,20 @@ def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[
     expect_program(program)
     if max_frames < 1:
         raise ValueError(f"max_frames: found {max_frames}; expected 1 or more")
-    names = sorted(sensors_read(program))
-    drawn = st.integers(0, _MAX_SEED).map(lambda seed: _varied(Choices(Random(seed)), program, max_frames))
-    count = max_frames - 1 + len(names)
+    sensors = [s for s in program.robot.sensors if s.name in sensors_read(program)]
+    varied = lru_cache(maxsize=1)(lambda seed: _varied(Choices(Random(seed)), program, max_frames))
+    count = max_frames + len(_TIMES) + len(_READINGS) * len(sensors)
     kept = st.lists(st.integers(0, _KEPT), min_size=count, max_size=count)
-    return st.builds(lambda kept, trace: _reduced(trace, names, kept), kept, drawn)
+    return st.builds(
+        lambda kept, seed: _simplified(program, varied(seed), sensors, kept), kept, st.integers(0, _MAX_SEED)
+    )
 
 
 _MAX_SEED = 2**24 - 1
 """The largest seed of a trace; of a larger range hypothesis mostly draws small numbers, again and again."""
 
 _KEPT = 255
-"""The largest of the numbers by which hypothesis leaves out parts of a trace: those at 0."""
+"""The largest of the numbers by which hypothesis simplifies parts of a trace: those at 0."""
 
 
 _CANDIDATES = 3
@@ -131,17 +138,62 @@ def _varied(choices: Choices, program: Program, max_frames: int) -> tuple[Frame,
     )
 
 
-def _reduced(trace: tuple[Frame, ...], names: list[str], kept: list[int]) -> tuple[Frame, ...]:
-    """Return a trace without some frames, but with the last one, and without readings of some sensors.
+def _simplified(
+    program: Program, trace: tuple[Frame, ...], sensors: Sequence[Sensor], kept: Iterable[int]
+) -> tuple[Frame, ...]:
+    """Return a trace without some frames, with simpler times and simpler readings of some sensors.
 
-    `names` are the sensors that the program reads; those of others are left out.
+    `sensors` are those that the program reads; the readings of others are left out.
     """
-    read = {name for name, number in zip(names, kept, strict=False) if number}
-    frames = [f for f, number in zip(trace[:-1], kept[len(names) :], strict=False) if number]
-    return tuple(
-        frame._replace(readings={n: x if n in read else None for n, x in frame.readings.items()})
-        for frame in (*frames, trace[-1])
-    )
+    numbers = iter(kept)
+    of_frames = [next(numbers) for _ in trace]
+    frames = [f for f, number in zip(trace, of_frames, strict=True) if number] or [trace[-1]]
+    times = [f.t_ns for f in frames]
+    for simpler_times in _TIMES:
+        if not next(numbers):
+            times = simpler_times(times, program.robot.frame_ns)
+    readings = [dict.fromkeys(f.readings) for f in frames]
+    for sensor in sensors:
+        own = [f.readings.get(sensor.name) for f in frames]
+        for simpler in _READINGS:
+            if not next(numbers):
+                own = [simpler(sensor, reading) for reading in own]
+        for found, reading in zip(readings, own, strict=True):
+            if sensor.name in found:
+                found[sensor.name] = reading
+    return tuple(f._replace(t_ns=t, readings=r) for f, t, r in zip(frames, times, readings, strict=True))
+
+
+def _regular(times: list[int], period: int) -> list[int]:
+    """Return times one frame period apart, from 0."""
+    return [i * period for i in range(len(times))]
+
+
+def _whole_periods(times: list[int], period: int) -> list[int]:
+    """Return times from 0 with whole frame periods between them, at least one."""
+    return [*accumulate((max(1, round((b - a) / period)) * period for a, b in pairwise(times)), initial=0)]
+
+
+_TIMES = (_whole_periods, _regular)
+
+
+def _rounded(sensor: Sensor, reading: Reading) -> Reading:
+    """Return a reading with its numbers rounded to three digits."""
+    if isinstance(reading, list | tuple):
+        return tuple(_rounded_number(x) for x in reading)
+    return _rounded_number(reading)  # type: ignore[arg-type]
+
+
+def _rounded_number(x: ScalarValue | int) -> ScalarValue | int:
+    """Return a number with three significant digits, or 0 if it is tiny."""
+    return (float(f"{x:.3g}") if abs(x) > 1e-9 else 0.0) if isinstance(x, float) and math.isfinite(x) else x
+
+
+_READINGS: tuple[Callable[[Sensor, Reading], Reading], ...] = (
+    _rounded,
+    lambda sensor, _: plain_reading(sensor),
+    lambda sensor, _: None,
+)
 
 
 def network_runs(*, max_modules: int = 6, max_wires: int = 5, max_frames: int = 8) -> st.SearchStrategy[Run]:

@@ -145,6 +145,31 @@ def test_what_is_drawn_shrinks() -> None:
     assert len(of.wires) <= 2
 
 
+@pytest.mark.parametrize(
+    ("won", "expected"),
+    [
+        ("m1", [(0, {"a": True})]),
+        ("m2", [(0, {"x": 3.0})]),
+        ("m3", [(0, {"b": True, "x": 0.0}), (50 * MS, {"b": True, "x": 0.0})]),
+    ],
+)
+def test_a_failing_trace_shrinks_to_the_frames_and_readings_that_matter(
+    won: str, expected: list[tuple[int, dict[str, object]]]
+) -> None:
+    of = program(
+        "module m1 { when a do out(v = 1) }\nmodule m2 { when x > 2.5 and x < 100 do out(v = 2) }\n"
+        "module m3 { when b and previous(b, false) and x < 1 do out(v = 3) }\n"
+        "network { out = m1 suppresses (m2 suppresses m3) }"
+    )
+
+    def wins(trace: tuple[Frame, ...]) -> bool:
+        interpreter = Interpreter(of)
+        return any(d.by == won for frame in trace for d in interpreter.step(frame).decisions)
+
+    found = find(traces(of), wins, settings=settings(max_examples=300, database=None), random=Random(1))
+    assert [(f.t_ns, {name: x for name, x in f.readings.items() if x is not None}) for f in found] == expected
+
+
 @pytest.mark.parametrize("name", ["wander", "herbert"])
 def test_traces_of_a_behavior_reach_its_modules(name: str) -> None:
     of = load_file(ROOT / "behaviors" / f"{name}.colony")
