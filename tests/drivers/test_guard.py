@@ -25,6 +25,7 @@ from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.runtime.transport.live.run_directory import RunDirectory
 from tests.drivers.tiny import GOODBYE, HELLO, JAW, SPEEDS, Tiny, base, battery, encoded, gripper
 from tests.drivers.tiny_robot import TinyRobot
+from tests.paths import ROOT
 
 PATIENCE_S = 30.0
 """Seconds after which a loaded machine counts as broken."""
@@ -94,9 +95,10 @@ def robot(tmp_path: Path) -> Iterator[TinyRobot]:
         os.kill(guard_pid(robot), signal.SIGCONT)
         wait_for(lambda: not guard_runs(robot))
     robot.close()
-    for process in guarded._guards:
+    own = [process for process in guarded._guards if os.fspath(robot.port) in list(process.args)]
+    for process in own:
         process.wait(PATIENCE_S)
-    guarded._guards.clear()
+        guarded._guards.remove(process)
     for path in guard_socket(robot).parent.glob(f"{guard_socket(robot).name}*"):
         path.unlink()
 
@@ -104,7 +106,8 @@ def robot(tmp_path: Path) -> Iterator[TinyRobot]:
 @pytest.fixture
 def driving(robot: TinyRobot) -> Iterator[subprocess.Popen[bytes]]:
     """A process that drives the robot."""
-    process = subprocess.Popen([sys.executable, "-c", DRIVER, os.fspath(robot.port)], start_new_session=True)
+    command = [sys.executable, "-c", DRIVER, os.fspath(robot.port)]
+    process = subprocess.Popen(command, start_new_session=True, cwd=ROOT)
     try:
         wait_for(lambda: robot.speeds == (300, 0))
         yield process
