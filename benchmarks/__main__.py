@@ -54,6 +54,7 @@ QUICK: dict[str, dict[str, Any]] = {
     "load": {"ROUNDS": 1, "FRAMES": 5, "WARM_UP": 1, "FLOOR_S": 1.0, "BEHAVIORS": ("wander",)},
     "reading_to_motion": {"EVENTS": 2},
     "stops_on_wire": {"ROUNDS": 1, "WATCHED_S": 0.2},
+    "one_line": {"SECONDS": 1.0, "SETTLE_S": 1.0},
 }
 """With --quick: constants with which a benchmark takes about a second; its figures mean nothing."""
 

@@ -177,7 +177,9 @@ network { drive = cruise }
 
 def test_another_robot_is_given_what_its_scenario_says(tmp_path: Path) -> None:
     robot = program("amr", GIVEN).robot
-    (tmp_path / "shift.scenario").write_text("at 0 s estop = true, goal_x = 7 m\nat 2 s estop = false\n")
+    (tmp_path / "shift.scenario").write_text(
+        "at 0 s estop = true, goal_x = 7 m, resume = false\nat 1.5 s estop = false\nat 2 s resume = true\n"
+    )
     scenario = read_scenario(str(tmp_path / "shift.scenario"), robot)
     start = (4_000.0, 1_250.0, 270.0)
     report = driven(
