@@ -94,7 +94,7 @@ BAD = [
     ("Distance=3 s", "a number in mm"),
     ("Goal=exit", "goal.none, goal.corner"),
     ("Goal=3", "goal.none, goal.corner"),
-    ("Path=3", "a list of 2"),
+    ("Path=3 s", "a number"),
     ("Path=[3]", "expected 2"),
     ("Path=[3, x]", "a number in mm"),
 ]
