@@ -114,7 +114,7 @@ _KEPT = 255
 """The largest of the numbers by which hypothesis simplifies parts of a trace: those at 0."""
 
 
-_CANDIDATES = 3
+_CANDIDATES = 5
 """Number of traces of which the one with the most different decisions is taken."""
 
 
