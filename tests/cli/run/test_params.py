@@ -163,7 +163,7 @@ def test_without_z3_a_run_is_refused_but_for_a_compiled_program(
     monkeypatch.setattr(site_proof, "installed", lambda module: False)
     refused = colony("run", "b.colony", *RUN, "--params", "safe.toml")
     assert refused.code == 2
-    assert "7 contracts must be proved with these params, and z3 is not installed" in refused.err
+    assert "8 contracts must be proved with these params, and z3 is not installed" in refused.err
     assert "give --unproved" in refused.err
     assert "with the params of safe.toml" in colony("run", "x.colonyc", *RUN).out
 
