@@ -72,7 +72,7 @@ _LOOKALIKES = {
     "¬": "`not`",
     "°": "`deg`",
 }
-"""What the language writes for characters that keyboards and word processors put in its place."""
+"""Hints for typographic characters that keyboards and word processors insert, by character."""
 
 
 def _lookalike_hint(text: str, offset: int) -> str | None:
