@@ -23,11 +23,6 @@ def covers(cone: Cone, other: Cone) -> bool:
     return other.leaves <= cone.leaves
 
 
-def key_of(cone: Cone) -> frozenset[int]:
-    """Return a key that identifies a cone within its system."""
-    return cone.leaves
-
-
 def within(cone: Cone, term: z3.ExprRef) -> bool:
     """Return True if a term is part of a cone."""
     return term.get_id() in cone.visited

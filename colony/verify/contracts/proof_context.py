@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.verify.contracts.candidates import Candidate, candidates
-from colony.verify.contracts.cone import cone_of, covers, key_of
+from colony.verify.contracts.cone import cone_of, covers
 from colony.verify.contracts.houdini import invariants
 from colony.verify.contracts.solver import Budget
 from colony.verify.contracts.walk import not_refuted
@@ -53,8 +53,7 @@ class ProofContext:
 
     def known_invariants(self, cone: Cone) -> list[Candidate]:
         """Return the invariants found so far that depend on nothing outside a cone."""
-        constants = key_of(cone)
-        known = (c for key, found in self._invariants.items() if key <= constants for c in found)
+        known = (c for key, found in self._invariants.items() if key <= cone.leaves for c in found)
         return list({c.formula.get_id(): c for c in known}.values())
 
     def lemmas(self, cone: Cone) -> list[Claim]:
@@ -63,7 +62,7 @@ class ProofContext:
 
     def invariants(self, cone: Cone, budget: Budget) -> tuple[Candidate, ...]:
         """Return the invariants of a cone; each cone is searched only once."""
-        key = key_of(cone)
+        key = cone.leaves  # it identifies a cone within its system
         if key not in self._invariants:
             claims = [c for c in self.system.claims if covers(cone, self.cones[c.name])]
             proved = self.lemmas(cone)
