@@ -269,7 +269,7 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     ((*SERVE_ALL, "--listen", "tcp/localhost:0", "--security", "f"), "is unencrypted"),
     (("run", WANDER, "--robot", "", "--connect"), "`` cannot be the name of a robot"),
     (("stop",), "no robot runs on this machine"),
-    (("stop", "--robot", "r"), "no robot `r` on this machine"),
+    (("stop", "--robot", "r"), "no process of `r` runs on this machine (running robots: none)"),
     (("ps", "--connect", "tls/x:1"), "requires --robot NAME"),
     (("ps", "--robot", "r", "--connect", "tls/x:1"), "requires --security"),
 ]

@@ -100,7 +100,7 @@ MCAP: dict[str, tuple[Callable[[bytes], bytes], str | None, bool]] = {
 COMMANDS = {
     "audit": ("audit", "{}", "b.colony"),
     "trace": ("trace", "b.colony", "--input", "{}"),
-    "explain": ("explain", "{}", "b.colony", "--at", "0.6"),
+    "explain": ("explain", "{}", "b.colony", "--at", "0.3"),
     "watch": ("watch", "{}", "--behavior", "b.colony"),
 }
 

@@ -36,11 +36,11 @@ class Imported:
         functions: dict[tuple[str, str, int], list[FunctionType]] = {}
         caches = []
         for thing in gc.get_objects():
-            if isinstance(thing, FunctionType) and thing.__code__.co_filename in files:
+            if type(thing) is FunctionType and thing.__code__.co_filename in files:
                 code = thing.__code__
                 key = (code.co_filename, code.co_qualname, code.co_firstlineno)
                 functions.setdefault(key, []).append(thing)
-            elif isinstance(thing, _lru_cache_wrapper) and (thing.__module__ or "").startswith("colony"):
+            elif type(thing) is _lru_cache_wrapper and (thing.__module__ or "").startswith("colony"):
                 caches.append(thing)
         return cls(functions, caches)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -91,7 +92,14 @@ def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
     assert not held.ended(), held.err
     held.tell(signal.SIGINT)
     assert held.wait() == 0
-    until(machine.moves, "the robot drives again")
+    assert machine.stands()  # until somebody starts it
+    presses = cycle(["true", "false"])  # only a press after the release counts
+
+    def is_started() -> bool:
+        assert colony("data", "set", "Resume", next(presses), "--robot", ROBOT).code == 0
+        return machine.moves()
+
+    until(is_started, "the robot drives again")
     held = machine.start("sim", "hold", "Panel.estop=missing", "Lift.load=2 kg", "--for", "0.2")
     assert held.wait() == 0
     assert held.err == f"{ROBOT}: Panel.estop=missing, Lift.load=2 kg; Ctrl-C ends it\n"
