@@ -102,7 +102,7 @@ def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
     until(is_started, "the robot drives again")
     held = machine.start("sim", "hold", "Panel.estop=missing", "Lift.load=2 kg", "--for", "0.2")
     assert held.wait() == 0
-    assert held.err == f"{ROBOT}: Panel.estop=missing, Lift.load=2 kg; Ctrl-C ends it\n"
+    assert held.err == f"{ROBOT}: Panel.estop=missing, Lift.load=2 kg; ends after 200 ms\n"
     for text, problem in NOT_HELD:
         refused = colony("sim", "hold", text, "--robot", ROBOT)
         assert refused.code == 2, text
