@@ -141,7 +141,7 @@ def test_threads_share_a_connection(battery: Connection) -> None:
 
 def test_connections_share_a_session(environment: Mapping[str, str]) -> None:
     with battery_thread(environment), Session.open(ROBOT, environment=environment) as session:
-        assert session.servers() == (BATTERY,)
+        until(lambda: session.servers() == (BATTERY,), "its link is there")
         with session.connect(BATTERY) as one, session.connect(BATTERY, priority=3) as two:
             assert one.do(charge(1.0)) == two.do(level())
         with session.connect(BATTERY) as three:
