@@ -103,6 +103,7 @@ CODES: dict[str, str] = {
     "V011": "a contract is neither proved nor refuted",
     "V012": "a contract is proved only while every client is in time",
     "V013": "a contract is not proved any more with the params of a site",
+    "V014": "a contract is proved only over real numbers",
     "V020": "a module can never get through",
     "V021": "a predicate is never true",
     "V022": "a predicate is always true",

@@ -53,7 +53,9 @@ from colony.verify.interruption import reliable_interrupts
     "--faults", is_flag=True, help="With --examples: also run the traces with failing servers and clients."
 )
 @click.option(
-    "--strict", is_flag=True, help="Fail also if a contract is unknown, or a question was not decided."
+    "--strict",
+    is_flag=True,
+    help="Fail also if a contract is unknown or only over reals, or a question was not decided.",
 )
 @format_option
 def command(
@@ -72,15 +74,16 @@ def command(
     """Prove each contract for all possible sensor values, or find the shortest run that breaks it.
 
     A contract is proved (for every run of any length, clients late or lost included), proved in time (only
-    while every client is in time; V012 is a note about the other runs), REFUTED by a run, which is shown, or
-    unknown for a stated reason. "(operators too)": also proved while a joystick or a script commands within
-    the limits; "(without operators)": a command may break the contract, as --why shows, or no proof was
-    found. Warnings about modules that can never act, and about other likely mistakes, follow. The proofs
-    allow modules in Python any answer.
+    while every client is in time; V012 is a note about the other runs), over reals (proved where no float
+    rounds, and no run was found that breaks it), REFUTED by a run, which is shown, or unknown for a stated
+    reason. "(operators too)": also proved while a joystick or a script commands within the limits; "(without
+    operators)": a command may break the contract, as --why shows, or no proof was found. Warnings about
+    modules that can never act, and about other likely mistakes, follow. The proofs allow modules in Python
+    any answer.
 
     Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted (with
-    --strict also if one is unknown), a file has errors, an index that decides may be outside its array, or
-    limits contradict each other on `idle hold`, 2 if a file cannot be read.
+    --strict also if one is unknown or over reals), a file has errors, an index that decides may be outside
+    its array, or limits contradict each other on `idle hold`, 2 if a file cannot be read.
 
     \b
     Example:

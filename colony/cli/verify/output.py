@@ -78,7 +78,9 @@ def _summary(verified_files: Sequence[Verified], interrupted: bool) -> None:
     verdicts = [verdict_key(r) for verified in verified_files for r in verified.results]
     if not any(verified.program for verified in verified_files):
         return
-    counts = [_proved_text(verdicts), *(f"{verdicts.count(word)} {word}" for word in ("refuted", "unknown"))]
+    over_reals = verdicts.count("over_reals")
+    counts = [_proved_text(verdicts), *([f"{over_reals} over reals"] if over_reals else [])]
+    counts += [f"{verdicts.count(word)} {word}" for word in ("refuted", "unknown")]
     errors = sum(f.diagnostic.severity == "error" for verified in verified_files for f in verified.findings)
     counts += [counted(errors, "error")] if errors else []
     warnings = sum(d.severity == "warning" for verified in verified_files for d in verified.diagnostics)
@@ -142,18 +144,16 @@ def _sarif(verified_files: Sequence[Verified]) -> str:
 def _traces(verified: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
     """Return the frames that lead to each finding of a file."""
     from colony.cli.verify import examples
+    from colony.verify.contracts.kept import trace_of
     from colony.verify.contracts.report import finding
-    from colony.verify.contracts.results import Proved, ProvedInTime
 
     traces: dict[Diagnostic, Sequence[TraceStep]] = {}
     if verified.program is None:
         return traces
     for result in verified.results:
         diagnostic = finding(result, verified.suggested_file)
-        if diagnostic is None or isinstance(result, Proved):
-            continue
-        trace = result.python_trace or result.trace if isinstance(result, ProvedInTime) else result.trace
-        if trace is not None:
+        trace = trace_of(result)
+        if diagnostic is not None and trace is not None:
             traces[diagnostic] = _steps(verified.program, result.contract.span, trace)
     for lint_finding in verified.findings:
         if lint_finding.run is not None:

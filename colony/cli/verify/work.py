@@ -50,10 +50,10 @@ class Verified:
 
     @property
     def is_undecided(self) -> bool:
-        """True if a contract is unknown, or a question about modules that can never act was not decided."""
-        from colony.verify.contracts.results import Unknown
+        """True if a contract is unknown or over reals, or a question about modules was not decided."""
+        from colony.verify.contracts.results import OverReals, Unknown
 
-        return self.undecided_questions > 0 or any(isinstance(r, Unknown) for r in self.results)
+        return self.undecided_questions > 0 or any(isinstance(r, Unknown | OverReals) for r in self.results)
 
     @property
     def bug(self) -> str | None:

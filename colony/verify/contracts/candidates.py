@@ -40,7 +40,7 @@ def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
     system = cone.system
     flags = [c for c in cone.cells if z3.is_bool(c.old)]
     numbers = [c for c in cone.cells if z3.is_arith(c.old) and str(c.old) != str(system.last)]
-    contract_constants = _numerals([c.holds for c in claims])
+    contract_constants = numerals([c.holds for c in claims])
     in_initial_memory = Substitution([c.old for c in cone.cells], [c.initial for c in cone.cells])
     found: dict[int, Candidate] = {}
     for candidate in (
@@ -123,7 +123,7 @@ def _stem(cell: Cell) -> str:
 def _bounds(numbers: list[Cell], contract_constants: list[Fraction]) -> Iterator[Candidate]:
     """Yield the guesses that a number is bounded by a constant in its formula or in a contract."""
     for cell in numbers:
-        values = dict.fromkeys((*_numerals([cell.next, cell.initial]), *contract_constants))
+        values = dict.fromkeys((*numerals([cell.next, cell.initial]), *contract_constants))
         for value in list(values)[:_MAX_BOUNDS]:
             bound = _constant(value, cell.old.sort())
             if bound is not None:
@@ -140,7 +140,7 @@ def _constant(value: Fraction, sort: z3.SortRef) -> z3.ArithRef | None:
     return z3.IntVal(value.numerator) if value.denominator == 1 else None
 
 
-def _numerals(formulas: list[z3.ExprRef]) -> list[Fraction]:
+def numerals(formulas: list[z3.ExprRef]) -> list[Fraction]:
     """Return the numbers in formulas, each once."""
     found: dict[Fraction, None] = {}
     seen: set[int] = set()

@@ -49,7 +49,7 @@ _DECISIONS = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
 
 def with_operator_runs(program: Program, proved: Proved) -> Proved:
     """Return a proof without operators with a run in which a command from outside breaks the contract."""
-    trace = Refuter(program, proved.contract.name).search_random_runs(Disturbance.OPERATORS)
+    trace = Refuter(program, proved.contract.name).search_runs(Disturbance.OPERATORS)
     return replace(proved, operator_runs=() if trace is None else (trace,))
 
 
@@ -177,7 +177,7 @@ class Confirmer:
         attempt = Attempt(context, name, budget, refuter, known)
         found = attempt.run()
         if found is None and attempt.python_trace is None and refuter is not None:
-            found = refuter.search_random_runs(disturbance)
+            found = refuter.search_runs(disturbance)
         match found:
             case Proof():
                 return self._record(name, self._rounding(name, attempt))

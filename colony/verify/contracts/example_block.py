@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from colony.dsl import ast
 from colony.dsl.printer import print_file
@@ -27,7 +28,7 @@ def example_block(program: Program, contract: str, trace: Trace, name: str | Non
     if any(s.answers for s in trace.snapshots):
         return None
     sensors = {s.name: s for s in program.robot.sensors}
-    steps = []
+    frames = list[_Frame]()
     before: dict[str, Value | None] = {}
     for snapshot in trace.snapshots:
         given = [g for s in sensors.values() for g in _given(s, before, snapshot.readings)]
@@ -38,18 +39,43 @@ def example_block(program: Program, contract: str, trace: Trace, name: str | Non
             )
         if None in given:
             return None
-        steps.append(
-            ast.StepDecl(
-                first=_number(seconds(snapshot.t_ns)),
-                last=None,
-                period=None,
-                given=tuple(g for g in given if g is not None),
-                expect=(),
-            )
-        )
+        frames.append(_Frame(snapshot.t_ns, tuple(g for g in given if g is not None)))
         before = dict(snapshot.readings)
-    test = ast.TestDecl(title=name or title(contract), steps=tuple(steps))
+    test = ast.TestDecl(title=name or title(contract), steps=tuple(_steps(frames)))
     return print_file(ast.File(declarations=(test,)))
+
+
+class _Frame(NamedTuple):
+    """The time of a frame, and what it gives."""
+
+    t_ns: int
+    given: tuple[ast.GivenDecl, ...]
+
+
+def _steps(frames: Sequence[_Frame]) -> Iterator[ast.StepDecl]:
+    """Yield the steps; frames at equal distances after which nothing new is given are one `from ... to`."""
+    i = 0
+    while i < len(frames):
+        first, last = frames[i], i
+        while (
+            last + 1 < len(frames) and not frames[last + 1].given and _at_equal_distances(frames, i, last + 1)
+        ):
+            last += 1
+        if last < i + 2:
+            last = i
+        period_ns = frames[i + 1].t_ns - first.t_ns if last > i else None
+        yield ast.StepDecl(
+            first=_number(seconds(first.t_ns)),
+            last=None if last == i else _number(seconds(frames[last].t_ns)),
+            period=None if period_ns is None else _number(seconds(period_ns)),
+            given=first.given,
+            expect=(),
+        )
+        i = last + 1
+
+
+def _at_equal_distances(frames: Sequence[_Frame], first: int, last: int) -> bool:
+    return frames[last].t_ns - frames[last - 1].t_ns == frames[first + 1].t_ns - frames[first].t_ns
 
 
 def _given(

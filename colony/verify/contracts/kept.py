@@ -15,9 +15,18 @@ from colony.verify.contracts.proof_cache import ProofCache, content_key
 from colony.verify.contracts.prove import results
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.report import verdict_key
-from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted, Result, Trace, Unknown
+from colony.verify.contracts.results import (
+    Options,
+    OverReals,
+    Proved,
+    ProvedInTime,
+    Refuted,
+    Result,
+    Trace,
+    Unknown,
+)
 
-_RANKS: Mapping[str, int] = {"proved": 2, "proved_in_time": 1}
+_RANKS: Mapping[str, int] = {"proved": 3, "proved_in_time": 2, "over_reals": 1}
 
 OnProgress = Callable[[int, int, str], None]
 """A function that reports progress: the number of finished contracts, the total, and the present one."""
@@ -120,6 +129,8 @@ def trace_of(result: Result) -> Trace | None:
             return trace or python_trace
         case Refuted(trace=trace) | Unknown(trace=trace):
             return trace
+        case OverReals(proof=proof):
+            return trace_of(proof)
         case Proved():
             return None
         case _:

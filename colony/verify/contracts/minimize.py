@@ -19,15 +19,23 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.testing.shrinking import Shrinker, with_reading
 
 _PATIENCE = 1500
-"""Maximum number of frames that the interpreter computes for one trace of a small program."""
+"""Number of frames that the interpreter computes for one trace of a small program, at most."""
+
+_PASSES = 8
+"""Number of times that the interpreter computes all of a long trace, at least."""
 
 _MAX_DIGITS = 6
 
 
-def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PATIENCE) -> Trace:
-    """Return a minimal trace whose last frame breaks the contract, from `snapshots`, which break it."""
+def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int | None = None) -> Trace:
+    """Return a minimal trace whose last frame breaks the contract, from `snapshots`, which break it.
+
+    `patience` is the maximum number of frames that the interpreter computes, by default more for a long run.
+    """
     robot, broken = replay.program.robot, tuple(snapshots)[: len(replay.run(snapshots))]
-    shrinker = Shrinker(robot, broken, replay.breach, _SimplerReadings(), replay.affordable_runs(patience))
+    if patience is None:
+        patience = max(replay.affordable_runs(_PATIENCE), _PASSES * len(broken))
+    shrinker = Shrinker(robot, broken, replay.breach, _SimplerReadings(), patience)
     shrinker.run()
     shrinker.take(tuple(s._replace(restarted=False) for s in shrinker.trace))
     for module in dict.fromkeys(m for s in shrinker.trace for m in s.answers):

@@ -1,30 +1,43 @@
-"""The prover of contracts: each is proved, proved only while every client is in time, refuted, or unknown.
+"""The prover of contracts: proved, only with clients in time, over real numbers, refuted, or unknown.
 
 It tries a contract in a single frame with arbitrary memory, then with invariants of its memory
 (`houdini.py`), then by k-induction (`induction.py`), alternating with a search for counterexamples of growing
 length (`search.py`), which is also the base case. A counterexample counts only if it breaks the contract in
 the reference interpreter (`refute.py`).
 
-There are up to three encodings of a program. The usual one comes first. The precise one states products and
+There are up to four encodings of a program. The usual one comes first. The precise one states products and
 quotients of variables exactly; it is used if the usual one does not suffice and they matter. The general one
-allows any rounding; it is used to confirm proofs in which reals stand in for floats. As it is the cheapest, a
-proof in a single frame is tried in it first.
+allows any rounding; it is used to confirm proofs in which reals stand in for floats, and after it the close
+one, which allows any that is as close as floats are. As the general one is the cheapest, a proof in a single
+frame is tried in it first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import cached_property
 
 from colony.ir.program import Contract, Program
 from colony.verify.contracts.attempt import Attempt, Proof
+from colony.verify.contracts.concrete_runs import LongRuns
 from colony.verify.contracts.disturbances import Confirmer
 from colony.verify.contracts.explain import explain_unknown
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
-from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted, Result, Trace, Unknown
+from colony.verify.contracts.results import (
+    Options,
+    OverReals,
+    Proved,
+    ProvedInTime,
+    Refuted,
+    Result,
+    Trace,
+    Unknown,
+)
 from colony.verify.contracts.search import called_modules
 from colony.verify.contracts.solver import Budget, OnCharge
+from colony.verify.contracts.whole import with_whole_numbers
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
 from colony.verify.symbolic.reasons import rounding_reasons
@@ -32,6 +45,9 @@ from colony.verify.symbolic.system import Claim, Operation, Reason
 
 _GENERAL_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
+
+_CLOSE_DEPTH = 2
+"""Maximum depth in the close system: numbers grow by 51 digits a frame, which z3's resource units ignore."""
 
 _NONLINEAR = (Operation.PRODUCT, Operation.QUOTIENT)
 
@@ -59,12 +75,19 @@ def results(program: Program, names: list[str], options: Options | None = None) 
     for contract in program.contracts:
         if contract.name in names:
             result = prover.prove_disturbed(contract)
-            if isinstance(result, Unknown) or (isinstance(result, ProvedInTime) and result.trace is None):
+            if _is_open(result):
                 open_results.append((prover.proofs, result))
             else:
                 yield result
     for proofs_before, result in open_results:
         yield prover.prove_disturbed(result.contract) if prover.proofs > proofs_before else result
+
+
+def _is_open(result: Result) -> bool:
+    """Return True if proofs of other contracts may improve a result."""
+    return isinstance(result, Unknown | OverReals) or (
+        isinstance(result, ProvedInTime) and result.trace is None
+    )
 
 
 class Prover:
@@ -79,18 +102,27 @@ class Prover:
         self._on_charge = on_charge
         self._results: dict[str, Proved] = {}
         self._over_reals: dict[str, tuple[Reason, ...]] = {}
+        self._long_runs = LongRuns(program)
+        self._close_options = replace(
+            options, depth=min(options.depth, _CLOSE_DEPTH), max_frames=min(options.max_frames, _CLOSE_DEPTH)
+        )
 
     @cached_property
     def _usual(self) -> ProofContext:
-        return ProofContext(encode(self._program))
+        budget = Budget(self._options, self._on_charge)
+        return ProofContext(with_whole_numbers(self._program, encode(self._program), budget))
 
     @cached_property
     def _precise(self) -> ProofContext:
-        return ProofContext(encode(self._program, precise=True))
+        return ProofContext(encode(self._program, precise=True, known=self._usual.system.shapes))
 
     @cached_property
     def _general(self) -> ProofContext:
         return ProofContext(generalize(self._usual.system))
+
+    @cached_property
+    def _close(self) -> ProofContext:
+        return ProofContext(generalize(self._usual.system, close=True))
 
     @cached_property
     def _confirmer(self) -> Confirmer:
@@ -103,18 +135,26 @@ class Prover:
 
     def prove_disturbed(self, contract: Contract) -> Result:
         """Prove or refute a contract, also while clients are late or lost, and while connections command."""
-        result = self._results.get(contract.name) or self.prove(contract)
-        return self._confirmer.confirm(result) if isinstance(result, Proved) else result
+        known = self._results.get(contract.name)
+        result = self.prove(contract) if known is None or known.over_reals else known
+        if not isinstance(result, Proved):
+            return result
+        proof = self._confirmer.confirm(result)
+        in_time = proof.in_time if isinstance(proof, ProvedInTime) else proof
+        return OverReals(contract=contract, proof=proof) if in_time.over_reals else proof
 
     def prove(self, contract: Contract) -> Proved | Refuted | Unknown:
         """Prove or refute a contract while every client is in time, within a budget of its own."""
         float_proof = (
-            self._prove_for_floats(contract, one_frame_only=True) if self._uses_reals(contract) else None
+            self._prove_for_floats(contract, self._general, self._options, one_frame_only=True)
+            if self._uses_reals(contract)
+            else None
         )
         if float_proof is not None:
             return self._record_proved(contract, self._usual, *float_proof)
         budget = Budget(self._options, self._on_charge)
-        refuter = Refuter(self._program, contract.name, called_modules(self._usual.cones[contract.name]))
+        called = called_modules(self._usual.cones[contract.name])
+        refuter = Refuter(self._program, contract.name, called, long_runs=self._long_runs)
         attempt = Attempt(self._usual, contract.name, budget, refuter)
         context, found = self._usual, attempt.run()
         frames_searched = attempt.frames_searched
@@ -123,7 +163,7 @@ class Prover:
             context, found = self._precise, attempt.run()
             frames_searched = max(frames_searched, attempt.frames_searched)
         if found is None and attempt.python_trace is None:
-            found = refuter.search_random_runs()
+            found = refuter.search_runs()
         match found:
             case Proof():
                 return self._confirm_for_floats(contract, context, found, attempt.lemmas, refuter)
@@ -156,11 +196,16 @@ class Prover:
     ) -> Proved | Refuted:
         """Check whether a proof holds for floats, bit for bit: floats may break what holds for reals."""
         rounding = self._with_lemmas(rounding_reasons([context.claims[contract.name], *lemmas]), lemmas)
-        float_proof = self._prove_for_floats(contract) if rounding else None
+        float_proof = (
+            self._prove_for_floats(contract, self._general, self._options)
+            or self._prove_for_floats(contract, self._close, self._close_options)
+            if rounding
+            else None
+        )
         if float_proof is not None:
             proof, rounding = float_proof
         elif rounding:
-            trace = refuter.search_random_runs()
+            trace = refuter.search_runs()
             if trace is not None:
                 return Refuted(contract=contract, trace=trace)
         return self._record_proved(contract, context, proof, rounding)
@@ -185,16 +230,16 @@ class Prover:
         return tuple(dict.fromkeys((*rounding, *of_lemmas)))
 
     def _prove_for_floats(
-        self, contract: Contract, *, one_frame_only: bool = False
+        self, contract: Contract, general: ProofContext, options: Options, *, one_frame_only: bool = False
     ) -> tuple[Proof, tuple[Reason, ...]] | None:
         """Return a proof that allows any rounding, and the places where rounding may still matter.
 
         With `one_frame_only`, try only a proof in a single frame.
         """
-        budget = Budget(self._options, self._on_charge, _GENERAL_SHARE)
-        attempt = Attempt(self._general, contract.name, budget)
+        budget = Budget(options, self._on_charge, _GENERAL_SHARE)
+        attempt = Attempt(general, contract.name, budget)
         proof = attempt.prove_in_one_frame() if one_frame_only else attempt.run()
         if not isinstance(proof, Proof):
             return None
-        self._general.record_proof(contract.name)
-        return proof, rounding_reasons([self._general.claims[contract.name], *attempt.lemmas])
+        general.record_proof(contract.name)
+        return proof, rounding_reasons([general.claims[contract.name], *attempt.lemmas])

@@ -11,12 +11,13 @@ from collections.abc import Collection, Iterator
 from colony.execute.validity import MAX_TIME_NS
 from colony.ir.program import Program, PythonModule, Sensor
 from colony.ir.types import Bool, Enum, Value, element_type
+from colony.verify.contracts.concrete_runs import LongRuns, drawn_counterexample
 from colony.verify.contracts.decimals import rounded
 from colony.verify.contracts.minimize import minimize
-from colony.verify.contracts.random_runs import random_counterexample
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
 from colony.verify.contracts.search import CandidateTrace, Search
+from colony.verify.contracts.slicing import slice_of
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Disturbance, DisturbanceInputs
 from colony.verify.symbolic.witness import snapshots
@@ -31,7 +32,7 @@ class Refuter:
     `uncalled` are the modules in Python that a run must not call to break the contract whatever they answer:
     those in the contract's cone (`search.called_modules`), by default all. `spurious_models` is the number of
     models that do not break the contract in the interpreter. With `late`, models are of a system in which
-    these inputs say what is late.
+    these inputs say what is late. `long_runs` are those of the program, if they are to be tried.
     """
 
     def __init__(
@@ -40,8 +41,11 @@ class Refuter:
         contract: str,
         uncalled: Collection[str] | None = None,
         late: DisturbanceInputs | None = None,
+        long_runs: LongRuns | None = None,
     ) -> None:
         self._late = late
+        self._long_runs = long_runs
+        self._contract = next(c for c in program.contracts if c.name == contract)
         self._program = program
         self._replay = Replay(program, contract)
         if uncalled is None:
@@ -62,11 +66,21 @@ class Refuter:
         self._models_tried[candidate.frames] = self._models_tried.get(candidate.frames, 0) + 1
         return None
 
-    def search_random_runs(self, disturbance: Disturbance | None = None) -> Trace | None:
-        """Return a minimal trace from random runs that call no Python module, None if none breaks it."""
-        replay = self._replay_without_python
-        found = random_counterexample(self._program, replay, disturbance)
-        return None if found is None else minimize(replay, found)
+    def search_runs(self, disturbance: Disturbance | None = None) -> Trace | None:
+        """Return a minimal trace from concrete runs that call no Python module, None if none breaks it.
+
+        Long runs and tests are tried first, unless there is a disturbance.
+        """
+        replay, slice_ = self._replay_without_python, slice_of(self._program, self._contract)
+        if self._long_runs is not None and disturbance is None:
+            broken = self._long_runs.breaking(self._contract.name)
+            read = {s.name for s in slice_.robot.sensors}
+            found = tuple(_with_only(snapshot, read) for snapshot in broken or ())
+            if replay.breaks(found):
+                return minimize(replay, found)
+        uncalled = [m.name for m in slice_.modules if m.name in replay.uncalled]
+        drawn = drawn_counterexample(slice_, Replay(slice_, self._contract.name, uncalled), disturbance)
+        return minimize(replay, drawn) if drawn is not None and replay.breaks(drawn) else None
 
     def may_try_more(self, candidate: CandidateTrace) -> bool:
         """Return True if another model of the same length is worth a try."""
@@ -89,6 +103,11 @@ class Refuter:
             for name, value in snapshot.readings.items()
         }
         return snapshot._replace(readings=readings)
+
+
+def _with_only(snapshot: Snapshot, sensors: Collection[str]) -> Snapshot:
+    """Return a snapshot without the readings of all other sensors."""
+    return snapshot._replace(readings={n: x for n, x in snapshot.readings.items() if n in sensors})
 
 
 def _rounded(value: Value, sensor: Sensor, digits: int) -> Value:

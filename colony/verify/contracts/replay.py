@@ -40,9 +40,9 @@ class Replay:
     """
 
     def __init__(self, program: Program, contract: str, uncalled: Collection[str] = ()) -> None:
-        self._contract, self._uncalled = contract, uncalled
+        self._contract, self.uncalled = contract, uncalled
         self.program = replace(
-            _with_stand_ins(program), contracts=tuple(c for c in program.contracts if c.name == contract)
+            with_stand_ins(program), contracts=tuple(c for c in program.contracts if c.name == contract)
         )
         self._fields = {
             m.name: _command_fields(program, m) for m in program.modules if isinstance(m, PythonModule)
@@ -90,7 +90,7 @@ class Replay:
             outcomes.append(outcome)
             is_possible = (
                 is_possible
-                and not any(interpreter.is_active(m) and not interpreter.is_blind(m) for m in self._uncalled)
+                and not any(interpreter.is_active(m) and not interpreter.is_blind(m) for m in self.uncalled)
                 and all(self._is_allowed(name, given, interpreter) for name, given in snapshot.given.items())
             )
             if outcome.breaches:
@@ -124,8 +124,8 @@ class Replay:
         for module, fields in self._fields.items():
             answer = snapshot.answers.get(module)
             is_blind = answer is None and module in snapshot.answers
-            if module in self._uncalled or not is_blind:
-                readings[_activation_sensor_name(module)] = module in self._uncalled or answer is not None
+            if module in self.uncalled or not is_blind:
+                readings[_activation_sensor_name(module)] = module in self.uncalled or answer is not None
             for i, field in enumerate(fields):
                 readings[_field_sensor_name(module, i)] = (
                     any_value(field.type) if answer is None else answer[i]
@@ -147,7 +147,8 @@ def _field_sensor_name(module: str, i: int) -> str:
     return f"{module} answers {i}"
 
 
-def _with_stand_ins(program: Program) -> Program:
+def with_stand_ins(program: Program) -> Program:
+    """Return the program with stand-ins for its modules in Python, which answer by sensors."""
     python = [m for m in program.modules if isinstance(m, PythonModule)]
     sensors = [s for m in python for s in _stand_in_sensors(program, m)]
     modules = tuple(_stand_in(program, m) if isinstance(m, PythonModule) else m for m in program.modules)

@@ -13,12 +13,24 @@ from colony.text.diagnostics import Diagnostic, error, note, warning
 from colony.text.wording import counted
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
-from colony.verify.contracts.results import Proved, ProvedInTime, Refuted, Result, Trace, Unknown
+from colony.verify.contracts.results import (
+    OverReals,
+    Proved,
+    ProvedInTime,
+    Refuted,
+    Result,
+    Trace,
+    Unknown,
+)
 from colony.verify.contracts.table import decision_text, reading_text, table
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
 _MAX_LOCATIONS = 3
+
+_OVER_REALS_HINT = (
+    "leave room for rounding: compare with a bound that is a little wider, or keep numbers whole and bounded"
+)
 
 _IN_TIME = "proved while every client is in time"
 _OPEN = "where clients are late or lost, it is neither proved nor refuted"
@@ -31,6 +43,8 @@ def verdict(result: Result) -> str:
             return "proved"
         case ProvedInTime():
             return "proved in time"
+        case OverReals():
+            return "over reals"
         case Refuted():
             return "REFUTED"
         case Unknown():
@@ -46,25 +60,28 @@ def verdict_key(result: Result) -> str:
 
 def lines(program: Program, result: Result) -> tuple[str, ...]:
     """Return the verdict on one line, and the refuting trace or the reasons indented below it."""
-    space = " " if isinstance(result, ProvedInTime) else ""
+    space = " " if isinstance(result, ProvedInTime | OverReals) else ""
     head = f"{verdict(result):8}{space} {result.contract.name}"
     match result:
+        case OverReals(proof=proof, in_time=in_time):
+            _, *below = lines(program, proof)
+            return (f"{head}  (floats may round at {_locations(in_time.over_reals)})", *below)
         case Proved(operators=True):
-            return (f"{head}{over_reals(result)}  (operators too)",)
+            return (f"{head}  (operators too)",)
         case Proved(operator_runs=None):
-            return (f"{head}{over_reals(result)}  (without operators: --why {result.contract.name})",)
+            return (f"{head}  (without operators: --why {result.contract.name})",)
         case Proved(operator_runs=(trace,)):
             found = "a command from outside the network breaks it, within the limits:"
             shown_rows = (found, *table(program, result.contract, trace))
-            return (f"{head}{over_reals(result)}  (without operators)", *_indented(shown_rows))
+            return (f"{head}  (without operators)", *_indented(shown_rows))
         case Proved():
             found = "no run was found in which a command from outside the network breaks it"
-            return (f"{head}{over_reals(result)}  (without operators)", *_indented((found,)))
+            return (f"{head}  (without operators)", *_indented((found,)))
         case ProvedInTime(trace=trace, because=because, python_trace=python_trace):
             shown = trace or python_trace
             rows = () if shown is None else table(program, result.contract, shown)
             why = (_broken_text(trace),) if trace is not None else (f"it is {_IN_TIME}; {_OPEN}:", *because)
-            return (head + over_reals(result.in_time), *_indented((*why, *rows)))
+            return (head, *_indented((*why, *rows)))
         case Refuted(trace=trace):
             return (head, *_indented(table(program, result.contract, trace)))
         case Unknown(trace=trace):
@@ -93,14 +110,11 @@ def _indented(rows: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"  {row}" for row in rows)
 
 
-def over_reals(result: Proved) -> str:
-    """Return `  (over reals: floats may round at rome.colony:70)`, or "" if the proof is for floats."""
-    locations = list(dict.fromkeys(_location(r) for r in result.over_reals))
-    if not locations:
-        return ""
+def _locations(reasons: Iterable[Reason]) -> str:
+    """Return the files and lines of reasons: `rome.colony:70 and 2 more lines`."""
+    locations = list(dict.fromkeys(_location(r) for r in reasons))
     omitted = len(locations) - _MAX_LOCATIONS
-    shown = ", ".join(locations[:_MAX_LOCATIONS]) + (f" and {omitted} more lines" if omitted > 0 else "")
-    return f"  (over reals: floats may round at {shown})"
+    return ", ".join(locations[:_MAX_LOCATIONS]) + (f" and {omitted} more lines" if omitted > 0 else "")
 
 
 def _location(reason: Reason) -> str:
@@ -117,7 +131,7 @@ def reason_text(reason: Reason) -> str:
 def finding(result: Result, file: str | None) -> Diagnostic | None:
     """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
-    For one that is proved only while every client is in time, it is a note.
+    For one that is proved only while every client is in time, or only over real numbers, it is a note.
 
     The hint suggests adding the run to `file` as a test; `file` is None if the run is added anyway.
     """
@@ -127,6 +141,11 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             return None
         case ProvedInTime():
             return note("V012", contract.span, _in_time_message(result), _in_time_hint(result))
+        case OverReals(proof=proof, in_time=in_time):
+            only = " and only while every client is in time" if isinstance(proof, ProvedInTime) else ""
+            where = _locations(in_time.over_reals)
+            claim = f"contract `{contract.name}` is proved only over real numbers{only}"
+            return note("V014", contract.span, f"{claim}: floats may round at {where}", _OVER_REALS_HINT)
         case Refuted(trace=trace):
             time = time_of_breach(trace)
             found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
@@ -225,6 +244,8 @@ def row(program: Program, result: Result) -> dict[str, object]:
             result_row |= {**_proof_row(result), "operators": operators}
             if runs is not None:
                 result_row["operator_runs"] = [trace_rows(program, trace) for trace in runs]
+        case OverReals(proof=proof):
+            result_row |= {key: value for key, value in row(program, proof).items() if key not in result_row}
         case ProvedInTime(in_time=in_time, because=because):
             shown = result.trace or result.python_trace
             result_row |= {**_proof_row(in_time), "operators": False}

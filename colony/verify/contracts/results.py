@@ -73,7 +73,8 @@ class Proved:
         contract: The contract.
         k: Depth of the induction.
         invariants: Conditions on memory that the proof needed, and that are proved as well.
-        over_reals: Places where the proof is about real numbers and floats may round.
+        over_reals: Places where the proof is about real numbers and floats may round; none in a `Result`
+            but within `OverReals`.
         operators: True if the contract was also proved while connections outside the network command any
             actuators, within their bounds. Otherwise a command may break it, or no proof was found.
         operator_runs: Runs in which such a command breaks it: one, or none that was found; None if none was
@@ -106,6 +107,22 @@ class ProvedInTime:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OverReals:
+    """A proof in which reals stand in for floats; no run that was tried breaks the contract.
+
+    `proof` is that proof, with the places in its `over_reals` or those of its `in_time`.
+    """
+
+    contract: Contract
+    proof: Proved | ProvedInTime
+
+    @property
+    def in_time(self) -> Proved:
+        """The proof of runs in which every client is in time."""
+        return self.proof.in_time if isinstance(self.proof, ProvedInTime) else self.proof
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Refuted:
     """A refutation: `trace` breaks the contract."""
 
@@ -126,4 +143,4 @@ class Unknown:
     trace: Trace | None = None
 
 
-Result = Proved | ProvedInTime | Refuted | Unknown
+Result = Proved | ProvedInTime | OverReals | Refuted | Unknown

@@ -40,7 +40,30 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
                 *([", ".join(sorted(snapshot.lost)) or "none"] if some_lost else []),
             ]
         )
-    return (*aligned(rows), *_notes(program, trace, len(sensors)))
+    heading, *frames = rows
+    return (*aligned([heading, *_folded(frames)]), *_notes(program, trace, len(sensors)))
+
+
+_MAX_ROWS = 40
+"""Number of rows of a long run that are shown, half of them from its beginning."""
+
+
+def _folded(rows: list[list[str]]) -> list[list[str]]:
+    """Return the rows with `...` in place of those between equal ones, which differ in their time alone."""
+    folded = list[list[str]]()
+    for i, row in enumerate(rows):
+        if 0 < i < len(rows) - 1 and rows[i - 1][1:] == row[1:] == rows[i + 1][1:]:
+            if folded[-1][0] != _OMITTED:
+                folded.append([_OMITTED, *("" for _ in row[1:])])
+        else:
+            folded.append(row)
+    if len(folded) <= _MAX_ROWS:
+        return folded
+    half = _MAX_ROWS // 2
+    return [*folded[:half], [_OMITTED, *("" for _ in rows[0][1:])], *folded[-half:]]
+
+
+_OMITTED = "..."
 
 
 def missing_lines(shown: int, needed_missing: Sequence[str], sensors: int) -> Iterator[str]:

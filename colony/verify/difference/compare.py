@@ -54,7 +54,7 @@ def difference(
         return Same(matching=modules_matched, by_content=True)
     contract = Contract(name=_SAME, expression=_claim(unequal, ignored_parts, combined))
     program = replace(combined.program, contracts=(contract,))
-    trace = Refuter(program, _SAME).search_random_runs()
+    trace = Refuter(program, _SAME).search_runs()
     if trace is not None:
         trace = shortest_trace(program, _SAME, trace, options or Options())
         return _different(a, b, combined, compared, trace, modules_matched)

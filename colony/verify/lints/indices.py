@@ -18,6 +18,7 @@ from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.report import reason_text
 from colony.verify.contracts.results import (
+    OverReals,
     Proved,
     ProvedInTime,
     Refuted,
@@ -65,10 +66,10 @@ def _arguments(e: Expression, body: Span) -> Iterator[Span]:
 def _finding(case: Case, access: Access, result: Result) -> Finding | None:
     """Return the finding about an index, None if it is proved to be inside."""
     match result:
-        case Proved(over_reals=()):
+        case Proved():
             return None
-        case Proved(over_reals=reasons):
-            return _proved_over_reals(case, access, reasons)
+        case OverReals(in_time=in_time):
+            return _proved_over_reals(case, access, in_time.over_reals)
         case Refuted(trace=trace):
             return _outside(case, access, trace)
         case ProvedInTime(trace=late, python_trace=with_python, because=because):

@@ -97,7 +97,7 @@ class Prover:
         found = attempt.run()
         if isinstance(found, Proof):
             return None
-        trace = found or attempt.python_trace or refuter.search_random_runs()
+        trace = found or attempt.python_trace or refuter.search_runs()
         if trace is None:
             self._undecided.add(name)
         return trace

@@ -70,7 +70,8 @@ class Arithmetic:
         result = added(x, y)
         if result.cases or result is x or result is y or is_exact_whole(result.bounds):
             return result
-        return self._mark_rounded(result, "a sum", may_overflow=not (_is_small(x) or _is_small(y)))
+        may_overflow = not (_is_small(x) or _is_small(y))
+        return self._mark_rounded(result, "a sum", (x.value, y.value), may_overflow, is_sum=True)
 
     def subtract(self, x: Number, y: Number) -> Number:
         """Return `x - y`."""
@@ -80,17 +81,37 @@ class Arithmetic:
                 return folded
         return self.add(x, negated(y))
 
-    def _mark_rounded(self, x: Number, operation: str, may_overflow: bool = True) -> Number:
-        """Mark a number as rounded by the program; if `may_overflow`, possibly to infinity."""
-        return self._mark_inexact(x, Inexact.ROUNDING, f"{operation}: reals in place of floats", may_overflow)
+    def _mark_rounded(
+        self,
+        x: Number,
+        operation: str,
+        floats: tuple[z3.ArithRef, ...] = (),
+        may_overflow: bool = True,
+        *,
+        is_sum: bool = False,
+    ) -> Number:
+        """Mark a number as rounded by the program; if `may_overflow`, possibly to infinity.
+
+        `floats` and `is_sum` are those of the `InexactTerm`.
+        """
+        text = f"{operation}: reals in place of floats"
+        return self._mark_inexact(x, Inexact.ROUNDING, text, may_overflow, floats, is_sum=is_sum)
 
     def _mark_abstracted(self, x: Number, text: str, may_overflow: bool = False) -> Number:
         return self._mark_inexact(x, Inexact.ABSTRACTED, text, may_overflow)
 
-    def _mark_inexact(self, x: Number, kind: Inexact, text: str, may_overflow: bool) -> Number:
-        self.builder.mark_number_inexact(
-            replace(x, bounds=bounding.float_bounds(x.bounds)), Reason(kind, self.span, text)
-        )
+    def _mark_inexact(
+        self,
+        x: Number,
+        kind: Inexact,
+        text: str,
+        may_overflow: bool,
+        floats: tuple[z3.ArithRef, ...] = (),
+        *,
+        is_sum: bool = False,
+    ) -> Number:
+        as_float = replace(x, bounds=bounding.float_bounds(x.bounds))
+        self.builder.mark_number_inexact(as_float, Reason(kind, self.span, text), floats, is_sum=is_sum)
         x = replace(x, bounds=bounding.rounded(x.bounds))
         if not may_overflow or bounding.never_overflows(x.bounds):
             return x
@@ -131,7 +152,7 @@ class Arithmetic:
         result = scaled(x, Fraction(factor))
         if factor == -1 or is_exact_whole(result.bounds):
             return result
-        return self._mark_rounded(result, "a product", may_overflow=abs(factor) > 1)
+        return self._mark_rounded(result, "a product", (x.value, -x.value), may_overflow=abs(factor) > 1)
 
     def _product(self, x: Number, y: Number) -> Number:
         if x.value.get_id() > y.value.get_id():
@@ -180,7 +201,7 @@ class Arithmetic:
         return (
             result
             if divisor == -1
-            else self._mark_rounded(result, "a quotient", may_overflow=abs(divisor) < 1)
+            else self._mark_rounded(result, "a quotient", (x.value, -x.value), may_overflow=abs(divisor) < 1)
         )
 
     def _quotient(self, x: Number, y: Number) -> Number:
@@ -244,7 +265,7 @@ class Arithmetic:
         return (
             result
             if same_side or is_exact_whole(bounds)
-            else self._mark_rounded(result, "`mod`", may_overflow=False)
+            else self._mark_rounded(result, "`mod`", (x.value,), may_overflow=False)
         )
 
     def angle_difference(self, a: Number, b: Number) -> Number:

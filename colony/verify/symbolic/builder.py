@@ -136,17 +136,29 @@ class Builder:
 
     # --- reasons ---------------------------------------------------------------------------------
 
-    def mark_number_inexact(self, x: Number, reason: Reason) -> None:
+    def mark_number_inexact(
+        self, x: Number, reason: Reason, floats: tuple[z3.ArithRef, ...] = (), *, is_sum: bool = False
+    ) -> None:
         """Record why `x` is inexact; the bounds of a finite value are those of the program's float."""
         term = x.value if x.whole is None else x.whole
-        self.mark_inexact(term, reason, x.bounds if is_false(x.infinite) else UNBOUNDED)
+        bounds = x.bounds if is_false(x.infinite) else UNBOUNDED
+        self.mark_inexact(term, reason, bounds, floats, is_sum=is_sum)
 
-    def mark_inexact(self, term: z3.ExprRef, reason: Reason, bounds: Bounds = UNBOUNDED) -> None:
+    def mark_inexact(
+        self,
+        term: z3.ExprRef,
+        reason: Reason,
+        bounds: Bounds = UNBOUNDED,
+        floats: tuple[z3.ArithRef, ...] = (),
+        *,
+        is_sum: bool = False,
+    ) -> None:
         """Record why a term is inexact; a numeral is exact, and ignored."""
         if term.num_args() == 0 and term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
             return
         key = term.get_id()
-        recorded = self.inexact.setdefault(key, InexactTerm(term, reason, bounds))
+        found = InexactTerm(term, reason, bounds, floats=floats, is_sum=is_sum)
+        recorded = self.inexact.setdefault(key, found)
         if recorded.reason.text != reason.text or recorded.bounds != bounds:
             self.inexact[key] = replace(recorded, ambiguous=True)
 

@@ -30,6 +30,8 @@ from colony.verify.symbolic.system import (
     System,
 )
 
+_NONE: Mapping[str, Shape] = {}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameParts:
@@ -44,18 +46,18 @@ class FrameParts:
     claims: tuple[Claim, ...]
 
 
-def encode(program: Program, precise: bool = False) -> System:
+def encode(program: Program, precise: bool = False, known: Mapping[str, Shape] = _NONE) -> System:
     """Return one frame of `program` as a transition system.
 
     With `precise`, products and quotients of variables are encoded exactly, which z3 often cannot decide; by
-    default only their signs and bounds are.
+    default only their signs and bounds are. `known` are shapes of memory that every frame preserves.
     """
 
     def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
         builder = Builder(precise=precise, shapes=dict(shapes))
         return builder, system_of(program, builder, encode_frame(program, builder))
 
-    return with_reasons(with_stable_shapes(encode_with))
+    return with_reasons(with_stable_shapes(encode_with, known))
 
 
 def encode_frame(program: Program, builder: Builder) -> FrameParts:
@@ -107,6 +109,7 @@ def system_of(program: Program, builder: Builder, parts: FrameParts) -> System:
         actuators=parts.actuators,
         claims=parts.claims,
         shapes=builder.shapes,
+        written={name: new for name, (_, _, new) in builder.numbers_in_memory.items()},
     )
 
 

@@ -5,12 +5,16 @@ free constant within bounds that rounding, being monotone, does not leave. Equal
 constant, since the program computes them alike. Facts that hold only for reals are dropped, and large numbers
 may overflow. The result over-approximates the program: all of its runs in floats are runs of the result, but
 a counterexample in the result means nothing.
+
+A *close* generalization also bounds the distance of each constant from its real, by the error of rounding
+(Goldberg, 1991). It proves more, and slower.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import cast
 
 import z3
@@ -39,25 +43,34 @@ OVERFLOW_BOUND = 2**1023
 """A bound below which no number overflows."""
 
 
-def generalize(system: System) -> System:
+_RELATIVE_ERROR = Fraction(1, 2**51)
+_ABSOLUTE_ERROR = Fraction(1, 2**64)
+"""Bounds of the error of an operation that rounds up to three times, of a result that does not overflow.
+
+2**-1073 would be enough, but z3 is slow with numbers of a thousand digits.
+"""
+
+
+def generalize(system: System, *, close: bool = False) -> System:
     """Return `system` generalized so that claims that are valid in it hold bit for bit in floats.
 
     In it, `inexact` of a claim lists only terms that cannot be generalized, and modules in Python, whose
     answers are arbitrary in both systems. Use it only for proofs.
     """
-    return with_reasons(generalized(system))
+    return with_reasons(generalized(system, close=close))
 
 
-def generalized(system: System) -> System:
+def generalized(system: System, *, close: bool = False) -> System:
     """Return `generalize(system)` with the claims' `inexact` as it is in `system`."""
-    return _Generalization(system).system()
+    return _Generalization(system, close).system()
 
 
 class _Generalization:
     """A generalization in progress: `term` replaces the largest inexact parts of a term."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, close: bool) -> None:
         self.original = system
+        self._close = close
         self.terms = [t for t in system.inexact.values() if _can_be_free(t)]
         self.free_constants = [z3.Const(f"rounded#{i}", t.term.sort()) for i, t in enumerate(self.terms)]
         self.term = Substitution([t.term for t in self.terms], self.free_constants)
@@ -142,6 +155,23 @@ class _Generalization:
             if z3.is_arith(free):
                 for formula in between(cast(z3.ArithRef, free), inexact_term.bounds):
                     yield Fact(FactKind.ASSUMPTION, free, formula)
+                if self._close and inexact_term.reason.kind is Inexact.ROUNDING:
+                    yield Fact(
+                        FactKind.ASSUMPTION, free, self._is_close(cast(z3.ArithRef, free), inexact_term)
+                    )
+
+    def _is_close(self, free: z3.ArithRef, inexact: InexactTerm) -> z3.BoolRef:
+        """Return the condition that a constant is as close to the result of a term as rounding leaves it."""
+        exact = cast(z3.ArithRef, inexact.term.decl()(*(self.term(x) for x in inexact.term.children())))
+        error = z3.If(exact < 0, -exact, exact) * real(_RELATIVE_ERROR)
+        error = error if inexact.is_sum else error + real(_ABSOLUTE_ERROR)
+        floats = (real(0), *(self.term(x) for x in inexact.floats))
+        not_crossed = (
+            side
+            for x in floats
+            for side in (z3.Implies(exact <= x, free <= x), z3.Implies(exact >= x, free >= x))
+        )
+        return z3.And(free <= exact + error, free >= exact - error, *not_crossed)
 
     def _overflows(self) -> Iterable[Fact]:
         for auxiliary in self.original.auxiliaries:

@@ -17,7 +17,7 @@ from colony.verify.symbolic.cases import hull
 from colony.verify.symbolic.logic import is_true
 from colony.verify.symbolic.memory import shape_of
 from colony.verify.symbolic.numbers import changed_bounds
-from colony.verify.symbolic.system import Bounds, Shape, System
+from colony.verify.symbolic.system import Bounds, Number, Shape, System
 
 EncodeWithShapes = Callable[[Mapping[str, Shape]], tuple[Builder, System]]
 """A function that encodes a frame with given shapes of memory, by name; others keep their initial shape."""
@@ -31,26 +31,29 @@ MAX_STABILIZING_ENCODINGS = 3
 def with_stable_shapes(encode_with: EncodeWithShapes, known: Mapping[str, Shape] = _NONE) -> System:
     """Return the system whose shapes of memory are preserved by every frame.
 
-    `known` are shapes that are stable, and stay as they are.
+    `known` are shapes that are known to be stable, and stay as they are; those with whole bounds change where
+    a frame writes a number to them that is not whole.
     """
     shapes = dict(known)
     while True:
         builder, system = encode_with(shapes)
-        wider = _wider_shapes(builder)
+        wider = _wider_shapes(builder, known)
         if not wider:
             break
         shapes |= {name: _without_moved_ends(old, new) for name, (old, new) in wider.items()}
-    narrower = shapes | _written_shapes(builder) | dict(known)
+    narrower = shapes | _written_shapes(builder) | {name: shapes[name] for name in known}
     if narrower == shapes:
         return system
-    tighter = _narrowed(encode_with, narrower)
+    tighter = _narrowed(encode_with, narrower, known)
     return system if tighter is None else tighter
 
 
-def _narrowed(encode_with: EncodeWithShapes, shapes: dict[str, Shape]) -> System | None:
+def _narrowed(
+    encode_with: EncodeWithShapes, shapes: dict[str, Shape], known: Mapping[str, Shape]
+) -> System | None:
     for _ in range(MAX_STABILIZING_ENCODINGS):
         builder, system = encode_with(shapes)
-        wider = _wider_shapes(builder)
+        wider = _wider_shapes(builder, known)
         if not wider:
             return system
         shapes |= {name: new for name, (_, new) in wider.items()}
@@ -77,16 +80,23 @@ def _needed_shape(builder: Builder, name: str) -> Shape:
     return Shape(before.nan or after.nan, before.infinite or after.infinite, bounds)
 
 
-def _wider_shapes(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
+def _wider_shapes(builder: Builder, known: Mapping[str, Shape]) -> dict[str, tuple[Shape, Shape]]:
     """Return the shapes that are too narrow, each with a wider one."""
     found = {}
-    for name, (start, _, _) in builder.numbers_in_memory.items():
+    for name, (start, _, new) in builder.numbers_in_memory.items():
+        if name in known and known[name] == builder.shapes[name] and _fits(new, known[name]):
+            continue
         assumed, needed = builder.shapes.get(name, shape_of(start)), _needed_shape(builder, name)
         bounds = hull(assumed.bounds, needed.bounds)
         joined = Shape(assumed.nan or needed.nan, assumed.infinite or needed.infinite, bounds)
         if joined != assumed:
             found[name] = (assumed, joined)
     return found
+
+
+def _fits(new: Number, shape: Shape) -> bool:
+    """Return True unless a cell of whole numbers would be written another one."""
+    return new.bounds.whole or not shape.bounds.whole
 
 
 def _without_moved_ends(assumed: Shape, needed: Shape) -> Shape:

@@ -110,12 +110,16 @@ class InexactTerm:
     """An inexact term, the reason, and bounds of the float that the program computes.
 
     `ambiguous`: it stands for several floats that may differ, as the program computes it in several ways.
+    Rounding, being monotone, does not cross 0 or `floats`. `is_sum`: it is a sum of two floats, which does
+    not round where it is subnormal.
     """
 
     term: z3.ExprRef
     reason: Reason
     bounds: Bounds = UNBOUNDED
     ambiguous: bool = False
+    floats: tuple[z3.ArithRef, ...] = ()
+    is_sum: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,8 +300,9 @@ class System:
     reachable frame, and are inductive: they may be assumed in an induction. `facts` gives, by the id of a
     term, the formulas of the three groups that are about it; a formula without the term needs none of them.
     `inexact` gives, by id, the inexact terms. `graph` stores the structure of terms, which makes the search
-    for cones fast. `shapes` are those of numbers in memory. `disturbances` is empty but in the systems of
-    `disturbing.py`, which state each contract once more for each disturbance.
+    for cones fast. `shapes` are those of numbers in memory, `written` their values after the frame.
+    `disturbances` is empty but in the systems of `disturbing.py`, which state each contract once more for
+    each disturbance.
     """
 
     program: Program
@@ -323,4 +328,5 @@ class System:
     actuators: Mapping[str, ActuatorTerms]
     claims: tuple[Claim, ...]
     shapes: Mapping[str, Shape] = field(default_factory=dict)
+    written: Mapping[str, Number] = field(default_factory=dict)
     disturbances: Mapping[Disturbance, DisturbanceInputs] = field(default_factory=dict)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from colony.dsl.load import load_text
 from colony.ir.program import Program
 from colony.verify.contracts.prove import prove_contracts
-from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted, Result, Unknown
+from colony.verify.contracts.results import Options, OverReals, Proved, ProvedInTime, Refuted, Result, Unknown
 
 ROBOT = """
 enum goal { none = 0, corner = 67, light = 76 }
@@ -28,6 +28,13 @@ network { drive = back suppresses[300 ms] cruise }
 """
 
 
+MEAN = """
+state mean = 0
+next mean = mean + (clamp(value_or(x, 0), 0, 10) - mean) / 4
+"""
+"""A mean that comes close to 10 and never gets there: over reals, and in all floats that were tried."""
+
+
 def program(text: str) -> Program:
     """A program with this text after the declarations above."""
     return load_text(ROBOT + text)
@@ -39,8 +46,10 @@ def result(text: str, options: Options | None = None) -> Result:
 
 
 def proved(text: str, options: Options | None = None) -> Proved:
-    """What is proved of it while no client is late."""
+    """What is proved of it while no client is late, for floats or over reals."""
     found = result(text, options)
+    if isinstance(found, OverReals):
+        return found.in_time
     if isinstance(found, ProvedInTime):
         found = found.in_time
     assert isinstance(found, Proved), found

@@ -12,7 +12,7 @@ from tests.verify.contracts.behaviors import program
 MS = 1_000_000
 
 
-def least(text: str, *snapshots: Snapshot, patience: int = 1500) -> tuple[Program, Trace]:
+def least(text: str, *snapshots: Snapshot, patience: int | None = None) -> tuple[Program, Trace]:
     made = program(text)
     replay = Replay(made, "c")
     assert replay.breaks(snapshots)

@@ -12,9 +12,10 @@ import pytest
 import z3
 
 from colony.verify.contracts.prove import prove_contracts
-from colony.verify.contracts.results import Options, Proved
+from colony.verify.contracts.report import verdict
+from colony.verify.contracts.results import Options, OverReals, Proved
 from colony.verify.contracts.solver import Answer, Solver
-from tests.verify.contracts.behaviors import ROBOT, program, proved, refuted, unknown
+from tests.verify.contracts.behaviors import MEAN, ROBOT, program, proved, refuted, result, unknown
 
 COUNTER = "state n = 0  next n = if bump then (if n == 4 then 0 else n + 1) else n\n"
 MACHINE = """machine m {
@@ -99,8 +100,47 @@ def test_what_can_be_broken_is_refuted_by_a_shortest_trace(frames: int, text: st
 
 
 def test_what_holds_of_reals_only_says_so() -> None:
-    found = proved("contract c: fresh(x) and x in 1 .. 2 implies x + 0.1 >= x")
-    assert {r.span.text for r in found.over_reals} == {"x + 0.1"}
+    found = result(MEAN + "contract c: mean < 10")
+    assert isinstance(found, OverReals)
+    assert "clamp(value_or(x, 0), 0, 10) - mean" in {r.span.text for r in found.in_time.over_reals}
+
+
+def test_what_leaves_room_for_rounding_is_proved_for_floats() -> None:
+    assert proved(MEAN + "contract c: mean <= 10.000001").over_reals == ()
+    assert proved("contract c: fresh(x) and x in 1 .. 2 implies x + 0.1 >= x").over_reals == ()
+
+
+@pytest.mark.parametrize(
+    "contract",
+    [
+        "state q = 0  next q = if stop then q * 0.5 + 1 else 0\ncontract c: q < 2",
+        "contract c: fresh(x) implies mod(x, 360) < 360 or x == 1 / 0 or x == -1 / 0",
+        "contract c: fresh(x) and abs(x) < 1000 implies x - floor(x) < 1",
+    ],
+)
+def test_what_tiny_numbers_or_long_runs_break_is_refuted(contract: str) -> None:
+    refuted(contract)
+
+
+def test_a_counter_that_stays_within_bounds_is_whole() -> None:
+    text = "state n = 0  next n = if n == 100 then 0 else n + 1\n"
+    assert proved(text + "contract c: n in 0 .. 100").over_reals == ()
+    assert len(refuted(text + "contract c: n != 30").trace.snapshots) == 31
+
+
+@pytest.mark.parametrize(
+    "unrelated",
+    [
+        "",
+        "state q = 0  next q = q * 0.5 + 1\ncontract d: q < 2",
+        "let far_off = far > 7.25 m\ncontract d: x + 0.1 >= x",
+        'test "t" { at 0 s given x = 4 expect not (cruise is active) }',
+    ],
+)
+def test_a_verdict_depends_on_nothing_that_has_nothing_to_do_with_it(unrelated: str) -> None:
+    contracts = ("mean < 10", "fresh(x) and abs(x) < 9 implies x - floor(x) < 1")
+    found = [result(f"{unrelated}\n{MEAN}contract c: {contract}") for contract in contracts]
+    assert [verdict(r) for r in found] == ["over reals", "REFUTED"]
 
 
 def test_what_reals_keep_and_floats_break_is_refuted() -> None:

@@ -10,7 +10,7 @@ from colony.verify.contracts.report import finding, lines, row, verdict
 from colony.verify.contracts.results import Proved, ProvedInTime
 from colony.verify.contracts.table import reading_cell, table
 from colony.verify.snapshot import Snapshot
-from tests.verify.contracts.behaviors import ROBOT, program, proved, refuted, result, unknown
+from tests.verify.contracts.behaviors import MEAN, ROBOT, program, proved, refuted, result, unknown
 
 
 def test_what_holds_of_floats_is_proved_without_more() -> None:
@@ -127,9 +127,13 @@ def test_a_frame_that_is_not_given_what_was_sent_has_what_the_program_sent() -> 
 
 
 def test_what_holds_of_reals_names_the_lines() -> None:
-    text = "contract c: fresh(x) and x in 1 .. 2 implies x + 0.1 >= x"
-    [line] = lines(program(text), proved(text))
-    assert line.startswith("proved   c  (over reals: floats may round at <text>:")
+    text = MEAN + "contract c: mean < 10"
+    [line] = lines(program(text), result(text))
+    assert line.startswith("over reals  c  (floats may round at <text>:")
+    said = finding(result(text), "b.colony")
+    assert said is not None
+    assert (said.code, said.severity) == ("V014", "note")
+    assert "proved only over real numbers: floats may round at <text>:" in said.message
 
 
 def test_a_refuted_contract_is_an_error_at_its_place() -> None:

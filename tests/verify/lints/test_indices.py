@@ -168,7 +168,9 @@ def test_what_value_or_reads_is_present_where_an_index_is_computed() -> None:
 def test_by_the_invariant_of_a_state() -> None:
     bounded = "state n : number = 0\nnext n = min(n + i, 4)\nlet x = five[n]"
     assert diagnostics(bounded) == []
-    [note] = diagnostics("state n : number = 0\nnext n = if n < 4 then n + 1 else 0\nlet x = five[n]")
+    assert diagnostics("state n : number = 0\nnext n = if n < 4 then n + 1 else 0\nlet x = five[n]") == []
+    mean = "state n : number = 0\nnext n = n + (clamp(i, 0, 5) - n) / 4\nlet x = five[floor(n)]"
+    [note] = diagnostics(mean)
     assert note.severity == "note"
     assert "proved to be inside the array only over real numbers" in note.message
     [finding] = found("state n : number = 0\nnext n = if n < 5 then n + 1 else 0\nlet x = five[n]")
@@ -178,7 +180,8 @@ def test_by_the_invariant_of_a_state() -> None:
 
 
 def test_neither_proved_nor_refuted() -> None:
-    [finding] = found("state n : number = 0\nnext n = if n < 30 then n + 1 else 0\nlet x = five[n / 6.2]")
+    doubled = "state n : number = 1\nnext n = if i > 2 then 2 * n else n\n"
+    [finding] = found(f"{doubled}let x = five[if n == 6 then 9 else 0]")
     assert finding.run is None
     assert finding.diagnostic.severity == "warning"
     assert "is not proved to be inside the array: " in finding.diagnostic.message

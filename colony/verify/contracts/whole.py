@@ -1,0 +1,113 @@
+"""Whole numbers in memory that stay within bounds: in their range floats are exact, so proofs need no reals.
+
+Abstract interpretation (`symbolic/shapes.py`) loses the bounds of `if n == 100 then 0 else n + 1`. So cells
+that begin whole are guessed to be whole and small, which makes what is computed of them exact; with that,
+bounds are proved by induction (`houdini.py`). A guess without a proof is dropped, and the others are proved
+anew: the proofs of all that stay hold together, for floats, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+
+import z3
+
+from colony.ir.program import Program
+from colony.verify.contracts.candidates import Candidate, candidates, numerals
+from colony.verify.contracts.houdini import Invariants, invariants
+from colony.verify.contracts.solver import Budget
+from colony.verify.symbolic import cones
+from colony.verify.symbolic.encode import encode
+from colony.verify.symbolic.numbers import EXACT_WHOLE, finite
+from colony.verify.symbolic.reasons import rounding_reasons
+from colony.verify.symbolic.system import Bounds, Cell, Claim, Shape, System
+
+_MAX_BOUNDS = 24
+"""Number of constants that are tried as bounds of a cell."""
+
+_MAX_GUESSES = 200
+
+_GUESS = Shape(nan=False, infinite=False, bounds=Bounds(-EXACT_WHOLE / 2, EXACT_WHOLE / 2, whole=True))
+
+
+def with_whole_numbers(program: Program, system: System, budget: Budget) -> System:
+    """Return `system`, or an encoding in which more cells are known to be whole and bounded."""
+    guessed = dict.fromkeys(_unbounded(system), _GUESS) if rounding_reasons(system.claims) else {}
+    while guessed:
+        trial = encode(program, known=guessed)
+        whole = {name for name in guessed if trial.shapes.get(name) == _GUESS}
+        proved = _proved(trial, whole, budget) if whole == set(guessed) else {}
+        if len(proved) == len(guessed):
+            return encode(program, known=proved)
+        guessed = dict.fromkeys(proved if whole == set(guessed) else whole, _GUESS)
+    return system
+
+
+def _unbounded(system: System) -> list[str]:
+    """Return the numbers in memory that begin whole, and are not known to stay whole and small."""
+    initial = {cell.name: cell.initial for cell in system.cells}
+    return [
+        name
+        for name, shape in system.shapes.items()
+        if name in initial and _is_whole(initial[name]) and not _is_small(shape)
+    ]
+
+
+def _is_whole(value: z3.ExprRef) -> bool:
+    return bool(z3.is_int_value(value) or (z3.is_rational_value(value) and value.denominator_as_long() == 1))
+
+
+def _is_small(shape: Shape) -> bool:
+    low, high, whole = shape.bounds.low, shape.bounds.high, shape.bounds.whole
+    return whole and not shape.infinite and low is not None and high is not None
+
+
+def _proved(system: System, names: set[str], budget: Budget) -> dict[str, Shape]:
+    """Return the shapes of the cells that are proved to stay whole and bounded, given all of `names`."""
+    found = {}
+    for cell in system.cells:
+        if cell.name in names:
+            bounds = _bounds(system, cell, budget)
+            if bounds is not None:
+                found[cell.name] = Shape(nan=False, infinite=False, bounds=bounds)
+    return found
+
+
+def _bounds(system: System, cell: Cell, budget: Budget) -> Bounds | None:
+    """Return proved bounds of a cell; None if there are none, or the cell may become infinite or NaN."""
+    written = system.written[cell.name]
+    cone = cones.cone(system, [cell.old, finite(written), system.now, system.begun, system.last])
+    low, high = _tried(cell, system, above=False), _tried(cell, system, above=True)
+    stays_finite = Claim(name=cell.name, holds=finite(written))
+    guesses = [*low.values(), *high.values(), *candidates(cone, ())][:_MAX_GUESSES]
+    found: Invariants = invariants(cone, guesses, [stays_finite], (), budget)
+    if not found.claims:
+        return None
+    kept = {c.formula.get_id() for c in found.conditions}
+    lows = [value for value, guess in low.items() if guess.formula.get_id() in kept]
+    highs = [value for value, guess in high.items() if guess.formula.get_id() in kept]
+    return Bounds(max(lows), min(highs), whole=True) if lows and highs else None
+
+
+def _tried(cell: Cell, system: System, *, above: bool) -> Mapping[Fraction, Candidate]:
+    """Return guesses of a bound that the initial value keeps, by the bound."""
+    initial, old = _fraction(cell.initial), cell.old
+    found = {}
+    for value in _constants(system, cell):
+        if (value >= initial) if above else (value <= initial):
+            bound = z3.IntVal(int(value))
+            text = f"{cell.name} {'<=' if above else '>='} {value}"
+            found[value] = Candidate(text, old <= bound if above else old >= bound)
+    return found
+
+
+def _constants(system: System, cell: Cell) -> Iterator[Fraction]:
+    """Yield whole numbers that may bound a cell: those in its formula, and their neighbors."""
+    values: Sequence[Fraction] = numerals([cell.next, cell.initial])
+    for value in [v for v in values if v.denominator == 1 and abs(v) <= EXACT_WHOLE / 2][:_MAX_BOUNDS]:
+        yield from (value - 1, value, value + 1)
+
+
+def _fraction(value: z3.ExprRef) -> Fraction:
+    return Fraction(value.as_long()) if z3.is_int_value(value) else value.as_fraction()
