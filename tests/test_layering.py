@@ -216,6 +216,7 @@ PROCESSES: tuple[tuple[str, str, set[str]], ...] = (
     ("Clock, servers, clients", CHILD, HEAVY | FRONT_END | {"colony.sim", "colony.body", "colony.nav"}),
     ("gateway", f"{CHILD}, colony.runtime.transport.live.gateway", HEAVY | FRONT_END | {"colony.sim"}),
     ("simulated servers", "import colony.sim.plant.servers", HEAVY | FRONT_END | {"colony.sim.world"}),
+    ("plant", "import colony.sim.plant.process", {"colony.sim.cameras.camera", "colony.sim.cameras.ceiling"}),
     ("driver", "import colony.drivers.serial_base", HEAVY | FRONT_END | {"colony.sim", "colony.body"}),
     ("guard", "import colony.drivers.guard", HEAVY | FRONT_END | {"zenoh", "colony.sim", "colony.body"}),
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import doctest
 import math
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from colony.ir.frame import Frame, Reading
 from colony.verify.contracts.results import Proved, Refuted
 from colony.verify.difference.results import Different, Same
 from tests.cli.machine import MAP
+from tests.pages import page_text
 from tests.paths import ROOT
 
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -43,23 +43,10 @@ def test_the_docstring_of_the_package() -> None:
     assert doctest.testmod(colony) == (0, 4)
 
 
-def test_the_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.chdir(tmp_path)
-    page = ROOT / "docs" / "library.md"
-    failed, tried = doctest.testfile(str(page), module_relative=False, optionflags=doctest.ELLIPSIS)
-    assert (failed, tried > 10) == (0, True)
-    text = page.read_text()
+def test_the_page_has_all_names() -> None:
+    text = page_text("library.md")
     for name in colony.__all__:
         assert f"`{name}" in text or f", `{name}" in text or name == "__version__", name
-
-
-def test_the_first_screen_of_the_readme(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(ROOT)
-    block = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[0]
-    exec(block, {})
-    assert capsys.readouterr().out == "cruise (600.0, 0.0)\n"
 
 
 def test_a_file_is_loaded_and_errors_have_places(tmp_path: Path) -> None:

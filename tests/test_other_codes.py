@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 
-from colony.cli.main import main
 from colony.dsl.errors import CODES as FRONT_END_CODES
 from colony.runtime.kit.connection import connect
 from colony.runtime.kit.errors import ServerNotFoundError
 from colony.text.codes import CODES
 from tests.dsl.test_error_page import PAGE, ROBOT, Fence, examples
+from tests.pages import typed
 from tests.paths import ROOT
 from tests.waiting import killed_in_the_end, until
 
@@ -75,8 +74,8 @@ def test_every_code_has_an_example() -> None:
     assert list(dict.fromkeys(code for code, _, _ in examples(CODES))) == list(CODES)
 
 
-def make(files: list[Fence]) -> list[str]:
-    """Write the example's files into the current folder, and give the words of the command to type."""
+def make(files: list[Fence]) -> str:
+    """Write the example's files into the current folder, and return the command to type."""
     shutil.copytree(ROOT / "maps", "maps")
     for name in ("example.colony", "rome.colony"):
         Path(name).write_text("".join(ROBOT))
@@ -101,7 +100,7 @@ def make(files: list[Fence]) -> list[str]:
                     shutil.copy("example.colony", "rome.colony")
             case other:
                 raise AssertionError(f"{fence.code} has an unknown block: {other}")
-    return command.split()
+    return command
 
 
 def answers(server: str) -> bool:
@@ -126,21 +125,6 @@ def serving(files: list[Fence]) -> Iterator[None]:
         yield
 
 
-def typed(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
-    """The exit code of a command, and what it prints on both streams, as on a terminal."""
-    printed, before = io.StringIO(), set(sys.modules)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(Path("cache").absolute()))
-    monkeypatch.setattr(sys, "argv", words)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    with redirect_stdout(printed), redirect_stderr(printed), pytest.raises(SystemExit) as stopped:
-        main()
-    for name in set(sys.modules) - before:
-        if Path(f"{name}.py").exists():  # an example's own: another may call its so, too
-            del sys.modules[name]
-    assert isinstance(stopped.value.code, int)
-    return stopped.value.code, printed.getvalue()
-
-
 @pytest.mark.parametrize(
     ("code", "files", "shown"),
     examples([*CODES, *(code for code in FRONT_END_CODES if code[0] in "NU")]),
@@ -150,9 +134,9 @@ def test_an_example_prints_what_the_page_shows(
     code: str, files: list[Fence], shown: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    words = make(files)
+    command = make(files)
     with serving(files):
-        stopped, printed = typed(words, monkeypatch)
+        stopped, _, printed = typed(command, monkeypatch)
     assert printed == shown
     errors, warnings = (
         set(re.findall(rf"(?:{kinds})\[(\w+)\]", printed)) for kinds in ("error", "warning|note")
@@ -169,7 +153,7 @@ def test_a_class_that_cannot_be_built_is_told_by_every_executor(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     [files] = [files for code, files, _ in examples(CODES) if code == "P001"]
-    stopped, printed = typed([*make(files), "--backend", backend], monkeypatch)
+    stopped, _, printed = typed(f"{make(files)} --backend {backend}", monkeypatch)
     assert stopped == 1
     assert "error[P001]: " in printed
     assert "cannot be imported and built: TypeError: " in printed

@@ -1,4 +1,4 @@
-"""All pages: links lead somewhere, also within a page, and every block is of the language that it names."""
+"""All pages: links lead somewhere; every block is of the language that it names, and runs as it says."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import shlex
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 import click
 import pytest
@@ -20,12 +19,25 @@ import yaml
 from colony.cli.main import colony as cli
 from colony.dsl.parse import parse
 from colony.text.source import Source
+from tests.pages import (
+    NOT_RUN,
+    PAGES,
+    TESTED_APART,
+    Block,
+    Runner,
+    blocks,
+    is_same_picture,
+    not_run,
+    page_text,
+    runnable,
+)
 from tests.paths import ROOT
 
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+BLOCKS = [block for page in PAGES for block in blocks(page)]
+SLOW = ("explain.md", "verification.md")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES.values(), ids=PAGES)
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
         file, _, anchor = target.partition("#")
@@ -56,42 +68,19 @@ def test_paths_in_the_text_are_there(page: str) -> None:
 # --- blocks ------------------------------------------------------------------------------------------
 
 
-class Block(NamedTuple):
-    """A fenced block: its page and line, the words after the backquotes, and its text."""
-
-    place: str
-    info: str
-    text: str
-
-
-def blocks() -> list[Block]:
-    """Every block of every page, without the indentation of a list around it."""
-    found = []
-    for page in PAGES:
-        lines, info, begun = list[str](), None, 0
-        for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
-            if line.lstrip().startswith("```"):
-                if info is not None:
-                    found.append(Block(f"{page.name}:{begun}", info, "\n".join(lines) + "\n"))
-                info, begun, lines = (line.strip()[3:], number, []) if info is None else (None, 0, [])
-            elif info is not None:
-                lines.append(line)
-    return found
-
-
 NOT_READ = {
     "text": "what a command prints, or a form",
-    "stickrep": "maps; tests/nav/maps and tests/test_map_page.py read them",
+    "stickrep": "maps; tests/page_facts/test_maps.py reads them",
     "nft": "rules of a firewall; tests/runtime/transport/live loads them where nft is installed",
 }
 """The kinds of blocks that are not read here, each with the reason."""
 
 
-@pytest.mark.parametrize("block", blocks(), ids=lambda block: block.place)
+@pytest.mark.parametrize("block", BLOCKS, ids=str)
 def test_a_block_is_of_its_language(block: Block) -> None:
     kind, _, rest = block.info.partition(" ")
     match kind:
-        case "colony" | "toml" | "json" if block.place.startswith("errors.md"):
+        case "colony" | "toml" | "json" if block.page == "errors.md":
             pass  # wrong on purpose; the tests of that page compare the errors
         case "colony":
             found = [d.code for d in parse(Source("page", block.text)).diagnostics]
@@ -106,7 +95,7 @@ def test_a_block_is_of_its_language(block: Block) -> None:
             for row in block.text.splitlines() if block.text.startswith('{"') else [block.text]:
                 json.loads(row)
         case "sh":
-            for line in block.text.replace("\\\n", " ").splitlines():
+            for line in block.commands:
                 _shell(line)
         case _:
             assert kind in NOT_READ, f"```{block.info}: name its language"
@@ -152,3 +141,33 @@ def _colony(words: list[str]) -> None:
         elif word.startswith("--"):
             options = {name for p in command.params for name in (*p.opts, *p.secondary_opts)} | {"--help"}
             assert word.partition("=")[0] in options, f"`{command.name}` has no option {word}"
+
+
+# --- running them ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=[pytest.mark.long] * (p in SLOW)) for p in PAGES if runnable(p)],
+)
+def test_the_blocks_do_what_the_page_says(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    runner = Runner(page, monkeypatch)
+    wrong = dict[str, str]()
+    for block in runnable(page):
+        try:
+            runner.run(block)
+        except Exception as raised:
+            wrong[str(block)] = f"{type(raised).__name__}: {raised}"
+    assert not wrong, "\n\n".join(f"{place}: {what}" for place, what in wrong.items())
+    for block, printed in runner.printed.items():
+        assert printed == block.shown, f"{block}: `python -m tests.pages docs/{page}` writes it again"
+    for name in re.findall(r"!\[[^]]*\]\((\w+\.svg)\)", page_text(page)):
+        if Path(name).exists():
+            assert is_same_picture(Path(name), ROOT / "docs" / name), name
+
+
+def test_what_is_not_run_is_on_a_page() -> None:
+    texts = [line for b in BLOCKS for line in (b.commands if b.info.startswith("sh") else [b.text])]
+    assert {pattern for text in texts for pattern in not_run(text)} == set(NOT_RUN)
+    assert set(TESTED_APART) <= set(PAGES)

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from colony.dsl.load import check_text
 from colony.runtime.arbitration.arbiter import timing
 from colony.runtime.clients import client
 from colony.runtime.frames import assembler, clock, liveness, publishing
@@ -38,7 +37,6 @@ from colony.runtime.servers import (
 from colony.runtime.store import reserve
 from colony.runtime.transport.live import message_queue, meter, names, network, rate_limits
 from colony.runtime.transport.live.robot_address import local
-from colony.verify.testing.examples import run_examples
 from tests.cli.machine import contracts_held
 from tests.examples.stage import ROOT, Machine, machine
 from tests.runtime.transport.live.certificates import Authority, free_port
@@ -80,14 +78,6 @@ def test_programs_are_as_long_as_is_said() -> None:
 def test_the_fields_of_the_command() -> None:
     [said] = re.findall(r"An actuator commands `RServer.drive`, with the fields (.*?), or", TEXT, re.DOTALL)
     assert {n: u.split(",")[0] for n, u in re.findall(r"`(\w+)` \(([^)]*)\)", said)} == commands()
-
-
-@pytest.mark.parametrize("name", ["tired.colony", "raise.colony"])
-def test_the_behavior_is_right(name: str) -> None:
-    checked = check_text(FILES[name])
-    assert checked.diagnostics == ()
-    assert checked.program is not None
-    assert [result.failures for result in run_examples(checked.program)] == [()]
 
 
 @pytest.mark.parametrize(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, closing, nullcontext, suppress
+import math
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from colony.body.footprint import radius_mm
 from colony.execute.compiled import Compiled
 from colony.os_errors import naming
 from colony.robots.bound_servers import expect_running
@@ -16,7 +17,9 @@ from colony.robots.described import DescribedRobot
 from colony.robots.driver_watch import DriverWatch
 from colony.robots.led_run import LedRun
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
+from colony.robots.simulated import is_simulator_starting
 from colony.runtime.assembly.processes.jobs import check_disk_space
+from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.protocol.bindings import bound_servers
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 from colony.runtime.transport.live.run_directory import in_run_directory
@@ -57,6 +60,7 @@ def run_simulated(
         TruthLog,
         jobs_of,
         simulated_operator,
+        start_remarks,
     )
 
     assert request.map_path is not None
@@ -73,10 +77,8 @@ def run_simulated(
         floors[0].building("a camera")
     truth, map_exit = TruthLog(robot_address), MapExit(floors[0])
     if route is None:
-        with suppress(ValueError):  # the simulator says why it cannot start there
-            radius = radius_mm(described.body)
-            for remark in floors[0].remarks(radius, floors[0].start(radius, request.start)):
-                ui.report(remark)
+        for remark in start_remarks(floors[0], described.body, request.start):
+            ui.report(remark)
     with run.supervised() as supervised_run, run.giving() as give:
         robot = SimulatedRobot(
             described=described,
@@ -166,7 +168,8 @@ def run_served(
     run = LedRun(compiled, described, robot_address, request, ui, route)
     drivers = DriverWatch(robot_address, bound_servers(compiled.robot), ui.report)
     with closing(drivers), run.supervised() as supervised_run, run.giving() as give:
-        supervised_run.wait_for(
+        is_there = _wait_for_simulator(robot_address, supervised_run, run.stop, ui)
+        has_begun = is_there and supervised_run.wait_for(
             give, run.stop, what="an answer of the simulator", timeout_s=PLANT_ANSWER_TIMEOUT_S
         )
         with _in_folder(robot_address, run.folder):
@@ -174,11 +177,30 @@ def run_served(
             check_disk_space(run.folder, len(jobs))
         supervised_run.start(jobs)
         run.set_variables(supervised_run, request.pinned_variables)
-        interrupted = run.follow(
+        interrupted = not has_begun or run.follow(
             supervised_run, lambda building: nullcontext(ui.operator(building)), meanwhile=give
         )
     summary = replace(run.summary(interrupted, None), driver_failures=drivers.failures)
     return RunReport(summary, run.mission_result(None))
+
+
+def _wait_for_simulator(
+    robot_address: RobotAddress, supervised_run: SupervisedRun, stop: Callable[[], bool], ui: UserInterface
+) -> bool:
+    """Wait until a simulator that is being started takes drivers; return False if `stop` ended the wait.
+
+    Without it the run would begin without values of sensors. After `PLANT_START_TIMEOUT_S` it does.
+    """
+    if not is_simulator_starting(robot_address):
+        return True
+    ui.report(f"waiting for the {SIMULATOR} of {robot_address.robot}, which is being started")
+    give_up_s = time.monotonic() + PLANT_START_TIMEOUT_S
+    return supervised_run.wait_for(
+        lambda: not is_simulator_starting(robot_address) or time.monotonic() > give_up_s,
+        stop,
+        what=f"the start of the {SIMULATOR}",
+        timeout_s=math.inf,
+    )
 
 
 def _expect_givable(robot_address: RobotAddress, request: RunRequest) -> None:
@@ -188,7 +210,9 @@ def _expect_givable(robot_address: RobotAddress, request: RunRequest) -> None:
         MisuseError: it does not.
     """
     fields = () if request.scenario is None else request.scenario.fields
-    if fields and not (isinstance(robot_address, Local) and SIMULATOR in robot_address.directory.running()):
+    if not fields or is_simulator_starting(robot_address):
+        return
+    if not (isinstance(robot_address, Local) and SIMULATOR in robot_address.directory.running()):
         raise MisuseError(
             f"colony: error: `{fields[0].sensor.name}` cannot be given: no {SIMULATOR} of "
             f"`{robot_address.robot}` runs on this machine"

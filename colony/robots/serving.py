@@ -15,11 +15,14 @@ from colony.robots.request import MisuseError, RunAbortedError
 from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices, with_port
 from colony.robots.simulated import (
     PLANT_SERVERS,
+    SERVED,
+    SUPERVISOR,
     CompilationNotice,
     SimulatedRobot,
     device_of,
     jobs_of,
     plant_spec,
+    start_remarks,
 )
 from colony.runtime.assembly.limits import LIMITS, limit_deployment
 from colony.runtime.assembly.processes import child
@@ -54,9 +57,6 @@ from colony.sim.plant.servers import PlantDevices
 
 Report = Callable[[str], None]
 """A function that takes a description of an event, of one line or several."""
-
-SUPERVISOR = "Supervisor"
-"""The name under which `serve all` claims a robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,11 +176,13 @@ def serve_all(
             world.building("a camera")
         if settings.hazards is not None:
             world.building("--hazards")
+        for remark in start_remarks(world, settings.described.body, settings.start):
+            report(remark)
     if settings.listen is not None and settings.security is not None:
         parse_endpoint(settings.listen)
         read_security(settings.security)
     with interruptible as stop, robot_address.directory.claim(SUPERVISOR):
-        folder = robot_address.directory.path / "served"
+        folder = robot_address.directory.path / SERVED
         with in_run_directory(folder):
             jobs = [*_jobs(robot_address, settings, fresh_folder(folder))]
             if settings.listen is not None:

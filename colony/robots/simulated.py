@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from colony.body.footprint import radius_mm
+from colony.body.model import Body
 from colony.execute.compiled import Compiled
 from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
@@ -26,7 +28,7 @@ from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.summary import Travel
 from colony.runtime.protocol.interface import Interface
-from colony.runtime.transport.live.robot_address import Local
+from colony.runtime.transport.live.robot_address import Local, RobotAddress
 from colony.sim.compiling import COMPILING
 from colony.sim.config import config_of
 from colony.sim.plant.child import SIMULATOR, PlantSpec, ViewDirection, plant_socket
@@ -35,9 +37,19 @@ from colony.sim.plant.protocol import Truth
 
 if TYPE_CHECKING:  # numpy, which the leader of a robot and what serves one do not need
     from colony.nav.maps.building import Building
+    from colony.nav.maps.world_map import WorldMap
 
 PLANT = "colony.sim.plant.child"
 PLANT_SERVERS = "colony.sim.plant.servers"
+PLANT_TIMEOUT_S = 0.5
+"""Timeout in seconds for one answer of the plant to a caller that asks it repeatedly."""
+
+
+SUPERVISOR = "Supervisor"
+"""The name under which `serve all` claims a robot."""
+
+SERVED = "served"
+"""The name of the folder, in that of a robot, with the specs and logs of the processes of `serve all`."""
 
 
 class CompilationNotice:
@@ -95,6 +107,39 @@ class SimulatedRobot:
     interface: Interface | None = None
     limits: Compiled | None = None
     hardware: bool = False
+
+
+def start_remarks(world: WorldMap, body: Body, start: tuple[float, float, float] | None) -> tuple[str, ...]:
+    """Return what is unusual about the map or this start of a robot; see `WorldMap.remarks`.
+
+    Returns nothing for a start at which the robot does not fit: the simulator says so.
+    """
+    radius = radius_mm(body)
+    try:
+        return world.remarks(radius, world.start(radius, start))
+    except ValueError:
+        return ()
+
+
+def is_simulator_starting(robot_address: RobotAddress) -> bool:
+    """Return True if the simulator of a robot on this machine is being started, and takes no drivers yet.
+
+    `serve all` writes the specs of its processes first, among them that of a simulator.
+    """
+    if not isinstance(robot_address, Local):
+        return False
+    folder, running = robot_address.directory.path, robot_address.directory.running()
+    if SIMULATOR not in running:
+        specs = {path.stem for path in (folder / SERVED).glob("*.json")}
+        if SUPERVISOR not in running or (specs and SIMULATOR not in specs):
+            return False
+    try:
+        PlantControl(plant_socket(folder), timeout_s=PLANT_TIMEOUT_S).close()
+    except (FileNotFoundError, ConnectionRefusedError):
+        return True
+    except (OSError, ValueError):
+        pass  # it is frozen, or busy
+    return False
 
 
 def plant_spec(robot_address: Local, robot: SimulatedRobot) -> PlantSpec:
@@ -231,7 +276,7 @@ class TruthLog:
         )
         try:
             if self._control is None:
-                self._control = PlantControl(self._socket, timeout_s=0.5)
+                self._control = PlantControl(self._socket, timeout_s=PLANT_TIMEOUT_S)
                 self._switch_plant(self._control.began_ns)
             truth = self._control.truth(self._robot)
         except (OSError, ValueError):

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 COMPILING = (
     "compiling the simulator: about 20 s on an idle machine, once if the result can be cached (see "
-    "NUMBA_CACHE_DIR); its cameras by themselves, when a command such as `run --processes` first loads them"
+    "NUMBA_CACHE_DIR); its cameras by themselves, when a command first loads them"
 )
 
 

@@ -11,7 +11,7 @@ from colony.body.devices import DEVICES
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
 from colony.ir.servers import MAX_SERVER_NAME, RESERVED_SERVER_NAMES
-from colony.robots.serving import SUPERVISOR
+from colony.robots.simulated import SUPERVISOR
 from colony.runtime.assembly.limits import LIMITS
 from colony.runtime.assembly.sharing import SHARED
 from colony.runtime.library.leader import LEADER
@@ -21,7 +21,7 @@ from colony.runtime.transport.live.names import MAX_NAME_LENGTH
 from colony.sim.plant.child import SIMULATOR
 from tests.body.test_disagreements import DEVICES_BODY
 from tests.body.test_reader import LIDAR, SMALL, body_of, problems
-from tests.test_devices_page import PAGE as DEVICES_PAGE
+from tests.pages import files
 
 BASE = '[server.RServer]\nsimulated = { device = "base" }\n'
 RING = """
@@ -44,7 +44,7 @@ def test_a_body_with_every_device_has_no_contradiction() -> None:
 
 def test_each_field_and_parameter_is_described_by_a_noun_or_when_it_is_true() -> None:
     """Hints say `it is ...` of it."""
-    sweeper = "\n".join(re.findall(r"^```toml\n(.*?)^```$", DEVICES_PAGE, re.MULTILINE | re.DOTALL))
+    sweeper = files("devices.md")["robots/sweeper/sweeper.toml"]
     bodies = (body_of(BODY), body_of(sweeper), *map(shipped_body, ("rome", "amr", "omni")))
     kinds = {type(server.simulated) for body in bodies for server in body.servers.values()}
     assert kinds >= {type_ for _, type_ in DEVICES}

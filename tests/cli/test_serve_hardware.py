@@ -15,7 +15,7 @@ import pytest
 
 from tests.cli.conftest import Colony, server_states
 from tests.cli.machine import ROBOT, Machine, failed
-from tests.test_robots_page import FILES, PAGE
+from tests.pages import files
 from tests.waiting import until
 
 # --- the robot of docs/robots.md -------------------------------------------------------------------------
@@ -85,15 +85,14 @@ def _commands(file: Path) -> list[str]:
 def test_the_scout_of_the_page_drives_by_its_drivers_and_stands_when_its_scanner_is_silent(
     machine: Machine, tmp_path: Path
 ) -> None:
-    driver = next(text for text in PAGE.split("```") if text.startswith("python file=robots/scout/"))
     commands = tmp_path / "commands"
     with scanner() as lidar:
-        files = dict(FILES)
-        files["robots/scout/scout_drivers.py"] = driver.partition("\n")[2] + BASE
-        body = files["robots/scout/scout.toml"].replace("/dev/ttyUSB0", lidar.port)
+        shown = files("robots.md")
+        shown["robots/scout/scout_drivers.py"] += BASE
+        body = shown["robots/scout/scout.toml"].replace("/dev/ttyUSB0", lidar.port)
         hardware = f'hardware = {{ driver = "scout_drivers:Motors", file = "{commands}" }}'
-        files["robots/scout/scout.toml"] = body.replace("[server.RServer]", f"[server.RServer]\n{hardware}")
-        for name, text in files.items():
+        shown["robots/scout/scout.toml"] = body.replace("[server.RServer]", f"[server.RServer]\n{hardware}")
+        for name, text in shown.items():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / name).write_text(text)
         robot = f"{ROBOT}={tmp_path / 'robots' / 'scout'}"

@@ -13,12 +13,12 @@ from tests.cli.machine import Machine
 from tests.drivers.test_guard import guard_pid, guard_runs
 from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny
 from tests.drivers.tiny_robot import TinyRobot
-from tests.test_drivers_page import write_files
+from tests.pages import write_files
 from tests.waiting import until
 
 
 def test_the_robot_of_the_page(machine: Machine, tmp_path: Path) -> None:
-    write_files(tmp_path)
+    write_files("drivers.md", tmp_path)
     drivers = tmp_path / "robots" / "rover" / "rover_drivers.py"
     patient = "    baud = 115200\n    silent_s = 600.0\n"  # so that the gripper finds a frozen guard
     drivers.write_text(drivers.read_text().replace("    baud = 115200\n", patient))
@@ -79,7 +79,7 @@ def test_options_that_do_not_fit(
     colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: str, text: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write_files(tmp_path)
+    write_files("drivers.md", tmp_path)
     ran = colony("serve", *options.split())
     assert ran.code == 2
     assert text in " ".join(ran.err.split())
@@ -87,7 +87,7 @@ def test_options_that_do_not_fit(
 
 def test_ports_that_differ(colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    write_files(tmp_path)
+    write_files("drivers.md", tmp_path)
     body = tmp_path / "robots" / "rover" / "rover.toml"
     battery = 'battery", port = "/dev/ttyUSB'
     body.write_text(body.read_text().replace(f"{battery}0", f"{battery}1"))

@@ -9,12 +9,11 @@ from pathlib import Path
 import pytest
 
 from tests.cli.machine import Machine, failed
-from tests.pages import COMMANDS, typed
-from tests.paths import ROOT
+from tests.pages import files, page_text, typed
 from tests.waiting import until
 
-PAGE = (ROOT / "docs" / "your-robot.md").read_text(encoding="utf-8")
-FILES = dict(re.findall(r"^```\w+ file=(\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
+PAGE = page_text("your-robot.md")
+FILES = files("your-robot.md")
 [(EDITED, TABLES)] = re.findall(r"^```toml edit=(\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 
@@ -28,26 +27,13 @@ def _write(folder: Path, *, real: bool = False) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def test_commands_print_what_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    _write(tmp_path)
-    shown = [(commands, text) for commands, text in COMMANDS.findall(PAGE) if "terminal=" not in commands]
-    assert len(shown) == 3
-    for commands, text in shown:
-        printed = "".join(typed(command, monkeypatch) for command in commands.splitlines())
-        assert printed == text
-    assert typed("colony audit shift.mcap", monkeypatch).endswith(
-        "agrees: every decision is the interpreter's\n"
-    )
-
-
 def test_without_failsafe_the_robot_drives_though_its_hitch_is_silent(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     _write(tmp_path)
     (tmp_path / "tow.colony").write_text(FILES["tow.colony"].replace("failsafe module wait", "module wait"))
-    assert "REFUTED  waits_for_hitch" in typed("colony verify tow.colony", monkeypatch)
+    assert "REFUTED  waits_for_hitch" in typed("colony verify tow.colony", monkeypatch).out
 
 
 def test_the_robot_drives_with_its_drivers(machine: Machine, tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def commands() -> list[str]:
 
 
 def _blocks(kind: str) -> list[str]:
-    found: list[str] = re.findall(rf"^```{kind}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+    found: list[str] = re.findall(rf"^```{kind}[^\n]*\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
     return found
 
 

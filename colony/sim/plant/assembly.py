@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from colony.body.model import Body
 from colony.body.servers import servers_of
@@ -14,9 +15,6 @@ from colony.nav.maps.building import Building
 from colony.nav.maps.free_space import FreeSpace
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.world_map import WorldMap
-from colony.sim.cameras.camera import Camera, CameraConfig
-from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
-from colony.sim.cameras.scene import scene_of
 from colony.sim.config import RobotConfig, config_of, rome_config
 from colony.sim.devices import devices_of
 from colony.sim.hazards.hazards import Hazards, scenery_of
@@ -27,6 +25,10 @@ from colony.sim.world.elevators import Elevators
 from colony.sim.world.movers import with_movers
 from colony.sim.world.site import Site
 from colony.sim.world.world import World
+
+if TYPE_CHECKING:  # compiled when they are imported, which robots without cameras do not wait for
+    from colony.sim.cameras.camera import CameraConfig
+    from colony.sim.cameras.ceiling import CeilingCameraConfig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,12 +172,19 @@ def _cameras(
     options: PlantOptions, floor: Map, scenery: Scenery, radius_mm: float
 ) -> Mapping[str, RobotCamera]:
     """Return the cameras of a robot on a floor, by name."""
-    return {
-        name: CeilingCamera(scenery, config)
-        if isinstance(config, CeilingCameraConfig)
-        else Camera(scene_of(floor, scenery), config, robot_radius_mm=radius_mm, seed=options.seed)
-        for name, config in options.cameras.items()
-    }
+    if not options.cameras:
+        return {}
+    from colony.sim.cameras.camera import Camera
+    from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
+    from colony.sim.cameras.scene import scene_of
+
+    def camera(config: CameraConfig | CeilingCameraConfig) -> RobotCamera:
+        if isinstance(config, CeilingCameraConfig):
+            ceiling = CeilingCamera(scenery, config)
+            return lambda world, robot, t_ns: ceiling.image(world.true_pose(robot), t_ns)
+        return Camera(scene_of(floor, scenery), config, robot_radius_mm=radius_mm, seed=options.seed).see
+
+    return {name: camera(config) for name, config in options.cameras.items()}
 
 
 def _robot_devices(

@@ -101,6 +101,7 @@ def serve(
             from colony.sim.plant.assembly import PlantOptions
             from colony.sim.plant.process import serve_plant
 
+            cameras = {name: _camera(direction) for name, direction in spec.cameras.items()}
         building = load_building(spec.map) if spec.floors else None
         world = load_world(spec.map) if building is None else world_of(building.map_named(spec.floors[0]))
         body = _body(spec)
@@ -112,7 +113,7 @@ def serve(
                 building=building,
                 floors=spec.floors,
                 robots={spec.robot: start},
-                cameras={name: _camera(direction) for name, direction in spec.cameras.items()},
+                cameras=cameras,
                 hazards=Hazards.none() if spec.hazards is None else Hazards(),
                 hazards_seed=spec.hazards or 0,
                 movers=spec.movers,

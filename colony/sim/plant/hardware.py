@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, assert_never
+from typing import Protocol
 
 from colony.ir.types import ScalarValue
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
-from colony.sim.cameras.camera import Camera
-from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.compiled import Bytes2
 from colony.sim.devices.base import BaseSensors, RingSensors
 from colony.sim.drivers import image_of
@@ -39,8 +37,8 @@ After a longer lag (for example, because the process was stopped) the time is sk
 """
 
 
-RobotCamera = Camera | CeilingCamera
-"""A camera of a robot: level, or pointing at the ceiling."""
+RobotCamera = Callable[[World, int, int], Bytes2]
+"""A camera of robots: a function from the world, the number of a robot and the time in ns to the image."""
 
 
 class RobotDevice(Protocol):
@@ -279,16 +277,8 @@ class Devices:
 
     def image(self, robot: int, camera: str) -> Image:
         """Return the image of a robot's camera."""
-        return image_of(self._pixels(robot, self._cameras[camera]()), self.time_ns)
-
-    def _pixels(self, robot: int, camera: RobotCamera) -> Bytes2:
-        match camera:
-            case Camera():
-                return camera.see(self._world, robot, self.time_ns)
-            case CeilingCamera():
-                return camera.image(self._world.true_pose(robot), self.time_ns)
-            case _:
-                assert_never(camera)
+        see = self._cameras[camera]()
+        return image_of(see(self._world, robot, self.time_ns), self.time_ns)
 
     def device(self, robot: int, server: str) -> Mapping[str, FieldReading | None]:
         """Return the newest readings of a device by field."""

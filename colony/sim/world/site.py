@@ -12,16 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.model import Map
-from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.config import RobotConfig
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.hazards.scenery import Scenery
 from colony.sim.world.elevators import Elevators
 from colony.sim.world.world import World
+
+if TYPE_CHECKING:  # compiled when it is imported, which robots without cameras do not wait for
+    from colony.sim.cameras.ceiling import CeilingCamera
 
 _Camera = TypeVar("_Camera")
 
@@ -85,4 +87,6 @@ class Site:
     @cached_property
     def ceiling(self) -> Callable[[], CeilingCamera]:
         """A function that returns the camera that looks up on the robots' current floor."""
+        from colony.sim.cameras.ceiling import CeilingCamera
+
         return self.camera_per_floor(lambda _, scenery: CeilingCamera(scenery))

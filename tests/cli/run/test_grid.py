@@ -45,7 +45,9 @@ def test_a_run_off_the_map_says_when_it_left(colony: Colony, tmp_path: Path) -> 
     ]
 
 
-def test_a_start_from_where_a_robot_gets_nowhere_is_reported(colony: Colony, tmp_path: Path) -> None:
+def test_a_start_from_where_a_robot_gets_nowhere_is_reported(
+    colony: Colony, machine: Machine, tmp_path: Path
+) -> None:
     shades = np.full((80, 120), 254, dtype=np.uint8)
     shades[:, 24:30] = shades[:50, :24] = 0
     path = written(tmp_path, shades, origin="[0.0, 0.0, 0.0]")
@@ -55,6 +57,11 @@ def test_a_start_from_where_a_robot_gets_nowhere_is_reported(colony: Colony, tmp
     assert code == 0
     assert "can get from (0.60 m, 0.70 m) to 7.9 % of the free cells" in err
     assert json.loads(colony("map", path, "--no-picture", "--format", "json").out)["reachable"] > 0.85
+    served = machine.start("serve", "all", "--robot", f"{ROBOT}=amr", "--map", path, "--start", "600,700,0")
+    until(lambda: served.ended() or "Ctrl-C ends them" in served.err, "it is served")
+    assert "can get from (0.60 m, 0.70 m) to 7.9 % of the free cells" in served.err
+    served.tell(signal.SIGINT)
+    assert served.wait() == 0
 
 
 def test_processes_drive_in_a_grid_from_the_start_that_is_chosen(machine: Machine) -> None:

@@ -199,13 +199,6 @@ def test_other_commands_take_params(colony: Colony, site: Path) -> None:
     assert '"by": "go"' in colony("trace", "b.colony", *option, "--input", "-", stdin=frame).out
 
 
-def test_the_page_shows_what_runs(colony: Colony, site: Path) -> None:
-
-    page = (ROOT / "docs" / "params.md").read_text(encoding="utf-8")
-    Path("site.toml").write_text(page.partition("```toml\n")[2].partition("```")[0])
-    assert colony("check", "wander", "--params", "site.toml").code == 0
-
-
 def test_ctrl_c_ends_the_proof(tmp_path: Path) -> None:
     (tmp_path / "site.toml").write_text('[hallway]\ncruising = "450 mm/s"\n')
     words = ["run", "navigator", *("--map", "loop", "--from", "201", "--to", "216"), "--no-picture"]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from colony.robots.simulated import SUPERVISOR
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, Machine, Started
 from tests.waiting import until
@@ -76,11 +77,21 @@ def test_a_run_by_processes_plays_a_scenario(machine: Machine, pressed: Path) ->
     check(machine.run(*arguments(pressed), "--robot", AMR, "--map", MAP, "--processes"))
 
 
+def test_a_run_waits_for_a_simulator_that_is_being_started(machine: Machine, pressed: Path) -> None:
+    machine.directory.prepare()
+    with machine.directory.claim(SUPERVISOR):
+        run = machine.start("run", str(pressed), "--robot", AMR, "--connect", "--set", "estop=true")
+        until(lambda: run.ended() or f"waiting for the Simulator of {ROBOT}" in run.err, "it waits")
+        assert not run.ended(), run.err
+        run.tell(signal.SIGINT)
+        assert run.wait() == 130
+
+
 def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
     machine: Machine, colony: Colony, pressed: Path
 ) -> None:
     served = machine.start("serve", "all", "--robot", AMR, "--map", MAP)
-    until(lambda: served.ended() or {"Simulator", "Panel"} <= set(machine.directory.running()), "they run")
+    until(lambda: served.ended() or SUPERVISOR in machine.directory.running(), "they are being started")
     assert not served.ended(), served.err
     check(machine.run(*arguments(pressed), "--robot", AMR, "--connect"))
     run = machine.start("run", str(pressed), "--robot", AMR, "--connect", "--set", "goal_number=7")

@@ -11,6 +11,7 @@ import pytest
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.surfaces import scene
+from colony.sim.compiled import Bytes2
 from colony.sim.hazards.scenery import CeilingLight, bare_scenery
 from colony.sim.plant.hardware import MAX_LAG_NS, STEP_NS, WATCHDOG_NS, Devices
 from colony.sim.plant.ports import reading
@@ -28,7 +29,7 @@ def devices(poses: tuple[tuple[float, float, float], ...] = ALONE, **options: in
     world = World(walls=NORTH_WALL, poses=poses, config=IDEAL)
     camera = Camera(scene(NORTH_WALL), FRONT_CAMERA, robot_radius_mm=400.0)
     names = tuple(f"robot{number}" for number in range(len(poses)))
-    return Devices(world, names, {"ahead": lambda: camera}, now_ns=7, **options)
+    return Devices(world, names, {"ahead": lambda: camera.see}, now_ns=7, **options)
 
 
 def test_time_passes_in_whole_steps_and_does_not_drift() -> None:
@@ -175,7 +176,11 @@ def test_a_camera_looks_up_from_where_its_robot_is() -> None:
     below = replace(bare_scenery(np.array(NORTH_WALL)), lights=(lamp,))
     world = World(walls=below, poses=((0.0, 0.0, 0.0), (3000.0, 0.0, 0.0)), config=IDEAL)
     camera = CeilingCamera(below)
-    one = Devices(world, ("under", "beside"), {"up": lambda: camera}, now_ns=7)
+
+    def above(world: World, robot: int, t_ns: int) -> Bytes2:
+        return camera.image(world.true_pose(robot), t_ns)
+
+    one = Devices(world, ("under", "beside"), {"up": lambda: above}, now_ns=7)
     under, beside = one.image(0, "up"), one.image(1, "up")
     assert (under.t_ns, under.height, under.width, under.channels) == (7, 120, 240, 1)
     assert under.pixels == CeilingCamera(below).image((0.0, 0.0, 0.0), 7).tobytes()
