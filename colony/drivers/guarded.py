@@ -107,8 +107,8 @@ class GuardError(LinkError):
 class GuardConnection:
     """A connection to a guard. `receive` is called by one thread, all else by any. Mutable: may be closed."""
 
-    def __init__(self, connection: socket.socket) -> None:
-        self._socket = connection
+    def __init__(self, connection: socket.socket, port: str) -> None:
+        self._socket, self._port = connection, port
         self._readable = select.poll()
         self._readable.register(connection, select.POLLIN)
 
@@ -138,7 +138,7 @@ class GuardConnection:
             raise LinkError(body.decode())
         if kind == SENT:
             return Sent(struct.unpack_from("<I", body)[0], body[4:].decode())
-        raise GuardError("the guard of the port has ended")
+        raise GuardError(f"the guard of {self._port} has ended")
 
     def greet(self, channel: int, command: Command) -> None:
         """Command an actuator over this channel.
@@ -213,7 +213,7 @@ def connect(port: str, baud: int, stop: bytes, *commands: Command) -> GuardConne
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         _reach(connection, path, port, baud, stop)
-        guarded = GuardConnection(connection)
+        guarded = GuardConnection(connection, port)
         for channel, command in enumerate(commands):
             with suppress(ConnectionError):  # a guard that refuses the first: `receive` says why
                 guarded.greet(channel, command)

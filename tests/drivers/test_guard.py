@@ -154,7 +154,8 @@ def test_a_killed_guard_has_a_successor(robot: TinyRobot, driving: subprocess.Po
 
 def test_each_successor_of_a_killed_guard_is_started_at_once(robot: TinyRobot) -> None:
     pauses: list[float] = []
-    driver = base(os.fspath(robot.port))
+    reports: list[str] = []
+    driver = SerialBase(Tiny(), os.fspath(robot.port), report=reports.append)
     try:
         wait_for(driver.state)
         driver._line._closed.wait = lambda s: bool(pauses.append(s))  # type: ignore[method-assign]
@@ -165,6 +166,7 @@ def test_each_successor_of_a_killed_guard_is_started_at_once(robot: TinyRobot) -
             wait_for(driver.state)
         assert len(pauses) >= 5
         assert max(pauses) < 0.5  # pauses that double would be 1.6 s long by now
+        assert reports[0] == f"the guard of {robot.port} has ended"
     finally:
         driver.close()
 
