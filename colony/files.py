@@ -123,18 +123,25 @@ def own_folder(path: Path) -> None:
     """Create a folder for the user alone, if it is missing, and check that no other user can write to it.
 
     Raises:
-        OSError: it cannot be created; or another user owns it, or can write to it or move it
-            (`UnsuitableFileError`).
+        OSError: it cannot be created; or another user owns it, one above it or a link to it, or can write to
+            it or move it (`UnsuitableFileError`).
     """
     if not path.is_absolute():
         raise UnsuitableFileError(errno.EINVAL, "it is not an absolute path", path)
+    trusted = {os.geteuid(), os.stat("/").st_uid}  # that of / is 0, or what stands for it in a container
+    for link in filter(Path.is_symlink, [path, *path.parents]):
+        if link.lstat().st_uid not in trusted:
+            raise UnsuitableFileError(errno.EPERM, f"another user owns the link {link}", path)
     path = path.resolve()
     for folder in reversed([path, *path.parents]):
         if not folder.exists():
             folder.mkdir(mode=0o700, exist_ok=True)
-        mode = folder.stat().st_mode
-        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+        status = folder.stat()
+        writable = stat.S_IWOTH | (stat.S_IWGRP if status.st_gid != os.getegid() else 0)
+        if status.st_mode & writable and not status.st_mode & stat.S_ISVTX:
             raise UnsuitableFileError(errno.EPERM, f"other users can write to {folder}", path)
+        if status.st_uid not in trusted:  # who may replace what is in it, also where it is sticky
+            raise UnsuitableFileError(errno.EPERM, f"another user owns {folder}", path)
     if path.stat().st_uid != os.geteuid() or path.stat().st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         raise UnsuitableFileError(errno.EPERM, f"{path} is not a folder of this user alone", path)
 

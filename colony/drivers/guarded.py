@@ -36,7 +36,10 @@ START_S = 10.0
 """Seconds that a guard may take to start, on a loaded machine."""
 
 START_AGAIN_S = 1.0
-"""Seconds after which another guard is started: the first may have found one that was just ending."""
+"""Seconds after which another guard is started, while the first does not listen."""
+
+ENDED_S = 0.2
+"""Seconds after which it is started if the first has ended: killed, or it found one that was ending."""
 
 CONNECT_PAUSE_S = 0.02
 
@@ -224,15 +227,18 @@ def connect(port: str, baud: int, stop: bytes, *commands: Command) -> GuardConne
 
 
 def _reach(connection: socket.socket, path: Path, port: str, baud: int, stop: bytes) -> None:
-    began = start_due = time.monotonic()
+    began = started = start_due = time.monotonic()
+    guard: subprocess.Popen[bytes] | None = None  # the newest that was started
     while (now := time.monotonic()) < began + START_S:
         try:
             connection.connect(os.fspath(path))
         except (FileNotFoundError, ConnectionRefusedError):
+            if guard is not None and guard.poll() is not None:
+                start_due = min(start_due, started + ENDED_S)
             if now >= start_due:
-                start_due = now + START_AGAIN_S
-                _guards[:] = [guard for guard in _guards if guard.poll() is None]
-                _guards.append(_start(path, port, baud, stop))
+                started, start_due = now, now + START_AGAIN_S
+                _guards[:] = [other for other in _guards if other.poll() is None]
+                _guards.append(guard := _start(path, port, baud, stop))
             time.sleep(CONNECT_PAUSE_S)
         else:
             return

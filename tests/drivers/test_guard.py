@@ -171,6 +171,26 @@ def test_each_successor_of_a_killed_guard_is_started_at_once(robot: TinyRobot) -
         driver.close()
 
 
+def test_another_guard_is_started_as_soon_as_the_first_has_ended(
+    robot: TinyRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reports: list[str] = []
+    start, paths = guarded._start, list[Path]()
+
+    def end_or_start(path: Path, port: str, baud: int, stop: bytes) -> subprocess.Popen[bytes]:
+        paths.append(path)
+        return subprocess.Popen(["true"]) if len(paths) == 1 else start(path, port, baud, stop)
+
+    monkeypatch.setattr(guarded, "_start", end_or_start)
+    monkeypatch.setattr(guarded, "START_AGAIN_S", 2 * guarded.START_S)
+    driver = SerialBase(Tiny(), os.fspath(robot.port), report=reports.append)
+    try:
+        wait_for(driver.state)
+        assert not reports
+    finally:
+        driver.close()
+
+
 def test_a_stop_is_reached_once_it_is_on_the_wire(robot: TinyRobot) -> None:
     driver = base(os.fspath(robot.port))
     try:
