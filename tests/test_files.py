@@ -195,6 +195,21 @@ def test_a_folder_is_not_own_if_another_user_owns_one_above_it_or_a_link_to_it(
         own_folder(path)
 
 
+def test_links_to_a_folder_are_followed_to_its_end(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "first").symlink_to(tmp_path / "second")
+    (tmp_path / "second").symlink_to("real/../real")
+    own_folder(tmp_path / "first" / "own")
+    assert (tmp_path / "real" / "own").is_dir()
+    (tmp_path / "real").chmod(0o777)
+    with pytest.raises(UnsuitableFileError, match=r"can write to .*real"):
+        own_folder(tmp_path / "first" / "own")
+    (tmp_path / "loop").symlink_to("loop")
+    for name in ("loop", "loop/own"):
+        with pytest.raises(UnsuitableFileError, match="symbolic links"):
+            own_folder(tmp_path / name)
+
+
 def test_a_folder_in_one_that_another_group_can_write_to_is_not_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
