@@ -24,7 +24,6 @@ from colony.runtime.library import emergency
 from colony.runtime.library.leader import LEADER
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
 from colony.runtime.transport.live.gateway import GATEWAY
-from colony.runtime.transport.live.robot_address import Local
 
 RESEND_INTERVAL_S = 0.03
 """Seconds after which a stop without an acknowledgement is resent.
@@ -154,9 +153,7 @@ class StopButton:
 
     def _present(self) -> Set[str]:
         """Return the servers that are up; on this machine also those whose process is frozen."""
-        robot_address = self._session.hub.network.robot_address
-        running = robot_address.directory.running() if isinstance(robot_address, Local) else ()
-        return {*self._session.servers(), *running}
+        return {*self._session.servers(), *self._session.hub.running()}
 
     def close(self) -> None:
         """Close the connections. Idempotent."""
