@@ -23,6 +23,9 @@ StrPath = str | os.PathLike[str]
 COMPILED = b"colonyc"
 """The first bytes of every file that contains a compiled program."""
 
+MAX_LINKS = 40
+"""Maximum number of symbolic links on the way to a folder, that of Linux."""
+
 _CHUNK = 1 << 20
 _SAFE_FLAGS = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
@@ -123,20 +126,36 @@ def own_folder(path: Path) -> None:
     """Create a folder for the user alone, if it is missing, and check that no other user can write to it.
 
     Raises:
-        OSError: it cannot be created; or another user owns it, or can write to it or move it
-            (`UnsuitableFileError`).
+        OSError: it cannot be created; or another user owns it, one above it or a link to it, or can write to
+            it or move it (`UnsuitableFileError`).
     """
     if not path.is_absolute():
         raise UnsuitableFileError(errno.EINVAL, "it is not an absolute path", path)
-    path = path.resolve()
-    for folder in reversed([path, *path.parents]):
-        if not folder.exists():
-            folder.mkdir(mode=0o700, exist_ok=True)
-        mode = folder.stat().st_mode
-        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-            raise UnsuitableFileError(errno.EPERM, f"other users can write to {folder}", path)
-    if path.stat().st_uid != os.geteuid() or path.stat().st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise UnsuitableFileError(errno.EPERM, f"{path} is not a folder of this user alone", path)
+    trusted = {os.geteuid(), os.stat("/").st_uid}  # that of / is 0, or what stands for it in a container
+    folder, rest, links = Path("/"), [*reversed(path.parts[1:])], 0
+    while rest:
+        name = rest.pop()
+        step = folder.parent if name == ".." else folder / name
+        if not os.path.lexists(step):
+            step.mkdir(mode=0o700, exist_ok=True)
+        status = step.lstat()
+        if status.st_uid not in trusted:  # who may replace it, and what is in it, also where it is sticky
+            raise UnsuitableFileError(errno.EPERM, f"another user owns {step}", path)
+        if stat.S_ISLNK(status.st_mode):
+            links += 1
+            if links > MAX_LINKS:
+                raise UnsuitableFileError(errno.ELOOP, os.strerror(errno.ELOOP), path)
+            target = step.readlink()
+            folder = Path("/") if target.is_absolute() else folder
+            rest += reversed([part for part in target.parts if part != "/"])
+            continue
+        writable = stat.S_IWOTH | (stat.S_IWGRP if status.st_gid != os.getegid() else 0)
+        if status.st_mode & writable and not status.st_mode & stat.S_ISVTX:
+            raise UnsuitableFileError(errno.EPERM, f"other users can write to {step}", path)
+        folder = step
+    status = folder.stat()
+    if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise UnsuitableFileError(errno.EPERM, f"{folder} is not a folder of this user alone", path)
 
 
 def read_from_cache(path: Path, max_bytes: int) -> bytes:

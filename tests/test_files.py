@@ -169,5 +169,53 @@ def test_a_folder_of_another_user_or_without_a_place_is_not_own(
     with pytest.raises(UnsuitableFileError, match="absolute"):
         own_folder(Path("~/.cache"))
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
-    with pytest.raises(UnsuitableFileError, match="not a folder of this user"):
+    with pytest.raises(UnsuitableFileError, match="user"):
         own_folder(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["outer", "link"])
+def test_a_folder_is_not_own_if_another_user_owns_one_above_it_or_a_link_to_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    path = tmp_path / "link" / "inner"
+    (tmp_path / "outer").mkdir()
+    (tmp_path / "link").symlink_to("outer")
+    own_folder(path)
+    (tmp_path / "outer").chmod(0o1777)
+    own_folder(path)
+    status_of = os.stat
+
+    def status(of: str | Path, **options: bool) -> os.stat_result:
+        found = status_of(of, **options)  # type: ignore[arg-type]
+        is_others = Path(of) == tmp_path / name and (name == "outer" or not options["follow_symlinks"])
+        return os.stat_result((*found[:4], found.st_uid + 1, *found[5:])) if is_others else found
+
+    monkeypatch.setattr(os, "stat", status)
+    with pytest.raises(UnsuitableFileError, match=f"another user owns .*{name}"):
+        own_folder(path)
+
+
+def test_links_to_a_folder_are_followed_to_its_end(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "first").symlink_to(tmp_path / "second")
+    (tmp_path / "second").symlink_to("real/../real")
+    own_folder(tmp_path / "first" / "own")
+    assert (tmp_path / "real" / "own").is_dir()
+    (tmp_path / "real").chmod(0o777)
+    with pytest.raises(UnsuitableFileError, match=r"can write to .*real"):
+        own_folder(tmp_path / "first" / "own")
+    (tmp_path / "loop").symlink_to("loop")
+    for name in ("loop", "loop/own"):
+        with pytest.raises(UnsuitableFileError, match="symbolic links"):
+            own_folder(tmp_path / name)
+
+
+def test_a_folder_in_one_that_another_group_can_write_to_is_not_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own_folder(tmp_path / "outer" / "inner")
+    (tmp_path / "outer").chmod(0o775)
+    own_folder(tmp_path / "outer" / "inner")
+    monkeypatch.setattr(os, "getegid", lambda: os.getgid() + 1)
+    with pytest.raises(UnsuitableFileError, match="other users can write"):
+        own_folder(tmp_path / "outer" / "inner")

@@ -36,7 +36,10 @@ START_S = 10.0
 """Seconds that a guard may take to start, on a loaded machine."""
 
 START_AGAIN_S = 1.0
-"""Seconds after which another guard is started: the first may have found one that was just ending."""
+"""Seconds after which another guard is started, while the first does not listen."""
+
+ENDED_S = 0.2
+"""Seconds after which it is started if the first has ended: killed, or it found one that was ending."""
 
 CONNECT_PAUSE_S = 0.02
 
@@ -107,8 +110,8 @@ class GuardError(LinkError):
 class GuardConnection:
     """A connection to a guard. `receive` is called by one thread, all else by any. Mutable: may be closed."""
 
-    def __init__(self, connection: socket.socket) -> None:
-        self._socket = connection
+    def __init__(self, connection: socket.socket, port: str) -> None:
+        self._socket, self._port = connection, port
         self._readable = select.poll()
         self._readable.register(connection, select.POLLIN)
 
@@ -138,7 +141,7 @@ class GuardConnection:
             raise LinkError(body.decode())
         if kind == SENT:
             return Sent(struct.unpack_from("<I", body)[0], body[4:].decode())
-        raise GuardError("the guard of the port has ended")
+        raise GuardError(f"the guard of {self._port} has ended")
 
     def greet(self, channel: int, command: Command) -> None:
         """Command an actuator over this channel.
@@ -213,7 +216,7 @@ def connect(port: str, baud: int, stop: bytes, *commands: Command) -> GuardConne
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         _reach(connection, path, port, baud, stop)
-        guarded = GuardConnection(connection)
+        guarded = GuardConnection(connection, port)
         for channel, command in enumerate(commands):
             with suppress(ConnectionError):  # a guard that refuses the first: `receive` says why
                 guarded.greet(channel, command)
@@ -224,15 +227,18 @@ def connect(port: str, baud: int, stop: bytes, *commands: Command) -> GuardConne
 
 
 def _reach(connection: socket.socket, path: Path, port: str, baud: int, stop: bytes) -> None:
-    began = start_due = time.monotonic()
+    began = started = start_due = time.monotonic()
+    guard: subprocess.Popen[bytes] | None = None  # the newest that was started
     while (now := time.monotonic()) < began + START_S:
         try:
             connection.connect(os.fspath(path))
         except (FileNotFoundError, ConnectionRefusedError):
+            if guard is not None and guard.poll() is not None:
+                start_due = min(start_due, started + ENDED_S)
             if now >= start_due:
-                start_due = now + START_AGAIN_S
-                _guards[:] = [guard for guard in _guards if guard.poll() is None]
-                _guards.append(_start(path, port, baud, stop))
+                started, start_due = now, now + START_AGAIN_S
+                _guards[:] = [other for other in _guards if other.poll() is None]
+                _guards.append(guard := _start(path, port, baud, stop))
             time.sleep(CONNECT_PAUSE_S)
         else:
             return

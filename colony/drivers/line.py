@@ -42,7 +42,10 @@ STATUS_S = 10.0
 """Seconds that a guard has to say whether the port is open: it may be opening it."""
 
 SUCCESSOR_PAUSE_S = 0.2
-"""Seconds after which a line that only listens looks for the successor of a guard that has ended."""
+"""Seconds after which a line looks for the successor of a guard that has ended.
+
+A line that commands looks at once, unless the guard ended before it had said whether the port is open.
+"""
 
 MAX_REFUSAL_KINDS = 64
 """Maximum number of kinds of refused packets that are counted apart."""
@@ -288,9 +291,10 @@ class Line(Generic[Packet]):
                 self._serve(connection, len(commands))
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
-                if isinstance(problem, GuardError) and self._knows_port:
+                if isinstance(problem, GuardError):
                     pause_s = 0.0
-                    self._closed.wait(0.0 if self._channels else SUCCESSOR_PAUSE_S)
+                    is_at_once = self._knows_port and self._channels
+                    self._closed.wait(0.0 if is_at_once else SUCCESSOR_PAUSE_S)
                     continue
             pause_s = next_pause_s(pause_s, time.monotonic() - began)
             self._closed.wait(pause_s)

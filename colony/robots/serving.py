@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from colony.execute.compiled import Compiled
+from colony.os_errors import NO_ROOM
+from colony.os_errors import describe as describe_error
 from colony.robots.described import DescribedRobot
 from colony.robots.driver_watch import DriverWatch
 from colony.robots.request import MisuseError, RunAbortedError
@@ -234,16 +236,26 @@ class DriverDeaths:
 def _jobs(robot_address: Local, settings: Settings, folder: Path) -> tuple[Job, ...]:
     if settings.map_path is not None:
         return jobs_of(robot_address, _robot(settings), folder)
-    settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _make_state_folder(settings.state)
     parts = _parts(robot_address, settings)
     if settings.limits is not None:
         parts = (*parts, limits_part(settings.limits, folder))
     return server_jobs(robot_address, parts, folder, simulator=PLANT_SERVERS)
 
 
+def _make_state_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as problem:
+        advice = (
+            "free some space or give --state FOLDER" if problem.errno in NO_ROOM else "give --state FOLDER"
+        )
+        raise MisuseError(f"{describe_error(problem)}: {advice}") from None
+
+
 def _robot(settings: Settings) -> SimulatedRobot:
     assert settings.map_path is not None
-    settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _make_state_folder(settings.state)
     return SimulatedRobot(
         described=settings.described,
         hardware=settings.hardware,
@@ -271,7 +283,7 @@ def _part(server: str, robot_address: Local, settings: Settings) -> Part:
         folder = robot_address.directory.path / "limits"
         with in_run_directory(folder):
             return limits_part(settings.limits, fresh_folder(folder))
-    settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _make_state_folder(settings.state)
     wanted = next(iter(settings.cameras)) if server == "CServer" else server
     return next(part for part in _parts(robot_address, settings) if name_of(part) == wanted)
 

@@ -62,3 +62,13 @@ def test_a_user_without_a_home_folder_has_to_name_the_state(
     assert ran.code == 2
     assert "this user has no home folder: give --state FOLDER" in ran.err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("served", ["DServer", "all --map loop"])
+def test_a_state_folder_that_cannot_be_made_is_to_be_named(
+    colony: Colony, monkeypatch: pytest.MonkeyPatch, served: str
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", "/dev/null")
+    ran = colony("serve", *served.split(), "--robot", "rome")
+    expected = "/dev/null/colony/rome: Not a directory: give --state FOLDER"
+    assert (ran.code, ran.err.splitlines()[-1]) == (2, expected)

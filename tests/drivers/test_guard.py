@@ -19,7 +19,7 @@ import pytest
 from colony.drivers import guarded
 from colony.drivers import line as line_module
 from colony.drivers.dialect import Readings
-from colony.drivers.guarded import Command, Lost, Sent, Up, connect
+from colony.drivers.guarded import Command, GuardError, Lost, Sent, Up, connect
 from colony.drivers.link import LinkError
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.runtime.transport.live.run_directory import RunDirectory
@@ -154,7 +154,8 @@ def test_a_killed_guard_has_a_successor(robot: TinyRobot, driving: subprocess.Po
 
 def test_each_successor_of_a_killed_guard_is_started_at_once(robot: TinyRobot) -> None:
     pauses: list[float] = []
-    driver = base(os.fspath(robot.port))
+    reports: list[str] = []
+    driver = SerialBase(Tiny(), os.fspath(robot.port), report=reports.append)
     try:
         wait_for(driver.state)
         driver._line._closed.wait = lambda s: bool(pauses.append(s))  # type: ignore[method-assign]
@@ -165,6 +166,54 @@ def test_each_successor_of_a_killed_guard_is_started_at_once(robot: TinyRobot) -
             wait_for(driver.state)
         assert len(pauses) >= 5
         assert max(pauses) < 0.5  # pauses that double would be 1.6 s long by now
+        assert reports[0] == f"the guard of {robot.port} has ended"
+    finally:
+        driver.close()
+
+
+def test_guards_that_end_before_they_said_anything_have_successors_without_growing_pauses(
+    robot: TinyRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pauses: list[float] = []
+    driver = base(os.fspath(robot.port))
+    try:
+        wait_for(driver.state)
+        with monkeypatch.context() as patched:
+            patched.setattr(driver._line._closed, "wait", lambda s: bool(pauses.append(s)))
+            patched.setattr(line_module, "connect", lambda *_: _EndedGuard())
+            os.kill(guard_pid(robot), signal.SIGKILL)
+            wait_for(lambda: len(pauses) > 5)
+        assert set(pauses[1:]) == {line_module.SUCCESSOR_PAUSE_S}
+        wait_for(driver.state)
+    finally:
+        driver.close()
+
+
+class _EndedGuard:
+    """A connection to a guard that was killed as soon as it was accepted."""
+
+    def receive(self, timeout_s: float) -> None:
+        raise GuardError("it has ended")
+
+    def close(self) -> None: ...
+
+
+def test_another_guard_is_started_as_soon_as_the_first_has_ended(
+    robot: TinyRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reports: list[str] = []
+    start, paths = guarded._start, list[Path]()
+
+    def end_or_start(path: Path, port: str, baud: int, stop: bytes) -> subprocess.Popen[bytes]:
+        paths.append(path)
+        return subprocess.Popen(["true"]) if len(paths) == 1 else start(path, port, baud, stop)
+
+    monkeypatch.setattr(guarded, "_start", end_or_start)
+    monkeypatch.setattr(guarded, "START_AGAIN_S", 2 * guarded.START_S)
+    driver = SerialBase(Tiny(), os.fspath(robot.port), report=reports.append)
+    try:
+        wait_for(driver.state)
+        assert not reports
     finally:
         driver.close()
 

@@ -10,7 +10,7 @@ A button opens its connections beforehand, so that pressing it takes one message
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 
@@ -24,7 +24,6 @@ from colony.runtime.library import emergency
 from colony.runtime.library.leader import LEADER
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
 from colony.runtime.transport.live.gateway import GATEWAY
-from colony.runtime.transport.live.robot_address import Local
 
 RESEND_INTERVAL_S = 0.03
 """Seconds after which a stop without an acknowledgement is resent.
@@ -54,7 +53,7 @@ class StopReport:
 
     @property
     def kept(self) -> bool:
-        """True if the Clock and every actuator server that is up have acknowledged the stop."""
+        """True if the Clock and every actuator server that was up have acknowledged the stop."""
         return CLOCK in self.acknowledged and not self.problems
 
 
@@ -80,7 +79,8 @@ class StopButton:
     def press(self) -> StopReport:
         """Stop the robot, and wait until every actuator server that is up has acknowledged it.
 
-        The servers of every robot are sent the stop first, then servers of users.
+        The servers of every robot are sent the stop first, then servers of users. The successor of a server
+        that ends before it has acknowledged is waited for.
 
         Raises:
             CallRefusedError: this user may not stop the robot.
@@ -98,25 +98,31 @@ class StopButton:
         try:
             for server in self._channels:
                 send(server)
-            for server in sorted({*self._session.servers(), *self._running_servers()}):
+            present = self._present()
+            for server in sorted(present):
                 if server not in self._channels and server not in WITHOUT_ACTUATORS and "/" not in server:
                     self._open(server)
                     send(server)
-            return self._collect(outcomes, due, pending_calls)
+            return self._collect(outcomes, due, pending_calls, present)
         finally:
             for server, pending in pending_calls.items():
                 self._channels[server].forget(pending)
 
     def _collect(
-        self, outcomes: SimpleQueue[tuple[str, Outcome]], due: float, pending_calls: Mapping[str, Pending]
+        self,
+        outcomes: SimpleQueue[tuple[str, Outcome]],
+        due: float,
+        pending_calls: Mapping[str, Pending],
+        present: Set[str],
     ) -> StopReport:
+        """Wait for the answers; a server of `present` that ends before its answer may be started again."""
         answers: dict[str, Outcome] = {}
-        while self._unanswered(answers) and (left_s := due - time.monotonic()) > 0.0:
+        while self._unanswered(answers, present) and (left_s := due - time.monotonic()) > 0.0:
             try:
                 server, outcome = outcomes.get(timeout=min(left_s, RESEND_INTERVAL_S))
                 answers[server] = outcome
             except Empty:
-                for server in self._unanswered(answers):
+                for server in self._unanswered(answers, present):
                     self._channels[server].resend(pending_calls[server])
         problems: dict[str, str] = {}
         acknowledged: list[str] = []
@@ -128,7 +134,7 @@ class StopButton:
                     problems[server] = str(problem)
             else:
                 acknowledged.append(server)
-        for server in self._unanswered(answers):
+        for server in self._unanswered(answers, present):
             problems[server] = f"{server} did not acknowledge the stop in {self._timeout_s:g} s"
         if CLOCK not in answers and CLOCK not in problems:
             problems[CLOCK] = "the Clock is down, so a server that restarts will not know of the stop"
@@ -139,16 +145,15 @@ class StopButton:
         channel.open(lambda _: None)
         self._channels[server] = channel
 
-    def _unanswered(self, answers: Mapping[str, Outcome]) -> list[str]:
-        """Return the servers that are up and have not answered."""
+    def _unanswered(self, answers: Mapping[str, Outcome], present: Set[str]) -> list[str]:
+        """Return the servers that are up, or were when they were sent the stop, and have not answered."""
         missing = [server for server in self._channels if server not in answers]
-        present = {*self._session.servers(), *self._running_servers()} if missing else ()
-        return [server for server in missing if server in present]
+        up = present | self._present() if missing else present
+        return [server for server in missing if server in up]
 
-    def _running_servers(self) -> Iterable[str]:
-        """Return the servers with a process on this machine, even a frozen one; none for a remote robot."""
-        robot_address = self._session.hub.network.robot_address
-        return robot_address.directory.running() if isinstance(robot_address, Local) else ()
+    def _present(self) -> Set[str]:
+        """Return the servers that are up; on this machine also those whose process is frozen."""
+        return {*self._session.servers(), *self._session.hub.running()}
 
     def close(self) -> None:
         """Close the connections. Idempotent."""

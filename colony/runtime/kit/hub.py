@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from functools import partial
 from queue import Empty, SimpleQueue
@@ -163,10 +163,15 @@ class Hub:
                 connection: c for connection, c in self._channels_by_connection.items() if c is not channel
             }
 
+    def running(self) -> Collection[str]:
+        """Return the servers with a process on this machine, even a frozen one; none for a remote robot."""
+        robot_address = self.network.robot_address
+        return robot_address.directory.running() if isinstance(robot_address, Local) else ()
+
     def not_found(self, server: str) -> ServerNotFoundError:
         """Return the error for a name under which no server answers, with the likely reason."""
         robot, servers = self.network.robot, self.network.alive()
-        if server in servers:
+        if server in servers or server in self.running():
             text = f"{server} of {robot} is up but does not answer: is it busy or frozen?"
         elif servers:
             text = f"{robot} has no {server}: found {', '.join(servers)}"

@@ -208,7 +208,7 @@ def _leftover(file: BinaryIO, offset: int, size: int) -> Iterator[Leftover]:
 
 def _find_chunk(file: BinaryIO, offset: int, size: int) -> int | None:
     """Return the offset of the first whole chunk at or after `at`, None if there is none."""
-    block = 1 << 20
+    block = 1 << 12  # the next chunk mostly follows soon
     while offset < size:
         file.seek(offset)
         data = file.read(block + _MAX_HEAD_BYTES)
@@ -220,7 +220,7 @@ def _find_chunk(file: BinaryIO, offset: int, size: int) -> int | None:
                 and start + _RECORD.size + _RECORD.unpack_from(data, match.start())[1] <= size
             ):
                 return start
-        offset += block
+        offset, block = offset + block, min(2 * block, 1 << 20)
     return None
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 from msgspec import structs
 
 from colony.runtime.assembly.virtual import VirtualSession
-from colony.runtime.kit.emergency import StopButton
+from colony.runtime.kit.emergency import StopButton, StopReport
 from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import data, emergency
@@ -186,6 +189,34 @@ def test_a_button_stops_all_and_tells_who_acknowledged(machine: Machine) -> None
         assert button.press().kept, "again"
         release(session)
         until(machine.moves, "the robot drives on")
+
+
+@pytest.mark.parametrize("is_started_again", [False, True])
+def test_a_server_that_ends_before_it_acknowledges_is_waited_for(
+    machine: Machine, monkeypatch: pytest.MonkeyPatch, is_started_again: bool
+) -> None:
+    serving(machine, "Clock", "RServer")
+    pid = machine.pid("RServer")
+    assert pid is not None
+    with (
+        machine.session() as session,
+        StopButton(session, timeout_s=60.0 if is_started_again else 1.0) as button,
+    ):
+        collect = button._collect
+
+        def end_and_collect(*arguments: Any) -> StopReport:
+            os.kill(pid, signal.SIGKILL)
+            until(lambda: machine.pid("RServer") is None and "RServer" not in session.servers(), "it ends")
+            if is_started_again:
+                machine.start("serve", "RServer", "--robot", ROBOT)
+            return collect(*arguments)
+
+        monkeypatch.setattr(button, "_collect", end_and_collect)
+        os.kill(pid, signal.SIGSTOP)
+        pressed = button.press()
+    assert pressed.kept == is_started_again
+    assert ("RServer" in pressed.acknowledged) == is_started_again
+    assert ("RServer" in pressed.problems) != is_started_again
 
 
 def test_without_a_clock_the_servers_stop_and_it_is_not_kept(machine: Machine) -> None:

@@ -22,6 +22,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, method
 from colony.runtime.protocol.messages import Effect, Message
+from colony.runtime.transport.live.robot_address import local
 from tests.runtime.kit.stage import (
     BATTERY,
     battery_process,
@@ -171,6 +172,15 @@ def test_a_server_that_answers_nothing(environment: Mapping[str, str]) -> None:
         pytest.raises(ServerNotFoundError, match="Silent of rome is up but does not answer"),
     ):
         connect("Silent", robot=ROBOT, environment=environment, timeout_s=0.2)
+
+
+def test_a_server_whose_process_is_frozen_is_up(environment: Mapping[str, str]) -> None:
+    with (
+        battery_thread(environment),
+        local(ROBOT, environment).directory.claim("Frozen"),
+        pytest.raises(ServerNotFoundError, match="Frozen of rome is up but does not answer"),
+    ):
+        connect("Frozen", robot=ROBOT, environment=environment, timeout_s=0.2)
 
 
 def test_a_server_that_starts_late_is_waited_for(environment: Mapping[str, str]) -> None:

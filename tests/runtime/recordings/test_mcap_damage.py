@@ -22,6 +22,8 @@ from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
 from colony.robots.recorded_program import recorded_program
 from colony.runtime.recordings.mcap_reader import McapReader
+from colony.runtime.recordings.mcap_records import Damage, read_records
+from colony.runtime.recordings.reader import MAGIC
 from colony.runtime.recordings.recorded import RecordedFrame
 from colony.text.diagnostics import DiagnosticError
 from tests.runtime.recordings.mcap_files import (
@@ -260,3 +262,18 @@ def test_reading_many_records_takes_linear_time(kind: str, place: str) -> None:
 
     none, few, more = map(reading, (0, 200, 1000))
     assert more - none <= 5.5 * max(few - none, 1) + 100
+
+
+def test_damage_before_each_chunk_does_not_read_on_far_beyond_it() -> None:
+    class Counted(io.BytesIO):
+        count = 0
+
+        def read(self, size: int | None = -1) -> bytes:
+            data = super().read(size)
+            self.count += len(data)
+            return data
+
+    damaged = MANY["unknown records"](0) + MANY["empty chunks"](0)
+    file = Counted(MAGIC + damaged * 100 + bytes(4 << 20))
+    assert sum(isinstance(found, Damage) for found in read_records(file)) > 100
+    assert file.count < 20 << 20

@@ -39,7 +39,7 @@ class Reception:
         deferred: ring buffers of frames that are handled together with other messages.
         direct_handler: handler that is tried before the inbox, except for deferred messages; None in hosts
             that are not direct.
-        on_stop: handler of emergency stops, called in its own thread.
+        on_stop: handler of emergency stops, called in its own thread, one stop at a time.
     """
 
     def __init__(
@@ -56,6 +56,7 @@ class Reception:
         self._deferred = deferred
         self._direct_handler = direct_handler
         self._on_stop = on_stop
+        self._stop_lane: StopLane | None = None
         self._rate_limits = RateLimits(local_user())
 
     def listen(self, topic: str, declared: ExitStack, *, defers: bool) -> None:
@@ -73,9 +74,14 @@ class Reception:
             self._subscribe(keys.subscription_key(robot, topic), self._frame_handler(topic, defers), declared)
 
     def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
-        """Open a lane for messages sent with the `stop` right, over both sessions if there are two."""
-        lane = StopLane(self._on_stop, self._inbox.add_call)
-        declared.callback(lane.close)
+        """Put messages sent with the `stop` right into the lane, over both sessions if there are two.
+
+        All topics share one lane: `on_stop` sends with an outbox, which is for one thread at a time.
+        """
+        lane = self._stop_lane
+        if lane is None:
+            lane = self._stop_lane = StopLane(self._on_stop, self._inbox.add_call)
+            declared.callback(lane.close)
         key = keys.call_subscription_key(self._network.robot, topic, "stop")
         self._subscribe(key, _stop_handler(topic, lane, self._rate_limits, duplicate=False), declared)
         if self._network.stops is not None:

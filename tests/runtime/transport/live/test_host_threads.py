@@ -175,6 +175,33 @@ def test_an_emergency_stop_has_a_thread_of_its_own_and_goes_before_all_that_wait
     assert "emergency stops" not in {t.name for t in threading.enumerate()}
 
 
+def test_the_stops_of_all_nodes_of_a_process_are_handled_and_answered_in_one_thread(
+    environment: Mapping[str, str], outside: Outside
+) -> None:
+    threads: list[int] = []
+
+    def note(message: Message, now_ns: int) -> Iterable[Effect]:
+        threads.append(threading.get_ident())
+        return _echo(message, now_ns)
+
+    topics_of_calls = CALLS, topics.calls("Light"), topics.calls("Panel")
+    nodes = [Recorder(topic.partition("/")[0], topic, on=note) for topic in topics_of_calls]
+    with hosted(environment, nodes) as host:
+        send_all = host._stop_outbox.send_all
+
+        def noted(sends: Iterable[Send], now_ns: int) -> None:
+            threads.append(threading.get_ident())
+            send_all(sends, now_ns)
+
+        host._stop_outbox.send_all = noted  # type: ignore[method-assign]
+        for number, topic in enumerate(topics_of_calls, 1):
+            stop = _stop("u/stop", number)
+            key = keys.publication_key(ROBOT, topic, stop, user="u")
+            outside.put(key.removeprefix(f"colony/{ROBOT}/"), codec.encode(stop))
+        until(lambda: len(threads) == 2 * len(nodes), "all are handled and answered")
+    assert len(set(threads)) == 1
+
+
 def test_an_answer_that_nobody_takes_does_not_hold_up_a_stop(environment: Mapping[str, str]) -> None:
     """The thread that sends waits for room, which another process does not make."""
     sending, go_on = threading.Event(), threading.Event()
