@@ -23,6 +23,7 @@ from colony.ir.frame import Outcome
 from colony.ir.program import Actuator, Contract, Module, Program
 from colony.ir.types import BOOL
 from colony.verify.claims import any_of, binary, constant, negation
+from colony.verify.contracts.concrete_runs import LongRuns
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted
@@ -75,13 +76,13 @@ def verdicts(seed: int) -> Findings:
     findings, proved = list[str](), Holding(set(), set(), set())
     for name, result in results.items():
         match result:
-            case Proved(over_reals=(), operators=operators):
+            case Proved(operators=operators):
                 counts["proved with operators"] += operators
                 proved.always.add(name)
                 proved.late.add(name)
                 proved.operators.update({name} if operators else ())
-            case ProvedInTime(in_time=in_time):
-                proved.always.update(() if in_time.over_reals else {name})
+            case ProvedInTime():
+                proved.always.add(name)
                 findings += _not_late(seed, program, result)
             case Refuted(trace=trace):
                 counts["refuted by an unknown value"] += trace.unknown
@@ -147,7 +148,12 @@ def _not_late(seed: int, program: Program, result: ProvedInTime) -> list[str]:
 
 
 def _broken(seed: int, program: Program, proved: Holding) -> Iterator[str]:
-    """Yield the contracts that drawn traces break though they are proved."""
+    """Yield the contracts that long runs or drawn traces break though they are proved."""
+    long_runs = LongRuns(program)
+    for name in sorted(proved.always):
+        breaking = long_runs.breaking(name)
+        if breaking is not None:
+            yield f"seed {seed}: a run of {len(breaking)} frames breaks {name}, which is proved"
     for number in range(_TRACES if proved.always else 0):
         choices = Choices(Random(f"{seed}/{number}"))
         trace = draw_trace(choices, program, _FRAMES)

@@ -132,11 +132,11 @@ def proofs(program: Program) -> Proofs:
     for result in prove_contracts(program, OPTIONS):
         name = result.contract.name
         match result:
-            case Proved(over_reals=(), operators=operators):
+            case Proved(operators=operators):
                 holding.always.add(name)
                 holding.late.add(name)
                 holding.operators.update({name} if operators else ())
-            case ProvedInTime(in_time=Proved(over_reals=())):
+            case ProvedInTime():
                 holding.always.add(name)
             case _:
                 pass
