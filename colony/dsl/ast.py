@@ -226,9 +226,10 @@ class Range(SyntaxNode):
 
 @record
 class FrameDecl(SyntaxNode):
-    """`frame period`."""
+    """`frame period`, with or without `jitter`."""
 
     period: Expression
+    jitter: Expression | None = None
 
 
 @record

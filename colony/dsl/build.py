@@ -64,7 +64,8 @@ class Builder:
 
     def frame(self, c: Children) -> ast.FrameDecl:
         """Build the declaration of the frame period."""
-        return ast.FrameDecl(period=c[1], **_extent(c))
+        _, period, _, jitter = c
+        return ast.FrameDecl(period=period, jitter=jitter, **_extent(c))
 
     def sensor(self, c: Children) -> ast.SensorDecl:
         """Build a sensor declaration."""

@@ -163,8 +163,9 @@ def _declaration(node: ast.Declaration) -> str:
 
 def _robot_item(item: ast.RobotItem) -> str:
     match item:
-        case ast.FrameDecl(period=period):
-            return f"frame {print_expression(period)}"
+        case ast.FrameDecl(period=period, jitter=jitter):
+            around = "" if jitter is None else f" jitter {print_expression(jitter)}"
+            return f"frame {print_expression(period)}{around}"
         case ast.SensorDecl():
             return _sensor(item)
         case ast.ActuatorDecl():

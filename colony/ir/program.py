@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import field, replace
+from itertools import pairwise
 from reprlib import repr as short
 from typing import Literal, Protocol
 
@@ -146,15 +147,39 @@ DEFAULT_FRAME_NS = 50_000_000
 
 @record
 class Robot(Declared):
-    """A robot: sensors and actuators in the order declared, and the frame period."""
+    """A robot: sensors and actuators in the order declared, and the frame period.
+
+    `jitter_ns` is how much longer or shorter than the period the time between frames may be; None for any.
+    """
 
     frame_ns: int = DEFAULT_FRAME_NS
+    jitter_ns: int | None = None
     sensors: tuple[Sensor, ...] = ()
     actuators: tuple[Actuator, ...] = ()
 
     def indices_read(self, actuator: str) -> tuple[int, ...]:
         """Return the indices of the fields of an actuator that the program reads as `last.ACTUATOR.FIELD`."""
         return tuple(s.sent[1] for s in self.sensors if s.sent is not None and s.sent[0] == actuator)
+
+
+def gaps_ns(robot: Robot) -> tuple[int, int | None]:
+    """Return the shortest and the longest time between two frames, in nanoseconds; None for any."""
+    if robot.jitter_ns is None:
+        return 1, None
+    return robot.frame_ns - robot.jitter_ns, robot.frame_ns + robot.jitter_ns
+
+
+def is_regular(robot: Robot, times_ns: Iterable[int]) -> bool:
+    """Return True if the frames of a run come as closely at the robot's period as it says."""
+    shortest, longest = gaps_ns(robot)
+    gaps = (later - earlier for earlier, later in pairwise(times_ns))
+    return all(shortest <= gap and (longest is None or gap <= longest) for gap in gaps)
+
+
+def without_assumed(program: Program) -> Program:
+    """Return the program without the contracts that are assumed of the world."""
+    required = tuple(c for c in program.contracts if not c.assumed)
+    return program if len(required) == len(program.contracts) else replace(program, contracts=required)
 
 
 def robot_in_base_units(robot: Robot) -> Robot:
@@ -347,9 +372,13 @@ class Limit(Record):
 
 @record
 class Contract(Declared):
-    """A contract: it must be true in every frame in which nothing that it reads is missing."""
+    """A contract: it must be true in every frame in which nothing that it reads is missing.
+
+    One that is `assumed` is about the world: proofs take it for granted, and it is watched in runs alone.
+    """
 
     expression: Expression
+    assumed: bool = False
 
 
 @record

@@ -75,7 +75,9 @@ def load(file: str, *, write_test: bool) -> Verified:
     checked = check_to_run(file)
     if checked.program is None:
         return Verified(file, None, list(checked.diagnostics))
-    return Verified(file, checked.program, [], writes_tests=write_test)
+    from colony.ir.program import without_assumed
+
+    return Verified(file, without_assumed(checked.program), [], writes_tests=write_test)
 
 
 @dataclass(slots=True, frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from colony.dsl import ast
@@ -13,8 +14,19 @@ from colony.dsl.check.reserved import RESTARTED
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol, ValueSymbol
 from colony.dsl.check.sent import sent_field
 from colony.ir import program as ir
-from colony.ir.expression import Element, Expression, Slice
-from colony.ir.types import BOOL, Array, Quantity, ScalarValue, element_type
+from colony.ir.expression import (
+    Binary,
+    BinaryOperation,
+    Constant,
+    Element,
+    Expression,
+    MemoryCall,
+    MemoryFunction,
+    Now,
+    Slice,
+    Within,
+)
+from colony.ir.types import BOOL, DURATION, Array, Quantity, ScalarValue, element_type
 
 MAX_TEST_FRAMES = 1_000_000
 
@@ -62,6 +74,30 @@ def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | No
         return None
     name = checker.scope.full_name(node.name.text)
     return ir.Contract(name=name, expression=found, span=checker.span(node.name))
+
+
+REGULAR = "frames.regular"
+"""Name of the contract about the times of frames, which no file can declare."""
+
+
+def frames_are_regular(robot: ir.Robot, new_cell: Callable[[], int]) -> ir.Contract:
+    """Return the contract that the frames of a robot come at its period, as closely as it says.
+
+    It allows a nanosecond more, as times in seconds round.
+    """
+    assert robot.jitter_ns is not None
+
+    def seconds(value_ns: int) -> Constant:
+        return Constant(type=DURATION, value=value_ns / 1e9)
+
+    now = Now(type=DURATION)
+    arguments = (now, seconds(-robot.frame_ns))
+    before = MemoryCall(type=DURATION, function=MemoryFunction.PREVIOUS, arguments=arguments, cell=new_cell())
+    gap = BinaryOperation(type=DURATION, operator=Binary.SUBTRACT, left=now, right=before)
+    shortest = seconds(robot.frame_ns - robot.jitter_ns - 1)
+    longest = seconds(robot.frame_ns + robot.jitter_ns + 1)
+    within = Within(type=BOOL, operand=gap, low=shortest, high=longest)
+    return ir.Contract(name=REGULAR, expression=within, span=robot.span, assumed=True)
 
 
 def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.contracts import check_contract, check_limit, check_test
+from colony.dsl.check.contracts import check_contract, check_limit, check_test, frames_are_regular
 from colony.dsl.check.declare import MODULE_DECLARATIONS, declare_names
 from colony.dsl.check.derived import (
     check_let,
@@ -88,7 +88,7 @@ class _Check:
         modules = list(checked.modules)
         wires = self._wires(modules)
         limits = [check_limit(c, n) for c, n in self._each(ast.LimitDecl)]
-        contracts = self._contracts()
+        contracts = self._contracts(robot)
         root_checker = ExpressionChecker(scope=self.root, report=self.report)
         tests = [check_test(root_checker, n) for c, n in self._each(ast.TestDecl) if c.scope is self.root]
         if robot is None:
@@ -270,9 +270,12 @@ class _Check:
         check_outputs(self.report, wires, {m.name: m for m in modules}, scopes)
         return wires
 
-    def _contracts(self) -> list[ir.Contract]:
+    def _contracts(self, robot: ir.Robot | None) -> list[ir.Contract]:
         contracts: dict[str, ir.Contract] = {}
         names: dict[str, Label] = {}
+        if robot is not None and robot.jitter_ns is not None:
+            regular = frames_are_regular(robot, self.report.new_cell)
+            contracts[regular.name] = regular
         for checker, node in self._each(ast.ContractDecl):
             full_name = checker.scope.full_name(node.name.text)
             if full_name in names:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from typing import NamedTuple
 
 from colony.dsl import ast
 from colony.dsl.check.arrays import check_bearings
@@ -74,7 +75,7 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
     robot = checker.scope.robot
     sensors: list[ir.Sensor] = []
     actuators: list[ir.Actuator] = []
-    periods: list[int] = []
+    periods: list[_Period] = []
     names: dict[str, ast.Name] = {}
     for item in node.items:
         if isinstance(item, ast.FrameDecl):
@@ -95,11 +96,13 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
                 ActuatorSymbol(actuator=actuator) if actuator else BrokenSymbol()
             )
             actuators += [actuator] if actuator else []
-    robot.frame_ns = periods[0] if periods else ir.DEFAULT_FRAME_NS
+    period = periods[0] if periods else _Period(ir.DEFAULT_FRAME_NS)
+    robot.frame_ns = period.frame_ns
     return ir.Robot(
         name=node.name.text,
         span=checker.span(node.name),
-        frame_ns=robot.frame_ns,
+        frame_ns=period.frame_ns,
+        jitter_ns=period.jitter_ns,
         sensors=tuple(sensors),
         actuators=tuple(actuators),
     )
@@ -112,14 +115,24 @@ def literal_frame_period(checker: Checker, node: ast.RobotDecl) -> int | None:
     return bare.duration_ns(frames[0].period, "the frame period") if frames else ir.DEFAULT_FRAME_NS
 
 
-def _frame(checker: Checker, item: ast.FrameDecl, periods: list[int]) -> None:
+class _Period(NamedTuple):
+    """The frame period and how much it may vary, in nanoseconds."""
+
+    frame_ns: int
+    jitter_ns: int | None = None
+
+
+def _frame(checker: Checker, item: ast.FrameDecl, periods: list[_Period]) -> None:
+    jitter = None if item.jitter is None else checker.duration_ns(item.jitter, "the jitter")
     period = checker.duration_ns(item.period, "the frame period")
     if period == 0:
         checker.error("E309", item, "the frame period must be longer than 0", "for example `frame 50 ms`")
     elif period is not None and periods:
         checker.error("E309", item, "the frame period is given twice")
+    elif period is not None and jitter is not None and jitter >= period:
+        checker.error("E309", item, "the jitter must be shorter than the frame period")
     elif period is not None:
-        periods.append(period)
+        periods.append(_Period(period, jitter))
 
 
 def _range(

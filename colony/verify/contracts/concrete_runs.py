@@ -15,7 +15,7 @@ from colony.compile.backends.python.executor import PythonExecutor
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
-from colony.ir.program import Program, Sensor, robot_in_base_units
+from colony.ir.program import Program, Sensor, is_regular, robot_in_base_units
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value, element_type
 from colony.verify.contracts.replay import Replay, is_stand_in, with_stand_ins
 from colony.verify.snapshot import Snapshot, snapshot_of
@@ -95,7 +95,9 @@ class LongRuns:
 
     def _tests(self) -> Iterator[tuple[Snapshot, ...]]:
         for example in self._program.tests:
-            yield snapshots_of(self._program, example)
+            snapshots = snapshots_of(self._program, example)
+            if is_regular(self._program.robot, (s.t_ns for s in snapshots)):
+                yield snapshots
 
 
 def _broken_in(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
-from colony.ir.program import Program
+from colony.ir.program import Program, without_assumed
 from colony.verify.contracts.proof_cache import ProofCache, content_key
 from colony.verify.contracts.prove import results
 from colony.verify.contracts.replay import Replay
@@ -71,7 +71,7 @@ def kept_proofs(
         options: the effort for each contract.
         on_progress: a function that is called before each contract; not if the cache has all verdicts.
     """
-    names = [c.name for c in program.contracts]
+    names = [c.name for c in without_assumed(program).contracts]
     prover = _Prover(cache, options, on_progress)
     before = dict.fromkeys(names, "proved_in_time") if own is None else prover.verdicts(own, names)
     needed = [name for name in names if name in before and before[name] in _RANKS]

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
 
-from colony.ir.program import Contract, Program
+from colony.ir.program import Contract, Program, without_assumed
 from colony.verify.contracts.attempt import Attempt, Proof
 from colony.verify.contracts.concrete_runs import LongRuns
 from colony.verify.contracts.disturbances import Confirmer
@@ -54,6 +54,7 @@ _NONLINEAR = (Operation.PRODUCT, Operation.QUOTIENT)
 
 def prove_contracts(program: Program, options: Options | None = None) -> tuple[Result, ...]:
     """Return the result of every contract, in the order written."""
+    program = without_assumed(program)
     names = [c.name for c in program.contracts]
     return tuple(in_order(program, results(program, names, options)))
 
@@ -70,6 +71,7 @@ def results(program: Program, names: list[str], options: Options | None = None) 
     Proved contracts help to prove the others: one that stays unknown is tried again at the end if others were
     proved after it, so the order in which contracts are written matters little.
     """
+    program = without_assumed(program)
     prover = Prover(program, options or Options())
     open_results: list[tuple[int, Result]] = []
     for contract in program.contracts:

@@ -20,6 +20,7 @@ from colony.ir.program import (
     Program,
     PythonModule,
     Sensor,
+    is_regular,
 )
 from colony.ir.types import BOOL, Value, any_value
 from colony.verify.explain.runs import explain_breach
@@ -35,8 +36,9 @@ _SMALL_PROGRAM = 60
 class Replay:
     """Replays traces of `program` for one of its contracts.
 
-    A trace breaks the contract only if none of the modules in Python `uncalled` is called in any frame, and
-    commands from outside the network are within the bounds of their frames.
+    A trace breaks the contract only if its frames are as regular as the robot says, none of the modules in
+    Python `uncalled` is called in any frame, and commands from outside the network are within the bounds of
+    their frames.
     """
 
     def __init__(self, program: Program, contract: str, uncalled: Collection[str] = ()) -> None:
@@ -85,7 +87,8 @@ class Replay:
 
         The stand-in of a module that is called is active.
         """
-        outcomes, is_possible = list[Outcome](), True
+        outcomes = list[Outcome]()
+        is_possible = is_regular(self.program.robot, (s.t_ns for s in snapshots))
         for snapshot, (outcome, interpreter) in zip(snapshots, self.frames(snapshots), strict=False):
             outcomes.append(outcome)
             is_possible = (

@@ -8,6 +8,7 @@ from random import Random
 
 import z3
 
+from colony.ir.program import Robot, gaps_ns
 from colony.verify.contracts.candidates import Candidate
 from colony.verify.contracts.cone import facts, within
 from colony.verify.contracts.solver import Answer, Budget, Solver
@@ -50,7 +51,14 @@ def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
         solver.pop()
         if answer is not Answer.SAT:
             return
-        t_ns += random.choice((1, 1, 1, 4, 40, 400)) * cone.system.program.robot.frame_ns
+        t_ns += _gap(random, cone.system.program.robot)
+
+
+def _gap(random: Random, robot: Robot) -> int:
+    """Draw the time to the next frame, in nanoseconds."""
+    shortest, longest = gaps_ns(robot)
+    periods = random.choice((1, 1, 1, 4, 40, 400))
+    return periods * robot.frame_ns if longest is None else random.choice((shortest, robot.frame_ns, longest))
 
 
 def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:

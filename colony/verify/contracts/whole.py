@@ -3,7 +3,8 @@
 Abstract interpretation (`symbolic/shapes.py`) loses the bounds of `if n == 100 then 0 else n + 1`. So cells
 that begin whole are guessed to be whole and small, which makes what is computed of them exact; with that,
 bounds are proved by induction (`houdini.py`). A guess without a proof is dropped, and the others are proved
-anew: the proofs of all that stay hold together, for floats, bit for bit.
+anew: the proofs of all that stay hold together, for floats, bit for bit. Where frames are regular, a counter
+is also bounded by the number of frames in the longest run.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from fractions import Fraction
 
 import z3
 
-from colony.ir.program import Program
+from colony.execute.validity import MAX_TIME_NS
+from colony.ir.program import Program, gaps_ns
 from colony.verify.contracts.candidates import Candidate, candidates, numerals
 from colony.verify.contracts.houdini import Invariants, invariants
 from colony.verify.contracts.solver import Budget
@@ -25,6 +27,9 @@ from colony.verify.symbolic.system import Bounds, Cell, Claim, Shape, System
 
 _MAX_BOUNDS = 24
 """Number of constants that are tried as bounds of a cell."""
+
+_MAX_STEPS = 4
+"""Number of constants that are tried as steps of a cell."""
 
 _MAX_GUESSES = 200
 
@@ -78,7 +83,8 @@ def _bounds(system: System, cell: Cell, budget: Budget) -> Bounds | None:
     """Return proved bounds of a cell; None if there are none, or the cell may become infinite or NaN."""
     written = system.written[cell.name]
     cone = cones.cone(system, [cell.old, finite(written), system.now, system.begun, system.last])
-    low, high = _tried(cell, system, above=False), _tried(cell, system, above=True)
+    low = {**_grown(cell, system, above=False), **_tried(cell, above=False)}
+    high = {**_grown(cell, system, above=True), **_tried(cell, above=True)}
     stays_finite = Claim(name=cell.name, holds=finite(written))
     guesses = [*low.values(), *high.values(), *candidates(cone, ())][:_MAX_GUESSES]
     found: Invariants = invariants(cone, guesses, [stays_finite], (), budget)
@@ -90,11 +96,11 @@ def _bounds(system: System, cell: Cell, budget: Budget) -> Bounds | None:
     return Bounds(max(lows), min(highs), whole=True) if lows and highs else None
 
 
-def _tried(cell: Cell, system: System, *, above: bool) -> Mapping[Fraction, Candidate]:
+def _tried(cell: Cell, *, above: bool) -> Mapping[Fraction, Candidate]:
     """Return guesses of a bound that the initial value keeps, by the bound."""
     initial, old = _fraction(cell.initial), cell.old
     found = {}
-    for value in _constants(system, cell):
+    for value in _constants(cell):
         if (value >= initial) if above else (value <= initial):
             bound = z3.IntVal(int(value))
             text = f"{cell.name} {'<=' if above else '>='} {value}"
@@ -102,11 +108,33 @@ def _tried(cell: Cell, system: System, *, above: bool) -> Mapping[Fraction, Cand
     return found
 
 
-def _constants(system: System, cell: Cell) -> Iterator[Fraction]:
+def _grown(cell: Cell, system: System, *, above: bool) -> Mapping[Fraction, Candidate]:
+    """Return guesses that a cell moves by at most a constant a frame, by the bound in the longest run.
+
+    Only frames that come no sooner than a robot says are few enough.
+    """
+    shortest_ns, longest_ns = gaps_ns(system.program.robot)
+    if longest_ns is None:
+        return {}
+    initial, sign, found = _fraction(cell.initial), 1 if above else -1, {}
+    for step in sorted({abs(value) for value in _whole_constants(cell)} - {0})[:_MAX_STEPS]:
+        bound = initial + sign * (step + step * (MAX_TIME_NS // shortest_ns + 1))
+        if abs(bound) <= EXACT_WHOLE / 2:
+            moved = sign * (cell.old - z3.IntVal(int(initial))) - z3.IntVal(int(step))
+            grown = moved * z3.IntVal(shortest_ns) <= z3.IntVal(int(step)) * system.last
+            found[bound] = Candidate(f"{cell.name} moves by at most {step} a frame", grown)
+    return found
+
+
+def _constants(cell: Cell) -> Iterator[Fraction]:
     """Yield whole numbers that may bound a cell: those in its formula, and their neighbors."""
-    values: Sequence[Fraction] = numerals([cell.next, cell.initial])
-    for value in [v for v in values if v.denominator == 1 and abs(v) <= EXACT_WHOLE / 2][:_MAX_BOUNDS]:
+    for value in _whole_constants(cell)[:_MAX_BOUNDS]:
         yield from (value - 1, value, value + 1)
+
+
+def _whole_constants(cell: Cell) -> list[Fraction]:
+    values: Sequence[Fraction] = numerals([cell.next, cell.initial])
+    return [v for v in values if v.denominator == 1 and abs(v) <= EXACT_WHOLE / 2]
 
 
 def _fraction(value: z3.ExprRef) -> Fraction:

@@ -90,8 +90,10 @@ class _Merger:
     def _robot(self) -> Robot:
         sensors = {s.name: s for s in (*self._a.robot.sensors, *self._b.robot.sensors)}
         actuators = (replace(x, name=x.name + B_SUFFIX) for x in self._b.robot.actuators)
+        jitters_ns = {self._a.robot.jitter_ns, self._b.robot.jitter_ns}
         return replace(
             self._a.robot,
+            jitter_ns=jitters_ns.pop() if len(jitters_ns) == 1 else None,
             sensors=tuple(sensors.values()),
             actuators=(*self._a.robot.actuators, *actuators),
         )

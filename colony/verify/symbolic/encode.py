@@ -62,7 +62,7 @@ def encode(program: Program, precise: bool = False, known: Mapping[str, Shape] =
 
 def encode_frame(program: Program, builder: Builder) -> FrameParts:
     """Encode one frame of `program`, contracts included."""
-    frame_values = begin(builder)
+    frame_values = begin(program.robot, builder)
     sensors = sense(program, builder, frame_values)
     encoder = DeclarationEncoder(program, builder, frame_values)
     encoder.encode_states()

@@ -7,7 +7,7 @@ from typing import assert_never, cast
 
 import z3
 
-from colony.ir.program import Actuator, Program, PythonModule, Sensor
+from colony.ir.program import Actuator, Program, PythonModule, Robot, Sensor, gaps_ns
 from colony.ir.types import Array, Bool, Enum, Quantity, element_type
 from colony.ir.types import Scalar as ScalarType
 from colony.verify.reference.boundary import default_of
@@ -15,7 +15,7 @@ from colony.verify.symbolic.bounding import within
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.expressions import constant_term
 from colony.verify.symbolic.frame_values import FrameValues
-from colony.verify.symbolic.logic import FALSE, TRUE, any_of, choice, implied, integer, negation
+from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, choice, implied, integer, negation
 from colony.verify.symbolic.memory import enumerator
 from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import (
@@ -30,8 +30,8 @@ from colony.verify.symbolic.system import (
 )
 
 
-def begin(builder: Builder) -> FrameValues:
-    """Begin the encoding of a frame with its time: 0 in the first frame, then strictly increasing.
+def begin(robot: Robot, builder: Builder) -> FrameValues:
+    """Begin the encoding of a frame with its time: 0 in the first frame, then increasing as the robot says.
 
     Only in the first frame, in which all memory is initial, `restarted` may be true.
     """
@@ -41,7 +41,10 @@ def begin(builder: Builder) -> FrameValues:
     last = cast(z3.ArithRef, builder.open_cell(last_name, z3.IntSort(), integer(0)))
     builder.close_cell(begun_name, TRUE)
     builder.close_cell(last_name, now)
-    builder.assume(now, choice(begun, cast(z3.BoolRef, now > last), cast(z3.BoolRef, now == 0)))
+    shortest, longest = gaps_ns(robot)
+    later = [cast(z3.BoolRef, now >= last + integer(shortest))]
+    later += [] if longest is None else [cast(z3.BoolRef, now <= last + integer(longest))]
+    builder.assume(now, choice(begun, all_of(later), cast(z3.BoolRef, now == 0)))
     builder.assume(restarted, implied(restarted, negation(begun)))
     builder.invariant(last, cast(z3.BoolRef, last >= 0))
     builder.invariant(last, z3.Or(begun, last == 0))

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple, assert_never
 from colony.ir import expression as ir
 from colony.ir import frame
 from colony.ir.frame import Decision, Outcome
-from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
+from colony.ir.program import Actuator, Contract, Example, Given, Program, Step, without_assumed
 from colony.ir.types import (
     Array,
     Bool,
@@ -96,7 +96,7 @@ def run_examples(program: Program, only: Collection[str] = ()) -> tuple[ExampleR
 
 def run_example(program: Program, example: Example) -> ExampleResult:
     """Run one example of `program`, from the program's initial memory."""
-    run = _Run(program)
+    run = _Run(without_assumed(program))
     for step in example.steps:
         run.step(step)
     return ExampleResult(

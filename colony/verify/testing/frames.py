@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from colony.ir import expression as ir
 from colony.ir.frame import Frame, Reading
-from colony.ir.program import Program, PythonModule
+from colony.ir.program import Program, PythonModule, gaps_ns, is_regular
 from colony.ir.types import Quantity
 from colony.ir.walk import all_subexpressions
 from colony.ir.wiring import wiring_graph
@@ -67,7 +67,8 @@ def _beginning_of_test(choices: Choices, program: Program, max_frames: int) -> t
     if not program.tests or not choices.one_in(3):
         return ()
     written = frames_of(program, choices.pick(program.tests))
-    return written[: choices.up_to(min(len(written), max_frames - 1))]
+    begun = written[: choices.up_to(min(len(written), max_frames - 1))]
+    return begun if is_regular(program.robot, (frame.t_ns for frame in begun)) else ()
 
 
 def thresholds_of(program: Program) -> Thresholds:
@@ -103,7 +104,9 @@ def gaps_of(program: Program) -> list[int]:
         for gap in (duration, duration - 1, duration + 1, duration - frame):
             if gap > 0:
                 gaps[gap] = None
-    return list(gaps)
+    shortest, longest = gaps_ns(program.robot)
+    ends = (shortest, longest) if longest is not None else ()
+    return [gap for gap in (*gaps, *ends) if gap >= shortest and (longest is None or gap <= longest)]
 
 
 def durations_of(program: Program) -> list[int]:

@@ -29,7 +29,7 @@ from random import Random
 from hypothesis import strategies as st
 
 from colony.ir.frame import Frame, Reading
-from colony.ir.program import Program, Sensor, expect_program
+from colony.ir.program import Program, Sensor, expect_program, is_regular
 from colony.ir.types import ScalarValue
 from colony.verify.testing.agreement import reference
 from colony.verify.testing.drawing import Choices
@@ -148,6 +148,8 @@ def _simplified(
     for simpler_times in _TIMES:
         if not next(numbers):
             times = simpler_times(times, program.robot.frame_ns)
+    if not is_regular(program.robot, times):
+        times = _regular(times, program.robot.frame_ns)
     readings = [dict.fromkeys(f.readings) for f in frames]
     for sensor in sensors:
         own = [f.readings.get(sensor.name) for f in frames]
