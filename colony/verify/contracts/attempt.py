@@ -86,7 +86,7 @@ class Attempt:
         if found is None and not self._is_breakable:
             found = self._prove_with_invariants() or self._induce()
         if found is None and not self._is_breakable and not self._is_over:
-            found = self._ask_spacer(_LONG_SPACER_SHARE)
+            found = self._ask_spacer(_LONG_SPACER_SHARE, guided=True)
         while found is None and self._may_search_longer:
             found = self._search_longer()
         return found
@@ -104,22 +104,25 @@ class Attempt:
         self._know(self._context.invariants(self._cone, self._budget))
         return self.prove_in_one_frame()
 
-    def _ask_spacer(self, share: float) -> Proof | Trace | None:
+    def _ask_spacer(self, share: float, *, guided: bool = False) -> Proof | Trace | None:
         """Return a proof by Spacer's invariant, or a trace of the length that it gives."""
         lemmas = [lemma.holds for lemma in self.lemmas]
-        match spacer.solve(self._cone.system, self._claim, lemmas, self._budget, share):
+        match spacer.solve(self._cone.system, self._claim, lemmas, self._budget, share, guided=guided):
             case spacer.Safe(guesses=guesses):
                 known = [c.formula for c in self._known_conditions]
                 found = invariants(self._cone, guesses, (), known, self._budget).conditions
                 self._context.record_invariants(self._cone, found)
                 self._know(found)
                 return self.prove_in_one_frame()
-            case spacer.Broken(frames=frames):
+            case spacer.Broken(frames=frames, safe_frames=safe_frames):
                 self._is_breakable, self._has_given_up = True, self._refuter is None
                 if self._has_given_up:
                     return None
-                self._search.skip_to(frames - 1)
-                return self._search_longer() if self._search.length < frames else None
+                self._search.skip_to(safe_frames)
+                trace = None
+                while trace is None and self._search.length < frames and not self._is_over:
+                    trace = self._search_longer()
+                return trace
             case None:
                 return None
 

@@ -60,9 +60,10 @@ _NEGATED = {
 
 
 class Broken(NamedTuple):
-    """A run of `frames` frames breaks the contract in its last frame; no shorter run does."""
+    """A run of `frames` frames breaks the contract in its last frame; none of up to `safe_frames` does."""
 
     frames: int
+    safe_frames: int
 
 
 class Safe(NamedTuple):
@@ -72,11 +73,19 @@ class Safe(NamedTuple):
 
 
 def solve(
-    system: System, claim: Claim, lemmas: Sequence[z3.BoolRef], budget: Budget, share: float
+    system: System,
+    claim: Claim,
+    lemmas: Sequence[z3.BoolRef],
+    budget: Budget,
+    share: float,
+    *,
+    guided: bool = False,
 ) -> Safe | Broken | None:
     """Return Spacer's answer about a contract, None if it gave up.
 
-    It may use `share` of the initial resources of a budget. `lemmas` hold in every frame.
+    It may use `share` of the initial resources of a budget. `lemmas` hold in every frame. With `guided`, it
+    generalizes over many clauses of its invariant at once (Vediramana Krishnan et al., 2020), which is slower
+    but ends more often.
 
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed while z3 was at work.
@@ -84,11 +93,11 @@ def solve(
     if budget.is_spent():
         return None
     cone = cones.cone(system, [claim.holds, *lemmas])
-    clauses = _Clauses(cone, claim.holds, lemmas)
+    clauses = _Clauses(cone, claim.holds, lemmas, guided=guided)
     answer = clauses.query(budget.part(share))
     budget.charge(clauses.resources_used())
     if answer == z3.sat:
-        return Broken(clauses.frames_of_run())
+        return clauses.broken()
     if answer == z3.unsat:
         guesses = [Candidate(formula_text(g), g) for g in clauses.invariant()]
         return Safe(initially_true(cone, guesses))
@@ -101,7 +110,7 @@ class _Clauses:
     So the answer depends on nothing that z3 has done before.
     """
 
-    def __init__(self, cone: Cone, holds: z3.BoolRef, lemmas: Sequence[z3.BoolRef]) -> None:
+    def __init__(self, cone: Cone, holds: z3.BoolRef, lemmas: Sequence[z3.BoolRef], *, guided: bool) -> None:
         self._cells = [cell.old for cell in cone.cells]
         self._context = z3.Context()
         memory = self._own(self._cells)
@@ -110,7 +119,7 @@ class _Clauses:
         self._reachable = z3.Function("reachable", *(x.sort() for x in memory), boolean)
         self._broken = z3.Function("broken", boolean)
         self._z3 = z3.Fixedpoint(ctx=self._context)
-        self._z3.set(**_OPTIONS)
+        self._z3.set(**_OPTIONS, **{"spacer.global": guided})
         self._z3.register_relation(self._reachable, self._broken)
         self._z3.declare_var(*memory, *self._own(cone.constants))
         frame = [self._reachable(*memory), *facts]
@@ -146,11 +155,12 @@ class _Clauses:
 
     def resources_used(self) -> int:
         """Return the resources used by the query, in z3's units."""
-        return int(self._statistic("rlimit count"))
+        return self._statistic("rlimit count")
 
-    def frames_of_run(self) -> int:
-        """Return the number of frames of the run that breaks the contract."""
-        return int(self._statistic("SPACER cex depth")) - 1  # the initial memory counts as well
+    def broken(self) -> Broken:
+        """Return the length of the run that breaks the contract; the initial memory counts in Spacer's."""
+        length, shortest = self._statistic("SPACER cex depth"), self._statistic("SPACER max depth")
+        return Broken(length - 1, min(length, shortest) - 2)
 
     def invariant(self) -> list[z3.BoolRef]:
         """Return the conjuncts of the invariant, over the cells."""
@@ -158,9 +168,9 @@ class _Clauses:
         invariant = z3.simplify(z3.substitute_vars(found, *self._cells))
         return invariant.children() if z3.is_and(invariant) else [invariant]
 
-    def _statistic(self, name: str) -> float:
+    def _statistic(self, name: str) -> int:
         """Return a number of z3's statistics, 0 if it does not have it."""
-        return dict[str, float](list(self._z3.statistics())).get(name, 0)
+        return int(dict(list(self._z3.statistics())).get(name, 0))
 
 
 # --- text ----------------------------------------------------------------------------------------

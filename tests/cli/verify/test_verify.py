@@ -22,7 +22,7 @@ from tests.waiting import PATIENCE_S, killed_in_the_end, until
 TRUE = "contract backs: drive by back implies drive.velocity <= 0\n"
 FALSE = "contract quick: drive.velocity > -100 mm/s\n"
 LONG = "contract lasts: drive by back implies bumper\n"
-OPEN = "state n = 0  next n = if bumper then n + 2 else n - 2\ncontract never_seven: n != 7\n"
+OPEN = "state n = 0  next n = if bumper then n + 0.5 else n - 0.5\ncontract never_quarter: n != 0.25\n"
 QUICK = ("--depth", "1", "--timeout", "0.05")
 
 
@@ -59,9 +59,9 @@ def test_refuted_shows_the_run_and_the_place(colony: Colony, behavior: Path) -> 
 def test_unknown_says_why_and_is_no_error(colony: Colony, behavior: Path) -> None:
     code, out, err = colony("verify", *QUICK, add(behavior, OPEN))
     assert code == 0
-    assert f"{behavior}: unknown  never_seven\n" in out
+    assert f"{behavior}: unknown  never_quarter\n" in out
     assert "no run of up to 6 frames breaks it" in out
-    assert "warning[V011]: contract `never_seven` is neither proved nor refuted" in err
+    assert "warning[V011]: contract `never_quarter` is neither proved nor refuted" in err
     code, _, _ = colony("verify", "--strict", *QUICK, behavior)
     assert code == 1
 
@@ -344,7 +344,7 @@ def test_json_has_every_verdict(colony: Colony, behavior: Path) -> None:
     assert told["interrupted"] is False
     assert file["file"] == str(behavior)
     verdicts = {c["contract"]: c["verdict"] for c in file["contracts"]}
-    assert verdicts == {"backs": "proved", "lasts": "refuted", "never_seven": "unknown"}
+    assert verdicts == {"backs": "proved", "lasts": "refuted", "never_quarter": "unknown"}
     trace = file["contracts"][1]["trace"]
     assert [step["frame"].get("bumper") for step in trace] == [True, False]
     assert [step["broken"] for step in trace] == [[], ["lasts"]]

@@ -148,7 +148,7 @@ def test_what_the_solver_cannot_see_is_refuted_by_drawing_runs() -> None:
 
 
 def test_what_no_induction_shows_is_unknown_and_tells_how_far_it_went() -> None:
-    text = "state n = 0  next n = if bump then n + 2 else n - 2\ncontract c: n != 7"
+    text = "state n = 0  next n = if bump then n + 0.5 else n - 0.5\ncontract c: n != 0.25"
     found = unknown(text, Options(depth=2, max_frames=5, resources=500_000))
     assert any("in the 2 frames before" in line and "up to 5 frames" in line for line in found.because)
 

@@ -52,7 +52,17 @@ def test_a_contract_of_a_program_that_only_spacer_proves_is_proved() -> None:
 @pytest.mark.parametrize("limit", [0, 1, 29])
 def test_the_length_of_a_run_is_that_of_the_shortest(limit: int) -> None:
     made = system([counter()], {"low": limit >= COUNT})
-    assert solve(made, Budget(Options())) == spacer.Broken(limit + 2)
+    assert solve(made, Budget(Options())) == spacer.Broken(limit + 2, limit + 1)
+
+
+def test_with_guidance_the_answers_are_the_same() -> None:
+    made, broken = system([counter(3)], {"low": COUNT < 3}), system([counter()], {"low": COUNT <= 4})
+    assert isinstance(
+        spacer.solve(made, made.claims[0], [], Budget(Options()), 1.0, guided=True), spacer.Safe
+    )
+    found = spacer.solve(broken, broken.claims[0], [], Budget(Options()), 1.0, guided=True)
+    assert isinstance(found, spacer.Broken)
+    assert found.safe_frames < 6 <= found.frames
 
 
 def test_a_run_longer_than_the_search_goes_is_found() -> None:
@@ -63,12 +73,12 @@ def test_a_run_longer_than_the_search_goes_is_found() -> None:
 def test_a_wrong_invariant_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     made = system([counter()], {"low": COUNT < 7})
     guesses = (Candidate("not inductive", COUNT < 7), Candidate("wrong at first", COUNT > 0))
-    monkeypatch.setattr(spacer, "solve", lambda *_: spacer.Safe(guesses))
+    monkeypatch.setattr(spacer, "solve", lambda *_, **__: spacer.Safe(guesses))
     assert attempt(made).run() is None
 
 
 def test_a_run_that_does_not_exist_refutes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spacer, "solve", lambda *_: spacer.Broken(3))
+    monkeypatch.setattr(spacer, "solve", lambda *_, **__: spacer.Broken(3, 1))
     made = system([counter(3)], {"low": COUNT < 3})
     assert attempt(made).run() is None
 
