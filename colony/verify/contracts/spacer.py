@@ -115,9 +115,9 @@ class _Clauses:
         self._context = z3.Context()
         memory = self._own(self._cells)
         facts = self._own([*cone.assumptions, *cone.definitions, *cone.invariants, *lemmas])
-        boolean = z3.BoolSort(self._context)
-        self._reachable = z3.Function("reachable", *(x.sort() for x in memory), boolean)
-        self._broken = z3.Function("broken", boolean)
+        boolean = z3.BoolSort(self._context)  # no constant of a program has one of the two names below
+        self._reachable = z3.Function("memory is reachable", *(x.sort() for x in memory), boolean)
+        self._broken = z3.Function("contract is broken", boolean)
         self._z3 = z3.Fixedpoint(ctx=self._context)
         self._z3.set(**_OPTIONS, **{"spacer.global": guided})
         self._z3.register_relation(self._reachable, self._broken)

@@ -16,7 +16,7 @@ from colony.verify.contracts.results import Options
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.system import Cell, System
 from tests.verify.contracts.behaviors import proved, refuted
-from tests.verify.contracts.systems import counter, system
+from tests.verify.contracts.systems import counter, delay, system
 
 COUNT, OTHER, TICK = z3.Int("count"), z3.Int("other"), z3.Bool("tick")
 
@@ -53,6 +53,12 @@ def test_a_contract_of_a_program_that_only_spacer_proves_is_proved() -> None:
 def test_the_length_of_a_run_is_that_of_the_shortest(limit: int) -> None:
     made = system([counter()], {"low": limit >= COUNT})
     assert solve(made, Budget(Options())) == spacer.Broken(limit + 2, limit + 1)
+
+
+@pytest.mark.parametrize("name", ["broken", "reachable"])
+def test_memory_may_have_any_name(name: str) -> None:
+    made = system(delay(name, "b"), {"never": z3.Not(z3.Bool("b"))})
+    assert solve(made, Budget(Options())) == spacer.Broken(3, 2)
 
 
 def test_with_guidance_the_answers_are_the_same() -> None:
