@@ -19,8 +19,8 @@ from colony.verify.contracts.solver import Budget
 _SPACER_SHARE = 1 / 48
 """Share of a budget for Spacer, which mostly answers quickly or not at all, before invariants are guessed."""
 
-_LONG_SPACER_SHARE = 1 / 4
-"""Share of a budget for Spacer if nothing else proves the contract."""
+_LONG_SPACER = ((True, 1 / 8), (False, 1 / 4))
+"""Whether Spacer is guided, and its share of a budget, if nothing else proves the contract."""
 
 _CHEAP_SHARE = 1 / 2000
 """Share of a budget up to which the search of one length is cheap."""
@@ -85,8 +85,9 @@ class Attempt:
         found = self._ask_spacer(_SPACER_SHARE)
         if found is None and not self._is_breakable:
             found = self._prove_with_invariants() or self._induce()
-        if found is None and not self._is_breakable and not self._is_over:
-            found = self._ask_spacer(_LONG_SPACER_SHARE, guided=True)
+        for guided, share in _LONG_SPACER:
+            if found is None and not self._is_breakable and not self._is_over:
+                found = self._ask_spacer(share, guided=guided)
         while found is None and self._may_search_longer:
             found = self._search_longer()
         return found
