@@ -17,11 +17,27 @@ if TYPE_CHECKING:
     from sys import UnraisableHookArgs
     from types import FrameType
 
+    import z3
+
 _RESEND_DELAY_S = 0.01
 """Seconds before a lost Ctrl-C is sent again, by when Python has left the code that swallowed it."""
 
 _INTERRUPT_INTERVAL_S = 0.05
 """Seconds between two interrupts of z3: one that comes before z3 has begun is lost."""
+
+
+_CONTEXTS: list[z3.Context] = []
+"""Contexts that Ctrl-C interrupts in place of z3's main one: what is interrupted while idle fails later."""
+
+
+@contextmanager
+def interruptible(context: z3.Context) -> Iterator[None]:
+    """Have Ctrl-C interrupt this context of z3, which is at work, within `reliable_interrupts`."""
+    _CONTEXTS.append(context)
+    try:
+        yield
+    finally:
+        _CONTEXTS.remove(context)
 
 
 class _InterruptResender:
@@ -91,7 +107,8 @@ def _z3_interruptible() -> Iterator[None]:
     def watch() -> None:
         while signal_byte := receiver.recv(1):
             while signal_byte[0] == signal.SIGINT and not handled.wait(_INTERRUPT_INTERVAL_S):
-                z3.main_ctx().interrupt()
+                for context in _CONTEXTS or [z3.main_ctx()]:
+                    context.interrupt()
             handled.clear()
 
     watcher = threading.Thread(target=watch, daemon=True)

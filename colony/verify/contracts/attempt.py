@@ -6,13 +6,27 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
+from colony.verify.contracts import spacer
 from colony.verify.contracts.candidates import Candidate
+from colony.verify.contracts.houdini import invariants
 from colony.verify.contracts.induction import Induction, KnownCondition, conditions_implying
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Trace
 from colony.verify.contracts.search import Search
 from colony.verify.contracts.solver import Budget
+
+_SPACER_SHARE = 1 / 48
+"""Share of a budget for Spacer, which mostly answers quickly or not at all, before invariants are guessed."""
+
+_LONG_SPACER = ((True, 1 / 8), (False, 1 / 4))
+"""Whether Spacer is guided, and its share of a budget, if nothing else proves the contract."""
+
+_CHEAP_SHARE = 1 / 2000
+"""Share of a budget up to which the search of one length is cheap."""
+
+_MAX_CHEAP_FRAMES = 300
+"""Maximum length of a counterexample as long as lengths are cheap to search."""
 
 
 class Proof(NamedTuple):
@@ -26,7 +40,7 @@ class Attempt:
     """An attempt to prove or refute one contract. Stateful: remembers what it has searched and found.
 
     Without a `refuter` it only tries to prove: any model that breaks the contract ends the attempt.
-    `invariants` are known to hold before every frame.
+    `known_invariants` hold before every frame. `asks_spacer`: numbers are not too long for it.
     `python_trace`, if not None, breaks the contract if the Python modules answer as in the trace.
     """
 
@@ -36,8 +50,11 @@ class Attempt:
         contract: str,
         budget: Budget,
         refuter: Refuter | None = None,
-        invariants: Sequence[Candidate] = (),
+        known_invariants: Sequence[Candidate] = (),
+        *,
+        asks_spacer: bool = True,
     ) -> None:
+        self._asks_spacer = asks_spacer
         self._context = context
         self._claim = context.claims[contract]
         self._cone = context.cones[contract]
@@ -45,8 +62,9 @@ class Attempt:
         self._refuter = refuter
         self.lemmas = context.lemmas(self._cone)
         self._known_conditions = [KnownCondition(f"contract {c.name}", c.holds) for c in self.lemmas]
-        self._known_conditions += [KnownCondition(c.text, c.formula) for c in invariants]
+        self._know(known_invariants)
         self._has_given_up = False
+        self._is_breakable = False  # over the numbers of formulas
         self.python_trace: Trace | None = None
 
     @cached_property
@@ -67,14 +85,13 @@ class Attempt:
         trace = self._search_longer()
         if trace is not None or self._has_given_up:
             return trace
-        self._known_conditions += [
-            KnownCondition(c.text, c.formula) for c in self._context.invariants(self._cone, self._budget)
-        ]
-        proof = self.prove_in_one_frame()
-        if proof is not None:
-            return proof
-        found = self._induce()
-        while found is None and self._search.length < self._max_frames and not self._is_over:
+        found = self._ask_spacer(_SPACER_SHARE)
+        if found is None and not self._is_breakable:
+            found = self._prove_with_invariants() or self._induce()
+        for guided, share in _LONG_SPACER:
+            if found is None and not self._is_breakable and not self._is_over:
+                found = self._ask_spacer(share, guided=guided)
+        while found is None and self._may_search_longer:
             found = self._search_longer()
         return found
 
@@ -85,6 +102,39 @@ class Attempt:
         """
         used = conditions_implying(self._cone, self._claim, self._known_conditions, self._budget, share)
         return None if used is None else Proof(0, used)
+
+    def _prove_with_invariants(self) -> Proof | None:
+        """Return a proof in a single frame from invariants that are guessed from templates."""
+        self._know(self._context.invariants(self._cone, self._budget))
+        return self.prove_in_one_frame()
+
+    def _ask_spacer(self, share: float, *, guided: bool = False) -> Proof | Trace | None:
+        """Return a proof by Spacer's invariant, or a trace of the length that it gives."""
+        if not self._asks_spacer:
+            return None
+        lemmas = [lemma.holds for lemma in self.lemmas]
+        match spacer.solve(self._cone.system, self._claim, lemmas, self._budget, share, guided=guided):
+            case spacer.Safe(guesses=guesses):
+                known = [c.formula for c in self._known_conditions]
+                found = invariants(self._cone, guesses, (), known, self._budget).conditions
+                self._context.record_invariants(self._cone, found)
+                self._know(found)
+                return self.prove_in_one_frame()
+            case spacer.Broken(frames=frames, safe_frames=safe_frames):
+                self._is_breakable, self._has_given_up = True, self._refuter is None
+                if self._has_given_up:
+                    return None
+                self._search.skip_to(safe_frames)
+                trace = None
+                while trace is None and self._search.length < frames and not self._is_over:
+                    trace = self._search_longer()
+                return trace
+            case None:
+                return None
+
+    def _know(self, found: Sequence[Candidate]) -> None:
+        """Use conditions that hold before every frame from now on."""
+        self._known_conditions += [KnownCondition(c.text, c.formula) for c in found]
 
     def _induce(self) -> Proof | Trace | None:
         """Run k-induction up to the maximum k, alternating with the search, which is its base case."""
@@ -105,9 +155,19 @@ class Attempt:
         return self._has_given_up or self._budget.is_spent()
 
     @property
-    def _max_frames(self) -> int:
-        """Maximum number of frames to search; 0 once a Python module is known to break the contract."""
-        return self._budget.options.max_frames if self.python_trace is None else 0
+    def _may_search_longer(self) -> bool:
+        """Return True if one more frame may be searched.
+
+        Beyond the maximum, only while frames are cheap and no model was found, which would be spurious.
+        """
+        if self.python_trace is not None or self._is_over:
+            return False
+        if self._search.length < self._budget.options.max_frames:
+            return True
+        if self._is_breakable or (self._refuter is not None and self._refuter.spurious_models):
+            return False
+        is_cheap = self._search.last_cost <= self._budget.options.resources * _CHEAP_SHARE
+        return is_cheap and self._search.length < _MAX_CHEAP_FRAMES
 
     def _search_longer(self) -> Trace | None:
         """Search for a counterexample one frame longer; return None if none is found."""

@@ -6,7 +6,7 @@ of cells, except for pairs of cells, of which there are at most `_MAX_PAIRS`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations, permutations
@@ -41,16 +41,22 @@ def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
     flags = [c for c in cone.cells if z3.is_bool(c.old)]
     numbers = [c for c in cone.cells if z3.is_arith(c.old) and str(c.old) != str(system.last)]
     contract_constants = numerals([c.holds for c in claims])
-    in_initial_memory = Substitution([c.old for c in cone.cells], [c.initial for c in cone.cells])
-    found: dict[int, Candidate] = {}
-    for candidate in (
+    guesses = (
         *_unchanged(system, cone.cells),
         *_phases(system, cone),
         *_timestamps(system, flags, numbers),
         *_bounds(numbers, contract_constants),
         *_pairs_of_flags(system, cone, flags),
         *_pairs_of_numbers(numbers),
-    ):
+    )
+    return initially_true(cone, guesses)
+
+
+def initially_true(cone: Cone, guesses: Iterable[Candidate]) -> tuple[Candidate, ...]:
+    """Return the distinct guesses that hold in the initial memory."""
+    in_initial_memory = Substitution([c.old for c in cone.cells], [c.initial for c in cone.cells])
+    found: dict[int, Candidate] = {}
+    for candidate in guesses:
         if z3.is_true(z3.simplify(in_initial_memory(candidate.formula))):
             found.setdefault(candidate.formula.get_id(), candidate)
     return tuple(found.values())

@@ -58,9 +58,9 @@ def drawn_counterexample(
                 snapshot._replace(given=frame.given, lost=frame.lost)
                 for snapshot, frame in zip(snapshots, disturbed, strict=True)
             )
-        if replay.breaks(snapshots):
+        outcomes, breach = replay.outcomes_and_breach(snapshots)
+        if breach is not None:
             return snapshots
-        outcomes = replay.run(snapshots)
         guide.learn(trace, [tuple((d.by, d.fault) for d in o.decisions) for o in outcomes])
     return None
 

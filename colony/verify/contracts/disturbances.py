@@ -146,7 +146,7 @@ class Confirmer:
         if rounding is not None:
             return self._record(name, rounding)
         known = context.known_invariants(context.cones[name])
-        attempt = Attempt(context, name, self._budget(1.0), invariants=known)
+        attempt = Attempt(context, name, self._budget(1.0), known_invariants=known)
         if attempt.prove_in_one_frame(_QUICK_SHARE) is None:
             return None
         return self._record(name, self._rounding(name, attempt))

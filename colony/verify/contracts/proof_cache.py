@@ -21,7 +21,7 @@ from colony.ir.program import Program
 from colony.ir.version import SEMANTICS
 from colony.verify.contracts.results import Options
 
-PROVER = 2
+PROVER = 3
 """Version of the prover: increment it if it may now refute, or not prove, a contract that it proved."""
 
 MAX_BYTES = 4 * 1024 * 1024

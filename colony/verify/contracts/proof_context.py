@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from colony.verify.contracts.candidates import Candidate, candidates
 from colony.verify.contracts.cone import cone_of, covers
 from colony.verify.contracts.houdini import invariants
@@ -39,6 +41,7 @@ class ProofContext:
         self.cones = _Cones(system)
         self._proved: list[Claim] = []
         self._invariants: dict[frozenset[int], tuple[Candidate, ...]] = {}
+        self._searched: set[frozenset[int]] = set()
 
     def record_proof(self, contract: str) -> None:
         """Record that a contract holds in every frame."""
@@ -50,6 +53,11 @@ class ProofContext:
             self.cones.setdefault(name, cone)
         for key, found in other._invariants.items():
             self._invariants.setdefault(key, found)
+        self._searched |= other._searched
+
+    def record_invariants(self, cone: Cone, found: Sequence[Candidate]) -> None:
+        """Record that conditions hold before every frame."""
+        self._invariants[cone.leaves] = (*self._invariants.get(cone.leaves, ()), *found)
 
     def known_invariants(self, cone: Cone) -> list[Candidate]:
         """Return the invariants found so far that depend on nothing outside a cone."""
@@ -63,7 +71,7 @@ class ProofContext:
     def invariants(self, cone: Cone, budget: Budget) -> tuple[Candidate, ...]:
         """Return the invariants of a cone; each cone is searched only once."""
         key = cone.leaves  # it identifies a cone within its system
-        if key not in self._invariants:
+        if key not in self._searched:
             claims = [c for c in self.system.claims if covers(cone, self.cones[c.name])]
             proved = self.lemmas(cone)
             unproved = [c for c in claims if c not in proved]
@@ -72,5 +80,6 @@ class ProofContext:
             found = invariants(
                 cone, guesses[:_MAX_GUESSES], unproved, [c.holds for c in proved], search_budget
             )
-            self._invariants[key] = found.conditions
+            self._searched.add(key)
+            self.record_invariants(cone, found.conditions)
         return self._invariants[key]

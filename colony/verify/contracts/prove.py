@@ -239,7 +239,9 @@ class Prover:
         With `one_frame_only`, try only a proof in a single frame.
         """
         budget = Budget(options, self._on_charge, _GENERAL_SHARE)
-        attempt = Attempt(general, contract.name, budget)
+        attempt = Attempt(
+            general, contract.name, budget, asks_spacer=general is not self.__dict__.get("_close")
+        )
         proof = attempt.prove_in_one_frame() if one_frame_only else attempt.run()
         if not isinstance(proof, Proof):
             return None

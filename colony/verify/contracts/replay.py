@@ -66,9 +66,13 @@ class Replay:
 
     def breach(self, snapshots: Sequence[Snapshot]) -> int | None:
         """Return the index of the first frame that breaks the contract, None if none does."""
+        return self.outcomes_and_breach(snapshots)[1]
+
+    def outcomes_and_breach(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], int | None]:
+        """Return the outcomes up to the contract's first breach, and the `breach`."""
         outcomes, is_possible = self._run(snapshots)
         broken = bool(outcomes) and bool(outcomes[-1].breaches) and is_possible
-        return len(outcomes) - 1 if broken else None
+        return outcomes, len(outcomes) - 1 if broken else None
 
     def facts(self, snapshots: Sequence[Snapshot]) -> BreachFacts:
         """Return the facts of the frame that breaks the contract."""

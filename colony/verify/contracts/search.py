@@ -37,16 +37,19 @@ class Search:
     """A search for traces of growing length that break one contract. Stateful: remembers the length so far.
 
     `safe_length` is the number of frames from the start that provably do not break it, whatever the readings.
+    `last_cost` is the cost of the last length that was searched, in z3's resource units.
     """
 
     def __init__(self, cone: Cone, claim: Claim, budget: Budget, lemmas: Sequence[z3.BoolRef] = ()) -> None:
         self.frames = Unrolling(cone.system, cone)
         self.safe_length = 0
+        self.last_cost = 0
         self._length = 0
         self._all_safe = True
         self._facts = facts(cone)
         self._claim = claim
         self._lemmas = lemmas
+        self._budget = budget
         self._solver = Solver(budget)
         self._solver.add(*self.frames.initial())
         self._python = [cone.system.modules[m].silent for m in called_modules(cone)]
@@ -56,12 +59,19 @@ class Search:
         """Number of frames searched."""
         return self._length
 
+    def skip_to(self, length: int) -> None:
+        """Extend the trace to `length` frames without a search at the lengths between."""
+        while self._length < length:
+            self._extend(self._length)
+            self._length += 1
+            self._all_safe = False
+
     def search_next_length(self, allow_python: bool = True) -> Iterator[CandidateTrace]:
         """Search traces that are one frame longer; yield distinct models.
 
         Without `allow_python`, only those in which no Python module is called.
         """
-        last = self._length
+        last, left = self._length, self._budget.left
         self._extend(last)
         self._length += 1
         broken = z3.Not(self.frames.at(last, self._claim.holds))
@@ -72,6 +82,7 @@ class Search:
                 yield from self._models(assumed, last)
         finally:
             self._solver.pop()
+            self.last_cost = left - self._budget.left
         if self._all_safe and (allow_python or not self._python):
             self.safe_length = self._length
             self._solver.add(z3.Not(broken))

@@ -45,6 +45,15 @@ class Budget:
         """Return a budget with a share of the initial resources."""
         return Budget(self.options, self._on_charge, share)
 
+    @property
+    def left(self) -> int:
+        """Resources left, in z3's units; negative if the last query took more."""
+        return self._resources
+
+    def part(self, share: float) -> int:
+        """Return the limit of a query that may use a share of the initial resources, within those left."""
+        return min(max(1, int(self.options.resources * share)), max(1, self._resources), _MAX_LIMIT)
+
     def charge(self, resources: int) -> None:
         """Subtract the cost of a query, in z3's units."""
         self._resources -= resources

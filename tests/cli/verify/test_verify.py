@@ -22,7 +22,8 @@ from tests.waiting import PATIENCE_S, killed_in_the_end, until
 TRUE = "contract backs: drive by back implies drive.velocity <= 0\n"
 FALSE = "contract quick: drive.velocity > -100 mm/s\n"
 LONG = "contract lasts: drive by back implies bumper\n"
-OPEN = "state n = 1  next n = if bumper then 2 * n else n\ncontract never_six: n != 6\n"
+OPEN = "state n = 0  next n = if bumper then n + 0.5 else n - 0.5\ncontract never_quarter: n != 0.25\n"
+QUICK = ("--depth", "1", "--timeout", "0.05")
 
 
 def add(behavior: Path, *texts: str) -> Path:
@@ -56,12 +57,12 @@ def test_refuted_shows_the_run_and_the_place(colony: Colony, behavior: Path) -> 
 
 
 def test_unknown_says_why_and_is_no_error(colony: Colony, behavior: Path) -> None:
-    code, out, err = colony("verify", "--depth", "1", add(behavior, OPEN))
+    code, out, err = colony("verify", *QUICK, add(behavior, OPEN))
     assert code == 0
-    assert f"{behavior}: unknown  never_six\n" in out
+    assert f"{behavior}: unknown  never_quarter\n" in out
     assert "no run of up to 6 frames breaks it" in out
-    assert "warning[V011]: contract `never_six` is neither proved nor refuted" in err
-    code, _, _ = colony("verify", "--strict", "--depth", "1", behavior)
+    assert "warning[V011]: contract `never_quarter` is neither proved nor refuted" in err
+    code, _, _ = colony("verify", "--strict", *QUICK, behavior)
     assert code == 1
 
 
@@ -107,7 +108,8 @@ def test_a_clock_that_jumps_changes_no_result(
     if command == "diff":
         files.append(behavior.with_name("other.colony"))
         files[1].write_text(behavior.read_text().replace("near / 1 s", "2 * near / 2 s"))
-    expected = colony(command, *files)
+    options = QUICK if command == "verify" else ()
+    expected = colony(command, *options, *files)
     days, set_option = itertools.count(0, 86_400), z3.Solver.set
 
     def set_resources(solver: z3.Solver, *options: object) -> None:
@@ -117,7 +119,7 @@ def test_a_clock_that_jumps_changes_no_result(
     for clock in ("time", "monotonic", "perf_counter", "process_time"):
         monkeypatch.setattr(time, clock, lambda: float(next(days)))
     monkeypatch.setattr(z3.Solver, "set", set_resources)
-    assert colony(command, *files) == expected
+    assert colony(command, *options, *files) == expected
 
 
 def test_no_contracts(colony: Colony, behavior: Path) -> None:
@@ -335,14 +337,14 @@ def test_faults_need_examples(colony: Colony, behavior: Path) -> None:
 
 
 def test_json_has_every_verdict(colony: Colony, behavior: Path) -> None:
-    code, out, _ = colony("verify", "--format", "json", "--depth", "1", add(behavior, TRUE, LONG, OPEN))
+    code, out, _ = colony("verify", "--format", "json", *QUICK, add(behavior, TRUE, LONG, OPEN))
     assert code == 1
     told = json.loads(out)
     [file] = told["files"]
     assert told["interrupted"] is False
     assert file["file"] == str(behavior)
     verdicts = {c["contract"]: c["verdict"] for c in file["contracts"]}
-    assert verdicts == {"backs": "proved", "lasts": "refuted", "never_six": "unknown"}
+    assert verdicts == {"backs": "proved", "lasts": "refuted", "never_quarter": "unknown"}
     trace = file["contracts"][1]["trace"]
     assert [step["frame"].get("bumper") for step in trace] == [True, False]
     assert [step["broken"] for step in trace] == [[], ["lasts"]]

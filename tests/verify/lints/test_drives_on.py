@@ -271,7 +271,9 @@ def test_each_of_two_transitions_to_one_phase() -> None:
 
 
 def test_what_is_too_far_away_is_said_to_be_undecided() -> None:
-    late = "state n : number = 0\nnext n = if rising(level > 50) then n + 1 else n\n" + go("cruise", "n > 7")
+    late = "state n : number = 0\nnext n = if rising(level > 50) then n + 1 else n\n" + go(
+        "cruise", "n > 1000"
+    )
     text = late + go("stop", "bumper", "0") + "network { drive = stop suppresses cruise }\n"
     [undecided] = [d for d in linted(ROBOT + text + USES) if d.code == "V035"]
     assert undecided.severity == "note"
