@@ -105,9 +105,6 @@ class Prover:
         self._results: dict[str, Proved] = {}
         self._over_reals: dict[str, tuple[Reason, ...]] = {}
         self._long_runs = LongRuns(program)
-        self._close_options = replace(
-            options, depth=min(options.depth, _CLOSE_DEPTH), max_frames=min(options.max_frames, _CLOSE_DEPTH)
-        )
 
     @cached_property
     def _usual(self) -> ProofContext:
@@ -148,9 +145,7 @@ class Prover:
     def prove(self, contract: Contract) -> Proved | Refuted | Unknown:
         """Prove or refute a contract while every client is in time, within a budget of its own."""
         float_proof = (
-            self._prove_for_floats(contract, self._general, self._options, one_frame_only=True)
-            if self._uses_reals(contract)
-            else None
+            self._prove_for_floats(contract, one_frame_only=True) if self._uses_reals(contract) else None
         )
         if float_proof is not None:
             return self._record_proved(contract, self._usual, *float_proof)
@@ -199,8 +194,7 @@ class Prover:
         """Check whether a proof holds for floats, bit for bit: floats may break what holds for reals."""
         rounding = self._with_lemmas(rounding_reasons([context.claims[contract.name], *lemmas]), lemmas)
         float_proof = (
-            self._prove_for_floats(contract, self._general, self._options)
-            or self._prove_for_floats(contract, self._close, self._close_options)
+            self._prove_for_floats(contract) or self._prove_for_floats(contract, close=True)
             if rounding
             else None
         )
@@ -232,16 +226,19 @@ class Prover:
         return tuple(dict.fromkeys((*rounding, *of_lemmas)))
 
     def _prove_for_floats(
-        self, contract: Contract, general: ProofContext, options: Options, *, one_frame_only: bool = False
+        self, contract: Contract, *, one_frame_only: bool = False, close: bool = False
     ) -> tuple[Proof, tuple[Reason, ...]] | None:
         """Return a proof that allows any rounding, and the places where rounding may still matter.
 
-        With `one_frame_only`, try only a proof in a single frame.
+        With `one_frame_only`, try only a proof in a single frame; with `close`, one in the close system.
         """
+        general, options = self._general, self._options
+        if close:
+            frames = min(options.max_frames, _CLOSE_DEPTH)
+            general = self._close
+            options = replace(options, depth=min(options.depth, _CLOSE_DEPTH), max_frames=frames)
         budget = Budget(options, self._on_charge, _GENERAL_SHARE)
-        attempt = Attempt(
-            general, contract.name, budget, asks_spacer=general is not self.__dict__.get("_close")
-        )
+        attempt = Attempt(general, contract.name, budget, asks_spacer=not close)
         proof = attempt.prove_in_one_frame() if one_frame_only else attempt.run()
         if not isinstance(proof, Proof):
             return None
