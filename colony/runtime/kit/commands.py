@@ -44,8 +44,8 @@ class Command(NamedTuple):
     """A command: its description, the function that performs it, and the one that makes its device safe.
 
     `unreached` returns why the device has not been reached by either, or not yet, although they returned. An
-    OSError of either is not reported while `is_explained` is true: its device is being opened, or its driver says
-    itself why the device does not work.
+    OSError of either is not reported while `is_explained` is true: its device is being opened, or its driver
+    says itself why the device does not work.
     """
 
     description: CommandDescription
