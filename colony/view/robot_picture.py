@@ -79,10 +79,10 @@ def _draw_near(axes: Axes, scene: RobotScene) -> None:
     _draw_hull(axes, scene)
     length, thickness = (part * scene.radius_mm for part in _WHEEL)
     for wheel in scene.wheels:
+        right = point(wheel.bearing_deg - 90.0, thickness / 2)
         ahead = point(wheel.bearing_deg, length / 2)
-        left = point(wheel.bearing_deg + 90.0, thickness / 2)
         corners = [
-            (wheel.place.x + i * ahead.x + j * left.x, wheel.place.y + i * ahead.y + j * left.y)
+            (wheel.place.x + i * right.x + j * ahead.x, wheel.place.y + i * right.y + j * ahead.y)
             for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
         ]
         axes.add_patch(PolygonPatch(corners, facecolor=MUTED, edgecolor="none", zorder=3))
