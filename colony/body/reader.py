@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from ast import literal_eval
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -47,6 +48,12 @@ LARGEST_OPTION = 1e18
 """Greatest magnitude of a number for a driver, which fits 64 bits."""
 
 _TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+
+_TOML_KEYS = re.compile(r"Cannot (?:declare|mutate immutable namespace) (\(.*\))")
+_BRACES = re.compile(r"[ \t]*=[ \t]*\{")
+_CONTINUED = (
+    "an inline table `{ }` cannot be continued by `[...]`: write it as a table, with a header of its own"
+)
 
 _BESIDE = "the body of a robot is a file beside its interface; `colony robot new NAME` writes both"
 
@@ -109,8 +116,8 @@ def body_of_text(text: str, name: str) -> BodyFile:
     return BodyFile(source=source, body=body if is_valid else None, diagnostics=in_order(reader.diagnostics))
 
 
-def _unreadable(source: Source, code: str, message: str, place: int = 0) -> BodyFile:
-    hint = _BESIDE if code == "B001" else 'write tables such as `[body]`, and `name = "360 mm"`'
+def _unreadable(source: Source, code: str, message: str, place: int = 0, hint: str | None = None) -> BodyFile:
+    hint = hint or (_BESIDE if code == "B001" else 'write tables such as `[body]`, and `name = "360 mm"`')
     span = Span(source, place, min(place + 1, len(source.text)))
     problem = error(code, span, printable(message), hint)
     return BodyFile(source=source, body=None, diagnostics=(problem,))
@@ -125,7 +132,17 @@ def _not_toml(source: Source, message: str) -> BodyFile:
             lines = source.text.split("\n")[: int(found[1]) - 1]
             place = min(sum(len(line) + 1 for line in lines) + int(found[2]) - 1, len(source.text))
     text = f"`{source.name}` is not TOML: {message[:1].lower()}{message[1:]}"
-    return _unreadable(source, "B002", text, place)
+    hint = _CONTINUED if _continues_braces(source.text, message) else None
+    return _unreadable(source, "B002", text, place, hint)
+
+
+def _continues_braces(text: str, message: str) -> bool:
+    """Return True if tomllib's message is about a header that continues a table in braces."""
+    found = _TOML_KEYS.match(message)
+    keys = literal_eval(found[1]) if found is not None else ()
+    places = all_places(text)
+    inline = (place for i in range(1, len(keys) + 1) if (place := places.get(keys[:i])) is not None)
+    return any(_BRACES.match(text, place.key.end) for place in inline)
 
 
 @lru_cache(maxsize=4)

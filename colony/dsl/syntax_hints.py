@@ -110,8 +110,14 @@ def _character(found: str) -> str:
 def hint_for(text: str, offset: int, found: str, accepted: frozenset[str]) -> str | None:
     """Return a hint about what the author probably meant to write, or None."""
     before = text[max(offset - 40, 0) : offset]
-    if found == "%" and re.search(r"\d[ \t]*$", before) and not re.match(r"[ \t]*[\w(]", text[offset + 1 :]):
-        return "write `20 percent`, which is 0.2"
+    percentage = _percentage(before, text[offset + 1 :]) if found == "%" else None
+    if percentage is not None:
+        return f"write `{percentage} percent`"
+    if found == "for" and re.match(r"[ \t]+[\d.]+[ \t]*(ms|s|min|h)\b", text[offset + 3 : offset + 40]):
+        return (
+            "write `sustained(..., 400 ms)` if the condition must have held all that time, "
+            "`recently(..., 400 ms)` if it held at any moment of it"
+        )
     if found == "language" and re.match(r"[ \t]*\d", text[offset + len(found) :]):
         return "a file has this line once, before its first declaration"
     return (
@@ -124,6 +130,14 @@ def hint_for(text: str, offset: int, found: str, accepted: frozenset[str]) -> st
         or _SLIP_HINTS.get(found)
         or _name_hint(found, accepted)
     )
+
+
+def _percentage(before: str, after: str) -> str | None:
+    """Return the number before a `%` that no operand follows, or None."""
+    number = re.search(r"(?<![\w.])(\d[\d.]*)[ \t]*$", before)
+    following = re.match(r"[ \t]*(\w+|\()", after)
+    is_operand = following is not None and following[1] not in RESERVED | _KEYWORDS
+    return None if number is None or is_operand else number[1]
 
 
 _AFTER_NUMBER = re.compile(r"(?<![\w.])\d[\d.]*([ \t]*)$")

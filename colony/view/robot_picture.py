@@ -79,9 +79,11 @@ def _draw_near(axes: Axes, scene: RobotScene) -> None:
     _draw_hull(axes, scene)
     length, thickness = (part * scene.radius_mm for part in _WHEEL)
     for wheel in scene.wheels:
+        right = point(wheel.bearing_deg - 90.0, thickness / 2)
+        ahead = point(wheel.bearing_deg, length / 2)
         corners = [
-            (wheel.x + dx * thickness / 2, wheel.y + dy * length / 2)
-            for dx, dy in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+            (wheel.place.x + i * right.x + j * ahead.x, wheel.place.y + i * right.y + j * ahead.y)
+            for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
         ]
         axes.add_patch(PolygonPatch(corners, facecolor=MUTED, edgecolor="none", zorder=3))
     for i, sensor in enumerate(scene.sensors):

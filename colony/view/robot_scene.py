@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from colony.body.devices import (
     Bumper,
@@ -65,6 +66,13 @@ class SensorView:
     beams: tuple[Beam, ...]
 
 
+class Wheel(NamedTuple):
+    """A driven wheel: its place in mm, and the bearing in degrees along which it rolls."""
+
+    place: Point
+    bearing_deg: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotScene:
     """A robot seen from above, ahead up: x to the right and y ahead, in mm.
@@ -73,7 +81,7 @@ class RobotScene:
         title: what the picture is called.
         footprint: the corners of the outline.
         radius_mm: the radius of the circle around it.
-        wheels: the places of the driven wheels.
+        wheels: the driven wheels.
         sensors: the arrays that look along bearings, then the sensors of docks and the cameras.
         lines: what is not drawn.
     """
@@ -81,7 +89,7 @@ class RobotScene:
     title: str
     footprint: tuple[Point, ...]
     radius_mm: float
-    wheels: tuple[Point, ...]
+    wheels: tuple[Wheel, ...]
     sensors: tuple[SensorView, ...]
     lines: tuple[str, ...]
 
@@ -104,15 +112,15 @@ def robot_scene(robot: Robot, body: Body) -> RobotScene:
     )
 
 
-def _wheels(drive: Drive) -> Iterator[Point]:
-    """Yield the places of the driven wheels that are described, from left to right on each axle."""
+def _wheels(drive: Drive) -> Iterator[Wheel]:
+    """Yield the driven wheels that are described, from left to right on each axle."""
     wheel_distance = drive.wheel_distance_mm if isinstance(drive, Omnidirectional) else 0.0
     if drive.wheel_base_mm is not None and wheel_distance is not None:
         for y in dict.fromkeys((wheel_distance / 2.0, -wheel_distance / 2.0)):
             for x in (-drive.wheel_base_mm / 2.0, drive.wheel_base_mm / 2.0):
-                yield Point(x, y)
+                yield Wheel(Point(x, y), 0.0)
     for wheel in drive.wheels if isinstance(drive, Omnidirectional) else ():
-        yield Point(-wheel.y_mm, wheel.x_mm)
+        yield Wheel(Point(-wheel.y_mm, wheel.x_mm), wheel.bearing_deg)
 
 
 def _footprint(body: Body) -> tuple[Point, ...]:

@@ -260,6 +260,24 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     assert [d.code for d in read_body(tmp_path / "latin.toml").diagnostics] == ["B002"]
 
 
+@pytest.mark.parametrize(
+    ("text", "is_continued"),
+    [
+        ('[body]\ndrive = { kind = "omnidirectional" }\n[body.drive.wheels]\n', True),
+        ('[body]\ndrive = { kind = "omnidirectional" }\n[body.drive]\n', True),
+        ('[body]\ndrive = { kind = "omnidirectional" }\n[[body.drive]]\n', True),
+        ('body = { drive = { kind = "differential" } }\n[body.drive.wheels]\n', True),
+        ("[body]\n[body]\n", False),
+        ("[body]\nx = 1\nx = 2\n", False),
+    ],
+)
+def test_a_header_that_continues_a_table_in_braces_has_a_hint(text: str, is_continued: bool) -> None:
+    [problem] = body_of_text(text, "small.toml").diagnostics
+    assert problem.code == "B002"
+    assert problem.hint is not None
+    assert problem.hint.startswith("an inline table `{ }` cannot be continued") == is_continued
+
+
 def test_a_file_knows_the_places_of_its_keys() -> None:
     file = body_of_text(SMALL + LIDAR, "small.toml")
     assert file.key("server", "Lidar", "rate").text == "rate"

@@ -398,6 +398,24 @@ def test_of_an_imported_robot_only_what_holds_may_be_left_undriven(files: Files)
     assert check_file(files.folder / "other.colony").diagnostics == ()
 
 
+def test_contracts_of_an_imported_network_that_drives_nothing_are_warned_of(files: Files) -> None:
+    contract = "contract slow: drive.velocity <= 1 m/s"
+    files.write(
+        driving='import "rome.colony"\n' + MODULE.format("m") + "network { drive = m }",
+        main=f'import "driving.colony"\n{contract}',
+        driven=f'import "driving.colony" as driving\nnetwork {{ drive = driving.drive }}\n{contract}',
+        robot_only=f'import "rome.colony"\n{contract}',
+    )
+    [found] = check_file(files.folder / "main.colony").diagnostics
+    assert (found.code, found.hint) == (
+        "W002",
+        "the network of an imported file drives nothing here: import the file `as NAME`, and write "
+        "`network { drive = NAME.drive }`",
+    )
+    for name in ("driven", "robot_only"):
+        assert check_file(files.folder / f"{name}.colony").diagnostics == ()
+
+
 def test_a_long_chain_of_imports(files: Files) -> None:
     for i in range(900):
         files.write(**{f"c{i}": f'import "c{i + 1}.colony"\nlet x{i} = x{i + 1} + 1\n'})

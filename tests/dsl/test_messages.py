@@ -30,6 +30,9 @@ SLIPS = [
     ("let a = b ** 2", "found `**`", "powers of numbers"),
     ("let a = b ^ 2", "found `^`", "powers are allowed only in units"),
     ("let a = 20%", "found `%`", "write `20 percent`"),
+    ("module m { when b > 0.5 % do lamp(on = true) }", "found `%`", "write `0.5 percent`"),
+    ("let a = b > 0.5% and c", "found `%`", "write `0.5 percent`"),
+    ("module m { when b for 400 ms do lamp(on = true) }", "found `for`", "`recently(..., 400 ms)`"),
     ("let a = 20 % 3", "found `%`", "write `mod(x, y)`"),
     ("let a = b ? 1 : 2", "found `?`", "write `if CONDITION then A else B`"),
     ("let a = sonar[1:3]", "found `:`", "a slice is written `sonar[1..3]`"),
@@ -300,3 +303,30 @@ def test_a_plain_index_in_a_function_is_noted_once_and_of_a_parameter_never() ->
     assert [d.span.text for d in check_text(f"{function}\n{TURNED}").diagnostics if d.code == "N002"] == [
         "rev[3]"
     ]
+
+
+@pytest.mark.parametrize(
+    ("index", "hint"),
+    [
+        ("scan[-40 .. 40]", "a number without a unit is an index; write `-40 deg .. 40 deg`"),
+        ("scan[-w .. w]", "a number without a unit is an index; write `-40 deg .. 40 deg`"),
+        ("scan[-40]", "a number without a unit is an index; write `-40 deg`"),
+        ("scan[90 .. 100]", "indices wrap in a ring that closes: a sensor with `bearing`"),
+        ("plain[-40 .. 40]", "indices wrap in a ring that closes: a sensor with `bearing`"),
+    ],
+)
+def test_numbers_that_were_meant_as_bearings_have_a_hint_that_is_accepted(index: str, hint: str) -> None:
+    robot = """language 2
+    robot r {
+      sensor scan[9] : mm bearing -40 deg step 10 deg from S.scan
+      sensor plain[9] : mm from S.plain
+      actuator drive { velocity : mm/s } to RServer.drive idle drive(velocity = 0)
+    }
+    param w = 40
+    """
+    [found] = [d for d in check_text(f"{robot}let a = {index}").diagnostics if d.code != "W002"]
+    assert (found.code, found.hint) == ("E205", hint)
+    written = hint.rpartition("write `")[2].rstrip("`")
+    if "deg" in written:
+        name = index.partition("[")[0]
+        assert [d.code for d in check_text(f"{robot}let a = {name}[{written}]").diagnostics] == []

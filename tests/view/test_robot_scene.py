@@ -10,7 +10,7 @@ from colony.body.model import Body
 from colony.body.reader import body_of_text, read_body
 from colony.dsl.load import load_file, load_text
 from colony.view.polar import Point, Sector
-from colony.view.robot_scene import Beam, RobotScene, SensorView, robot_scene
+from colony.view.robot_scene import Beam, RobotScene, SensorView, Wheel, robot_scene
 from tests.body.test_disagreements import BODY, INTERFACE
 from tests.body.test_sensors import BODY as SENSORS_BODY
 from tests.body.test_sensors import INTERFACE as SENSORS_INTERFACE
@@ -69,14 +69,25 @@ def test_a_base_that_drives_sideways_is_drawn_with_four_wheels() -> None:
     body = read_body(folder / "omni.toml").body
     assert body is not None
     omni = robot_scene(load_file(folder / "omni.colony").robot, body)
-    assert omni.wheels == tuple(Point(x, y) for y in (80.0, -80.0) for x in (-90.0, 90.0))
+    assert omni.wheels == tuple(Wheel(Point(x, y), 0.0) for y in (80.0, -80.0) for x in (-90.0, 90.0))
+
+
+def test_omni_wheels_are_drawn_as_they_roll() -> None:
+    wheels = (
+        '[["75 mm", "130 mm", "150 deg"], ["-150 mm", "0 mm", "-90 deg"], ["75 mm", "-130 mm", "30 deg"]]'
+    )
+    old = 'kind = "differential", wheel_base = "30 cm"'
+    assert old in BODY
+    drawn = scene(body=BODY.replace(old, f'kind = "omnidirectional", wheels = {wheels}')).wheels
+    assert drawn[0] == Wheel(Point(-130.0, 75.0), 150.0)
+    assert [wheel.bearing_deg for wheel in drawn] == [150.0, -90.0, 30.0]
 
 
 def test_a_robot_is_drawn_with_ahead_up() -> None:
     small = scene()
     assert small.radius_mm == 200.0
     assert near(small.footprint[0], 0.0, 200.0)
-    assert small.wheels == (Point(-150.0, 0.0), Point(150.0, 0.0))
+    assert small.wheels == (Wheel(Point(-150.0, 0.0), 0.0), Wheel(Point(150.0, 0.0), 0.0))
     corners = '[["-200 mm", "-150 mm"], ["250 mm", "-150 mm"], ["0 mm", "150 mm"]]'
     round_ = 'shape = "circle", radius = "0.2 m"'
     triangle = scene(body=BODY.replace(round_, f'shape = "polygon", corners = {corners}'))

@@ -86,8 +86,12 @@ def _whole_index(
     if value is None:
         return index
     is_inside = isfinite(value) and (type_.closes or 0 <= round(value) < type_.size)
-    if not is_inside and not _is_tolerated(checker, node.index, f"index {value:g}", type_, isfinite(value)):
-        return None
+    if not is_inside:
+        is_finite = isfinite(value)
+        is_angle_too = is_finite and type_.bearings is not None and nearest(type_.bearings, value) is not None
+        angles = _meant(degrees_text(value)) if is_angle_too else None
+        if not _is_tolerated(checker, node.index, f"index {value:g}", type_, is_finite, angles):
+            return None
     if type_.bearings is not None:
         place = round(value) % type_.size
         angle = type_.bearings.angles[place]
@@ -98,11 +102,16 @@ def _whole_index(
     return index
 
 
-def _is_tolerated(checker: Checker, node: ast.SyntaxNode, what: str, type_: Array, wrapped: bool) -> bool:
-    """Report what is outside an array; return True if it `wrapped` in version 1, and the text is of that."""
+def _is_tolerated(
+    checker: Checker, node: ast.SyntaxNode, what: str, type_: Array, wrapped: bool, angles: str | None
+) -> bool:
+    """Report what is outside an array; return True if it `wrapped` in version 1, and the text is of that.
+
+    `angles` is a hint for numbers that were meant as degrees.
+    """
     is_tolerated = wrapped and "E217" in checker.report.tolerated
     message = f"{what} is outside the array, whose last index is {type_.size - 1}"
-    checker.error("E217" if is_tolerated else "E205", node, message, _NO_WRAP)
+    checker.error("E217" if is_tolerated else "E205", node, message, angles or _NO_WRAP)
     return is_tolerated
 
 
@@ -139,8 +148,13 @@ def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) ->
     count = last - first + 1 if first <= last else (last - first) % size + 1
     is_inside = count <= size and (type_.closes or (0 <= first < size and 0 <= last < size))
     what = f"the slice from {first} to {last}"
-    if not is_inside and not _is_tolerated(checker, node, what, type_, count <= size):
-        return None
+    if not is_inside:
+        angles = None
+        if type_.bearings is not None and 0 <= last - first <= TURN:
+            is_angle_too = bool(between(type_.bearings, float(first), float(last)))
+            angles = _meant(f"{degrees_text(first)} .. {degrees_text(last)}") if is_angle_too else None
+        if not _is_tolerated(checker, node, what, type_, count <= size, angles):
+            return None
     if first > last and not type_.closes:
         message = f"the slice runs from {first} past the end to {last}; only rings that close wrap"
         checker.error("E217", node, message, f"the last index is {size - 1}; {_NO_WRAP}")
@@ -281,6 +295,11 @@ def _note_plain(
     hints += [] if bearing is None else [f"`{array}[{bearing}]`"]
     hint = f"write {', else '.join(hints)}" if hints else None
     checker.report.diagnostics.append(warning("W014", span, message, hint))
+
+
+def _meant(angles: str) -> str:
+    """Return a hint for numbers outside an array that are bearings of it in degrees."""
+    return f"a number without a unit is an index; write `{angles}`"
 
 
 def _text(checker: Checker, node: ast.SyntaxNode) -> str:

@@ -308,9 +308,19 @@ class _Check:
         for actuator in robot.actuators:
             # With `idle hold`, an actuator of an imported robot may stay unused: nothing is sent to it.
             is_optional = actuator.idle is None and actuator.span.source is not main_source
-            if actuator.name not in driven and not is_optional and self._wires_anything():
+            if actuator.name in driven or is_optional:
+                continue
+            is_wired = self._is_wired_by_imports(actuator.name)
+            if self._declares(*MODULE_DECLARATIONS, ast.NetworkDecl) or (
+                is_wired and self._declares(ast.ContractDecl)
+            ):
                 message = f"nothing drives actuator `{actuator.name}`"
                 hint = f"assign to it: `network {{ {actuator.name} = ... }}`"
+                if is_wired:
+                    hint = (
+                        "the network of an imported file drives nothing here: import the file `as NAME`, and "
+                        f"write `network {{ {actuator.name} = NAME.{actuator.name} }}`"
+                    )
                 self.report.diagnostics.append(warning("W002", actuator.span, message, hint))
 
     def _look_at_phases(self, derived: list[ir.Derived]) -> None:
@@ -323,10 +333,16 @@ class _Check:
                 machine = machines[checker.scope.full_name(node.name.text)]
                 self.report.diagnostics += phase_findings(checker, node, machine)
 
-    def _wires_anything(self) -> bool:
-        """Return True if the main file has modules or a network; otherwise no actuator need be driven."""
-        kinds = (*MODULE_DECLARATIONS, ast.NetworkDecl)
+    def _declares(self, *kinds: type[ast.SyntaxNode]) -> bool:
+        """Return True if the main file has a declaration of these kinds."""
         return any(isinstance(d, kinds) for d in self.root.file.tree.declarations)
+
+    def _is_wired_by_imports(self, actuator: str) -> bool:
+        """Return True if the network of an imported file assigns to an actuator."""
+        return any(
+            checker.scope is not self.root and any(wire.name.text == actuator for wire in network.wires)
+            for checker, network in self._each(ast.NetworkDecl)
+        )
 
 
 def _place(robot: ir.Robot, sensor: ir.Sensor) -> tuple[int, int]:

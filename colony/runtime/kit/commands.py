@@ -44,14 +44,15 @@ class Command(NamedTuple):
     """A command: its description, the function that performs it, and the one that makes its device safe.
 
     `unreached` returns why the device has not been reached by either, or not yet, although they returned. An
-    OSError of either is not reported while `is_opening` is true.
+    OSError of either is not reported while `is_explained` is true: its device is being opened, or its driver
+    says itself why the device does not work.
     """
 
     description: CommandDescription
     perform: Callable[..., object]
     safe: Callable[[], object] | None
     unreached: Callable[[], tuple[str, ...]] = tuple
-    is_opening: Callable[[], bool] = bool
+    is_explained: Callable[[], bool] = bool
 
 
 def command(
@@ -308,7 +309,7 @@ class CommandPerformer:
     def _report_failure(self, name: str, what: str, failure: BaseException) -> None:
         problem = failure_text(f"{what}{self._server}.{name}", failure)
         self._unstopped[name] = headline(problem)
-        if isinstance(failure, OSError) and self._commands[name].is_opening():
+        if isinstance(failure, OSError) and self._commands[name].is_explained():
             return
         self._problems.report(f"{what}{name}", type(failure).__name__, problem)
 

@@ -239,13 +239,16 @@ def _command(spec: CommandSpec, driver: DeviceDriver) -> Command:
     def perform(**values: ScalarValue) -> None:
         driver.command(spec.name, values)
 
+    def is_explained() -> bool:
+        return is_opening(driver) or bool(problems_of(driver))
+
     parameters = tuple(map(_parameter_description, spec.parameters))
     return Command(
         CommandDescription(name=spec.name, parameters=parameters),
         in_units(perform, factors),
         partial(driver.safe),
         partial(unreached_of, driver),
-        partial(is_opening, driver),
+        is_explained,
     )
 
 

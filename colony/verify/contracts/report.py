@@ -199,7 +199,8 @@ def _in_time_hint(result: ProvedInTime) -> str | None:
 
 
 def _on_one_line(because: tuple[str, ...]) -> str:
-    return "; ".join(line.strip() for line in because)
+    """Return reasons on one line; those that a line with a colon announces follow it."""
+    return "; ".join(line.strip() for line in because).replace(":; ", ": ")
 
 
 def _hint(trace: Trace, file: str | None) -> str | None:

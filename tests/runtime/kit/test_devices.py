@@ -460,9 +460,10 @@ def test_a_lift_whose_commands_fail_is_made_safe_and_reported_once() -> None:
     assert robot.reports == ["Lift.move failed: OSError: port is gone"]
 
 
-def test_a_command_that_fails_while_its_device_is_opened_is_no_failure() -> None:
+def test_a_command_that_fails_while_its_driver_says_why_is_no_failure_of_its_own() -> None:
     class Opening(Device):
         is_opening = True
+        problem: str | None = None
 
     device = Opening()
     device.failing_safe = True
@@ -473,7 +474,10 @@ def test_a_command_that_fails_while_its_device_is_opened_is_no_failure() -> None
     )
     performer.halt()
     assert (performer.failing, reports, performer.is_safe) == ((), [], False)
-    device.is_opening = False
+    device.is_opening, device.problem = False, "the port is lost"
+    performer.retry()
+    assert (performer.failing, reports, performer.is_safe) == ((), [], False)
+    device.problem = None
     performer.retry()
     assert performer.failing == tuple(reports) == ("safe of Arm.move failed: OSError: port is gone",)
 

@@ -172,6 +172,8 @@ def test_an_unknown_contract_is_a_warning_that_says_why() -> None:
     assert said is not None
     assert (said.code, said.severity) == ("V011", "warning")
     assert "`sin`" in said.message
+    assert ":;" not in said.message
+    assert "which is not enough: " in said.message
     assert said.hint == found.hint
 
 

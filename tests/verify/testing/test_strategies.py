@@ -8,7 +8,7 @@ from itertools import pairwise
 from random import Random
 
 import pytest
-from hypothesis import find, given, settings
+from hypothesis import Phase, find, given, settings
 from hypothesis import strategies as st
 
 from colony.dsl.load import check_text, load_file
@@ -50,6 +50,22 @@ def test_public_strategies_fit_together(data: st.DataObject) -> None:
 @given(programs(python=False))
 def test_python_modules_can_be_left_out(of: Program) -> None:
     assert "PythonModule" not in {type(module).__name__ for module in of.modules}
+
+
+def test_a_failing_test_prints_frames_that_can_be_pasted() -> None:
+    of = program("module m { when a do out(v = 1) }\nnetwork { out = m }")
+
+    @settings(max_examples=1, database=None, deadline=None, phases=[Phase.generate])
+    @given(traces(of, max_frames=1))
+    def failing(trace: tuple[Frame, ...]) -> None:
+        raise AssertionError(len(trace))
+
+    with pytest.raises(AssertionError) as raised:
+        failing()
+    printed = "".join(raised.value.__notes__)
+    start, end = printed.index("trace=") + len("trace="), printed.rindex(",\n)")
+    [frame] = eval(printed[start:end], {"Frame": Frame, "nan": math.nan, "inf": math.inf})
+    assert isinstance(frame, Frame)
 
 
 def test_a_seed_is_a_run() -> None:
