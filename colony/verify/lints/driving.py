@@ -196,17 +196,22 @@ def guarded_fields(
             return frozenset(fields)
     if not isinstance(guard, Module) or guard.actuator != actuator.name:
         return frozenset()  # nothing is known of the commands of a guard in Python
-    return frozenset(i for i in fields if prover.proved([_restraint_question(module, guard, actuator, i)]))
+    return frozenset(i for i in fields if _restrains_always(module, guard, actuator, i, prover))
 
 
-def _restraint_question(module: Module, guard: Module, actuator: Actuator, i: int) -> Question:
-    """Return the question if a guard restrains a field of a module's command whenever both are active."""
+def _restrains_always(module: Module, guard: Module, actuator: Actuator, i: int, prover: Prover) -> bool:
+    """Return True if a guard restrains a field of a module's command whenever both are active."""
     name = f"restrains {module.name} {guard.name} {i}"
-    return Question(name, partial(_restrained, module, guard, actuator, i))
+    restrained = partial(_restrained, module, guard, actuator, i)
+    constant_answer = prover.constant(Question(f"{name} always", restrained))
+    if constant_answer or (constant_answer is False and prover.were_active(module.name, guard.name)):
+        return constant_answer
+    both_active = all_of((active(module.name), active(guard.name)))
+    return bool(prover.proved([Question(name, lambda: implies(both_active, restrained()))]))
 
 
 def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Expression:
-    """Return the condition that the guard restrains the field whenever both modules are active.
+    """Return the condition that the guard restrains the field, if both modules are active.
 
     The guard's field is at idle, on the other side of it or, for a speed, nearer to it. Bools and enumerators
     have no order: their field is at idle in the guard's command if it is not in the module's. A module that
@@ -217,21 +222,17 @@ def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Ex
     idle = constant(actuator.idle[i], kind)
     guard_value = value_or(command_of(guard, i), idle)
     module_value = value_or(command_of(module, i), idle)
-    both_active = all_of((active(module.name), active(guard.name)))
     if not isinstance(kind, Quantity):
         moves = binary(Binary.NOT_EQUAL, module_value, idle)
-        return implies(both_active, implies(moves, binary(Binary.EQUAL, guard_value, idle)))
+        return implies(moves, binary(Binary.EQUAL, guard_value, idle))
     is_speed = _is_speed(kind)
     less, more = (Binary.LESS, Binary.GREATER) if is_speed else (Binary.LESS_EQUAL, Binary.GREATER_EQUAL)
     bound = module_value if is_speed else idle
-    return implies(
-        both_active,
-        all_of(
-            (
-                implies(binary(Binary.GREATER, module_value, idle), binary(less, guard_value, bound)),
-                implies(binary(Binary.LESS, module_value, idle), binary(more, guard_value, bound)),
-            )
-        ),
+    return all_of(
+        (
+            implies(binary(Binary.GREATER, module_value, idle), binary(less, guard_value, bound)),
+            implies(binary(Binary.LESS, module_value, idle), binary(more, guard_value, bound)),
+        )
     )
 
 

@@ -25,6 +25,9 @@ from colony.verify.testing.frames import draw_trace
 _RUNS = 12
 _FRAMES = 30
 
+_SMALL_PROGRAM = 1000
+"""Maximum number of modules and sensors of a program that gets all of the runs; a larger one gets fewer."""
+
 Claims = Mapping[str, Expression]
 
 
@@ -63,7 +66,8 @@ def has_python_modules(program: Program) -> bool:
 
 
 def _random_traces(program: Program) -> Iterator[tuple[Snapshot, ...]]:
-    for number in range(_RUNS):
+    size = len(program.modules) + len(program.robot.sensors)
+    for number in range(max(2, _RUNS * _SMALL_PROGRAM // max(size, _SMALL_PROGRAM))):
         frames = draw_trace(Choices(Random(f"0/{number}")), program, _FRAMES)
         yield tuple(snapshot_of(program, frame) for frame in frames)
 

@@ -46,15 +46,30 @@ _MAX_READINGS = 32
 """Number of readings of a sensor that are tried to make its guards active."""
 
 
-def _pairs(case: Case) -> Iterator[Guarded]:
-    """Yield each module that moves the robot with each ordinary dominator that needs further sensors."""
-    for module, actuator in drivers(case):
-        needs = case.contents.needs(module)
-        for name in case.network.dominators(module.name):
-            guard = case.wired_modules[name]
-            if not guard.failsafe:
-                sensors = case.contents.needs(guard) - needs
-                yield Guarded(module, actuator, guard, tuple(sorted(sensors)))
+def _pairs(case: Case, module: Module, actuator: Actuator) -> Iterator[Guarded]:
+    """Yield a module that moves the robot with each ordinary dominator that needs further sensors."""
+    needs = case.contents.needs(module)
+    for name in case.network.dominators(module.name):
+        guard = case.wired_modules[name]
+        if not guard.failsafe:
+            yield Guarded(module, actuator, guard, tuple(sorted(case.contents.needs(guard) - needs)))
+
+
+class _Needed:
+    """The sensors that the ordinary dominators of a module need, found without listing the dominators."""
+
+    def __init__(self, case: Case) -> None:
+        guards: dict[str, list[str]] = {}
+        for name, guard in case.wired_modules.items():
+            for sensor in () if guard.failsafe else case.contents.needs(guard):
+                guards.setdefault(sensor, []).append(name)
+        self._case = case
+        self._guards = {sensor: case.network.set_of(names) for sensor, names in guards.items()}
+
+    def beyond(self, module: Module) -> list[str]:
+        """Return those of the sensors that the module does not need."""
+        needs, dominates = self._case.contents.needs(module), self._case.network.dominates
+        return [s for s, guards in self._guards.items() if s not in needs and dominates(guards, module.name)]
 
 
 class _Shown(NamedTuple):
@@ -144,28 +159,32 @@ def findings(case: Case, prover: Prover, runs: GeneratedRuns | None) -> Iterator
     found: Found = {}
     undecided: dict[str, list[str]] = {}
     readings = _Readings(case, prover, runs)
-    for pair in _pairs(case):
-        module, actuator = pair.module, pair.actuator
-        if prover.effort.is_spent() and not any(prover.knows(open_name(module, s)) for s in pair.sensors):
-            prover.effort.questions_skipped += len(pair.sensors)
-            continue
-        sensors = [s for s in pair.sensors if may_win_without(case, module, actuator, s, prover)]
-        fields = guarded_fields(case, module, pair.guard, actuator, prover) if sensors else ()
-        for sensor in sensors if fields else ():
-            if readings.show(pair, sensor, fields):
-                found.setdefault(((module.name,), sensor), []).append(pair.guard.name)
+    needed = _Needed(case)
+    for module, actuator in drivers(case):
+        if prover.effort.is_spent():
+            beyond = needed.beyond(module)
+            if not any(prover.knows(open_name(module, s)) for s in beyond):
+                prover.effort.questions_skipped += len(beyond)
                 continue
-            question = pair.question(case, sensor)
-            trace = prover.refuted(question)
-            if trace is None:
-                if prover.is_undecided(question.name):
+        for pair in _pairs(case, module, actuator):
+            sensors = [s for s in pair.sensors if may_win_without(case, module, actuator, s, prover)]
+            fields = guarded_fields(case, module, pair.guard, actuator, prover) if sensors else ()
+            for sensor in sensors if fields else ():
+                if readings.show(pair, sensor, fields) or _fails_open(case, pair, sensor, fields, prover):
+                    found.setdefault(((module.name,), sensor), []).append(pair.guard.name)
+                elif prover.is_undecided(pair.question(case, sensor).name):
                     undecided.setdefault(module.name, []).append(sensor)
-                continue
-            outcome = replay(case.program, without(trace.snapshots, sensor))[-1]
-            if moving_fields(outcome, module, actuator).intersection(fields):
-                found.setdefault(((module.name,), sensor), []).append(pair.guard.name)
     yield from _warnings(case, found)
     yield from undecided_without(case, undecided, ((module, sensor) for (module,), sensor in found))
+
+
+def _fails_open(case: Case, pair: Guarded, sensor: str, fields: Set[int], prover: Prover) -> bool:
+    """Return True if the guard holds the module back in a run, and a field moves in it without the sensor."""
+    trace = prover.refuted(pair.question(case, sensor))
+    if trace is None:
+        return False
+    outcome = replay(case.program, without(trace.snapshots, sensor))[-1]
+    return bool(moving_fields(outcome, pair.module, pair.actuator).intersection(fields))
 
 
 def _warnings(case: Case, found: Found) -> Iterator[Diagnostic]:

@@ -56,7 +56,8 @@ def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
     )
     breaches = [] if runs is None else drawn_breaches(program, runs)
     refuted = frozenset[str]().union(*breaches)
-    prover = Prover(case.instrumented, effort)
+    activity = _activity(case, breaches)
+    prover = Prover(case.instrumented, effort, activity)
     proved = prover.proved(asked(name, claim) for name, claim in claims.items() if name not in refuted)
     dominators = {
         m: _minimal_dominators(case, m, prover) for m in case.modules if shadows.shadowed(m) in proved
@@ -70,7 +71,7 @@ def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
             *shadows.findings(case, proved, dominators),
             *nodes.findings(case, proved),
             *contracts.findings(case, proved),
-            *synchronized.findings(case, proved, _activity(case, breaches), prover),
+            *synchronized.findings(case, proved, activity, prover),
             *ranges.findings(case, prover),
             *fail_open.findings(case, prover, runs),
             *held_back.findings(case, prover),
@@ -83,11 +84,13 @@ def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
     return tuple(Finding(d, shown.get(d)) for d in diagnostics)
 
 
-def _activity(case: Case, breaches: Sequence[frozenset[str]]) -> dict[str, tuple[bool, ...]]:
-    """Return in which frames of the runs each module is active, by name; empty without runs."""
-    if not breaches:
-        return {}
-    return {m: tuple(predicates.never_active(m) in broken for broken in breaches) for m in case.modules}
+def _activity(case: Case, breaches: Sequence[frozenset[str]]) -> dict[str, int]:
+    """Return, by module, the frames of the runs in which it is active, as a set of bits."""
+    frames: dict[str, int] = dict.fromkeys(case.modules, 0)
+    for number, broken in enumerate(breaches):
+        for name in case.modules:
+            frames[name] |= (predicates.never_active(name) in broken) << number
+    return frames
 
 
 def _minimal_dominators(case: Case, module: str, prover: Prover) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -50,6 +50,25 @@ class NamedNetwork:
         for node in self.nodes.values():
             sets[node.name] = sets[node.dominant] | sets[node.inferior]
         return sets
+
+    @cached_property
+    def _sets_above(self) -> dict[str, int]:
+        """The modules that dominate each module or node somewhere, as a set of bits."""
+        sets: dict[str, int] = {}
+        for node in reversed(self.nodes.values()):
+            above = sets.get(node.name, 0)
+            sets[node.dominant] = sets.get(node.dominant, 0) | above
+            sets[node.inferior] = sets.get(node.inferior, 0) | above | self._sets_under[node.dominant]
+        return sets
+
+    def set_of(self, modules: Iterable[str]) -> int:
+        """Return wired modules as a set of bits."""
+        return sum(1 << self._numbers[m] for m in dict.fromkeys(modules) if m in self._numbers)
+
+    def dominates(self, modules: int, module: str) -> bool:
+        """Return True if one of a set of other modules (`set_of`) dominates a module somewhere."""
+        others = modules & ~(1 << self._numbers[module])
+        return bool(self._sets_above.get(module, 0) & others)
 
     def is_under(self, module: str, ref: str) -> bool:
         """Return True if a module is below a node, or is `ref` itself."""

@@ -8,7 +8,7 @@ Only what it leaves open takes an attempt of its own (`contracts/attempt.py`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from enum import Enum, auto, unique
 from functools import cached_property
@@ -154,9 +154,13 @@ class _SingleFrames:
 
 
 class Prover:
-    """A prover of claims about one program. Stateful: encodes it on first use, remembers answers."""
+    """A prover of claims about one program. Stateful: encodes it on first use, remembers answers.
 
-    def __init__(self, program: Program, effort: Effort) -> None:
+    `activity` gives, by module, the frames of drawn runs in which it is active, as a set of bits.
+    """
+
+    def __init__(self, program: Program, effort: Effort, activity: Mapping[str, int]) -> None:
+        self._activity = activity
         self._program = program
         self.effort = effort
         self._contexts: dict[str, ProofContext] = {}
@@ -210,6 +214,15 @@ class Prover:
             case _Quick.HOLDS:
                 return True
         return isinstance(Attempt(context, name, Budget(OPTIONS, self.effort.charge)).run(), Proof)
+
+    def constant(self, question: Question) -> bool | None:
+        """Return the truth of a claim if its formula is a constant, None otherwise."""
+        holds = self._context(question).claims[question.name].holds
+        return True if is_true(holds) else False if is_false(holds) else None
+
+    def were_active(self, a: str, b: str) -> bool:
+        """Return True if two modules were active in the same frame of a drawn run."""
+        return bool(self._activity.get(a, 0) & self._activity.get(b, 0))
 
     def knows(self, name: str) -> bool:
         """Return True if it is known whether a claim is proved over the reals."""

@@ -17,7 +17,7 @@ from colony.verify.lints.shadows import shadowed
 
 
 def findings(
-    case: Case, proved: Set[str], activity: Mapping[str, object], prover: Prover
+    case: Case, proved: Set[str], activity: Mapping[str, int], prover: Prover
 ) -> Iterator[Diagnostic]:
     """Yield the warnings about modules that are always active together.
 
