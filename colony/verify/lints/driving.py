@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple, Self
 
-from colony.ir.expression import Binary, Expression
+from colony.ir.expression import Binary, Constant, Expression
 from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Actuator, AnyModule, Module, in_declared_units
 from colony.ir.types import Quantity, Scalar, ScalarValue
@@ -220,8 +220,7 @@ def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Ex
     assert actuator.idle is not None
     kind = actuator.fields[i].type
     idle = constant(actuator.idle[i], kind)
-    guard_value = value_or(command_of(guard, i), idle)
-    module_value = value_or(command_of(module, i), idle)
+    guard_value, module_value = (_value_while_active(m, i, idle) for m in (guard, module))
     if not isinstance(kind, Quantity):
         moves = binary(Binary.NOT_EQUAL, module_value, idle)
         return implies(moves, binary(Binary.EQUAL, guard_value, idle))
@@ -234,6 +233,14 @@ def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Ex
             implies(binary(Binary.LESS, module_value, idle), binary(more, guard_value, bound)),
         )
     )
+
+
+def _value_while_active(module: Module, i: int, idle: Expression) -> Expression:
+    """Return the value of a field of a module's command while the module is active."""
+    assert module.command is not None
+    field = module.command.fields[i]
+    is_constant = isinstance(field, Constant) and not module.failsafe
+    return field if is_constant else value_or(command_of(module, i), idle)
 
 
 def _is_speed(kind: Scalar) -> bool:

@@ -39,7 +39,7 @@ from colony.verify.lints.driving import (
 )
 from colony.verify.lints.evidence import GeneratedRuns, frames, replay
 from colony.verify.lints.predicates import never_active
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import QUESTION_RESOURCES, Prover
 from colony.verify.snapshot import Snapshot
 
 _MAX_READINGS = 32
@@ -111,6 +111,7 @@ class _Readings:
         nothing = _Shown(frozenset(), frozenset())
         if start is None or runs is None:
             return nothing
+        self._prover.effort.charge(QUESTION_RESOURCES)
         missing = without([start], sensor)
         moving = moving_fields(replay(self._case.program, missing)[-1], module, actuator)
         if not moving:

@@ -43,7 +43,7 @@ OPTIONS = Options(depth=1, max_frames=MAX_FRAMES, resources=RESOURCES_PER_SECOND
 _ALL_QUESTIONS = 1e9
 """Share of a question's resources for all questions to one solver; `Effort` limits them."""
 
-_QUESTION_RESOURCES = RESOURCES_PER_SECOND // 20
+QUESTION_RESOURCES = RESOURCES_PER_SECOND // 20
 """Resources that a question is charged besides those of z3, for its encoding and the runs that are drawn."""
 
 
@@ -79,7 +79,7 @@ class Effort:
         self.questions_asked += 1
         if self._on_question is not None:
             self._on_question(self.questions_asked)
-        self.charge(_QUESTION_RESOURCES)
+        self.charge(QUESTION_RESOURCES)
         return True
 
 
