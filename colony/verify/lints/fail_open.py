@@ -181,11 +181,11 @@ def findings(case: Case, prover: Prover, runs: GeneratedRuns | None) -> Iterator
 
 def _fails_open(case: Case, pair: Guarded, sensor: str, fields: Set[int], prover: Prover) -> bool:
     """Return True if the guard holds the module back in a run, and a field moves in it without the sensor."""
-    trace = prover.refuted(pair.question(case, sensor))
-    if trace is None:
-        return False
-    outcome = replay(case.program, without(trace.snapshots, sensor))[-1]
-    return bool(moving_fields(outcome, pair.module, pair.actuator).intersection(fields))
+    for trace in prover.refutations(pair.question(case, sensor)):
+        outcome = replay(case.program, without(trace.snapshots, sensor))[-1]
+        if moving_fields(outcome, pair.module, pair.actuator).intersection(fields):
+            return True
+    return False
 
 
 def _warnings(case: Case, found: Found) -> Iterator[Diagnostic]:

@@ -88,10 +88,12 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
 
 
 def _is_confirmed(case: Case, hold: Guarded, holder: AnyModule, sensor: str, prover: Prover) -> bool:
-    """Return True if a pair of runs shows it."""
+    """Return True if a pair of runs shows that the holder holds back the guard."""
     fields = guarded_fields(case, hold.module, hold.guard, hold.actuator, prover)
-    trace = prover.refuted(hold.question(case, sensor)) if fields else None
-    return trace is not None and bool(fields & _moving(case, hold, holder, without(trace.snapshots, sensor)))
+    return any(
+        fields & _moving(case, hold, holder, without(trace.snapshots, sensor))
+        for trace in (prover.refutations(hold.question(case, sensor)) if fields else ())
+    )
 
 
 def _moving(case: Case, hold: Guarded, holder: AnyModule, snapshots: tuple[Snapshot, ...]) -> set[int]:

@@ -8,7 +8,7 @@ Only what it leaves open takes an attempt of its own (`contracts/attempt.py`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from enum import Enum, auto, unique
 from functools import cached_property
@@ -268,29 +268,35 @@ class Prover:
 
         Modules in Python answer in it as suits the run.
         """
+        return next(self.refutations(question), None)
+
+    def refutations(self, question: Question) -> Iterator[Trace]:
+        """Yield runs of the reference interpreter that break a claim: of one frame, and of an attempt."""
         name = question.name
         if not self.effort.allows_question():
-            return None
+            return
         context = self._context(question)
         called = called_modules(context.cones[name])
         quick, model = (_Quick.OPEN, None) if called else self._quick_answer(name, context)
         if quick is _Quick.HOLDS:
-            return None
+            return
         program = replace(self._program, contracts=(self._contracts[name],))
         refuter = Refuter(program, name, called)
+        first = None
         if model is not None:
             frame = OneFrame(context.system, context.cones[name])
-            trace = refuter.confirm_in(frame, CandidateTrace(model, 1, without_python=True))
-            if trace is not None:
-                return trace
+            first = refuter.confirm_in(frame, CandidateTrace(model, 1, without_python=True))
+        if first is not None:
+            yield first
         attempt = Attempt(context, name, Budget(OPTIONS, self.effort.charge), refuter)
         found = attempt.run()
         if isinstance(found, Proof):
-            return None
+            return
         trace = found or attempt.python_trace or refuter.search_runs()
-        if trace is None:
+        if trace is not None:
+            yield trace
+        elif first is None:
             self._undecided.add(name)
-        return trace
 
     def is_undecided(self, name: str) -> bool:
         """Return True if a claim was asked to be refuted, and was neither refuted nor proved."""
