@@ -190,13 +190,21 @@ def guarded_fields(
     case: Case, module: Module, guard: AnyModule, actuator: Actuator, prover: Prover
 ) -> frozenset[int]:
     """Return the fields against which `guard` is a safeguard of `module`."""
-    fields = range(len(actuator.fields))
+    fields = [i for i in range(len(actuator.fields)) if _may_move(module, actuator, i)]
     for node in case.network.nodes_above(module.name):
         if node.relation == "inhibits" and case.network.is_under(guard.name, node.dominant):
             return frozenset(fields)
     if not isinstance(guard, Module) or guard.actuator != actuator.name:
         return frozenset()  # nothing is known of the commands of a guard in Python
     return frozenset(i for i in fields if _restrains_always(module, guard, actuator, i, prover))
+
+
+def _may_move(module: Module, actuator: Actuator, i: int) -> bool:
+    """Return False if a module always commands the idle value of a field."""
+    assert module.command is not None
+    assert actuator.idle is not None
+    field = module.command.fields[i]
+    return not (isinstance(field, Constant) and field.value == actuator.idle[i])
 
 
 def _restrains_always(module: Module, guard: Module, actuator: Actuator, i: int, prover: Prover) -> bool:

@@ -148,7 +148,9 @@ class _Readings:
     def _near_constants(self, sensor: Sensor) -> Iterator[ScalarValue]:
         of = element_type(sensor.type)
         low, high = sensor.low, sensor.high
-        for type_, value in self._constants if isinstance(of, Quantity) else ():
+        if not isinstance(of, Quantity):
+            return
+        for type_, value in self._constants:
             if isinstance(type_, Quantity) and type_.dimension == of.dimension:
                 for x in (value, value * 0.99, value * 1.01):
                     if (low is None or x >= low) and (high is None or x <= high):
@@ -169,7 +171,7 @@ def findings(case: Case, prover: Prover, runs: GeneratedRuns | None) -> Iterator
                 continue
         for pair in _pairs(case, module, actuator):
             sensors = [s for s in pair.sensors if may_win_without(case, module, actuator, s, prover)]
-            fields = guarded_fields(case, module, pair.guard, actuator, prover) if sensors else ()
+            fields = guarded_fields(case, module, pair.guard, actuator, prover) if sensors else frozenset()
             for sensor in sensors if fields else ():
                 if readings.show(pair, sensor, fields) or _fails_open(case, pair, sensor, fields, prover):
                     found.setdefault(((module.name,), sensor), []).append(pair.guard.name)

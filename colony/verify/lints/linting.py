@@ -71,7 +71,7 @@ def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
             *shadows.findings(case, proved, dominators),
             *nodes.findings(case, proved),
             *contracts.findings(case, proved),
-            *synchronized.findings(case, proved, activity, prover),
+            *synchronized.findings(case, proved, activity, prover, runs),
             *ranges.findings(case, prover),
             *fail_open.findings(case, prover, runs),
             *held_back.findings(case, prover),

@@ -208,11 +208,9 @@ class Prover:
         return self._answers.get(name, False)
 
     def _is_proved(self, name: str, context: ProofContext) -> bool:
-        match self._quick_answer(name, context)[0]:
-            case _Quick.BROKEN:
-                return False
-            case _Quick.HOLDS:
-                return True
+        quick, _ = self._quick_answer(name, context)
+        if quick is not _Quick.OPEN:
+            return quick is _Quick.HOLDS
         return isinstance(Attempt(context, name, Budget(OPTIONS, self.effort.charge)).run(), Proof)
 
     def constant(self, question: Question) -> bool | None:

@@ -11,26 +11,36 @@ from colony.ir.program import Module
 from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.claims import active, binary
 from colony.verify.lints.case import Case
+from colony.verify.lints.evidence import GeneratedRuns
 from colony.verify.lints.predicates import always_active, never_active
 from colony.verify.lints.proof import Prover, Question
 from colony.verify.lints.shadows import shadowed
 
 
 def findings(
-    case: Case, proved: Set[str], activity: Mapping[str, int], prover: Prover
+    case: Case, proved: Set[str], activity: Mapping[str, int], prover: Prover, runs: GeneratedRuns | None
 ) -> Iterator[Diagnostic]:
     """Yield the warnings about modules that are always active together.
 
-    Modules with different `activity` in runs are not, and modules with another finding need no question.
+    Modules with different `activity` in runs are not, and modules with another finding need no question. A
+    frame that separates two modules often separates others, too.
     """
-    groups: dict[object, list[Module]] = {}
+    seen = dict(activity)
+    groups: dict[tuple[str | None, int], list[Module]] = {}
     for m in case.own_modules.values():
         other_findings = {claim(m.name) for claim in (never_active, always_active, shadowed)}
         if m.command is not None and case.has_inputs(m) and not other_findings & proved:
-            groups.setdefault((m.actuator, activity.get(m.name)), []).append(m)
+            groups.setdefault((m.actuator, seen[m.name]), []).append(m)
     for a, b in (pair for group in groups.values() for pair in combinations(group, 2)):
+        if seen[a.name] != seen[b.name]:
+            continue
         together = partial(binary, Binary.EQUAL, active(a.name), active(b.name))
-        if prover.proved([Question(f"together {a.name} {b.name}", together)]):
+        question = Question(f"together {a.name} {b.name}", together)
+        is_proved = bool(prover.proved([question]))
+        frame = prover.broken_start(question.name)
+        for outcome in runs.outcomes([frame]) if runs is not None and frame is not None else ():
+            seen = {m: x << 1 | (never_active(m) in outcome.breaches) for m, x in seen.items()}
+        if is_proved:
             yield warning(
                 "V029",
                 b.span,
