@@ -97,7 +97,7 @@ class Work:
         if verified.program is None:
             return
         self._contracts(verified, verified.program, on_progress)
-        self._lints(verified, verified.program)
+        self._lints(verified, verified.program, on_progress)
         if self.examples:
             self._examples(verified, verified.program, on_progress)
 
@@ -121,13 +121,18 @@ class Work:
         if verified.writes_tests:
             append_tests(verified.file, program, verified.refuted)
 
-    def _lints(self, verified: Verified, program: Program) -> None:
+    def _lints(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
         if self.names:
             return
         from colony.verify.contracts.results import RESOURCES_PER_SECOND
         from colony.verify.lints import Effort, lint
 
-        effort = Effort(round(_LINT_FACTOR * self.timeout * RESOURCES_PER_SECOND))
+        done = len(verified.results)
+
+        def on_question(number: int) -> None:
+            on_progress(done, done, f"what can never act: question {number}")
+
+        effort = Effort(round(_LINT_FACTOR * self.timeout * RESOURCES_PER_SECOND), on_question)
         verified.findings += lint(program, effort)
         verified.diagnostics += [f.diagnostic for f in verified.findings]
         verified.undecided_questions = effort.questions_skipped

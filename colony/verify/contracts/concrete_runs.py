@@ -132,7 +132,7 @@ def _long_run(program: Program, number: int) -> tuple[Snapshot, ...]:
 def _signal(sensor: Sensor, number: int) -> Iterator[Value | None]:
     """Yield the readings of a sensor in a run, None where it is missing; they depend on nothing else."""
     random = Random(f"{number} {sensor.name}")
-    plain = _scalars(sensor)
+    plain = plain_values(sensor)
     if number < 4:  # all at once: at their defaults, at an end of their ranges, and next to 0
         chosen = plain[min(number, len(plain) - 1)]
         while True:
@@ -162,7 +162,7 @@ def _filled(sensor: Sensor, value: ScalarValue) -> Value:
     return (value,) * sensor.type.size if isinstance(sensor.type, Array) else value
 
 
-def _scalars(sensor: Sensor) -> list[ScalarValue]:
+def plain_values(sensor: Sensor) -> list[ScalarValue]:
     """Return plain values in base units: the default or 0, the ends of the range, and tiny numbers."""
     of: Scalar = element_type(sensor.type)
     match of:

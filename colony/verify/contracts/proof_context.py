@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from colony.verify.contracts.candidates import Candidate, candidates
 from colony.verify.contracts.cone import cone_of, covers
@@ -22,10 +22,10 @@ _MAX_GUESSES = 300
 class _Cones(dict[str, Cone]):
     """The cones of the claims of a system, by name. Mutable: computed when first asked for."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, claims: Mapping[str, Claim]) -> None:
         super().__init__()
         self._system = system
-        self._claims = {claim.name: claim for claim in system.claims}
+        self._claims = claims
 
     def __missing__(self, name: str) -> Cone:
         cone = self[name] = cone_of(self._system, self._claims[name])
@@ -38,10 +38,14 @@ class ProofContext:
     def __init__(self, system: System) -> None:
         self.system = system
         self.claims = {claim.name: claim for claim in system.claims}
-        self.cones = _Cones(system)
+        self.cones = _Cones(system, self.claims)
         self._proved: list[Claim] = []
         self._invariants: dict[frozenset[int], tuple[Candidate, ...]] = {}
         self._searched: set[frozenset[int]] = set()
+
+    def add(self, claim: Claim) -> None:
+        """Add a claim about the system."""
+        self.claims[claim.name] = claim
 
     def record_proof(self, contract: str) -> None:
         """Record that a contract holds in every frame."""
@@ -72,7 +76,7 @@ class ProofContext:
         """Return the invariants of a cone; each cone is searched only once."""
         key = cone.leaves  # it identifies a cone within its system
         if key not in self._searched:
-            claims = [c for c in self.system.claims if covers(cone, self.cones[c.name])]
+            claims = [c for c in self.claims.values() if covers(cone, self.cones[c.name])]
             proved = self.lemmas(cone)
             unproved = [c for c in claims if c not in proved]
             search_budget = budget.scaled(_SHARE)

@@ -14,7 +14,7 @@ frame is tried in it first.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -37,11 +37,11 @@ from colony.verify.contracts.results import (
 )
 from colony.verify.contracts.search import called_modules
 from colony.verify.contracts.solver import Budget, OnCharge
-from colony.verify.contracts.whole import with_whole_numbers
+from colony.verify.contracts.whole import whole_numbers
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
 from colony.verify.symbolic.reasons import rounding_reasons
-from colony.verify.symbolic.system import Claim, Operation, Reason
+from colony.verify.symbolic.system import Claim, Operation, Reason, Shape
 
 _GENERAL_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
@@ -95,10 +95,17 @@ def _is_open(result: Result) -> bool:
 class Prover:
     """Proves one program's contracts one after the other. Stateful: remembers the contracts proved so far.
 
-    `on_charge` receives the cost of each query.
+    `on_charge` receives the cost of each query. `known` are proved shapes of numbers in memory.
     """
 
-    def __init__(self, program: Program, options: Options, on_charge: OnCharge | None = None) -> None:
+    def __init__(
+        self,
+        program: Program,
+        options: Options,
+        on_charge: OnCharge | None = None,
+        known: Mapping[str, Shape] | None = None,
+    ) -> None:
+        self._known = known
         self._program = program
         self._options = options
         self._on_charge = on_charge
@@ -108,8 +115,15 @@ class Prover:
 
     @cached_property
     def _usual(self) -> ProofContext:
-        budget = Budget(self._options, self._on_charge)
-        return ProofContext(with_whole_numbers(self._program, encode(self._program), budget))
+        return ProofContext(encode(self._program, known=self._known or {}))
+
+    @cached_property
+    def _with_whole_numbers(self) -> Prover | None:
+        """The prover with more numbers known to be whole and bounded; None if there are no more."""
+        if self._known is not None:
+            return None
+        found = whole_numbers(self._program, self._usual.system, self._options)
+        return Prover(self._program, self._options, self._on_charge, found) if found else None
 
     @cached_property
     def _precise(self) -> ProofContext:
@@ -134,6 +148,13 @@ class Prover:
 
     def prove_disturbed(self, contract: Contract) -> Result:
         """Prove or refute a contract, also while clients are late or lost, and while connections command."""
+        found = self._prove_disturbed(contract)
+        if not isinstance(found, OverReals) or self._with_whole_numbers is None:
+            return found
+        exact = self._with_whole_numbers.prove_disturbed(contract)
+        return found if isinstance(exact, Unknown) else exact
+
+    def _prove_disturbed(self, contract: Contract) -> Result:
         known = self._results.get(contract.name)
         result = self.prove(contract) if known is None or known.over_reals else known
         if not isinstance(result, Proved):

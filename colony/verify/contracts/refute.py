@@ -20,6 +20,7 @@ from colony.verify.contracts.search import CandidateTrace, Search
 from colony.verify.contracts.slicing import slice_of
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Disturbance, DisturbanceInputs
+from colony.verify.symbolic.unrolling import Unrolling
 from colony.verify.symbolic.witness import snapshots
 
 _MODELS_PER_LENGTH = 4
@@ -56,9 +57,13 @@ class Refuter:
         self.spurious_models = 0
 
     def confirm(self, candidate: CandidateTrace, search: Search) -> Trace | None:
-        """Return a minimal trace from a model, None if the model is spurious."""
+        """Return a minimal trace from a model of a search, None if the model is spurious."""
+        return self.confirm_in(search.frames, candidate)
+
+    def confirm_in(self, unrolling: Unrolling, candidate: CandidateTrace) -> Trace | None:
+        """Return a minimal trace from a model of these frames, None if the model is spurious."""
         replay = self._replay_without_python if candidate.without_python else self._replay
-        exact = snapshots(candidate.model, search.frames, candidate.frames, self._late)
+        exact = snapshots(candidate.model, unrolling, candidate.frames, self._late)
         for variant in self._variants(exact):
             if replay.breaks(variant):
                 return minimize(replay, variant)

@@ -17,7 +17,9 @@ import z3
 from colony.execute.validity import MAX_TIME_NS
 from colony.ir.program import Program, gaps_ns
 from colony.verify.contracts.candidates import Candidate, candidates, numerals
+from colony.verify.contracts.cone import cone_of
 from colony.verify.contracts.houdini import Invariants, invariants
+from colony.verify.contracts.results import Options
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic import cones
 from colony.verify.symbolic.encode import encode
@@ -31,31 +33,38 @@ _MAX_BOUNDS = 24
 _MAX_STEPS = 4
 """Number of constants that are tried as steps of a cell."""
 
-_MAX_GUESSES = 200
+_MAX_GUESSES = 100
+
+_SHARE = 0.05
+"""Share of a contract's budget for each cell."""
 
 _GUESS = Shape(nan=False, infinite=False, bounds=Bounds(-EXACT_WHOLE / 2, EXACT_WHOLE / 2, whole=True))
 
 
-def with_whole_numbers(program: Program, system: System, budget: Budget) -> System:
-    """Return `system`, or an encoding in which more cells are known to be whole and bounded."""
-    guessed = dict.fromkeys(_unbounded(system), _GUESS) if rounding_reasons(system.claims) else {}
+def whole_numbers(program: Program, system: System, options: Options) -> dict[str, Shape]:
+    """Return proved shapes of cells that stay whole and bounded, which `system`, of `program`, does not know.
+
+    Only cells that a contract depends on which rounds are tried.
+    """
+    guessed = dict.fromkeys(_unbounded(system), _GUESS)
     while guessed:
         trial = encode(program, known=guessed)
         whole = {name for name in guessed if trial.shapes.get(name) == _GUESS}
-        proved = _proved(trial, whole, budget) if whole == set(guessed) else {}
+        proved = _proved(trial, whole, options) if whole == set(guessed) else {}
         if len(proved) == len(guessed):
-            return encode(program, known=proved)
+            return proved
         guessed = dict.fromkeys(proved if whole == set(guessed) else whole, _GUESS)
-    return system
+    return {}
 
 
 def _unbounded(system: System) -> list[str]:
     """Return the numbers in memory that begin whole, and are not known to stay whole and small."""
-    initial = {cell.name: cell.initial for cell in system.cells}
+    rounded = [claim for claim in system.claims if rounding_reasons([claim])]
+    cone = cone_of(system, *rounded)
     return [
-        name
-        for name, shape in system.shapes.items()
-        if name in initial and _is_whole(initial[name]) and not _is_small(shape)
+        cell.name
+        for cell in cone.cells
+        if cell.name in system.shapes and _is_whole(cell.initial) and not _is_small(system.shapes[cell.name])
     ]
 
 
@@ -68,12 +77,12 @@ def _is_small(shape: Shape) -> bool:
     return whole and not shape.infinite and low is not None and high is not None
 
 
-def _proved(system: System, names: set[str], budget: Budget) -> dict[str, Shape]:
+def _proved(system: System, names: set[str], options: Options) -> dict[str, Shape]:
     """Return the shapes of the cells that are proved to stay whole and bounded, given all of `names`."""
     found = {}
     for cell in system.cells:
         if cell.name in names:
-            bounds = _bounds(system, cell, budget)
+            bounds = _bounds(system, cell, Budget(options, share=_SHARE))
             if bounds is not None:
                 found[cell.name] = Shape(nan=False, infinite=False, bounds=bounds)
     return found

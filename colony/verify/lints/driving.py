@@ -8,9 +8,10 @@ module drives.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple, Self
 
-from colony.ir.expression import Binary, Expression
+from colony.ir.expression import Binary, Constant, Expression
 from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Actuator, AnyModule, Module, in_declared_units
 from colony.ir.types import Quantity, Scalar, ScalarValue
@@ -31,7 +32,7 @@ from colony.verify.claims import (
 )
 from colony.verify.lints.case import Case, command_of
 from colony.verify.lints.finding import undecided
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import Prover, Question
 from colony.verify.snapshot import Snapshot
 
 _BASE_SERVER = "RServer"
@@ -43,16 +44,6 @@ def drivers(case: Case) -> Iterator[tuple[Module, Actuator]]:
         actuator = case.actuators.get(module.actuator or "")
         if actuator is not None and actuator.server == _BASE_SERVER and actuator.idle is not None:
             yield module, actuator
-
-
-def dominators(case: Case, module: Module) -> tuple[str, ...]:
-    """Return the other modules that dominate a module somewhere."""
-    found = dict.fromkeys(
-        name
-        for node in case.network.nodes_above(module.name)
-        for name in case.network.modules_under(node.dominant)
-    )
-    return tuple(name for name in found if name != module.name)
 
 
 def with_all_sensors(case: Case) -> Iterator[Expression]:
@@ -69,23 +60,38 @@ def drives(module: Module, actuator: Actuator) -> Expression:
     )
 
 
+def drives_claims(case: Case) -> Iterator[tuple[str, Expression]]:
+    """Yield the claims that a module never commands anything but idle while it is active."""
+    for module, actuator in drivers(case):
+        yield drives_name(module), implies(active(module.name), negation(drives(module, actuator)))
+
+
+def drives_name(module: Module) -> str:
+    """Return the name of the claim that a module never commands anything but idle while it is active."""
+    return f"drives {module.name}"
+
+
 # --- sensors that a module can drive without -----------------------------------------------------------
 
 
-def open_claim(case: Case, module: Module, actuator: Actuator, sensor: str) -> tuple[str, Expression]:
-    """Return the claim that a module never wins while only this sensor is missing, and its name."""
-    names = (s.name for s in case.program.robot.sensors if s.default is None)
-    only_missing = (negation(fresh(s)) if s == sensor else fresh(s) for s in names)
-    claim = negation(all_of((*only_missing, won(actuator.name, module.name))))
-    return _open_name(module, sensor), claim
+def open_question(case: Case, module: Module, actuator: Actuator, sensor: str) -> Question:
+    """Return the question if a module never wins while only this sensor is missing."""
+
+    def claim() -> Expression:
+        names = (s.name for s in case.program.robot.sensors if s.default is None)
+        only_missing = (negation(fresh(s)) if s == sensor else fresh(s) for s in names)
+        return negation(all_of((*only_missing, won(actuator.name, module.name))))
+
+    return Question(open_name(module, sensor), claim)
 
 
-def may_win_without(module: Module, sensor: str, prover: Prover) -> bool:
+def may_win_without(case: Case, module: Module, actuator: Actuator, sensor: str, prover: Prover) -> bool:
     """Return False if a module is proved never to win while only this sensor is missing."""
-    return not prover.proved_over_reals(_open_name(module, sensor))
+    return not prover.proved_over_reals(open_question(case, module, actuator, sensor))
 
 
-def _open_name(module: Module, sensor: str) -> str:
+def open_name(module: Module, sensor: str) -> str:
+    """Return the name of the claim that a module never wins while only this sensor is missing."""
     return f"open {module.name} {sensor}"
 
 
@@ -93,7 +99,7 @@ def independent_dominators(case: Case, module: Module, sensor: str) -> tuple[str
     """Return the modules that dominate a module somewhere and do not need `sensor`."""
     return tuple(
         name
-        for name in dominators(case, module)
+        for name in case.network.dominators(module.name)
         if sensor not in case.contents.needs(case.wired_modules[name])
     )
 
@@ -114,24 +120,19 @@ class Guarded(NamedTuple):
         """Return the same of these sensors alone."""
         return self._replace(sensors=tuple(sensors))
 
-    def claim(self, sensor: str) -> str:
-        """Return the name of the claim that the guard alone, with the sensor, holds the module back."""
-        names = [x.name for x in (self.module, self.guard, self.holder) if x is not None]
-        return f"guarded {' '.join(names)} {sensor}"
+    def question(self, case: Case, sensor: str) -> Question:
+        """Return the question if the guard alone, with the sensor, never holds the module back.
 
-    def open_claims(self, case: Case) -> Iterator[tuple[str, Expression]]:
-        """Yield the claims that the module never wins while only one of the sensors is missing."""
-        for sensor in self.sensors:
-            yield open_claim(case, self.module, self.actuator, sensor)
-
-    def claims(self, case: Case) -> Iterator[tuple[str, Expression]]:
-        """Yield the claims behind a warning.
-
-        "Guarded": with all sensors present, and the holder not active, the module is never kept from moving
-        the robot only by guards that need the sensor. "Restrains": the guard restrains a field of the
-        module's command.
+        That is, with all sensors present, and the holder not active, the module is never kept from moving the
+        robot only by guards that need the sensor.
         """
-        guarded = (
+        names = [x.name for x in (self.module, self.guard, self.holder) if x is not None]
+        return Question(f"guarded {' '.join(names)} {sensor}", partial(self._claim, case, sensor))
+
+    def _claim(self, case: Case, sensor: str) -> Expression:
+        own = {x.name for x in (self.guard, self.holder) if x is not None}
+        others = (name for name in independent_dominators(case, self.module, sensor) if name not in own)
+        held_back = (
             *with_all_sensors(case),
             active(self.module.name),
             active(self.guard.name),
@@ -139,12 +140,7 @@ class Guarded(NamedTuple):
             negation(won(self.actuator.name, self.module.name)),
             drives(self.module, self.actuator),
         )
-        own = {x.name for x in (self.guard, self.holder) if x is not None}
-        for sensor in self.sensors:
-            names = independent_dominators(case, self.module, sensor)
-            others = (negation(active(name)) for name in names if name not in own)
-            yield self.claim(sensor), negation(all_of((*guarded, *others)))
-        yield from restraint_claims(self.module, self.guard, self.actuator)
+        return negation(all_of((*held_back, *(negation(active(name)) for name in others))))
 
 
 # --- findings --------------------------------------------------------------------------------------------
@@ -190,36 +186,40 @@ def inhibitor_hint(sensors: list[str], module: str) -> str:
 # --- safeguards ----------------------------------------------------------------------------------------
 
 
-def restraint_claims(
-    module: Module, guard: AnyModule, actuator: Actuator
-) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a guard restrains a field of a module's command whenever both are active.
-
-    Nothing is known of the commands of a guard in Python.
-    """
-    if isinstance(guard, Module) and guard.actuator == actuator.name:
-        for i in range(len(actuator.fields)):
-            yield _restraint_name(module, guard, i), _restrained(module, guard, actuator, i)
-
-
-def _restraint_name(module: Module, guard: AnyModule, i: int) -> str:
-    return f"restrains {module.name} {guard.name} {i}"
-
-
 def guarded_fields(
     case: Case, module: Module, guard: AnyModule, actuator: Actuator, prover: Prover
 ) -> frozenset[int]:
     """Return the fields against which `guard` is a safeguard of `module`."""
-    fields = range(len(actuator.fields))
+    fields = [i for i in range(len(actuator.fields)) if _may_move(module, actuator, i)]
     for node in case.network.nodes_above(module.name):
-        if node.relation == "inhibits" and guard.name in case.network.modules_under(node.dominant):
+        if node.relation == "inhibits" and case.network.is_under(guard.name, node.dominant):
             return frozenset(fields)
-    names = {i: _restraint_name(module, guard, i) for i in fields}
-    return frozenset(i for i in fields if prover.has(names[i]) and prover.proved([names[i]]))
+    if not isinstance(guard, Module) or guard.actuator != actuator.name:
+        return frozenset()  # nothing is known of the commands of a guard in Python
+    return frozenset(i for i in fields if _restrains_always(module, guard, actuator, i, prover))
+
+
+def _may_move(module: Module, actuator: Actuator, i: int) -> bool:
+    """Return False if a module always commands the idle value of a field."""
+    assert module.command is not None
+    assert actuator.idle is not None
+    field = module.command.fields[i]
+    return not (isinstance(field, Constant) and field.value == actuator.idle[i])
+
+
+def _restrains_always(module: Module, guard: Module, actuator: Actuator, i: int, prover: Prover) -> bool:
+    """Return True if a guard restrains a field of a module's command whenever both are active."""
+    name = f"restrains {module.name} {guard.name} {i}"
+    restrained = partial(_restrained, module, guard, actuator, i)
+    constant_answer = prover.constant(Question(f"{name} always", restrained))
+    if constant_answer or (constant_answer is False and prover.were_active(module.name, guard.name)):
+        return constant_answer
+    both_active = all_of((active(module.name), active(guard.name)))
+    return bool(prover.proved([Question(name, lambda: implies(both_active, restrained()))]))
 
 
 def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Expression:
-    """Return the condition that the guard restrains the field whenever both modules are active.
+    """Return the condition that the guard restrains the field, if both modules are active.
 
     The guard's field is at idle, on the other side of it or, for a speed, nearer to it. Bools and enumerators
     have no order: their field is at idle in the guard's command if it is not in the module's. A module that
@@ -228,24 +228,27 @@ def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Ex
     assert actuator.idle is not None
     kind = actuator.fields[i].type
     idle = constant(actuator.idle[i], kind)
-    guard_value = value_or(command_of(guard, i), idle)
-    module_value = value_or(command_of(module, i), idle)
-    both_active = all_of((active(module.name), active(guard.name)))
+    guard_value, module_value = (_value_while_active(m, i, idle) for m in (guard, module))
     if not isinstance(kind, Quantity):
         moves = binary(Binary.NOT_EQUAL, module_value, idle)
-        return implies(both_active, implies(moves, binary(Binary.EQUAL, guard_value, idle)))
+        return implies(moves, binary(Binary.EQUAL, guard_value, idle))
     is_speed = _is_speed(kind)
     less, more = (Binary.LESS, Binary.GREATER) if is_speed else (Binary.LESS_EQUAL, Binary.GREATER_EQUAL)
     bound = module_value if is_speed else idle
-    return implies(
-        both_active,
-        all_of(
-            (
-                implies(binary(Binary.GREATER, module_value, idle), binary(less, guard_value, bound)),
-                implies(binary(Binary.LESS, module_value, idle), binary(more, guard_value, bound)),
-            )
-        ),
+    return all_of(
+        (
+            implies(binary(Binary.GREATER, module_value, idle), binary(less, guard_value, bound)),
+            implies(binary(Binary.LESS, module_value, idle), binary(more, guard_value, bound)),
+        )
     )
+
+
+def _value_while_active(module: Module, i: int, idle: Expression) -> Expression:
+    """Return the value of a field of a module's command while the module is active."""
+    assert module.command is not None
+    field = module.command.fields[i]
+    is_constant = isinstance(field, Constant) and not module.failsafe
+    return field if is_constant else value_or(command_of(module, i), idle)
 
 
 def _is_speed(kind: Scalar) -> bool:

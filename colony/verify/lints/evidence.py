@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import chain
 from random import Random
 
+from colony.compile.backends.python.generate import generate, load
+from colony.compile.pipeline import compile_program
 from colony.ir import expression as ir
 from colony.ir.expression import Expression
-from colony.ir.frame import Outcome
-from colony.ir.program import Contract, Module, Program
+from colony.ir.frame import Frame, Outcome
+from colony.ir.program import Contract, Module, Program, robot_in_base_units
 from colony.ir.types import BOOL
 from colony.verify.claims import TRUE
 from colony.verify.contracts.replay import Replay
@@ -22,6 +24,9 @@ from colony.verify.testing.frames import draw_trace
 
 _RUNS = 12
 _FRAMES = 30
+
+_SMALL_PROGRAM = 1000
+"""Maximum number of modules and sensors of a program that gets all of the runs; a larger one gets fewer."""
 
 Claims = Mapping[str, Expression]
 
@@ -35,44 +40,36 @@ def with_claims(program: Program, claims: Claims) -> Program:
     return replace(program, contracts=contracts)
 
 
-def broken_claims(program: Program, instrumented: Program, claims: Claims) -> frozenset[str]:
-    """Return the claims about `instrumented` that a run breaks.
+class GeneratedRuns:
+    """Runs of an instrumented program in generated Python, with claims as its contracts. Stateful."""
 
-    The runs are the examples of `program`, then drawn traces, until every claim is broken. A program with
-    modules in Python is not run, as their answers are unknown.
-    """
-    unbroken_claims = dict(claims)
-    if _has_python_modules(program):
-        return frozenset()
-    for trace in chain((snapshots_of(program, t) for t in program.tests), _random_traces(program)):
-        if not unbroken_claims:
-            break
-        for name in _breaches(with_claims(instrumented, unbroken_claims), trace):
-            unbroken_claims.pop(name, None)
-    return frozenset(set(claims) - set(unbroken_claims))
+    def __init__(self, instrumented: Program, claims: Claims) -> None:
+        program = replace(instrumented, robot=robot_in_base_units(instrumented.robot), tests=())
+        self._executor = load(generate(compile_program(with_claims(program, claims)).compiled))
+
+    def outcomes(self, trace: Iterable[Snapshot]) -> Iterator[Outcome]:
+        """Yield the outcome of each frame of a run; its breaches are the claims that the frame breaks."""
+        self._executor.restart()
+        for s in trace:
+            yield self._executor.step(Frame(s.t_ns, s.readings, restarted=s.restarted))
 
 
-def _random_traces(program: Program) -> Iterator[tuple[Snapshot, ...]]:
-    for number in range(_RUNS):
-        frames = draw_trace(Choices(Random(f"0/{number}")), program, _FRAMES)
-        yield tuple(snapshot_of(program, frame) for frame in frames)
+def drawn_breaches(program: Program, runs: GeneratedRuns) -> list[frozenset[str]]:
+    """Return the claims that are broken in each frame of the examples of `program` and of drawn traces."""
+    traces = chain((snapshots_of(program, t) for t in program.tests), _random_traces(program))
+    return [frozenset(outcome.breaches) for trace in traces for outcome in runs.outcomes(trace)]
 
 
-def _has_python_modules(program: Program) -> bool:
+def has_python_modules(program: Program) -> bool:
+    """Return True if a program has modules in Python, whose answers in a run are unknown."""
     return not all(isinstance(m, Module) for m in program.modules)
 
 
-def _breaches(program: Program, trace: Sequence[Snapshot]) -> set[str]:
-    """Return the claims that one run breaks."""
-    interpreter, found = Interpreter(program), set[str]()
-    for snapshot in trace:
-        outcome = interpreter.step_in_base_units(
-            snapshot.t_ns, snapshot.readings, restarted=snapshot.restarted
-        )
-        found.update(outcome.breaches)
-        if len(found) == len(program.contracts):
-            break
-    return found
+def _random_traces(program: Program) -> Iterator[tuple[Snapshot, ...]]:
+    size = len(program.modules) + len(program.robot.sensors)
+    for number in range(max(2, _RUNS * _SMALL_PROGRAM // max(size, _SMALL_PROGRAM))):
+        frames = draw_trace(Choices(Random(f"0/{number}")), program, _FRAMES)
+        yield tuple(snapshot_of(program, frame) for frame in frames)
 
 
 def replay(program: Program, snapshots: Iterable[Snapshot]) -> tuple[Outcome, ...]:

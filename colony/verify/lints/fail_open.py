@@ -10,82 +10,184 @@ fail open: it is active then too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
+from itertools import islice
+from typing import NamedTuple
 
-from colony.ir.expression import Expression
+from colony.ir import expression as ir
+from colony.ir.program import Actuator, Module, Sensor
+from colony.ir.types import Array, Quantity, ScalarValue, Value, element_type
+from colony.ir.walk import all_subexpressions
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
+from colony.verify.contracts.concrete_runs import plain_values
 from colony.verify.lints.case import Case
 from colony.verify.lints.driving import (
     Found,
     Guarded,
     by_guards,
-    dominators,
     drivers,
+    drives_name,
     guarded_fields,
+    independent_dominators,
     inhibitor_hint,
     may_win_without,
     moving_fields,
+    open_name,
     undecided_without,
     without,
 )
-from colony.verify.lints.evidence import replay
-from colony.verify.lints.proof import Effort, Prover
+from colony.verify.lints.evidence import GeneratedRuns, frames, replay
+from colony.verify.lints.predicates import never_active
+from colony.verify.lints.proof import QUESTION_RESOURCES, Prover
+from colony.verify.snapshot import Snapshot
 
-_MAX_EAGER = 16
-"""Number of pairs and sensors up to which the claims about guards are encoded with all others."""
-
-
-def _pairs(case: Case) -> Iterator[Guarded]:
-    """Yield each module that moves the robot with each ordinary dominator that needs further sensors."""
-    for module, actuator in drivers(case):
-        for name in dominators(case, module):
-            guard = case.wired_modules[name]
-            if not guard.failsafe:
-                sensors = case.contents.needs(guard) - case.contents.needs(module)
-                yield Guarded(module, actuator, guard, tuple(sorted(sensors)))
+_MAX_READINGS = 32
+"""Number of readings of a sensor that are tried to make its guards active."""
 
 
-def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a module never wins while only this sensor is missing, and a few more.
+def _pairs(case: Case, module: Module, actuator: Actuator) -> Iterator[Guarded]:
+    """Yield a module that moves the robot with each ordinary dominator that needs further sensors."""
+    needs = case.contents.needs(module)
+    for name in case.network.dominators(module.name):
+        guard = case.wired_modules[name]
+        if not guard.failsafe:
+            yield Guarded(module, actuator, guard, tuple(sorted(case.contents.needs(guard) - needs)))
 
-    Those about guards take longer to encode, and few modules can win without a sensor of their guards: of a
-    large program they are encoded only where they are asked.
+
+class _Needed:
+    """The sensors that the ordinary dominators of a module need, found without listing the dominators."""
+
+    def __init__(self, case: Case) -> None:
+        guards: dict[str, list[str]] = {}
+        for name, guard in case.wired_modules.items():
+            for sensor in () if guard.failsafe else case.contents.needs(guard):
+                guards.setdefault(sensor, []).append(name)
+        self._case = case
+        self._guards = {sensor: case.network.set_of(names) for sensor, names in guards.items()}
+
+    def beyond(self, module: Module) -> list[str]:
+        """Return those of the sensors that the module does not need."""
+        needs, dominates = self._case.contents.needs(module), self._case.network.dominates
+        return [s for s, guards in self._guards.items() if s not in needs and dominates(guards, module.name)]
+
+
+class _Shown(NamedTuple):
+    """The guards that are active in runs with a sensor, and the module's fields that move without it."""
+
+    guards: frozenset[str]
+    fields: frozenset[int]
+
+
+class _Readings:
+    """Evidence from the readings of one sensor in the first frame of a run. Stateful: remembers it.
+
+    It begins with a frame in which a module wins while only the sensor is missing.
     """
-    pairs = list(_pairs(case))
-    for pair in pairs:
-        yield from pair.open_claims(case)
-        if _are_few(pairs):
-            yield from pair.claims(case)
+
+    def __init__(self, case: Case, prover: Prover, runs: GeneratedRuns | None) -> None:
+        self._case = case
+        self._prover = prover
+        self._runs = runs
+        self._shown: dict[tuple[str, str], _Shown] = {}
+        self._sensors = {s.name: s for s in case.program.robot.sensors}
+        self._constants = [
+            (x.type, x.value)
+            for x in all_subexpressions(case.program)
+            if isinstance(x, ir.Constant) and isinstance(x.value, float)
+        ]
+
+    def show(self, pair: Guarded, sensor: str, fields: Set[int]) -> bool:
+        """Return True if a reading makes the guard hold the module back, which moves a field without it."""
+        key = (pair.module.name, sensor)
+        if key not in self._shown:
+            self._shown[key] = self._tried(pair.module, pair.actuator, sensor)
+        guards, moving = self._shown[key]
+        return pair.guard.name in guards and bool(moving & fields)
+
+    def _tried(self, module: Module, actuator: Actuator, sensor: str) -> _Shown:
+        """Try readings of the sensor until all guards that need it were active."""
+        start, runs = self._prover.broken_start(open_name(module, sensor)), self._runs
+        nothing = _Shown(frozenset(), frozenset())
+        if start is None or runs is None:
+            return nothing
+        self._prover.effort.charge(QUESTION_RESOURCES)
+        missing = without([start], sensor)
+        moving = moving_fields(replay(self._case.program, missing)[-1], module, actuator)
+        if not moving:
+            return nothing
+        independent = set(independent_dominators(self._case, module, sensor))
+        guards = {name for name in self._case.network.dominators(module.name) if name not in independent}
+        found = set[str]()
+        for value in islice(self._values(self._sensors[sensor]), _MAX_READINGS):
+            if guards <= found:
+                break
+            snapshot = start._replace(readings={**start.readings, sensor: value})
+            [outcome] = runs.outcomes([snapshot])
+            active = {name for name in guards if never_active(name) in outcome.breaches}
+            if active <= found or drives_name(module) not in outcome.breaches:
+                continue
+            found |= self._confirmed(module, actuator, snapshot, independent) & guards
+        return _Shown(frozenset(found), frozenset(moving))
+
+    def _confirmed(
+        self, module: Module, actuator: Actuator, snapshot: Snapshot, independent: Set[str]
+    ) -> set[str]:
+        """Return the active modules of a frame if only modules that need the sensor hold the module back."""
+        [(outcome, interpreter)] = frames(self._case.program, [snapshot])
+        wins = any(d.actuator == actuator.name and d.by == module.name for d in outcome.decisions)
+        if wins or not interpreter.is_active(module.name) or any(map(interpreter.is_active, independent)):
+            return set()
+        return {name for name in self._case.wired_modules if interpreter.is_active(name)}
+
+    def _values(self, sensor: Sensor) -> Iterator[Value]:
+        """Yield readings of a sensor: the ends of its range, then those next to the program's constants."""
+        for x in dict.fromkeys((*plain_values(sensor), *self._near_constants(sensor))):
+            yield (x,) * sensor.type.size if isinstance(sensor.type, Array) else x
+
+    def _near_constants(self, sensor: Sensor) -> Iterator[ScalarValue]:
+        of = element_type(sensor.type)
+        low, high = sensor.low, sensor.high
+        if not isinstance(of, Quantity):
+            return
+        for type_, value in self._constants:
+            if isinstance(type_, Quantity) and type_.dimension == of.dimension:
+                for x in (value, value * 0.99, value * 1.01):
+                    if (low is None or x >= low) and (high is None or x <= high):
+                        yield x
 
 
-def _are_few(pairs: list[Guarded]) -> bool:
-    return sum(len(pair.sensors) for pair in pairs) <= _MAX_EAGER
-
-
-def findings(case: Case, prover: Prover, effort: Effort) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: Prover, runs: GeneratedRuns | None) -> Iterator[Diagnostic]:
     """Yield the warnings about guards that fail open."""
     found: Found = {}
     undecided: dict[str, list[str]] = {}
-    all_pairs = list(_pairs(case))
-    pairs = [p.only(s for s in p.sensors if may_win_without(p.module, s, prover)) for p in all_pairs]
-    asked = prover
-    if not _are_few(all_pairs):
-        open_claims = (claim for p in pairs if p.sensors for claim in p.claims(case))
-        asked = Prover(case.instrumented, dict(open_claims), effort)
-    for pair in pairs:
-        fields = guarded_fields(case, pair.module, pair.guard, pair.actuator, asked) if pair.sensors else ()
-        for sensor in pair.sensors if fields else ():
-            trace = asked.refuted(pair.claim(sensor))
-            if trace is None:
-                if asked.is_undecided(pair.claim(sensor)):
-                    undecided.setdefault(pair.module.name, []).append(sensor)
+    readings = _Readings(case, prover, runs)
+    needed = _Needed(case)
+    for module, actuator in drivers(case):
+        if prover.effort.is_spent():
+            beyond = needed.beyond(module)
+            if not any(prover.knows(open_name(module, s)) for s in beyond):
+                prover.effort.questions_skipped += len(beyond)
                 continue
-            outcome = replay(case.program, without(trace.snapshots, sensor))[-1]
-            if moving_fields(outcome, pair.module, pair.actuator).intersection(fields):
-                found.setdefault(((pair.module.name,), sensor), []).append(pair.guard.name)
+        for pair in _pairs(case, module, actuator):
+            sensors = [s for s in pair.sensors if may_win_without(case, module, actuator, s, prover)]
+            fields = guarded_fields(case, module, pair.guard, actuator, prover) if sensors else frozenset()
+            for sensor in sensors if fields else ():
+                if readings.show(pair, sensor, fields) or _fails_open(case, pair, sensor, fields, prover):
+                    found.setdefault(((module.name,), sensor), []).append(pair.guard.name)
+                elif prover.is_undecided(pair.question(case, sensor).name):
+                    undecided.setdefault(module.name, []).append(sensor)
     yield from _warnings(case, found)
     yield from undecided_without(case, undecided, ((module, sensor) for (module,), sensor in found))
+
+
+def _fails_open(case: Case, pair: Guarded, sensor: str, fields: Set[int], prover: Prover) -> bool:
+    """Return True if the guard holds the module back in a run, and a field moves in it without the sensor."""
+    for trace in prover.refutations(pair.question(case, sensor)):
+        outcome = replay(case.program, without(trace.snapshots, sensor))[-1]
+        if moving_fields(outcome, pair.module, pair.actuator).intersection(fields):
+            return True
+    return False
 
 
 def _warnings(case: Case, found: Found) -> Iterator[Diagnostic]:

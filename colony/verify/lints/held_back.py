@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from colony.ir.expression import Expression
 from colony.ir.program import AnyModule, Module
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
@@ -18,7 +17,6 @@ from colony.verify.lints.driving import (
     Found,
     Guarded,
     by_guards,
-    dominators,
     drivers,
     guarded_fields,
     may_win_without,
@@ -27,7 +25,7 @@ from colony.verify.lints.driving import (
     without,
 )
 from colony.verify.lints.evidence import frames
-from colony.verify.lints.proof import Effort, Prover
+from colony.verify.lints.proof import Prover
 from colony.verify.snapshot import Snapshot
 
 
@@ -37,7 +35,7 @@ def _holds(case: Case) -> Iterator[Guarded]:
     if not failsafe:
         return
     for module, actuator in drivers(case):
-        for name in dominators(case, module):
+        for name in case.network.dominators(module.name):
             guard = case.wired_modules[name]
             for holder in _inhibitors(case, guard):
                 if holder in failsafe and holder != module.name:
@@ -63,29 +61,20 @@ def _sensors(case: Case, module: Module, guard: AnyModule, holder: AnyModule) ->
     return tuple(sorted(needed if guard.failsafe else needed - case.contents.needs(guard)))
 
 
-def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a module never wins while only this sensor is missing (`driving.open_claim`)."""
-    for hold in _holds(case):
-        yield from hold.open_claims(case)
-
-
-def findings(case: Case, prover: Prover, effort: Effort) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
     """Yield the warnings about failsafe modules that hold back a guard."""
-    holds = [h.only(s for s in h.sensors if may_win_without(h.module, s, prover)) for h in _holds(case)]
-    asked = Prover(
-        case.instrumented,
-        dict(claim for h in holds if h.sensors for claim in h.claims(case)),
-        effort,
-    )
     found: Found = {}
     undecided: dict[str, list[str]] = {}
-    for hold in holds:
+    for hold in _holds(case):
         assert hold.holder is not None
         for sensor in hold.sensors:
-            if _is_confirmed(case, hold, hold.holder, sensor, asked):
+            if not may_win_without(case, hold.module, hold.actuator, sensor, prover):
+                continue
+            question = hold.question(case, sensor)
+            if _is_confirmed(case, hold, hold.holder, sensor, prover):
                 key = (hold.module.name, hold.holder.name), sensor
                 found.setdefault(key, []).append(hold.guard.name)
-            elif asked.is_undecided(hold.claim(sensor)):
+            elif prover.is_undecided(question.name):
                 undecided.setdefault(hold.module.name, []).append(sensor)
     for (module, holder), names, sensors in by_guards(found):
         yield warning(
@@ -99,10 +88,12 @@ def findings(case: Case, prover: Prover, effort: Effort) -> Iterator[Diagnostic]
 
 
 def _is_confirmed(case: Case, hold: Guarded, holder: AnyModule, sensor: str, prover: Prover) -> bool:
-    """Return True if a pair of runs shows it."""
+    """Return True if a pair of runs shows that the holder holds back the guard."""
     fields = guarded_fields(case, hold.module, hold.guard, hold.actuator, prover)
-    trace = prover.refuted(hold.claim(sensor)) if fields else None
-    return trace is not None and bool(fields & _moving(case, hold, holder, without(trace.snapshots, sensor)))
+    return any(
+        fields & _moving(case, hold, holder, without(trace.snapshots, sensor))
+        for trace in (prover.refutations(hold.question(case, sensor)) if fields else ())
+    )
 
 
 def _moving(case: Case, hold: Guarded, holder: AnyModule, snapshots: tuple[Snapshot, ...]) -> set[int]:

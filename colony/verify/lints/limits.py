@@ -23,7 +23,7 @@ from colony.verify.lints.bounds import Bound, all_bounds, all_known, contradicti
 from colony.verify.lints.case import Case, command_of, value_text
 from colony.verify.lints.evidence import frames, replay
 from colony.verify.lints.finding import Finding, Run, undecided
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import Prover, asked
 
 _UNDECIDED_HINT = "give a `range` to what the limits read, or bound it by `min` and `max`"
 
@@ -64,7 +64,7 @@ def _fields(case: Case) -> Iterator[_Field]:
                     yield _Field(actuator, i, bounds)
 
 
-def claims(case: Case) -> Iterator[tuple[str, Expression]]:
+def _claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims that a field's bounds never contradict, or exclude idle's value, in a module's way."""
     for field in _fields(case):
         contradicts = contradiction(field.bounds)
@@ -106,12 +106,13 @@ def _has_command(case: Case, module: AnyModule) -> Iterator[Expression]:
 
 def findings(case: Case, prover: Prover) -> Iterator[Finding]:
     """Yield the findings, each with its run, and what is undecided."""
+    claims = dict(_claims(case))
     for field in _fields(case):
         for claim, found, what in (
             (field.contradiction_claim, _contradiction, "contradict each other"),
             (field.exclusion_claim, _exclusion, "exclude the idle command's value"),
         ):
-            trace = prover.refuted(claim) if prover.has(claim) else None
+            trace = prover.refuted(asked(claim, claims[claim])) if claim in claims else None
             if trace is not None:
                 yield from found(case, field, trace)
             elif prover.is_undecided(claim):

@@ -7,6 +7,8 @@ says "can" warns if its claim is broken, with the run that breaks it as evidence
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from colony.ir.expression import Expression
 from colony.ir.program import Program
 from colony.text.diagnostics import in_order
@@ -27,9 +29,10 @@ from colony.verify.lints import (
     unused,
 )
 from colony.verify.lints.case import Case, case_of
-from colony.verify.lints.evidence import broken_claims
+from colony.verify.lints.driving import drives_claims
+from colony.verify.lints.evidence import GeneratedRuns, drawn_breaches, has_python_modules
 from colony.verify.lints.finding import Finding
-from colony.verify.lints.proof import Effort, Prover
+from colony.verify.lints.proof import Effort, Prover, asked
 
 _MAX_CANDIDATES = 12
 
@@ -43,20 +46,24 @@ def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
     case = case_of(program)
     if not case.network.roots:
         return ()
-    to_prove, to_refute = dict[str, Expression](), dict[str, Expression]()
-    for lint_module in (predicates, shadows, nodes, contracts, synchronized):
-        to_prove |= lint_module.claims(case)
-    for refuting_lint in (ranges, fail_open, held_back, stuck, pauses, limits):
-        to_refute |= refuting_lint.claims(case)
-    refuted = broken_claims(program, case.instrumented, to_prove)
-    unbroken = {name: claim for name, claim in to_prove.items() if name not in refuted}
-    prover = Prover(case.instrumented, unbroken | to_refute, effort)
-    proved = prover.proved(unbroken)
+    claims = dict[str, Expression]()
+    for lint_module in (predicates, shadows, nodes, contracts):
+        claims |= lint_module.claims(case)
+    runs = (
+        None
+        if has_python_modules(program)
+        else GeneratedRuns(case.instrumented, claims | dict(drives_claims(case)))
+    )
+    breaches = [] if runs is None else drawn_breaches(program, runs)
+    refuted = frozenset[str]().union(*breaches)
+    activity = _activity(case, breaches)
+    prover = Prover(case.instrumented, effort, activity)
+    proved = prover.proved(asked(name, claim) for name, claim in claims.items() if name not in refuted)
     dominators = {
-        m: _minimal_dominators(case, m, effort) for m in case.modules if shadows.shadowed(m) in proved
+        m: _minimal_dominators(case, m, prover) for m in case.modules if shadows.shadowed(m) in proved
     }
     with_runs = (*limits.findings(case, prover), *indices.findings(case, effort))
-    runs = {f.diagnostic: f.run for f in with_runs}
+    shown = {f.diagnostic: f.run for f in with_runs}
     diagnostics = in_order(
         [
             *unused.findings(case),
@@ -64,33 +71,42 @@ def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
             *shadows.findings(case, proved, dominators),
             *nodes.findings(case, proved),
             *contracts.findings(case, proved),
-            *synchronized.findings(case, proved),
+            *synchronized.findings(case, proved, activity, prover, runs),
             *ranges.findings(case, prover),
-            *fail_open.findings(case, prover, effort),
-            *held_back.findings(case, prover, effort),
-            *stuck.findings(case, prover, effort),
+            *fail_open.findings(case, prover, runs),
+            *held_back.findings(case, prover),
+            *stuck.findings(case, prover),
             *pauses.findings(case, prover),
             *never_blind.findings(case),
-            *runs,
+            *shown,
         ]
     )
-    return tuple(Finding(d, runs.get(d)) for d in diagnostics)
+    return tuple(Finding(d, shown.get(d)) for d in diagnostics)
 
 
-def _minimal_dominators(case: Case, module: str, effort: Effort) -> tuple[str, ...]:
+def _activity(case: Case, breaches: Sequence[frozenset[str]]) -> dict[str, int]:
+    """Return, by module, the frames of the runs in which it is active, as a set of bits."""
+    frames: dict[str, int] = dict.fromkeys(case.modules, 0)
+    for number, broken in enumerate(breaches):
+        for name in case.modules:
+            frames[name] |= (predicates.never_active(name) in broken) << number
+    return frames
+
+
+def _minimal_dominators(case: Case, module: str, prover: Prover) -> tuple[str, ...]:
     """Return a minimal set of modules that dominate a module wherever it is active."""
-    dominators = shadows.candidates(case, module)
-    if len(dominators) > _MAX_CANDIDATES or not _dominate(case, module, dominators, effort):
+    dominators = case.network.dominators(module)
+    if len(dominators) > _MAX_CANDIDATES or not _dominate(case, module, dominators, prover):
         return ()
     for name in reversed(dominators):
         fewer = tuple(x for x in dominators if x != name)
-        if _dominate(case, module, fewer, effort):
+        if _dominate(case, module, fewer, prover):
             dominators = fewer
     return tuple(m.name for m in case.program.modules if m.name in dominators)
 
 
-def _dominate(case: Case, module: str, dominators: tuple[str, ...], effort: Effort) -> bool:
+def _dominate(case: Case, module: str, dominators: tuple[str, ...], prover: Prover) -> bool:
     claim = shadows.dominated(case, module, dominators)
     if claim is None:
         return False
-    return bool(Prover(case.instrumented, {"dominated": claim}, effort).proved(["dominated"]))
+    return bool(prover.proved([asked(f"dominated {module} {' '.join(dominators)}", claim)]))

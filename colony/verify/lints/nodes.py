@@ -48,6 +48,8 @@ def _own_nodes(case: Case) -> Iterator[WiringNode]:
 def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
     """Yield the warnings about nodes without effect."""
     for node in _own_nodes(case):
+        if not proved & {_useless_inhibitor(node), _useless_window(node)}:
+            continue
         sides = [case.network.modules_under(node.dominant), case.network.modules_under(node.inferior)]
         if any(all(never_active(m) in proved or shadowed(m) in proved for m in side) for side in sides):
             continue  # other lints report these modules

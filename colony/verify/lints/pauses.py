@@ -11,7 +11,7 @@ from colony.text.wording import duration_text, quoted
 from colony.verify.claims import active, all_of, any_of, negation, won
 from colony.verify.lints.case import Case
 from colony.verify.lints.network import span_of
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import Prover, asked
 
 
 def _name(inner: WiringNode, outer: WiringNode) -> str:
@@ -28,24 +28,22 @@ def _pairs(case: Case) -> Iterator[tuple[WiringNode, WiringNode]]:
             yield inner, outer
 
 
-def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that no inferior of the outer node wins while the inner one holds back its own."""
-    for inner, outer in _pairs(case):
-        below = [
-            won(actuator, module)
-            for actuator, root in case.network.roots.items()
-            for module in case.network.modules_under(outer.inferior)
-            if module in case.network.modules_under(root)
-            and module not in case.network.modules_under(inner.name)
-        ]
-        held_back = (active(inner.inferior), negation(active(inner.dominant)), negation(active(inner.name)))
-        yield _name(inner, outer), negation(all_of((*held_back, any_of(below))))
+def _claim(case: Case, inner: WiringNode, outer: WiringNode) -> Expression:
+    """Return the claim that no inferior of the outer node wins while the inner one holds back its own."""
+    below = [
+        won(actuator, module)
+        for actuator, root in case.network.roots.items()
+        for module in case.network.modules_under(outer.inferior)
+        if case.network.is_under(module, root) and not case.network.is_under(module, inner.name)
+    ]
+    held_back = (active(inner.inferior), negation(active(inner.dominant)), negation(active(inner.name)))
+    return negation(all_of((*held_back, any_of(below))))
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
     """Yield the warnings about pauses that let other modules through."""
     for inner, outer in _pairs(case):
-        if prover.refuted(_name(inner, outer)) is None:
+        if prover.refuted(asked(_name(inner, outer), _claim(case, inner, outer))) is None:
             continue
         first, held_back, passing = (
             quoted(case.network.modules_under(ref))

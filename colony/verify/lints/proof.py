@@ -1,106 +1,300 @@
-"""Proofs and refutations of claims about every frame of every run, in bounded effort."""
+"""Proofs and refutations of claims about every frame of every run, in bounded effort.
+
+A program is encoded once, and each claim when it is first asked. Most claims are broken in the first frame of
+some run, or hold in a single frame with arbitrary memory: one solver has the formulas of both for all claims.
+Only what it leaves open takes an attempt of its own (`contracts/attempt.py`).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from enum import Enum, auto, unique
 from functools import cached_property
+from typing import NamedTuple
 
-from colony.ir.program import Program
+import z3
+
+from colony.ir import expression as ir
+from colony.ir.expression import Expression
+from colony.ir.program import Contract, Program
+from colony.ir.types import BOOL
+from colony.verify.claims import TRUE
 from colony.verify.contracts.attempt import Attempt, Proof
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, Options, Trace
-from colony.verify.contracts.search import called_modules
-from colony.verify.contracts.solver import Budget
-from colony.verify.lints.evidence import Claims, with_claims
-from colony.verify.symbolic.encode import encode
-from colony.verify.symbolic.system import Inexact
+from colony.verify.contracts.search import CandidateTrace, called_modules
+from colony.verify.contracts.solver import Answer, Budget, OnCharge, Solver
+from colony.verify.snapshot import Snapshot
+from colony.verify.symbolic.encode import OpenEncoding, encode
+from colony.verify.symbolic.logic import is_false, is_true
+from colony.verify.symbolic.reasons import reasons_of
+from colony.verify.symbolic.system import Claim, Inexact, System
+from colony.verify.symbolic.unrolling import OneFrame
+from colony.verify.symbolic.witness import snapshots
 
 MAX_FRAMES = 8
 """Maximum length of a run: a machine may come through several phases before what is looked for happens."""
 
 OPTIONS = Options(depth=1, max_frames=MAX_FRAMES, resources=RESOURCES_PER_SECOND // 2)
 
+_ALL_QUESTIONS = 1e9
+"""Share of a question's resources for all questions to one solver; `Effort` limits them."""
 
-_QUESTION_RESOURCES = RESOURCES_PER_SECOND // 20
+QUESTION_RESOURCES = RESOURCES_PER_SECOND // 20
 """Resources that a question is charged besides those of z3, for its encoding and the runs that are drawn."""
 
 
 class Effort:
     """A limit on z3's resources for all questions about a program together; unlimited if it is None.
 
+    `on_question` receives the number of questions asked so far, before each.
+
     Stateful: `questions_skipped` counts the questions that were left out because the limit was reached.
     """
 
-    def __init__(self, resources: int | None = None) -> None:
+    def __init__(
+        self, resources: int | None = None, on_question: Callable[[int], None] | None = None
+    ) -> None:
         self._left = math.inf if resources is None else resources
+        self._on_question = on_question
+        self.questions_asked = 0
         self.questions_skipped = 0
 
     def charge(self, resources: int) -> None:
         """Subtract the cost of a query."""
         self._left -= resources
 
+    def is_spent(self) -> bool:
+        """Return True if no further question may be asked."""
+        return self._left <= 0
+
     def allows_question(self) -> bool:
         """Return True if another question may be asked, and charge it; otherwise count it as skipped."""
-        if self._left <= 0:
+        if self.is_spent():
             self.questions_skipped += 1
             return False
-        self.charge(_QUESTION_RESOURCES)
+        self.questions_asked += 1
+        if self._on_question is not None:
+            self._on_question(self.questions_asked)
+        self.charge(QUESTION_RESOURCES)
         return True
 
 
-class Prover:
-    """A prover of claims about one program. Stateful: encodes the program on first use, remembers answers."""
+class Question(NamedTuple):
+    """A claim by its name, and a function that returns it, as few claims are ever asked."""
 
-    def __init__(self, program: Program, claims: Claims, effort: Effort) -> None:
-        self._program = with_claims(program, claims)
-        self._effort = effort
+    name: str
+    make: Callable[[], Expression]
+
+
+def asked(name: str, claim: Expression) -> Question:
+    """Return the question about a claim that is at hand."""
+    return Question(name, lambda: claim)
+
+
+@unique
+class _Quick(Enum):
+    """An answer about a claim from single frames."""
+
+    BROKEN = auto()
+    HOLDS = auto()
+    OPEN = auto()
+
+
+class _SingleFrames:
+    """The first frame of a run and a frame with any memory, in one solver.
+
+    Mutable: formulas are added when a claim first needs them.
+    """
+
+    def __init__(self, system: System, on_charge: OnCharge) -> None:
+        self._system = system
+        self._cells = {c.old.get_id(): c for c in system.cells}
+        self._solver = Solver(Budget(OPTIONS, on_charge, _ALL_QUESTIONS))
+        self._is_first = z3.Bool("first frame of a run")
+        self._added = set[int]()
+        self._add([system.now, system.begun, system.last])
+
+    def ask(self, claim: Claim) -> tuple[_Quick, z3.ModelRef | None]:
+        """Return the answer about a claim, with a model of a first frame that breaks it."""
+        if is_true(claim.holds):
+            return _Quick.HOLDS, None
+        self._add([claim.holds])
+        self._solver.push()
+        try:
+            self._solver.add(z3.Not(claim.holds))
+            answer = self._solver.check([self._is_first])
+            if answer is Answer.SAT:
+                return _Quick.BROKEN, self._solver.model()
+            if answer is Answer.UNSAT and self._solver.check() is Answer.UNSAT:
+                return _Quick.HOLDS, None
+            return _Quick.OPEN, None
+        finally:
+            self._solver.pop()
+
+    def _add(self, terms: Iterable[z3.ExprRef]) -> None:
+        """Add the facts on which terms depend within a frame."""
+        graph = self._system.graph
+        pending = graph.add(terms)
+        while pending:
+            key = pending.pop()
+            if key in self._added:
+                continue
+            self._added.add(key)
+            pending.extend(graph.operands(key))
+            if key in self._cells:
+                cell = self._cells[key]
+                self._solver.add(z3.Implies(self._is_first, cell.old == cell.initial))
+            formulas = [fact.formula for fact in self._system.facts.get(key, ())]
+            self._solver.add(*formulas)
+            pending.extend(graph.add(formulas))
+
+
+class Prover:
+    """A prover of claims about one program. Stateful: encodes it on first use, remembers answers.
+
+    `activity` gives, by module, the frames of drawn runs in which it is active, as a set of bits.
+    """
+
+    def __init__(self, program: Program, effort: Effort, activity: Mapping[str, int]) -> None:
+        self._activity = activity
+        self._program = program
+        self.effort = effort
+        self._contexts: dict[str, ProofContext] = {}
+        self._contracts: dict[str, Contract] = {}
+        self._quick_answers: dict[str, tuple[_Quick, z3.ModelRef | None]] = {}
         self._answers: dict[str, bool] = {}
         self._undecided: set[str] = set()
 
     @cached_property
-    def _context(self) -> ProofContext:
-        return ProofContext(encode(self._program))
+    def _encoding(self) -> OpenEncoding:
+        return OpenEncoding(self._program)
 
-    def has(self, name: str) -> bool:
-        """Return True if there is a claim of this name."""
-        return any(c.name == name for c in self._program.contracts)
+    @cached_property
+    def _shared(self) -> ProofContext:
+        return ProofContext(self._encoding.system)
 
-    def proved(self, names: Iterable[str]) -> frozenset[str]:
+    @cached_property
+    def _frames(self) -> _SingleFrames:
+        return _SingleFrames(self._encoding.system, self.effort.charge)
+
+    @property
+    def claims_encoded(self) -> int:
+        """Number of claims encoded so far."""
+        return len(self._contexts)
+
+    def proved(self, questions: Iterable[Question]) -> frozenset[str]:
         """Return the claims that are proved for floats, rounding included."""
         return frozenset(
-            name for name in names if self.proved_over_reals(name) and not self._depends_on_rounding(name)
+            q.name for q in questions if self.proved_over_reals(q) and not self._depends_on_rounding(q.name)
         )
 
-    def proved_over_reals(self, name: str) -> bool:
+    def proved_over_reals(self, question: Question) -> bool:
         """Return True if a claim is proved over the reals, that is, without rounding."""
+        name = question.name
         if name not in self._answers:
-            if not self._effort.allows_question():
+            if self.effort.is_spent():
+                self.effort.questions_skipped += 1
                 return False
-            attempt = Attempt(self._context, name, Budget(OPTIONS, self._effort.charge))
-            self._answers[name] = isinstance(attempt.run(), Proof)
-        return self._answers[name]
+            context = self._context(question)
+            claim = context.claims[name]
+            if is_true(claim.holds) or is_false(claim.holds):
+                self._answers[name] = is_true(claim.holds)
+            elif self.effort.allows_question():
+                self._answers[name] = self._is_proved(name, context)
+        return self._answers.get(name, False)
+
+    def _is_proved(self, name: str, context: ProofContext) -> bool:
+        quick, _ = self._quick_answer(name, context)
+        if quick is not _Quick.OPEN:
+            return quick is _Quick.HOLDS
+        return isinstance(Attempt(context, name, Budget(OPTIONS, self.effort.charge)).run(), Proof)
+
+    def constant(self, question: Question) -> bool | None:
+        """Return the truth of a claim if its formula is a constant, None otherwise."""
+        holds = self._context(question).claims[question.name].holds
+        return True if is_true(holds) else False if is_false(holds) else None
+
+    def were_active(self, a: str, b: str) -> bool:
+        """Return True if two modules were active in the same frame of a drawn run."""
+        return bool(self._activity.get(a, 0) & self._activity.get(b, 0))
+
+    def knows(self, name: str) -> bool:
+        """Return True if it is known whether a claim is proved over the reals."""
+        return name in self._answers
+
+    def _quick_answer(self, name: str, context: ProofContext) -> tuple[_Quick, z3.ModelRef | None]:
+        if context is not self._shared:
+            return _Quick.OPEN, None
+        if name not in self._quick_answers:
+            self._quick_answers[name] = self._frames.ask(context.claims[name])
+        return self._quick_answers[name]
+
+    def _context(self, question: Question) -> ProofContext:
+        """Return the context that has a claim, which is encoded when first asked."""
+        if question.name not in self._contexts:
+            expression = ir.ValueOr(type=BOOL, expression=question.make(), other=TRUE)
+            contract = Contract(name=question.name, expression=expression)
+            if any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(expression)):
+                program = replace(self._program, contracts=(contract,))
+                context = ProofContext(encode(program, known=self._encoding.system.shapes))
+            else:
+                context = self._shared
+                context.add(self._encoding.claim(contract))
+            self._contexts[question.name] = context
+            self._contracts[question.name] = contract
+        return self._contexts[question.name]
 
     def _depends_on_rounding(self, name: str) -> bool:
-        return any(r.kind is Inexact.ROUNDING for r in self._context.claims[name].inexact)
+        context = self._contexts[name]
+        reasons = reasons_of(context.system, context.claims[name].holds)
+        return any(r.kind is Inexact.ROUNDING for r in reasons)
 
-    def refuted(self, name: str) -> Trace | None:
+    def broken_start(self, name: str) -> Snapshot | None:
+        """Return the first frame of a run that breaks a claim in a model, None if there is no such model."""
+        _, model = self._quick_answers.get(name, (None, None))
+        if model is None:
+            return None
+        [snapshot] = snapshots(model, OneFrame(self._shared.system, self._shared.cones[name]), 1)
+        return snapshot
+
+    def refuted(self, question: Question) -> Trace | None:
         """Return a run of the reference interpreter that breaks a claim, if one is found.
 
         Modules in Python answer in it as suits the run.
         """
-        if not self._effort.allows_question():
-            return None
-        refuter = Refuter(self._program, name, called_modules(self._context.cones[name]))
-        attempt = Attempt(self._context, name, Budget(OPTIONS, self._effort.charge), refuter)
+        return next(self.refutations(question), None)
+
+    def refutations(self, question: Question) -> Iterator[Trace]:
+        """Yield runs of the reference interpreter that break a claim: of one frame, and of an attempt."""
+        name = question.name
+        if not self.effort.allows_question():
+            return
+        context = self._context(question)
+        called = called_modules(context.cones[name])
+        quick, model = (_Quick.OPEN, None) if called else self._quick_answer(name, context)
+        if quick is _Quick.HOLDS:
+            return
+        program = replace(self._program, contracts=(self._contracts[name],))
+        refuter = Refuter(program, name, called)
+        first = None
+        if model is not None:
+            frame = OneFrame(context.system, context.cones[name])
+            first = refuter.confirm_in(frame, CandidateTrace(model, 1, without_python=True))
+        if first is not None:
+            yield first
+        attempt = Attempt(context, name, Budget(OPTIONS, self.effort.charge), refuter)
         found = attempt.run()
         if isinstance(found, Proof):
-            return None
+            return
         trace = found or attempt.python_trace or refuter.search_runs()
-        if trace is None:
+        if trace is not None:
+            yield trace
+        elif first is None:
             self._undecided.add(name)
-        return trace
 
     def is_undecided(self, name: str) -> bool:
         """Return True if a claim was asked to be refuted, and was neither refuted nor proved."""

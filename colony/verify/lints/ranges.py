@@ -13,7 +13,7 @@ from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.claims import FALSE, any_of, binary, constant, implies, negation, value_or, won
 from colony.verify.lints.case import Case, command_of, value_text
 from colony.verify.lints.evidence import frames
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import Prover, asked
 from colony.verify.reference.boundary import clamp
 
 
@@ -39,25 +39,21 @@ def _may_leave_range(module: Module, i: int, field: ActuatorField) -> bool:
     return clamp(e.value, field.low, field.high) != e.value if isinstance(e.value, float) else False
 
 
-def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a field of a module's command is within its range when the module wins."""
-    for module, actuator, i, field in _fields(case):
-        value = command_of(module, i)
-        outside = []
-        if field.low is not None:
-            outside.append(binary(Binary.LESS, value, constant(field.low, field.type)))
-        if field.high is not None:
-            outside.append(binary(Binary.GREATER, value, constant(field.high, field.type)))
-        yield (
-            _name(module, field),
-            implies(won(actuator, module.name), negation(value_or(any_of(outside), FALSE))),
-        )
+def _claim(module: Module, actuator: str, i: int, field: ActuatorField) -> Expression:
+    """Return the claim that a field of a module's command is within its range when the module wins."""
+    value = command_of(module, i)
+    outside = []
+    if field.low is not None:
+        outside.append(binary(Binary.LESS, value, constant(field.low, field.type)))
+    if field.high is not None:
+        outside.append(binary(Binary.GREATER, value, constant(field.high, field.type)))
+    return implies(won(actuator, module.name), negation(value_or(any_of(outside), FALSE)))
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
     """Yield a warning for each field that the interpreter clamps in some run."""
     for module, actuator, i, field in _fields(case):
-        trace = prover.refuted(_name(module, field))
+        trace = prover.refuted(asked(_name(module, field), _claim(module, actuator, i, field)))
         clamped = Record("command clamped", f"{actuator}.{field.name}")
         if trace is None or clamped not in trace.outcomes[-1].records:
             continue

@@ -19,15 +19,16 @@ def shadowed(module: str) -> str:
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims that a module never gets through to an actuator, an inhibitor or a time constant."""
+    exit_nodes = [n for n in case.network.nodes.values() if n.relation == "inhibits" or n.window_ns]
     for name in case.modules:
         exits: list[Expression] = [
             won(actuator, name)
             for actuator, root in case.network.roots.items()
-            if name in case.network.modules_under(root)
+            if case.network.is_under(name, root)
         ]
         too_deep = False
-        for node in case.network.nodes.values():
-            if node.relation == "inhibits" or node.window_ns:
+        for node in exit_nodes:
+            if case.network.is_under(name, node.dominant):
                 output_condition = case.network.output_condition(name, node.dominant)
                 too_deep = too_deep or output_condition is None
                 exits += [output_condition] if output_condition is not None else []
@@ -49,7 +50,7 @@ def dominated(case: Case, module: str, dominators: Sequence[str]) -> Expression 
         for name in path:
             node = case.network.nodes[name]
             for dominator in dominators:
-                if dominator in case.network.modules_under(node.dominant):
+                if case.network.is_under(dominator, node.dominant):
                     condition = case.network.output_condition(dominator, node.dominant)
                     if condition is None:
                         return None
@@ -70,21 +71,13 @@ def _paths(case: Case, module: str) -> Iterator[tuple[str, ...]]:
             count += 1
             yield passed
         node = case.network.nodes.get(ref)
-        if node is not None and module in case.network.modules_under(ref):
+        if node is not None and case.network.is_under(module, ref):
             pending.append((node.inferior, (*passed, ref)))
             if node.relation == "suppresses":
                 pending.append((node.dominant, passed))
 
 
 _MAX_PATHS = 16
-
-
-def candidates(case: Case, module: str) -> tuple[str, ...]:
-    """Return the modules that can dominate a module, in the order of the nodes at which they do."""
-    found: dict[str, None] = {}
-    for node in case.network.nodes_above(module):
-        found |= dict.fromkeys(x for x in case.network.modules_under(node.dominant) if x != module)
-    return tuple(found)
 
 
 def findings(case: Case, proved: Set[str], dominators: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
@@ -96,7 +89,7 @@ def findings(case: Case, proved: Set[str], dominators: Mapping[str, tuple[str, .
         if names:
             why = f"{quoted(names, 'or')} dominates it"
         else:
-            why = f"something above it dominates: {quoted(candidates(case, name), 'or')}"
+            why = f"something above it dominates: {quoted(case.network.dominators(name), 'or')}"
         yield warning(
             "V020",
             module.span,

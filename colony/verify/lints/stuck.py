@@ -10,6 +10,7 @@ memory stays as it is, and the module drives.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import NamedTuple
 
 from colony.ir import expression as ir
@@ -23,24 +24,20 @@ from colony.text.wording import quoted
 from colony.verify.claims import FALSE, active, all_of, binary, constant, negation, value_or, won
 from colony.verify.lints.case import Case, condition_of
 from colony.verify.lints.driving import (
-    dominators,
     drivers,
     drives,
     inhibitor_hint,
     is_held_back,
     may_win_without,
     moving_fields,
-    open_claim,
     undecided_without,
     with_all_sensors,
     without,
 )
 from colony.verify.lints.evidence import frames
-from colony.verify.lints.proof import Effort, Prover
+from colony.verify.lints.proof import Prover, Question
 from colony.verify.reference.kleene import Known
 from colony.verify.snapshot import Snapshot
-
-_CLAIM = "change"
 
 
 class _Change(NamedTuple):
@@ -58,6 +55,10 @@ class _Change(NamedTuple):
     memory: State | Machine
     transition: int | None
     sensors: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        return f"change {self.module.name} {self.memory.name} {self.transition}"
 
     @property
     def phase(self) -> float | None:
@@ -85,7 +86,7 @@ def _changes(case: Case) -> Iterator[_Change]:
 def _relevant(case: Case, module: Module) -> Iterator[Module]:
     """Yield a module and its dominators in the language."""
     yield module
-    yield from (case.modules[name] for name in dominators(case, module) if name in case.modules)
+    yield from (case.modules[name] for name in case.network.dominators(module.name) if name in case.modules)
 
 
 def _memories_read(case: Case, module: Module) -> frozenset[str]:
@@ -115,13 +116,6 @@ def _above(machine: Machine, i: int) -> Iterator[int]:
     return (j for j, t in enumerate(machine.transitions[:i]) if t.sources & sources)
 
 
-def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a module never wins while only this sensor is missing (`driving.open_claim`)."""
-    for change in _changes(case):
-        for sensor in change.sensors:
-            yield open_claim(case, change.module, change.actuator, sensor)
-
-
 def _change_claim(case: Case, change: _Change) -> Expression:
     """Return the claim that a change of memory never stops a module that moved the robot in the frame before.
 
@@ -138,7 +132,7 @@ def _change_claim(case: Case, change: _Change) -> Expression:
     ]
     if change.phase is not None:
         conditions.append(binary(Binary.EQUAL, change.value, constant(change.phase, change.memory.type)))
-    for name in dominators(case, change.module):
+    for name in case.network.dominators(change.module.name):
         dominator = case.modules.get(name)
         if dominator is None or change.memory.name not in _memories_read(case, dominator):
             conditions.append(negation(active(name)))
@@ -172,21 +166,20 @@ class _End(NamedTuple):
     after: Known
 
 
-def findings(case: Case, prover: Prover, effort: Effort) -> Iterator[Diagnostic]:
-    """Yield the warnings about memory that a missing sensor keeps as it is.
-
-    Few modules can win without such a sensor, so only the claims about these are encoded.
-    """
+def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+    """Yield the warnings about memory that a missing sensor keeps as it is."""
     found: dict[tuple[str, str, Known, float | None], tuple[_Change, list[str]]] = {}
     undecided: dict[str, list[str]] = {}
     for change in _changes(case):
-        sensors = [s for s in change.sensors if may_win_without(change.module, s, prover)]
+        sensors = [
+            s for s in change.sensors if may_win_without(case, change.module, change.actuator, s, prover)
+        ]
         if not sensors:
             continue
-        asked = Prover(case.instrumented, {_CLAIM: _change_claim(case, change)}, effort)
-        trace = asked.refuted(_CLAIM)
+        question = Question(change.name, partial(_change_claim, case, change))
+        trace = prover.refuted(question)
         if trace is None:
-            if asked.is_undecided(_CLAIM):
+            if prover.is_undecided(question.name):
                 undecided.setdefault(change.module.name, []).extend(sensors)
             continue
         *first, last = trace.snapshots

@@ -60,6 +60,39 @@ def encode(program: Program, precise: bool = False, known: Mapping[str, Shape] =
     return with_reasons(with_stable_shapes(encode_with, known))
 
 
+class OpenEncoding:
+    """A frame of a program, to which claims are added when they are first asked. Mutable.
+
+    A claim has no memory of its own. `system` has the facts of all claims added so far, but not the claims.
+    """
+
+    def __init__(self, program: Program) -> None:
+        encodings: list[tuple[Builder, FrameParts, System]] = []
+
+        def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
+            builder = Builder(precise=False, shapes=dict(shapes))
+            parts = encode_frame(program, builder)
+            encodings.append((builder, parts, system_of(program, builder, parts)))
+            return builder, encodings[-1][2]
+
+        stable = with_stable_shapes(encode_with)
+        self._builder, parts, _ = next(x for x in encodings if x[2] is stable)
+        self._frame_values = parts.frame_values
+        self._facts = dict(stable.facts)
+        self._fact_count = len(self._builder.facts)
+        self.system = replace(stable, facts=self._facts)
+
+    def claim(self, contract: Contract) -> Claim:
+        """Return a contract as a claim about the frame, without its reasons."""
+        claim = contract_claim(contract, self._builder, self._frame_values)
+        assert len(self._builder.cells) == len(self.system.cells), "the claim has memory"
+        for fact in self._builder.facts[self._fact_count :]:
+            key = fact.subject.get_id()
+            self._facts[key] = (*self._facts.get(key, ()), fact)
+        self._fact_count = len(self._builder.facts)
+        return claim
+
+
 def encode_frame(program: Program, builder: Builder) -> FrameParts:
     """Encode one frame of `program`, contracts included."""
     frame_values = begin(program.robot, builder)

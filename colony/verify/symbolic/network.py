@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import assert_never
+from heapq import heappop, heappush
+from itertools import accumulate
+from typing import TypeAlias, assert_never
 
 import z3
 
@@ -16,15 +17,22 @@ from colony.verify.symbolic.memory import Memory
 
 
 @dataclass(frozen=True, slots=True)
-class Output:
-    """The output of a wire, or of a part of its expression.
+class _Chain:
+    """An encoded chain.
 
-    `by_module` gives for each module the condition that its command gets through; `active` is the condition
-    that any does.
+    Attributes:
+        operands: The modules and chains that it joins, dominant ones first.
+        open: For each operand, the condition that no operand before it dominates.
+        merges: True if the outputs of all operands get through, not only that of the last.
     """
 
-    by_module: Mapping[str, z3.BoolRef]
-    active: z3.BoolRef
+    operands: tuple[_Part, ...]
+    open: tuple[z3.BoolRef, ...]
+    merges: bool
+
+
+_Part: TypeAlias = str | int
+"""A part of the network: a module by its name, or a chain by its number."""
 
 
 class NetworkEncoder:
@@ -34,7 +42,9 @@ class NetworkEncoder:
         self.program = program
         self.builder = builder
         self.frame_values = frame_values
-        self._outputs = {m.name: _module_output(m.name, frame_values.active[m.name]) for m in program.modules}
+        self._chains: list[_Chain] = []
+        self._active: list[z3.BoolRef] = []  # of the chains
+        self._wires: dict[str, _Part] = {}
 
     def encode_wires(self) -> None:
         """Encode all wires into `frame_values`."""
@@ -43,55 +53,78 @@ class NetworkEncoder:
         for wire in self.program.wires:
             output = self._wiring(wire.wiring, wire.name)
             if wire.actuator is None:
-                self._outputs[wire.name] = output
-                self.frame_values.active[wire.name] = output.active
+                self._wires[wire.name] = output
+                self.frame_values.active[wire.name] = self._is_active(output)
             else:
-                self.frame_values.wins[wire.actuator] = dict(output.by_module)
+                self.frame_values.wins[wire.actuator] = self._through(output)
 
-    def _wiring(self, wiring: ir.Wiring, wire: str) -> Output:
+    def _is_active(self, part: _Part) -> z3.BoolRef:
+        return self._active[part] if isinstance(part, int) else self.frame_values.active[part]
+
+    def _wiring(self, wiring: ir.Wiring, wire: str) -> _Part:
         match wiring:
             case ir.Use(name=name):
-                return self._outputs[name]
+                return self._wires.get(name, name)
             case ir.Chain():
                 return self._chain(wiring, [self._wiring(o, wire) for o in wiring.operands], wire)
             case _:
                 assert_never(wiring)
 
-    def _chain(self, chain: ir.Chain, operands: list[Output], wire: str) -> Output:
-        """Return the output of a chain: each operand but the last dominates what follows it."""
+    def _chain(self, chain: ir.Chain, operands: list[_Part], wire: str) -> _Part:
+        """Encode a chain: each operand but the last dominates what follows it."""
         count = len(operands) - 1
+        hint = f"{wire}.{chain.relation}"
         dominates = [
-            self._dominates(operands[i].active, chain.windows_ns[i], f"{wire}.{chain.relation}")
-            for i in range(count)
+            self._dominates(self._is_active(operands[i]), chain.windows_ns[i], hint) for i in range(count)
         ]
-        rest = operands[count].active  # the output of the operands from i + 1 on is active
+        rest = self._is_active(operands[count])  # the output of the operands from i + 1 on is active
         for i in reversed(range(count)):
             rest = both(rest, negation(dominates[i]))
             if chain.relation == "suppresses":
-                rest = either(operands[i].active, rest)
-        return Output(_through(chain, operands, dominates), rest)
+                rest = either(self._is_active(operands[i]), rest)
+        undominated = accumulate(dominates, lambda before, d: both(before, negation(d)), initial=TRUE)
+        self._chains.append(_Chain(tuple(operands), tuple(undominated), chain.relation == "suppresses"))
+        self._active.append(rest)
+        return len(self._chains) - 1
 
     def _dominates(self, active: z3.BoolRef, window_ns: int, hint: str) -> z3.BoolRef:
         """Return the condition that the dominant side is active, or was active less than `window_ns` ago."""
         return Memory(self.builder, self.frame_values, TRUE, hint).recently(active, window_ns)
 
+    def _through(self, output: _Part) -> dict[str, z3.BoolRef]:
+        """Return, for each module, the condition that its output gets through to `output`.
 
-def _through(chain: ir.Chain, operands: list[Output], dominates: list[z3.BoolRef]) -> dict[str, z3.BoolRef]:
-    """Return, for each module, the condition that its output gets through a chain.
+        From the output down, each chain is passed once, with the condition that its own output gets through.
+        """
+        conditions: dict[_Part, list[z3.BoolRef]] = {output: [TRUE]}
+        pending = (
+            [-output] if isinstance(output, int) else []
+        )  # a chain has a greater number than its operands
+        while pending:
+            number = -heappop(pending)
+            chain, through = self._chains[number], any_of(conditions[number])
+            for i, operand in enumerate(chain.operands):
+                if not chain.merges and i < len(chain.operands) - 1:
+                    continue
+                if operand not in conditions and isinstance(operand, int):
+                    heappush(pending, -operand)
+                conditions.setdefault(operand, []).append(both(through, chain.open[i]))
+        return {
+            module: both(any_of(conditions[module]), self.frame_values.active[module])
+            for module in self._modules(output)
+        }
 
-    The output of a chain is that of the first operand that is not dominated.
-    """
-    conditions: dict[str, list[z3.BoolRef]] = {}
-    undominated = TRUE  # no operand before this one dominates
-    for i, operand in enumerate(operands):
-        is_last = i == len(operands) - 1
-        if chain.relation == "suppresses" or is_last:
-            for module, gets_through in operand.by_module.items():
-                conditions.setdefault(module, []).append(both(undominated, gets_through))
-        if not is_last:
-            undominated = both(undominated, negation(dominates[i]))
-    return {module: any_of(alternatives) for module, alternatives in conditions.items()}
-
-
-def _module_output(name: str, active: z3.BoolRef) -> Output:
-    return Output({name: active}, active)
+    def _modules(self, output: _Part) -> list[str]:
+        """Return the modules whose outputs can get through, dominant ones first."""
+        found, seen, pending = list[str](), set[_Part](), [output]
+        while pending:
+            part = pending.pop()
+            if part in seen:
+                continue
+            seen.add(part)
+            if isinstance(part, str):
+                found.append(part)
+            else:
+                operands = self._chains[part].operands
+                pending += reversed(operands if self._chains[part].merges else operands[-1:])
+        return found

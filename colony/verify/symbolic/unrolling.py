@@ -53,3 +53,12 @@ class Unrolling:
     def invariants(self, i: int) -> tuple[z3.BoolRef, ...]:
         """Return the invariants of the cells before frame i."""
         return tuple(self.at(i, x) for x in self.cone.invariants)
+
+
+class OneFrame(Unrolling):
+    """A single frame, in the system's own constants."""
+
+    def at(self, i: int, term: TermT) -> TermT:
+        """Return `term`; `i` is 0."""
+        assert i == 0
+        return term

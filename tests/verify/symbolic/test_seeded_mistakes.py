@@ -147,15 +147,8 @@ def a_time_constant_is_forgotten(patch: pytest.MonkeyPatch) -> None:
 
 
 def a_suppressor_inhibits(patch: pytest.MonkeyPatch) -> None:
-    original = network._through
-
-    def through(chain: Any, operands: Any, dominates: Any) -> dict[str, z3.BoolRef]:
-        return {
-            m: FALSE if m in operands[0].by_module else w
-            for m, w in original(chain, operands, dominates).items()
-        }
-
-    patch.setattr(network, "_through", through)
+    original = network._Chain
+    patch.setattr(network, "_Chain", lambda operands, open_, merges: original(operands, open_, False))
 
 
 def a_limit_needs_what_it_reads(patch: pytest.MonkeyPatch) -> None:
