@@ -77,7 +77,8 @@ def _behavior(file: Path) -> Row:
     seconds = perf_counter() - start
     proved = [verdict for verdict in verdicts if isinstance(verdict, Proved | ProvedInTime)]
     over_reals = sum(1 for verdict in verdicts if isinstance(verdict, OverReals))
-    note = f"{len(proved)} of {len(verdicts)} contracts proved, {over_reals} over reals; {len(warnings)} warnings"
+    counts = f"{len(proved)} of {len(verdicts)} contracts proved, {over_reals} over reals"
+    note = f"{counts}; {len(warnings)} warnings"
     is_settled = len(proved) + over_reals == len(verdicts)
     return _row(f"verify, {file.name}", seconds, SECONDS_FOR_A_BEHAVIOR, note, is_settled)
 
