@@ -138,7 +138,11 @@ def bombs(recording: bytes) -> Iterator[tuple[str, str, bytes]]:
     yield "the same frames without end", "bomb.mcap", recording[:first] + again + recording[first:]
     objects = b'{"k": 0, "t_ns": 0, "sensors": {"x": [' + b'{"":0},' * 550_000 + b"0]}}"
     message = struct.pack("<BQHIQQ", 5, 22 + len(objects), 1, 0, 0, 0) + objects
-    yield "a message of objects", "bomb.mcap", recording[:first] + _record(message) + recording[first:]
+    yield (
+        "a message of objects",
+        "bomb.mcap",
+        recording[:first] + _record(records + message) + recording[first:],
+    )
     yield "a line without end", "bomb.jsonl", b'{"t": 0, "x": "' + bytes(1 << 26)
     yield "nested brackets", "bomb.jsonl", b'{"t": 0, "x": ' + b"[" * 500_000 + b"\n"
 
