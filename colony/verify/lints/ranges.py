@@ -10,8 +10,7 @@ from colony.ir.frame import Record
 from colony.ir.program import ActuatorField, Module
 from colony.ir.types import ScalarValue
 from colony.text.diagnostics import Diagnostic, warning
-from colony.verify.claims import FALSE, all_of, any_of, binary, constant, implies, negation, value_or, won
-from colony.verify.lints.bounds import all_bounds
+from colony.verify.claims import FALSE, any_of, binary, constant, implies, negation, value_or, won
 from colony.verify.lints.case import Case, command_of, value_text
 from colony.verify.lints.evidence import frames
 from colony.verify.lints.proof import Prover, asked
@@ -40,27 +39,21 @@ def _may_leave_range(module: Module, i: int, field: ActuatorField) -> bool:
     return clamp(e.value, field.low, field.high) != e.value if isinstance(e.value, float) else False
 
 
-def _claim(case: Case, module: Module, actuator: str, i: int, field: ActuatorField) -> Expression:
-    """Return the claim that where a module wins, a field is within its range, or a limit cuts it."""
+def _claim(module: Module, actuator: str, i: int, field: ActuatorField) -> Expression:
+    """Return the claim that a field of a module's command is within its range when the module wins."""
     value = command_of(module, i)
     outside = []
     if field.low is not None:
         outside.append(binary(Binary.LESS, value, constant(field.low, field.type)))
     if field.high is not None:
         outside.append(binary(Binary.GREATER, value, constant(field.high, field.type)))
-    cut = [
-        all_of((b.applies, binary(Binary.GREATER if b.is_upper else Binary.LESS, value, b.value)))
-        for b in all_bounds(case.program, case.actuators[actuator], i)
-        if b.limit is not None
-    ]
-    uncut = negation(value_or(any_of(cut), FALSE))
-    return implies(all_of((won(actuator, module.name), uncut)), negation(value_or(any_of(outside), FALSE)))
+    return implies(won(actuator, module.name), negation(value_or(any_of(outside), FALSE)))
 
 
 def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
     """Yield a warning for each field that the interpreter clamps in some run."""
     for module, actuator, i, field in _fields(case):
-        trace = prover.refuted(asked(_name(module, field), _claim(case, module, actuator, i, field)))
+        trace = prover.refuted(asked(_name(module, field), _claim(module, actuator, i, field)))
         clamped = Record("command clamped", f"{actuator}.{field.name}")
         if trace is None or clamped not in trace.outcomes[-1].records:
             continue

@@ -46,11 +46,6 @@ def test_what_a_limit_always_brings_back_is_in_range() -> None:
     assert codes(text + "limit drive.velocity <= 500 mm/s\n") == []
 
 
-def test_a_limit_that_cuts_in_some_frames_leaves_the_others() -> None:
-    text = go("a", "true", "level * 7 mm/s") + "network { drive = a }\n"
-    assert codes(text + "limit drive.velocity <= 0 mm/s when bumper\n") == ["V025"]
-
-
 def test_a_module_that_never_wins_beyond_the_range() -> None:
     text = go("a", "level > 80", "level * 7 mm/s") + "module i { when level > 85 }\n"
     assert codes(text + "network { drive = i inhibits a }") == []
