@@ -6,15 +6,14 @@ None of them is drawn from declarations that a contract does not depend on, so n
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from random import Random
 from typing import assert_never
 
-from colony.compile.backends.python.executor import PythonExecutor
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
-from colony.ir.frame import Frame
+from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program, Sensor, is_regular, robot_in_base_units
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value, element_type
 from colony.verify.contracts.replay import Replay, is_stand_in, with_stand_ins
@@ -65,6 +64,22 @@ def drawn_counterexample(
     return None
 
 
+class GeneratedRuns:
+    """Runs of a program in generated Python, from readings in base units. Stateful: holds an executor."""
+
+    def __init__(self, program: Program) -> None:
+        program = replace(program, robot=robot_in_base_units(program.robot), tests=())
+        compiled = compile_program(program).compiled
+        self.size = len(compiled.code.ops)  # of the program, in nodes of its compiled form
+        self._executor = load(generate(compiled))
+
+    def outcomes(self, trace: Iterable[Snapshot]) -> Iterator[Outcome]:
+        """Yield the outcome of each frame of a run that begins with the initial memory."""
+        self._executor.restart()
+        for s in trace:
+            yield self._executor.step(Frame(s.t_ns, s.readings, restarted=s.restarted))
+
+
 class LongRuns:
     """Tests and long runs of one program, in generated Python. Stateful: run when first asked for.
 
@@ -86,31 +101,20 @@ class LongRuns:
     def _broken(self) -> Iterator[tuple[tuple[Snapshot, ...], str]]:
         """Yield each contract that a run breaks, with the run up to there."""
         program = with_stand_ins(self._program)
-        program = replace(program, robot=robot_in_base_units(program.robot), tests=())
-        compiled = compile_program(program).compiled
-        executor = load(generate(compiled))
-        runs = max(2, _LONG_RUNS * min(1, _SMALL_CODE / len(compiled.code.ops)))
-        for snapshots in (*self._tests(), *(_long_run(program, i) for i in range(int(runs)))):
-            yield from _broken_in(executor, snapshots)
+        runs = GeneratedRuns(program)
+        count = max(2, int(_LONG_RUNS * min(1, _SMALL_CODE / runs.size)))
+        for snapshots in (*self._tests(), *(_long_run(program, i) for i in range(count))):
+            seen = set[str]()
+            for i, outcome in enumerate(runs.outcomes(snapshots), 1):
+                for name in set(outcome.breaches) - seen:
+                    seen.add(name)
+                    yield snapshots[:i], name
 
     def _tests(self) -> Iterator[tuple[Snapshot, ...]]:
         for example in self._program.tests:
             snapshots = snapshots_of(self._program, example)
             if is_regular(self._program.robot, (s.t_ns for s in snapshots)):
                 yield snapshots
-
-
-def _broken_in(
-    executor: PythonExecutor, snapshots: Sequence[Snapshot]
-) -> Iterator[tuple[tuple[Snapshot, ...], str]]:
-    executor.restart()
-    seen = set[str]()
-    for i, snapshot in enumerate(snapshots):
-        frame = Frame(snapshot.t_ns, snapshot.readings, restarted=snapshot.restarted)
-        for name in executor.step(frame).breaches:
-            if name not in seen:
-                seen.add(name)
-                yield tuple(snapshots[: i + 1]), name
 
 
 # --- long runs -----------------------------------------------------------------------------------

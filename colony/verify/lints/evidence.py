@@ -7,14 +7,13 @@ from dataclasses import replace
 from itertools import chain
 from random import Random
 
-from colony.compile.backends.python.generate import generate, load
-from colony.compile.pipeline import compile_program
 from colony.ir import expression as ir
 from colony.ir.expression import Expression
-from colony.ir.frame import Frame, Outcome
-from colony.ir.program import Contract, Module, Program, robot_in_base_units
+from colony.ir.frame import Outcome
+from colony.ir.program import Contract, Module, Program
 from colony.ir.types import BOOL
 from colony.verify.claims import TRUE
+from colony.verify.contracts.concrete_runs import GeneratedRuns
 from colony.verify.contracts.replay import Replay
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot, snapshot_of
@@ -40,22 +39,11 @@ def with_claims(program: Program, claims: Claims) -> Program:
     return replace(program, contracts=contracts)
 
 
-class GeneratedRuns:
-    """Runs of an instrumented program in generated Python, with claims as its contracts. Stateful."""
-
-    def __init__(self, instrumented: Program, claims: Claims) -> None:
-        program = replace(instrumented, robot=robot_in_base_units(instrumented.robot), tests=())
-        self._executor = load(generate(compile_program(with_claims(program, claims)).compiled))
-
-    def outcomes(self, trace: Iterable[Snapshot]) -> Iterator[Outcome]:
-        """Yield the outcome of each frame of a run; its breaches are the claims that the frame breaks."""
-        self._executor.restart()
-        for s in trace:
-            yield self._executor.step(Frame(s.t_ns, s.readings, restarted=s.restarted))
-
-
 def drawn_breaches(program: Program, runs: GeneratedRuns) -> list[frozenset[str]]:
-    """Return the claims that are broken in each frame of the examples of `program` and of drawn traces."""
+    """Return the claims that are broken in each frame of the examples of `program` and of drawn traces.
+
+    `runs` are those of the program with claims in place of its contracts.
+    """
     traces = chain((snapshots_of(program, t) for t in program.tests), _random_traces(program))
     return [frozenset(outcome.breaches) for trace in traces for outcome in runs.outcomes(trace)]
 

@@ -20,7 +20,7 @@ from colony.ir.types import Array, Quantity, ScalarValue, Value, element_type
 from colony.ir.walk import all_subexpressions
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
-from colony.verify.contracts.concrete_runs import plain_values
+from colony.verify.contracts.concrete_runs import GeneratedRuns, plain_values
 from colony.verify.lints.case import Case
 from colony.verify.lints.driving import (
     Found,
@@ -37,7 +37,7 @@ from colony.verify.lints.driving import (
     undecided_without,
     without,
 )
-from colony.verify.lints.evidence import GeneratedRuns, frames, replay
+from colony.verify.lints.evidence import frames, replay
 from colony.verify.lints.predicates import never_active
 from colony.verify.lints.proof import QUESTION_RESOURCES, Prover
 from colony.verify.snapshot import Snapshot

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from colony.ir.expression import Expression
 from colony.ir.program import Program
 from colony.text.diagnostics import in_order
+from colony.verify.contracts.concrete_runs import GeneratedRuns
 from colony.verify.lints import (
     contracts,
     fail_open,
@@ -30,7 +31,7 @@ from colony.verify.lints import (
 )
 from colony.verify.lints.case import Case, case_of
 from colony.verify.lints.driving import drives_claims
-from colony.verify.lints.evidence import GeneratedRuns, drawn_breaches, has_python_modules
+from colony.verify.lints.evidence import drawn_breaches, has_python_modules, with_claims
 from colony.verify.lints.finding import Finding
 from colony.verify.lints.proof import Effort, Prover, asked
 
@@ -52,7 +53,7 @@ def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
     runs = (
         None
         if has_python_modules(program)
-        else GeneratedRuns(case.instrumented, claims | dict(drives_claims(case)))
+        else GeneratedRuns(with_claims(case.instrumented, claims | dict(drives_claims(case))))
     )
     breaches = [] if runs is None else drawn_breaches(program, runs)
     refuted = frozenset[str]().union(*breaches)

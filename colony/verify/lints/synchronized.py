@@ -10,8 +10,8 @@ from colony.ir.expression import Binary
 from colony.ir.program import Module
 from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.claims import active, binary
+from colony.verify.contracts.concrete_runs import GeneratedRuns
 from colony.verify.lints.case import Case
-from colony.verify.lints.evidence import GeneratedRuns
 from colony.verify.lints.predicates import always_active, never_active
 from colony.verify.lints.proof import Prover, Question
 from colony.verify.lints.shadows import shadowed
