@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import assert_never
 
 from colony.ir.expression import Expression, subexpressions
-from colony.ir.program import AnyModule, Let, Machine, Module, Program, PythonModule, State
+from colony.ir.program import AnyModule, Derived, Let, Machine, Module, Program, PythonModule, State
 
 
 def all_subexpressions(program: Program) -> Iterator[Expression]:
@@ -18,20 +18,25 @@ def all_subexpressions(program: Program) -> Iterator[Expression]:
 def expressions(program: Program) -> Iterator[Expression]:
     """Yield all expressions of a program that are evaluated every frame."""
     for derived in program.derived:
-        match derived:
-            case Let(expression=expression):
-                yield expression
-            case State(next=next_value):
-                yield from () if next_value is None else (next_value,)
-            case Machine(transitions=transitions):
-                yield from (t.condition for t in transitions)
-            case _:
-                assert_never(derived)
+        yield from expressions_of_derived(derived)
     for module in program.modules:
         yield from expressions_of(module)
     for limit in program.limits:
         yield from (limit.bound,) if limit.condition is None else (limit.bound, limit.condition)
     yield from (contract.expression for contract in program.contracts)
+
+
+def expressions_of_derived(derived: Derived) -> Iterator[Expression]:
+    """Yield all expressions of a derived value."""
+    match derived:
+        case Let(expression=expression):
+            yield expression
+        case State(next=next_value):
+            yield from () if next_value is None else (next_value,)
+        case Machine(transitions=transitions):
+            yield from (t.condition for t in transitions)
+        case _:
+            assert_never(derived)
 
 
 def expressions_of(module: AnyModule) -> tuple[Expression, ...]:

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import assert_never
 
 from colony.ir import expression as ir
-from colony.ir.program import Chain, Contract, Let, Machine, Module, Program, State, Wire, Wiring
-from colony.ir.walk import expressions_of
+from colony.ir.program import Chain, Contract, Module, Program, Wire, Wiring
+from colony.ir.walk import expressions_of, expressions_of_derived
 
 
 def slice_of(program: Program, contract: Contract) -> Program:
@@ -95,7 +94,7 @@ class _Needed:
             sent = self._sensors[name].sent
             yield from () if sent is None else self._actuator(sent[0])
         elif name in self._derived:
-            yield from _expressions(self._derived[name])
+            yield from expressions_of_derived(self._derived[name])
         elif name in self._modules:
             module = self._modules[name]
             yield from expressions_of(module)
@@ -123,15 +122,3 @@ def _uses(wiring: Wiring) -> Iterable[str]:
     if isinstance(wiring, Chain):
         return [name for operand in wiring.operands for name in _uses(operand)]
     return [wiring.name]
-
-
-def _expressions(derived: Let | State | Machine) -> Iterator[ir.Expression]:
-    match derived:
-        case Let(expression=expression):
-            yield expression
-        case State(next=next_value):
-            yield from () if next_value is None else (next_value,)
-        case Machine(transitions=transitions):
-            yield from (t.condition for t in transitions)
-        case _:
-            assert_never(derived)
