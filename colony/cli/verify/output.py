@@ -144,8 +144,8 @@ def _sarif(verified_files: Sequence[Verified]) -> str:
 def _traces(verified: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
     """Return the frames that lead to each finding of a file."""
     from colony.cli.verify import examples
-    from colony.verify.contracts.kept import trace_of
     from colony.verify.contracts.report import finding
+    from colony.verify.contracts.results import trace_of
 
     traces: dict[Diagnostic, Sequence[TraceStep]] = {}
     if verified.program is None:

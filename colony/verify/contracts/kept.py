@@ -8,23 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import assert_never
 
 from colony.ir.program import Program, without_assumed
 from colony.verify.contracts.proof_cache import ProofCache, content_key
 from colony.verify.contracts.prove import results
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.report import verdict_key
-from colony.verify.contracts.results import (
-    Options,
-    OverReals,
-    Proved,
-    ProvedInTime,
-    Refuted,
-    Result,
-    Trace,
-    Unknown,
-)
+from colony.verify.contracts.results import Options, Result, Trace, trace_of
 
 _RANKS: Mapping[str, int] = {"proved": 3, "proved_in_time": 2, "over_reals": 1}
 
@@ -120,21 +110,6 @@ class _Prover:
         for count, result in enumerate(results(program, names, self.options), 1):
             self.on_progress(count, len(names), result.contract.name)
             yield result
-
-
-def trace_of(result: Result) -> Trace | None:
-    """Return the run that breaks a contract, None if none is known."""
-    match result:
-        case ProvedInTime(trace=trace, python_trace=python_trace):
-            return trace or python_trace
-        case Refuted(trace=trace) | Unknown(trace=trace):
-            return trace
-        case OverReals(proof=proof):
-            return trace_of(proof)
-        case Proved():
-            return None
-        case _:
-            assert_never(result)
 
 
 def blamed(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, assert_never
 
 from colony.ir.frame import Outcome
 from colony.ir.program import Contract
@@ -144,3 +144,18 @@ class Unknown:
 
 
 Result = Proved | ProvedInTime | OverReals | Refuted | Unknown
+
+
+def trace_of(result: Result) -> Trace | None:
+    """Return the run that breaks a contract, None if none is known."""
+    match result:
+        case ProvedInTime(trace=trace, python_trace=python_trace):
+            return trace or python_trace
+        case Refuted(trace=trace) | Unknown(trace=trace):
+            return trace
+        case OverReals(proof=proof):
+            return trace_of(proof)
+        case Proved():
+            return None
+        case _:
+            assert_never(result)
