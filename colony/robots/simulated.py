@@ -44,7 +44,6 @@ PLANT_SERVERS = "colony.sim.plant.servers"
 PLANT_TIMEOUT_S = 0.5
 """Timeout in seconds for one answer of the plant to a caller that asks it repeatedly."""
 
-
 SUPERVISOR = "Supervisor"
 """The name under which `serve all` claims a robot."""
 

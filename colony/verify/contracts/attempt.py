@@ -20,7 +20,7 @@ _SPACER_SHARE = 1 / 48
 """Share of a budget for Spacer, which mostly answers quickly or not at all, before invariants are guessed."""
 
 _LONG_SPACER = ((True, 1 / 8), (False, 1 / 4))
-"""Whether Spacer is guided, and its share of a budget, if nothing else proves the contract."""
+"""Attempts of Spacer if nothing else proves the contract: whether it is guided, and its share of a budget."""
 
 _CHEAP_SHARE = 1 / 2000
 """Share of a budget up to which the search of one length is cheap."""

@@ -146,6 +146,11 @@ def _constant(value: Fraction, sort: z3.SortRef) -> z3.ArithRef | None:
     return z3.IntVal(value.numerator) if value.denominator == 1 else None
 
 
+def numeral(value: z3.ExprRef) -> Fraction:
+    """Return the number that a term of z3 is."""
+    return Fraction(value.as_long()) if z3.is_int_value(value) else value.as_fraction()
+
+
 def numerals(formulas: list[z3.ExprRef]) -> list[Fraction]:
     """Return the numbers in formulas, each once."""
     found: dict[Fraction, None] = {}
@@ -157,7 +162,7 @@ def numerals(formulas: list[z3.ExprRef]) -> list[Fraction]:
             continue
         seen.add(node.get_id())
         if z3.is_rational_value(node) or z3.is_int_value(node):
-            found[node.as_fraction() if z3.is_rational_value(node) else Fraction(node.as_long())] = None
+            found[numeral(node)] = None
         todo += node.children()
     return sorted(found, key=abs)
 

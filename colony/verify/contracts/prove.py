@@ -54,7 +54,6 @@ _NONLINEAR = (Operation.PRODUCT, Operation.QUOTIENT)
 
 def prove_contracts(program: Program, options: Options | None = None) -> tuple[Result, ...]:
     """Return the result of every contract, in the order written."""
-    program = without_assumed(program)
     names = [c.name for c in program.contracts]
     return tuple(in_order(program, results(program, names, options)))
 
@@ -95,7 +94,8 @@ def _is_open(result: Result) -> bool:
 class Prover:
     """Proves one program's contracts one after the other. Stateful: remembers the contracts proved so far.
 
-    `on_charge` receives the cost of each query. `known` are proved shapes of numbers in memory.
+    `on_charge` receives the cost of each query. `known` are proved shapes of numbers in memory, `long_runs`
+    those of the program, if another prover has them.
     """
 
     def __init__(
@@ -104,6 +104,7 @@ class Prover:
         options: Options,
         on_charge: OnCharge | None = None,
         known: Mapping[str, Shape] | None = None,
+        long_runs: LongRuns | None = None,
     ) -> None:
         self._known = known
         self._program = program
@@ -111,7 +112,7 @@ class Prover:
         self._on_charge = on_charge
         self._results: dict[str, Proved] = {}
         self._over_reals: dict[str, tuple[Reason, ...]] = {}
-        self._long_runs = LongRuns(program)
+        self._long_runs = LongRuns(program) if long_runs is None else long_runs
 
     @cached_property
     def _usual(self) -> ProofContext:
@@ -122,8 +123,10 @@ class Prover:
         """The prover with more numbers known to be whole and bounded; None if there are no more."""
         if self._known is not None:
             return None
-        found = whole_numbers(self._program, self._usual.system, self._options)
-        return Prover(self._program, self._options, self._on_charge, found) if found else None
+        found = whole_numbers(self._program, self._usual.system, self._options, self._on_charge)
+        if not found:
+            return None
+        return Prover(self._program, self._options, self._on_charge, found, self._long_runs)
 
     @cached_property
     def _precise(self) -> ProofContext:
@@ -159,9 +162,8 @@ class Prover:
         result = self.prove(contract) if known is None or known.over_reals else known
         if not isinstance(result, Proved):
             return result
-        proof = self._confirmer.confirm(result)
-        in_time = proof.in_time if isinstance(proof, ProvedInTime) else proof
-        return OverReals(contract=contract, proof=proof) if in_time.over_reals else proof
+        found = OverReals(contract=contract, proof=self._confirmer.confirm(result))
+        return found if found.in_time.over_reals else found.proof
 
     def prove(self, contract: Contract) -> Proved | Refuted | Unknown:
         """Prove or refute a contract while every client is in time, within a budget of its own."""

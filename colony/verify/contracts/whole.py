@@ -9,18 +9,18 @@ is also bounded by the number of frames in the longest run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from fractions import Fraction
 
 import z3
 
 from colony.execute.validity import MAX_TIME_NS
 from colony.ir.program import Program, gaps_ns
-from colony.verify.contracts.candidates import Candidate, candidates, numerals
+from colony.verify.contracts.candidates import Candidate, candidates, numeral, numerals
 from colony.verify.contracts.cone import cone_of
 from colony.verify.contracts.houdini import Invariants, invariants
 from colony.verify.contracts.results import Options
-from colony.verify.contracts.solver import Budget
+from colony.verify.contracts.solver import Budget, OnCharge
 from colony.verify.symbolic import cones
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.numbers import EXACT_WHOLE, finite
@@ -41,7 +41,9 @@ _SHARE = 0.05
 _GUESS = Shape(nan=False, infinite=False, bounds=Bounds(-EXACT_WHOLE / 2, EXACT_WHOLE / 2, whole=True))
 
 
-def whole_numbers(program: Program, system: System, options: Options) -> dict[str, Shape]:
+def whole_numbers(
+    program: Program, system: System, options: Options, on_charge: OnCharge | None
+) -> dict[str, Shape]:
     """Return proved shapes of cells that stay whole and bounded, which `system`, of `program`, does not know.
 
     Only cells that a contract depends on which rounds are tried.
@@ -49,11 +51,12 @@ def whole_numbers(program: Program, system: System, options: Options) -> dict[st
     guessed = dict.fromkeys(_unbounded(system), _GUESS)
     while guessed:
         trial = encode(program, known=guessed)
-        whole = {name for name in guessed if trial.shapes.get(name) == _GUESS}
-        proved = _proved(trial, whole, options) if whole == set(guessed) else {}
-        if len(proved) == len(guessed):
-            return proved
-        guessed = dict.fromkeys(proved if whole == set(guessed) else whole, _GUESS)
+        kept = {name: _GUESS for name in guessed if trial.shapes.get(name) == _GUESS}
+        if len(kept) == len(guessed):  # nothing is written to them that is not whole
+            kept = _proved(trial, kept, options, on_charge)
+            if len(kept) == len(guessed):
+                return kept
+        guessed = dict.fromkeys(kept, _GUESS)
     return {}
 
 
@@ -77,12 +80,14 @@ def _is_small(shape: Shape) -> bool:
     return whole and not shape.infinite and low is not None and high is not None
 
 
-def _proved(system: System, names: set[str], options: Options) -> dict[str, Shape]:
+def _proved(
+    system: System, names: Collection[str], options: Options, on_charge: OnCharge | None
+) -> dict[str, Shape]:
     """Return the shapes of the cells that are proved to stay whole and bounded, given all of `names`."""
     found = {}
     for cell in system.cells:
         if cell.name in names:
-            bounds = _bounds(system, cell, Budget(options, share=_SHARE))
+            bounds = _bounds(system, cell, Budget(options, on_charge, _SHARE))
             if bounds is not None:
                 found[cell.name] = Shape(nan=False, infinite=False, bounds=bounds)
     return found
@@ -107,7 +112,7 @@ def _bounds(system: System, cell: Cell, budget: Budget) -> Bounds | None:
 
 def _tried(cell: Cell, *, above: bool) -> Mapping[Fraction, Candidate]:
     """Return guesses of a bound that the initial value keeps, by the bound."""
-    initial, old = _fraction(cell.initial), cell.old
+    initial, old = numeral(cell.initial), cell.old
     found = {}
     for value in _constants(cell):
         if (value >= initial) if above else (value <= initial):
@@ -125,7 +130,7 @@ def _grown(cell: Cell, system: System, *, above: bool) -> Mapping[Fraction, Cand
     shortest_ns, longest_ns = gaps_ns(system.program.robot)
     if longest_ns is None:
         return {}
-    initial, sign, found = _fraction(cell.initial), 1 if above else -1, {}
+    initial, sign, found = numeral(cell.initial), 1 if above else -1, {}
     for step in sorted({abs(value) for value in _whole_constants(cell)} - {0})[:_MAX_STEPS]:
         bound = initial + sign * (step + step * (MAX_TIME_NS // shortest_ns + 1))
         if abs(bound) <= EXACT_WHOLE / 2:
@@ -144,7 +149,3 @@ def _constants(cell: Cell) -> Iterator[Fraction]:
 def _whole_constants(cell: Cell) -> list[Fraction]:
     values: Sequence[Fraction] = numerals([cell.next, cell.initial])
     return [v for v in values if v.denominator == 1 and abs(v) <= EXACT_WHOLE / 2]
-
-
-def _fraction(value: z3.ExprRef) -> Fraction:
-    return Fraction(value.as_long()) if z3.is_int_value(value) else value.as_fraction()
