@@ -8,7 +8,7 @@ import socket
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from typing import TYPE_CHECKING
 
 from colony.extras import installed
@@ -108,7 +108,8 @@ def _z3_interruptible() -> Iterator[None]:
         while signal_byte := receiver.recv(1):
             while signal_byte[0] == signal.SIGINT and not handled.wait(_INTERRUPT_INTERVAL_S):
                 for context in _CONTEXTS or [z3.main_ctx()]:
-                    context.interrupt()
+                    with suppress(z3.Z3Exception):  # "canceled", of an earlier interrupt that took hold
+                        context.interrupt()
             handled.clear()
 
     watcher = threading.Thread(target=watch, daemon=True)

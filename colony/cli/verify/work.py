@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from colony.text.diagnostics import Diagnostic
     from colony.verify.contracts.results import Refuted, Result
     from colony.verify.lints.finding import Finding
+    from colony.verify.symbolic.system import Shape
     from colony.verify.testing.differential import Report
 
 _LINT_FACTOR = 2
@@ -96,12 +97,15 @@ class Work:
         """Do all of the work on a file."""
         if verified.program is None:
             return
-        self._contracts(verified, verified.program, on_progress)
-        self._lints(verified, verified.program, on_progress)
+        shapes: dict[str, Shape] = {}
+        self._contracts(verified, verified.program, shapes, on_progress)
+        self._lints(verified, verified.program, shapes, on_progress)
         if self.examples:
             self._examples(verified, verified.program, on_progress)
 
-    def _contracts(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
+    def _contracts(
+        self, verified: Verified, program: Program, shapes: dict[str, Shape], on_progress: ReportProgress
+    ) -> None:
         from colony.verify.contracts.disturbances import with_operator_runs
         from colony.verify.contracts.prove import results
         from colony.verify.contracts.report import finding
@@ -110,7 +114,7 @@ class Work:
         names = [c.name for c in program.contracts if not self.names or c.name in self.names]
         options = Options.within(self.timeout, depth=self.depth)
         on_progress(0, len(names), names[0] if names else "")
-        for result in results(program, names, options):
+        for result in results(program, names, options, shapes):
             if isinstance(result, Proved) and not result.operators and result.contract.name in self.why:
                 result = with_operator_runs(program, result)
             verified.results.append(result)
@@ -121,7 +125,9 @@ class Work:
         if verified.writes_tests:
             append_tests(verified.file, program, verified.refuted)
 
-    def _lints(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
+    def _lints(
+        self, verified: Verified, program: Program, shapes: dict[str, Shape], on_progress: ReportProgress
+    ) -> None:
         if self.names:
             return
         from colony.verify.contracts.results import RESOURCES_PER_SECOND
@@ -133,7 +139,7 @@ class Work:
             on_progress(done, done, f"what can never act: question {number}")
 
         effort = Effort(round(_LINT_FACTOR * self.timeout * RESOURCES_PER_SECOND), on_question)
-        verified.findings += lint(program, effort)
+        verified.findings += lint(program, effort, shapes)
         verified.diagnostics += [f.diagnostic for f in verified.findings]
         verified.undecided_questions = effort.questions_skipped
 

@@ -40,7 +40,7 @@ _SHARES = {Disturbance.LATE: 0.5, Disturbance.OPERATORS: 0.25}
 _FLOAT_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
 
-_QUICK_SHARE = 0.05
+_QUICK_SHARE = 0.03
 """Share of a full query's resources for a proof in one frame: there is one at once, or seldom at all."""
 
 _DECISIONS = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)

@@ -64,14 +64,21 @@ def in_order(program: Program, found: Iterable[Result]) -> list[Result]:
     return [by_name[c.name] for c in program.contracts if c.name in by_name]
 
 
-def results(program: Program, names: list[str], options: Options | None = None) -> Iterator[Result]:
+def results(
+    program: Program,
+    names: list[str],
+    options: Options | None = None,
+    shapes: dict[str, Shape] | None = None,
+) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known.
+
+    `shapes` receives those of the program's memory.
 
     Proved contracts help to prove the others: one that stays unknown is tried again at the end if others were
     proved after it, so the order in which contracts are written matters little.
     """
     program = without_assumed(program)
-    prover = Prover(program, options or Options())
+    prover = Prover(program, options or Options(), shapes=shapes)
     open_results: list[tuple[int, Result]] = []
     for contract in program.contracts:
         if contract.name in names:
@@ -95,7 +102,8 @@ class Prover:
     """Proves one program's contracts one after the other. Stateful: remembers the contracts proved so far.
 
     `on_charge` receives the cost of each query. `known` are proved shapes of numbers in memory, `long_runs`
-    those of the program, if another prover has them.
+    those of the program, if another prover has them. `shapes` are those found for programs with the same
+    memory; what is found is added.
     """
 
     def __init__(
@@ -105,8 +113,10 @@ class Prover:
         on_charge: OnCharge | None = None,
         known: Mapping[str, Shape] | None = None,
         long_runs: LongRuns | None = None,
+        shapes: dict[str, Shape] | None = None,
     ) -> None:
         self._known = known
+        self._shapes = {} if shapes is None else shapes
         self._program = program
         self._options = options
         self._on_charge = on_charge
@@ -116,7 +126,9 @@ class Prover:
 
     @cached_property
     def _usual(self) -> ProofContext:
-        return ProofContext(encode(self._program, known=self._known or {}))
+        system = encode(self._program, known=self._known or {}, guess=self._shapes)
+        self._shapes |= {} if self._known else system.shapes
+        return ProofContext(system)
 
     @cached_property
     def _with_whole_numbers(self) -> Prover | None:

@@ -31,18 +31,19 @@ from colony.verify.lints.case import Case
 from colony.verify.lints.evidence import frames, replay
 from colony.verify.lints.finding import Finding, Run
 from colony.verify.lints.proof import OPTIONS, Effort
-from colony.verify.symbolic.system import Reason
+from colony.verify.symbolic.system import Reason, Shape
 
 
-def findings(case: Case, effort: Effort) -> Iterator[Finding]:
+def findings(case: Case, effort: Effort, shapes: dict[str, Shape]) -> Iterator[Finding]:
     """Yield an error or a warning for each computed index that is not proved to be inside.
 
+    `shapes` are those found for the program's memory so far.
     One that is proved only over real numbers gets a note. An index in a function counts once a call.
     """
     instrumented, found = accesses(case.program)
     if not found:
         return
-    prover, reported = Prover(instrumented, OPTIONS, effort.charge), set[tuple[Span, ...]]()
+    prover, reported = Prover(instrumented, OPTIONS, effort.charge, shapes=shapes), set[tuple[Span, ...]]()
     for access in sorted(found, key=lambda access: not access.decides):
         place = (access.place.span, *_arguments(access.place, access.place.span))
         if place in reported or not effort.allows_question():

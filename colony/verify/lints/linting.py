@@ -34,16 +34,21 @@ from colony.verify.lints.driving import drives_claims
 from colony.verify.lints.evidence import drawn_breaches, has_python_modules, with_claims
 from colony.verify.lints.finding import Finding
 from colony.verify.lints.proof import Effort, Prover, asked
+from colony.verify.symbolic.system import Shape
 
 _MAX_CANDIDATES = 12
 
 
-def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
+def lint(
+    program: Program, effort: Effort | None = None, shapes: dict[str, Shape] | None = None
+) -> tuple[Finding, ...]:
     """Return all findings, V020 to V036, in source order.
 
-    Findings that need more than `effort` allows are left out.
+    Findings that need more than `effort` allows are left out. `shapes` are those found for the program's
+    memory by the proofs of its contracts.
     """
     effort = Effort() if effort is None else effort
+    shapes = {} if shapes is None else shapes
     case = case_of(program)
     if not case.network.roots:
         return ()
@@ -58,12 +63,12 @@ def lint(program: Program, effort: Effort | None = None) -> tuple[Finding, ...]:
     breaches = [] if runs is None else drawn_breaches(program, runs)
     refuted = frozenset[str]().union(*breaches)
     activity = _activity(case, breaches)
-    prover = Prover(case.instrumented, effort, activity)
+    prover = Prover(case.instrumented, effort, activity, shapes)
     proved = prover.proved(asked(name, claim) for name, claim in claims.items() if name not in refuted)
     dominators = {
         m: _minimal_dominators(case, m, prover) for m in case.modules if shadows.shadowed(m) in proved
     }
-    with_runs = (*limits.findings(case, prover), *indices.findings(case, effort))
+    with_runs = (*limits.findings(case, prover), *indices.findings(case, effort, shapes))
     shown = {f.diagnostic: f.run for f in with_runs}
     diagnostics = in_order(
         [

@@ -31,7 +31,7 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.encode import OpenEncoding, encode
 from colony.verify.symbolic.logic import is_false, is_true
 from colony.verify.symbolic.reasons import reasons_of
-from colony.verify.symbolic.system import Claim, Inexact, System
+from colony.verify.symbolic.system import Claim, Inexact, Shape, System
 from colony.verify.symbolic.unrolling import OneFrame
 from colony.verify.symbolic.witness import snapshots
 
@@ -156,11 +156,15 @@ class _SingleFrames:
 class Prover:
     """A prover of claims about one program. Stateful: encodes it on first use, remembers answers.
 
-    `activity` gives, by module, the frames of drawn runs in which it is active, as a set of bits.
+    `activity` gives, by module, the frames of drawn runs in which it is active, as a set of bits. `shapes`
+    are those found for programs with the same memory; what is found is added.
     """
 
-    def __init__(self, program: Program, effort: Effort, activity: Mapping[str, int]) -> None:
+    def __init__(
+        self, program: Program, effort: Effort, activity: Mapping[str, int], shapes: dict[str, Shape]
+    ) -> None:
         self._activity = activity
+        self._shapes = shapes
         self._program = program
         self.effort = effort
         self._contexts: dict[str, ProofContext] = {}
@@ -171,7 +175,9 @@ class Prover:
 
     @cached_property
     def _encoding(self) -> OpenEncoding:
-        return OpenEncoding(self._program)
+        encoding = OpenEncoding(self._program, self._shapes)
+        self._shapes |= encoding.system.shapes
+        return encoding
 
     @cached_property
     def _shared(self) -> ProofContext:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import itemgetter
 
 import z3
 
@@ -31,34 +32,22 @@ class Cone:
 def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
     """Return the cone of influence of `terms`: the least part of `system` that they depend on."""
     graph = system.graph
-    cells = {c.old.get_id(): c for c in system.cells}
-    visited: set[int] = set()
-    leaves: set[int] = set()
+    reach = graph.reach(graph.add(terms))
+    visited, leaves, pending = set(reach.visited), set(reach.leaves), list(reach.leaves)
     facts: list[Fact] = []
-    constants: list[tuple[str, z3.ExprRef]] = []
-    pending = graph.add(terms)
     while pending:
-        key = pending.pop()
-        if key in visited:
-            continue
-        visited.add(key)
-        pending.extend(graph.operands(key))
-        constant = graph.constant(key)
-        if constant is None:
-            continue
-        leaves.add(key)
-        if key in cells:
-            pending.extend(graph.add([cells[key].next]))
-        else:
-            constants.append(constant)
-        own_facts = system.facts.get(key, ())
+        leaf = pending.pop()
+        own_facts = system.facts.get(leaf, ())
         facts += own_facts
-        pending.extend(graph.add(fact.formula for fact in own_facts))
+        behind = graph.behind(leaf, own_facts)
+        visited |= behind.visited
+        pending += behind.leaves - leaves
+        leaves |= behind.leaves
     facts.sort(key=lambda fact: fact.position)
-    constants.sort(key=lambda named: named[0])
+    constants = sorted((graph.constant(leaf) for leaf in leaves - graph.cells.keys()), key=itemgetter(0))
     return Cone(
         system=system,
-        cells=tuple(c for key, c in cells.items() if key in visited),
+        cells=tuple(c for key, c in graph.cells.items() if key in leaves),
         definitions=tuple(f.formula for f in facts if f.kind is FactKind.DEFINITION),
         assumptions=tuple(f.formula for f in facts if f.kind is FactKind.ASSUMPTION),
         invariants=tuple(f.formula for f in facts if f.kind is FactKind.INVARIANT),

@@ -46,27 +46,34 @@ class FrameParts:
     claims: tuple[Claim, ...]
 
 
-def encode(program: Program, precise: bool = False, known: Mapping[str, Shape] = _NONE) -> System:
+def encode(
+    program: Program,
+    precise: bool = False,
+    known: Mapping[str, Shape] = _NONE,
+    guess: Mapping[str, Shape] = _NONE,
+) -> System:
     """Return one frame of `program` as a transition system.
 
     With `precise`, products and quotients of variables are encoded exactly, which z3 often cannot decide; by
-    default only their signs and bounds are. `known` are shapes of memory that every frame preserves.
+    default only their signs and bounds are. `known` are shapes of memory that every frame preserves, `guess`
+    those that it may preserve.
     """
 
     def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
         builder = Builder(precise=precise, shapes=dict(shapes))
         return builder, system_of(program, builder, encode_frame(program, builder))
 
-    return with_reasons(with_stable_shapes(encode_with, known))
+    return with_reasons(with_stable_shapes(encode_with, known, guess))
 
 
 class OpenEncoding:
     """A frame of a program, to which claims are added when they are first asked. Mutable.
 
-    A claim has no memory of its own. `system` has the facts of all claims added so far, but not the claims.
+    A claim has no memory of its own. `guess` are shapes of memory that every frame may preserve. `system` has
+    the facts of all claims added so far, but not the claims.
     """
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program, guess: Mapping[str, Shape] = _NONE) -> None:
         encodings: list[tuple[Builder, FrameParts, System]] = []
 
         def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
@@ -75,7 +82,7 @@ class OpenEncoding:
             encodings.append((builder, parts, system_of(program, builder, parts)))
             return builder, encodings[-1][2]
 
-        stable = with_stable_shapes(encode_with)
+        stable = with_stable_shapes(encode_with, guess=guess)
         self._builder, parts, _ = next(x for x in encodings if x[2] is stable)
         self._frame_values = parts.frame_values
         self._facts = dict(stable.facts)
@@ -133,7 +140,7 @@ def system_of(program: Program, builder: Builder, parts: FrameParts) -> System:
         auxiliaries=tuple(builder.auxiliaries),
         facts=by_constant(builder.facts),
         inexact=builder.inexact,
-        graph=Graph(),
+        graph=Graph(builder.cells),
         derived=frame_values.derived,
         states=frame_values.states,
         locals={name: value for name, (_, value) in frame_values.locals.items()},

@@ -79,16 +79,17 @@ class _Generalization:
         original = self.original
         found = (*self._facts(), *self._bounds(), *self._overflows())
         facts = [replace(fact, position=i) for i, fact in enumerate(found)]
+        cells = tuple(replace(c, next=self.term(c.next)) for c in original.cells)
         return replace(  # the inputs of disturbances are exact, and stay
             original,
-            cells=tuple(replace(c, next=self.term(c.next)) for c in original.cells),
+            cells=cells,
             assumptions=tuple(f.formula for f in facts if f.kind is FactKind.ASSUMPTION),
             definitions=tuple(f.formula for f in facts if f.kind is FactKind.DEFINITION),
             invariants=tuple(f.formula for f in facts if f.kind is FactKind.INVARIANT),
             auxiliaries=tuple(self._auxiliary(a) for a in original.auxiliaries),
             facts=by_constant(facts),
             inexact=self._still_inexact(),
-            graph=Graph(),
+            graph=Graph(cells),
             derived={n: (self.term(m), self.value(v)) for n, (m, v) in original.derived.items()},
             locals={n: self.value(v) for n, v in original.locals.items()},
             modules={n: self._module(m) for n, m in original.modules.items()},

@@ -4,7 +4,7 @@ Each number is first assumed to keep its initial value. A frame is encoded repea
 that it writes are added and moving bounds are dropped, until every frame preserves the result. The result
 is usually too wide, as one wide number widens others. So it is narrowed once, to the values written to
 memory, and widened again until every frame preserves it. If that takes too many encodings, the wide result
-stays.
+stays. Shapes found for a similar program are a guess, which one encoding confirms.
 """
 
 from __future__ import annotations
@@ -28,12 +28,18 @@ MAX_STABILIZING_ENCODINGS = 3
 """Maximum number of encodings in which narrower shapes may become stable."""
 
 
-def with_stable_shapes(encode_with: EncodeWithShapes, known: Mapping[str, Shape] = _NONE) -> System:
+def with_stable_shapes(
+    encode_with: EncodeWithShapes, known: Mapping[str, Shape] = _NONE, guess: Mapping[str, Shape] = _NONE
+) -> System:
     """Return the system whose shapes of memory are preserved by every frame.
 
     `known` are shapes that are known to be stable, and stay as they are; those with whole bounds change where
-    a frame writes a number to them that is not whole.
+    a frame writes a number to them that is not whole. `guess` may be stable; it is tried first.
     """
+    if guess:
+        guessed = _narrowed(encode_with, {**guess, **known}, known)
+        if guessed is not None:
+            return guessed
     shapes = dict(known)
     while True:
         builder, system = encode_with(shapes)

@@ -26,6 +26,11 @@ def system(
     by_id: dict[int, tuple[Fact, ...]] = {}
     for fact in facts:
         by_id[fact.subject.get_id()] = (*by_id.get(fact.subject.get_id(), ()), fact)
+    all_cells = (
+        Cell(name="begun", old=BEGUN, next=TRUE, initial=z3.BoolVal(False)),
+        Cell(name="last", old=LAST, next=NOW, initial=z3.IntVal(0)),
+        *cells,
+    )
     return System(
         program=Program(robot=Robot(name="r")),
         now=NOW,
@@ -34,18 +39,14 @@ def system(
         restarted=z3.Bool("restarted"),
         sensors={},
         python={},
-        cells=(
-            Cell(name="begun", old=BEGUN, next=TRUE, initial=z3.BoolVal(False)),
-            Cell(name="last", old=LAST, next=NOW, initial=z3.IntVal(0)),
-            *cells,
-        ),
+        cells=all_cells,
         assumptions=(clock,),
         definitions=tuple(formula for _, formula in definitions),
         invariants=(),
         auxiliaries=(),
         facts=by_id,
         inexact={},
-        graph=Graph(),
+        graph=Graph(all_cells),
         derived={},
         states={},
         locals={},
