@@ -35,6 +35,7 @@ _HOME = tempfile.TemporaryDirectory(prefix="colony-tests-")
 os.environ |= {
     "COLONY_RUN_DIR": f"{_HOME.name}/r",
     "XDG_STATE_HOME": f"{_HOME.name}/s",
+    "XDG_CACHE_HOME": os.devnull,  # where nothing can be kept, so that each test proves by itself
     "MPLCONFIGDIR": f"{_HOME.name}/m",
 }
 

@@ -52,11 +52,11 @@ def with_proof(compilation: Compilation, file: str, params: SiteParams, *, inste
 
 def _kept_proofs(program: Program, file: str, params: SiteParams) -> KeptProofs:
     from colony.verify.contracts.kept import kept_proofs
-    from colony.verify.contracts.proof_cache import ProofCache, cache_folder
+    from colony.verify.contracts.proof_cache import cache_folder
     from colony.verify.contracts.results import Options
 
     has_said = False
-    with progress() as on_progress, reliable_interrupts():
+    with progress() as (on_progress, _), reliable_interrupts():
 
         def show(completed: int, total: int, current: str) -> None:
             nonlocal has_said
@@ -68,7 +68,7 @@ def _kept_proofs(program: Program, file: str, params: SiteParams) -> KeptProofs:
         return kept_proofs(
             _program_with(file, None),
             program,
-            cache=ProofCache(cache_folder(os.environ)),
+            folder=cache_folder(os.environ),
             options=Options.within(DEFAULT_SECONDS, depth=DEFAULT_DEPTH),
             on_progress=show,
         )

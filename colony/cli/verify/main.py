@@ -12,7 +12,7 @@ from colony.cli.params_choice import params_option
 from colony.cli.reporting import Format, format_option, is_unreadable
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
-from colony.cli.verify.output import finish_output, show
+from colony.cli.verify.output import finish_output, show_rest, show_result
 from colony.cli.verify.progress import progress
 from colony.cli.verify.prover_options import DEFAULT_SECONDS, depth_option, timeout_option
 from colony.cli.verify.tests import check_writable
@@ -116,13 +116,16 @@ def command(
     try:
         for verified in loaded:
             begun.append(verified)
-            with progress() as on_progress, reliable_interrupts():
-                work.run(verified, on_progress)
+            with progress() as (on_progress, pause), reliable_interrupts():
+                for result in work.run(verified, on_progress):
+                    if format_ == "text":
+                        with pause():
+                            show_result(verified, result)
             if format_ == "text":
-                show(verified)
+                show_rest(verified)
     except KeyboardInterrupt:
         if format_ == "text":
-            show(begun[-1])
+            show_rest(begun[-1])
         finish_output(begun, cast(Format, format_), interrupted=True)
         raise
     finish_output(begun, cast(Format, format_))

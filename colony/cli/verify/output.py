@@ -19,28 +19,32 @@ if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
     from colony.text.source import Span
-    from colony.verify.contracts.results import Trace
+    from colony.verify.contracts.results import Result, Trace
 
 
-def show(verified: Verified) -> None:
-    """Print one line per contract, with any refuting run, and the diagnostics on standard error."""
+def show_result(verified: Verified, result: Result) -> None:
+    """Print the line of a contract, with any refuting run."""
+    from colony.verify.contracts.report import lines
+
+    assert verified.program is not None
+    head, *below = lines(verified.program, result)
+    click.echo(f"{verified.file}: {head}")
+    for line in below:
+        click.echo(f"  {line}")
+
+
+def show_rest(verified: Verified) -> None:
+    """Print what was found besides the results of contracts, and the diagnostics on standard error."""
     if verified.program is None:
         if is_unreadable(verified.diagnostics):
             say(one_line(verified.diagnostics[0]))
         else:
             report(verified.diagnostics)
         return
-    from colony.verify.contracts.prove import in_order
-    from colony.verify.contracts.report import lines
     from colony.verify.lints.report import run_lines
 
     if not verified.program.contracts:
         click.echo(f"{verified.file}: no contracts found")
-    for result in in_order(verified.program, verified.results):
-        head, *below = lines(verified.program, result)
-        click.echo(f"{verified.file}: {head}")
-        for line in below:
-            click.echo(f"  {line}")
     for finding in verified.findings:
         for line in run_lines(verified.program, finding):
             click.echo(f"{verified.file}: {line}" if not line.startswith(" ") else f"  {line}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Protocol
 
 
@@ -16,11 +16,19 @@ class ReportProgress(Protocol):
         ...
 
 
+class Pause(Protocol):
+    """A function that returns a context in which nothing of the progress is on the screen."""
+
+    def __call__(self) -> AbstractContextManager[None]:
+        """Return the context."""
+        ...
+
+
 @contextmanager
-def progress() -> Iterator[ReportProgress]:
+def progress() -> Iterator[tuple[ReportProgress, Pause]]:
     """Show a progress bar inside the `with` if standard error is a terminal."""
     if not sys.stderr.isatty():
-        yield lambda completed, total, current: None
+        yield (lambda completed, total, current: None), nullcontext
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -34,7 +42,15 @@ def progress() -> Iterator[ReportProgress]:
         transient=True,
     )
     task = display.add_task("", total=None)
+
+    @contextmanager
+    def pause() -> Iterator[None]:
+        display.stop()
+        yield
+        display.start()
+
+    def report(completed: int, total: int, current: str) -> None:
+        display.update(task, completed=completed, total=total, description=current)
+
     with display:
-        yield lambda completed, total, current: display.update(
-            task, completed=completed, total=total, description=current
-        )
+        yield report, pause

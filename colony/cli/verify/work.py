@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from collections.abc import Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -15,7 +17,8 @@ from colony.text.diagnostics import DiagnosticError
 if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
-    from colony.verify.contracts.results import Refuted, Result
+    from colony.verify.contracts.proof_cache import ProofCache
+    from colony.verify.contracts.results import Options, Refuted, Result
     from colony.verify.lints.finding import Finding
     from colony.verify.symbolic.system import Shape
     from colony.verify.testing.differential import Report
@@ -81,6 +84,17 @@ def load(file: str, *, write_test: bool) -> Verified:
     return Verified(file, without_assumed(checked.program), [], writes_tests=write_test)
 
 
+@dataclass(slots=True, frozen=False)
+class _Proofs:
+    """What is to be proved of a program, and what is known about it. Mutable."""
+
+    program: Program
+    names: list[str]
+    options: Options
+    cache: ProofCache
+    shapes: dict[str, Shape] = field(default_factory=dict)
+
+
 @dataclass(slots=True, frozen=True, kw_only=True)
 class Work:
     """The options of `colony verify` that determine the work on each file."""
@@ -93,41 +107,45 @@ class Work:
     seed: int
     faults: bool
 
-    def run(self, verified: Verified, on_progress: ReportProgress) -> None:
-        """Do all of the work on a file."""
+    def run(self, verified: Verified, on_progress: ReportProgress) -> Iterator[Result]:
+        """Do all of the work on a file, and yield the result of each contract when it is known."""
         if verified.program is None:
             return
-        shapes: dict[str, Shape] = {}
-        self._contracts(verified, verified.program, shapes, on_progress)
-        self._lints(verified, verified.program, shapes, on_progress)
+        from colony.verify.contracts.proof_cache import ProofCache, cache_folder
+        from colony.verify.contracts.results import Options
+
+        program, options = verified.program, Options.within(self.timeout, depth=self.depth)
+        names = [c.name for c in program.contracts if not self.names or c.name in self.names]
+        cache = ProofCache(cache_folder(os.environ), program, options, names)
+        proofs = _Proofs(program, names, options, cache)
+        yield from self._contracts(verified, proofs, on_progress)
+        self._lints(verified, proofs, on_progress)
         if self.examples:
             self._examples(verified, verified.program, on_progress)
 
     def _contracts(
-        self, verified: Verified, program: Program, shapes: dict[str, Shape], on_progress: ReportProgress
-    ) -> None:
+        self, verified: Verified, proofs: _Proofs, on_progress: ReportProgress
+    ) -> Iterator[Result]:
         from colony.verify.contracts.disturbances import with_operator_runs
         from colony.verify.contracts.prove import results
         from colony.verify.contracts.report import finding
-        from colony.verify.contracts.results import Options, Proved
+        from colony.verify.contracts.results import Proved
 
-        names = [c.name for c in program.contracts if not self.names or c.name in self.names]
-        options = Options.within(self.timeout, depth=self.depth)
+        program, names = proofs.program, proofs.names
         on_progress(0, len(names), names[0] if names else "")
-        for result in results(program, names, options, shapes):
+        for result in results(program, names, proofs.options, proofs.shapes, proofs.cache):
             if isinstance(result, Proved) and not result.operators and result.contract.name in self.why:
                 result = with_operator_runs(program, result)
             verified.results.append(result)
             diagnostic = finding(result, verified.suggested_file)
             verified.diagnostics += [diagnostic] if diagnostic else []
+            yield result
             count = len(verified.results)
             on_progress(count, len(names), names[count] if count < len(names) else "what can never act")
         if verified.writes_tests:
             append_tests(verified.file, program, verified.refuted)
 
-    def _lints(
-        self, verified: Verified, program: Program, shapes: dict[str, Shape], on_progress: ReportProgress
-    ) -> None:
+    def _lints(self, verified: Verified, proofs: _Proofs, on_progress: ReportProgress) -> None:
         if self.names:
             return
         from colony.verify.contracts.results import RESOURCES_PER_SECOND
@@ -138,10 +156,14 @@ class Work:
         def on_question(number: int) -> None:
             on_progress(done, done, f"what can never act: question {number}")
 
-        effort = Effort(round(_LINT_FACTOR * self.timeout * RESOURCES_PER_SECOND), on_question)
-        verified.findings += lint(program, effort, shapes)
-        verified.diagnostics += [f.diagnostic for f in verified.findings]
-        verified.undecided_questions = effort.questions_skipped
+        known = proofs.cache.found("lints", tuple)
+        if known is None:
+            effort = Effort(round(_LINT_FACTOR * self.timeout * RESOURCES_PER_SECOND), on_question)
+            known = lint(proofs.program, effort, proofs.shapes), effort.questions_skipped
+            proofs.cache.keep_found("lints", known)
+        findings, verified.undecided_questions = known
+        verified.findings += findings
+        verified.diagnostics += [f.diagnostic for f in findings]
 
     def _examples(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
         from colony.cli.verify.examples import findings, reports

@@ -23,7 +23,7 @@ from colony.verify.contracts.cone import cone_of
 from colony.verify.contracts.explain import explain_unknown
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
-from colony.verify.contracts.results import Options, Proved, ProvedInTime, Trace, Unknown
+from colony.verify.contracts.results import Options, OverReals, Proved, ProvedInTime, Trace, Unknown
 from colony.verify.contracts.search import called_modules
 from colony.verify.contracts.solver import Budget, OnCharge
 from colony.verify.symbolic.disturbing import claim_name, encode_disturbed
@@ -56,10 +56,13 @@ def with_operator_runs(program: Program, proved: Proved) -> Proved:
 class Confirmer:
     """Proves proved contracts of one program under disturbances. Stateful: remembers what it has proved.
 
-    `usual` is the context in which contracts are proved while nothing disturbs them.
+    `usual` is the context in which contracts of `program` are proved while nothing disturbs them.
     """
 
-    def __init__(self, usual: ProofContext, options: Options, on_charge: OnCharge | None = None) -> None:
+    def __init__(
+        self, program: Program, usual: ProofContext, options: Options, on_charge: OnCharge | None = None
+    ) -> None:
+        self._program = program
         self._usual = usual
         self._options = options
         self._on_charge = on_charge
@@ -86,6 +89,16 @@ class Confirmer:
             if not over_reals:
                 context.record_proof(name)
         return context
+
+    def know(self, result: Proved | ProvedInTime | OverReals) -> None:
+        """Use what was proved before."""
+        proved = result.proof if isinstance(result, OverReals) else result
+        if isinstance(proved, ProvedInTime):
+            self._record(proved.contract.name, proved.in_time.over_reals)
+            return
+        disturbances = Disturbance if proved.operators else (Disturbance.LATE,)
+        for name in (proved.contract.name, *(claim_name(proved.contract.name, d) for d in disturbances)):
+            self._record(name, proved.over_reals)
 
     def confirm(self, proved: Proved) -> Proved | ProvedInTime:
         """Prove a contract under each disturbance, within budgets of their own."""
@@ -224,7 +237,7 @@ class Confirmer:
     def _refuter(self, contract: Contract, name: str) -> Refuter:
         context = self._context
         late = context.system.disturbances[Disturbance.LATE]
-        return Refuter(context.system.program, contract.name, called_modules(context.cones[name]), late)
+        return Refuter(self._program, contract.name, called_modules(context.cones[name]), late)
 
     def _budget(self, share: float) -> Budget:
         return Budget(self._options, self._on_charge, share)

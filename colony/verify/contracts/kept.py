@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from colony.ir.program import Program, without_assumed
-from colony.verify.contracts.proof_cache import ProofCache, content_key
-from colony.verify.contracts.prove import results
+from colony.verify.contracts.proof_cache import ProofCache
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.report import verdict_key
 from colony.verify.contracts.results import Options, Result, Trace, trace_of
@@ -47,7 +47,7 @@ def kept_proofs(
     own: Program | None,
     program: Program,
     *,
-    cache: ProofCache,
+    folder: Path | None,
     options: Options,
     on_progress: OnProgress,
 ) -> KeptProofs:
@@ -57,22 +57,19 @@ def kept_proofs(
         own: the program with its own values; None if it has errors with them. Every contract has then to be
             proved.
         program: the program with the values of the site.
-        cache: verdicts of before.
+        folder: the cache of proofs, if there is one.
         options: the effort for each contract.
         on_progress: a function that is called before each contract; not if the cache has all verdicts.
     """
     names = [c.name for c in without_assumed(program).contracts]
-    prover = _Prover(cache, options, on_progress)
+    prover = _Prover(folder, options, on_progress)
     before = dict.fromkeys(names, "proved_in_time") if own is None else prover.verdicts(own, names)
     needed = [name for name in names if name in before and before[name] in _RANKS]
+    found = prover.prove(program, needed)
 
     def stays(name: str, verdict: str) -> bool:
         return _RANKS.get(verdict, 0) >= _RANKS[before[name]]
 
-    known = prover.cached(program)
-    if all(name in known and stays(name, known[name]) for name in needed):
-        return KeptProofs(proved=tuple(needed), lost=())
-    found = {result.contract.name: result for result in prover.prove(program, needed)}
     lost = [
         LostProof(before="" if own is None else before[name], result=found[name])
         for name in needed
@@ -84,32 +81,30 @@ def kept_proofs(
 
 @dataclass(frozen=True, slots=True)
 class _Prover:
-    cache: ProofCache
+    folder: Path | None
     options: Options
     on_progress: OnProgress
 
-    def cached(self, program: Program) -> dict[str, str]:
-        return self.cache.verdicts(content_key(program, self.options))
-
     def verdicts(self, program: Program, names: Sequence[str]) -> dict[str, str]:
-        """Return the verdicts of contracts, from the cache if it has all of them."""
-        known = self.cached(program)
-        if all(name in known for name in names):
-            return known
-        return {result.contract.name: verdict_key(result) for result in self.prove(program, names)}
+        """Return the verdicts of contracts."""
+        own_names = {c.name for c in program.contracts}
+        found = self.prove(program, [name for name in names if name in own_names])
+        return {name: verdict_key(result) for name, result in found.items()}
 
-    def prove(self, program: Program, names: Sequence[str]) -> list[Result]:
-        """Prove contracts, and keep their verdicts, which depend on no clock."""
-        found = list(self._results(program, list(names)))
-        verdicts = {result.contract.name: verdict_key(result) for result in found}
-        self.cache.keep(content_key(program, self.options), verdicts)
-        return found
+    def prove(self, program: Program, names: Sequence[str]) -> dict[str, Result]:
+        """Return the results of contracts; the prover is loaded only if one is not known."""
+        cache = ProofCache(self.folder, program, self.options, names)
+        asked = [c for c in program.contracts if c.name in names]
+        known = {c.name: result for c in asked if (result := cache.result(c)) is not None}
+        return known if len(known) == len(asked) else dict(self._proved(program, list(names), cache))
 
-    def _results(self, program: Program, names: list[str]) -> Iterator[Result]:
+    def _proved(self, program: Program, names: list[str], cache: ProofCache) -> Iterator[tuple[str, Result]]:
+        from colony.verify.contracts.prove import results
+
         self.on_progress(0, len(names), "")
-        for count, result in enumerate(results(program, names, self.options), 1):
+        for count, result in enumerate(results(program, names, self.options, cache=cache), 1):
             self.on_progress(count, len(names), result.contract.name)
-            yield result
+            yield result.contract.name, result
 
 
 def blamed(

@@ -1,73 +1,172 @@
-"""Verdicts of contracts on disk, by content: of a program, the prover and its options.
+"""What was found about a program on disk, by content: of the program, the prover and its options.
 
-The cache saves time and decides nothing else: what cannot be read there is proved again, and what cannot be
-written there is not kept.
+A proof is kept for the declarations that its contract depends on, wherever they stand; all else, which names
+places or has runs, for the whole text. The cache saves time and decides nothing: what cannot be read there is
+proved again, and what cannot be written there is not kept.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+import pickle
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache, cached_property
 from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
+from typing import TypeVar
 
-from colony.compile.pipeline import compile_program
-from colony.execute.colonyc import encode
+from colony import verify
 from colony.files import keep_in_cache, read_from_cache, user_cache
-from colony.ir.program import Program
+from colony.ir.expression import Constant
+from colony.ir.program import Contract, Program
+from colony.ir.types import BOOL
 from colony.ir.version import SEMANTICS
-from colony.verify.contracts.results import Options
+from colony.verify.contracts.results import (
+    Options,
+    OverReals,
+    Proved,
+    ProvedInTime,
+    Refuted,
+    Result,
+    Unknown,
+)
+from colony.verify.contracts.slicing import names_of_slices
 
-PROVER = 3
-"""Version of the prover: increment it if it may now refute, or not prove, a contract that it proved."""
+Kept = TypeVar("Kept")
 
-MAX_BYTES = 4 * 1024 * 1024
-"""Byte limit of the verdicts of one program."""
+MAX_BYTES = 16 * 1024 * 1024
+"""Byte limit of a file."""
+
+_MAX_FILES = 4096
+"""Number of files above which the oldest are deleted."""
+
+_NO_CONTRACT = Contract(name="", expression=Constant(type=BOOL, value=True))
 
 
 def cache_folder(environment: Mapping[str, str]) -> Path | None:
-    """Return the folder of verdicts in the user's cache, None if there is no such cache."""
+    """Return the folder of proofs in the user's cache, None if there is no such cache."""
     return user_cache(environment, "proofs")
 
 
-def content_key(program: Program, options: Options) -> str:
-    """Return a text that differs if anything differs on which the verdicts of a program's contracts depend.
+class ProofCache:
+    """What is known about a program if the contracts `names` are proved together.
 
-    Comments and layout count, too, because compiled programs have places; values that nothing reads do not.
+    `folder` may be missing, damaged or read-only; None for no cache.
     """
-    compiled = replace(compile_program(program).compiled, sources=(), root="", site=None)
+
+    def __init__(self, folder: Path | None, program: Program, options: Options, names: Iterable[str]) -> None:
+        self._folder = folder
+        self._program = program
+        self._about = repr((_prover(), SEMANTICS, options))
+        self._names = sorted(names)
+
+    @cached_property
+    def _whole(self) -> str:
+        """The whole program with its texts, and what is to be proved."""
+        texts = [(name, source.text) for name, source in self._program.files]
+        return _digest((self._about, repr(self._program), repr(texts), repr(self._names)))
+
+    @cached_property
+    def _slices(self) -> dict[str, str]:
+        """By contract, what it and the contracts that may help to prove it depend on."""
+        program = self._program
+        declared = {d.name: _digest([repr(d)]) for d in (*program.derived, *program.modules)}
+        declared |= {s.name: _digest([repr(s)]) for s in program.robot.sensors}
+        rest = _digest([repr(replace(program.robot, sensors=())), repr(program.wires), repr(program.limits)])
+        names = names_of_slices(program)
+        return {
+            contract.name: _digest(
+                [
+                    self._about,
+                    rest,
+                    *(declared[name] for name in sorted(names[contract.name]) if name in declared),
+                    *(repr(c) for c in program.contracts if names[c.name] <= names[contract.name]),
+                    contract.name,
+                ]
+            )
+            for contract in program.contracts
+        }
+
+    def result(self, contract: Contract) -> Result | None:
+        """Return the result of a contract, None if it is not known."""
+        for key in (self._slices[contract.name], f"{self._whole}-{contract.name}"):
+            found = self._read(key)
+            if isinstance(found, Result):
+                return _about(found, contract)
+        return None
+
+    def keep(self, result: Result) -> None:
+        """Keep the result of a contract."""
+        name = result.contract.name
+        holds_anywhere = isinstance(result, Proved) and not result.over_reals
+        self._write(
+            self._slices[name] if holds_anywhere else f"{self._whole}-{name}", _about(result, _NO_CONTRACT)
+        )
+
+    def found(self, what: str, kind: type[Kept]) -> Kept | None:
+        """Return what is known about the whole text under a name, None if there is nothing of this kind."""
+        found = self._read(f"{self._whole}-{what}")
+        return found if isinstance(found, kind) else None
+
+    def keep_found(self, what: str, value: object) -> None:
+        """Keep what was found about the whole text."""
+        self._write(f"{self._whole}-{what}", value)
+        if self._folder is not None:
+            _prune(self._folder)
+
+    def _read(self, key: str) -> object:
+        if self._folder is None:
+            return None
+        try:
+            return pickle.loads(read_from_cache(self._folder / f"{_digest([key])}.pickle", MAX_BYTES))
+        except Exception:  # whatever a damaged file makes of it
+            return None
+
+    def _write(self, key: str, value: object) -> None:
+        if self._folder is None:
+            return
+        with suppress(OSError):
+            keep_in_cache(self._folder / f"{_digest([key])}.pickle", pickle.dumps(value))
+
+
+def _about(result: Result, contract: Contract) -> Result:
+    """Return a result as one about `contract`, which differs in places alone."""
+    match result:
+        case Proved() | Refuted() | Unknown():
+            return replace(result, contract=contract)
+        case ProvedInTime(in_time=in_time):
+            return replace(result, contract=contract, in_time=replace(in_time, contract=contract))
+        case OverReals(proof=proof):
+            about = _about(proof, contract)
+            assert isinstance(about, Proved | ProvedInTime)
+            return replace(result, contract=contract, proof=about)
+
+
+def _digest(texts: Iterable[str]) -> str:
+    digest = sha256()
+    for text in texts:
+        digest.update(sha256(text.encode("utf-8", "surrogatepass")).digest())
+    return digest.hexdigest()
+
+
+@cache
+def _prover() -> str:
+    """Return a text that differs if the prover does."""
     try:
         solver = metadata.version("z3-solver")
     except metadata.PackageNotFoundError:
         solver = ""
-    about = json.dumps([PROVER, SEMANTICS, solver, repr(options)])
-    return sha256(about.encode() + b"\0" + encode(compiled)).hexdigest()
+    folder = Path(verify.__file__).parent
+    files = [(str(f.relative_to(folder)), f.stat()) for f in sorted(folder.rglob("*.py"))]
+    return repr((solver, [(name, status.st_size, status.st_mtime_ns) for name, status in files]))
 
 
-class ProofCache:
-    """Verdicts in a folder, which may be missing, damaged or read-only; None for no cache."""
-
-    def __init__(self, folder: Path | None) -> None:
-        self._folder = folder
-
-    def verdicts(self, key: str) -> dict[str, str]:
-        """Return the verdicts, as JSON has them, by contract; none if there are none that can be read."""
-        if self._folder is None:
-            return {}
-        try:
-            found = json.loads(read_from_cache(self._folder / f"{key}.json", MAX_BYTES))
-        except (OSError, ValueError, RecursionError):
-            return {}
-        if not isinstance(found, dict) or not all(isinstance(v, str) for v in found.values()):
-            return {}
-        return found
-
-    def keep(self, key: str, verdicts: Mapping[str, str]) -> None:
-        """Write verdicts, whole or not at all."""
-        if self._folder is None:
-            return
-        with suppress(OSError):
-            keep_in_cache(self._folder / f"{key}.json", json.dumps(dict(verdicts)).encode())
+def _prune(folder: Path) -> None:
+    """Delete the older half of the files if there are too many."""
+    with suppress(OSError):
+        files = list(folder.glob("*.pickle"))
+        if len(files) > _MAX_FILES:
+            for file in sorted(files, key=lambda f: f.stat().st_mtime)[: len(files) // 2]:
+                file.unlink()

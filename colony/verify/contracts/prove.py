@@ -23,6 +23,7 @@ from colony.verify.contracts.attempt import Attempt, Proof
 from colony.verify.contracts.concrete_runs import LongRuns
 from colony.verify.contracts.disturbances import Confirmer
 from colony.verify.contracts.explain import explain_unknown
+from colony.verify.contracts.proof_cache import ProofCache
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import (
@@ -36,6 +37,7 @@ from colony.verify.contracts.results import (
     Unknown,
 )
 from colony.verify.contracts.search import called_modules
+from colony.verify.contracts.slicing import slice_of
 from colony.verify.contracts.solver import Budget, OnCharge
 from colony.verify.contracts.whole import whole_numbers
 from colony.verify.symbolic.encode import encode
@@ -69,26 +71,38 @@ def results(
     names: list[str],
     options: Options | None = None,
     shapes: dict[str, Shape] | None = None,
+    cache: ProofCache | None = None,
 ) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known.
 
-    `shapes` receives those of the program's memory.
+    `shapes` receives those of the program's memory. What `cache` knows is not proved again.
 
     Proved contracts help to prove the others: one that stays unknown is tried again at the end if others were
     proved after it, so the order in which contracts are written matters little.
     """
     program = without_assumed(program)
-    prover = Prover(program, options or Options(), shapes=shapes)
+    asked = [c for c in program.contracts if c.name in names]
+    known = {} if cache is None else {c.name: r for c in asked if (r := cache.result(c)) is not None}
+    prover = Prover(program, options or Options(), shapes=shapes, encoded=slice_of(program, *asked))
+    for result in known.values():
+        prover.know(result)
+
+    def found(result: Result) -> Result:
+        if cache is not None:
+            cache.keep(result)
+        return result
+
     open_results: list[tuple[int, Result]] = []
-    for contract in program.contracts:
-        if contract.name in names:
-            result = prover.prove_disturbed(contract)
-            if _is_open(result):
-                open_results.append((prover.proofs, result))
-            else:
-                yield result
+    for contract in asked:
+        result = known.get(contract.name) or prover.prove_disturbed(contract)
+        if contract.name in known:
+            yield result
+        elif _is_open(result):
+            open_results.append((prover.proofs, result))
+        else:
+            yield found(result)
     for proofs_before, result in open_results:
-        yield prover.prove_disturbed(result.contract) if prover.proofs > proofs_before else result
+        yield found(prover.prove_disturbed(result.contract) if prover.proofs > proofs_before else result)
 
 
 def _is_open(result: Result) -> bool:
@@ -103,7 +117,8 @@ class Prover:
 
     `on_charge` receives the cost of each query. `known` are proved shapes of numbers in memory, `long_runs`
     those of the program, if another prover has them. `shapes` are those found for programs with the same
-    memory; what is found is added.
+    memory; what is found is added. `encoded` is the part of the program that the contracts to be proved
+    depend on.
     """
 
     def __init__(
@@ -114,8 +129,11 @@ class Prover:
         known: Mapping[str, Shape] | None = None,
         long_runs: LongRuns | None = None,
         shapes: dict[str, Shape] | None = None,
+        encoded: Program | None = None,
     ) -> None:
         self._known = known
+        self._encoded = program if encoded is None else encoded
+        self._known_results: list[Proved | ProvedInTime | OverReals] = []
         self._shapes = {} if shapes is None else shapes
         self._program = program
         self._options = options
@@ -126,23 +144,28 @@ class Prover:
 
     @cached_property
     def _usual(self) -> ProofContext:
-        system = encode(self._program, known=self._known or {}, guess=self._shapes)
+        system = encode(self._encoded, known=self._known or {}, guess=self._shapes)
         self._shapes |= {} if self._known else system.shapes
-        return ProofContext(system)
+        context = ProofContext(system)
+        for name in self._results:
+            context.record_proof(name)
+        return context
 
     @cached_property
     def _with_whole_numbers(self) -> Prover | None:
         """The prover with more numbers known to be whole and bounded; None if there are no more."""
         if self._known is not None:
             return None
-        found = whole_numbers(self._program, self._usual.system, self._options, self._on_charge)
+        found = whole_numbers(self._encoded, self._usual.system, self._options, self._on_charge)
         if not found:
             return None
-        return Prover(self._program, self._options, self._on_charge, found, self._long_runs)
+        return Prover(
+            self._program, self._options, self._on_charge, found, self._long_runs, encoded=self._encoded
+        )
 
     @cached_property
     def _precise(self) -> ProofContext:
-        return ProofContext(encode(self._program, precise=True, known=self._usual.system.shapes))
+        return ProofContext(encode(self._encoded, precise=True, known=self._usual.system.shapes))
 
     @cached_property
     def _general(self) -> ProofContext:
@@ -154,12 +177,24 @@ class Prover:
 
     @cached_property
     def _confirmer(self) -> Confirmer:
-        return Confirmer(self._usual, self._options, self._on_charge)
+        confirmer = Confirmer(self._program, self._usual, self._options, self._on_charge)
+        for result in self._known_results:
+            confirmer.know(result)
+        return confirmer
 
     @property
     def proofs(self) -> int:
         """Number of proofs so far, those under a disturbance included."""
         return len(self._results) + self._confirmer.proved
+
+    def know(self, result: Result) -> None:
+        """Use what was proved before."""
+        if isinstance(result, Refuted | Unknown):
+            return
+        self._known_results.append(result)
+        proved = result if isinstance(result, Proved) else result.in_time
+        name = proved.contract.name
+        self._results[name], self._over_reals[name] = proved, proved.over_reals
 
     def prove_disturbed(self, contract: Contract) -> Result:
         """Prove or refute a contract, also while clients are late or lost, and while connections command."""

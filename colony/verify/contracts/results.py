@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self, assert_never
+from typing import TYPE_CHECKING, Self, assert_never
 
 from colony.ir.frame import Outcome
 from colony.ir.program import Contract
 from colony.verify.snapshot import Snapshot
-from colony.verify.symbolic.system import Reason
+
+if TYPE_CHECKING:
+    from colony.verify.symbolic.system import Reason
 
 RESOURCES_PER_SECOND = 7_200_000
 """Number of z3's resource units that take about a second on an ordinary machine.

@@ -1,48 +1,58 @@
-"""Slices (Weiser, 1981): the part of a program that a contract depends on, as a program of its own.
+"""Slices (Weiser, 1981): the part of a program that contracts depend on, as a program of its own.
 
 What is drawn for a slice does not depend on declarations that have nothing to do with the contract.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 from colony.ir import expression as ir
 from colony.ir.program import Chain, Contract, Module, Program, Wire, Wiring
 from colony.ir.walk import expressions_of, expressions_of_derived
 
 
-def slice_of(program: Program, contract: Contract) -> Program:
-    """Return the program without its tests, other contracts, and all that the contract does not depend on."""
-    needed = _Needed(program)
-    needed.add(contract.expression)
+def slice_of(program: Program, *contracts: Contract) -> Program:
+    """Return the program without its tests, other contracts, and all that these do not depend on."""
+    names, actuators = _Dependencies(program).behind(c.expression for c in contracts)
     robot = replace(
         program.robot,
-        sensors=tuple(s for s in program.robot.sensors if s.name in needed.names),
-        actuators=tuple(a for a in program.robot.actuators if a.name in needed.actuators),
+        sensors=tuple(s for s in program.robot.sensors if s.name in names),
+        actuators=tuple(a for a in program.robot.actuators if a.name in actuators),
     )
+
+    def is_needed(wire: Wire) -> bool:
+        return wire.name in names if wire.actuator is None else wire.actuator in actuators
+
     return replace(
         program,
         robot=robot,
-        derived=tuple(d for d in program.derived if d.name in needed.names),
-        modules=tuple(m for m in program.modules if m.name in needed.names),
-        wires=tuple(w for w in program.wires if _is_needed(w, needed)),
-        limits=tuple(limit for limit in program.limits if limit.actuator in needed.actuators),
-        contracts=(contract,),
+        derived=tuple(d for d in program.derived if d.name in names),
+        modules=tuple(m for m in program.modules if m.name in names),
+        wires=tuple(w for w in program.wires if is_needed(w)),
+        limits=tuple(limit for limit in program.limits if limit.actuator in actuators),
+        contracts=contracts,
         tests=(),
     )
 
 
-def _is_needed(wire: Wire, needed: _Needed) -> bool:
-    return wire.name in needed.names if wire.actuator is None else wire.actuator in needed.actuators
+def names_of_slices(program: Program) -> dict[str, frozenset[str]]:
+    """Return, by contract, the names of all that its slice declares."""
+    dependencies = _Dependencies(program)
+    return {c.name: frozenset().union(*dependencies.behind([c.expression])) for c in program.contracts}
 
 
-class _Needed:
-    """The names that expressions depend on, through declarations. Mutable.
+class _Needs(NamedTuple):
+    """Names of sensors, derived values, modules and wires, and of actuators."""
 
-    `names` are those of sensors, derived values, modules and wires; `actuators` those of actuators.
-    """
+    names: frozenset[str]
+    actuators: frozenset[str]
+
+
+class _Dependencies:
+    """What the declarations of a program depend on. Mutable: each is walked when first asked for."""
 
     def __init__(self, program: Program) -> None:
         self._sensors = {s.name: s for s in program.robot.sensors}
@@ -57,65 +67,65 @@ class _Needed:
         self._wires = {w.name: w for w in program.wires if w.actuator is None}
         self._wirings = {w.actuator: w for w in program.wires if w.actuator is not None}
         self._limits = program.limits
-        self.names: set[str] = set()
-        self.actuators: set[str] = set()
+        self._direct: dict[tuple[str, bool], _Needs] = {}  # by name, and whether it is an actuator
 
-    def add(self, expression: ir.Expression) -> None:
-        """Add all that an expression depends on."""
-        pending = [expression]
+    def behind(self, expressions: Iterable[ir.Expression]) -> _Needs:
+        """Return all that expressions depend on."""
+        names, actuators = set[str](), set[str]()
+        pending = [self._of(expressions)]
         while pending:
-            for node in ir.subexpressions(pending.pop()):
-                pending.extend(self._read_by(node))
+            found = pending.pop()
+            pending += [self._of_name(name) for name in found.names - names]
+            pending += [self._of_actuator(name) for name in found.actuators - actuators]
+            names |= found.names
+            actuators |= found.actuators
+        return _Needs(frozenset(names), frozenset(actuators))
 
-    def _read_by(self, node: ir.Expression) -> Iterator[ir.Expression]:
-        match node:
-            case ir.SensorValue(name=name) | ir.Fresh(name=name):
-                yield from self._name(name)
-            case ir.DerivedValue(name=name) | ir.StateValue(name=name) | ir.LocalValue(name=name):
-                yield from self._name(self._owners.get(name, name))
-            case ir.IsActive(name=name):
-                yield from self._name(name)
-            case (
-                ir.SentField(actuator=actuator)
-                | ir.WonBy(actuator=actuator)
-                | ir.IsCommanded(actuator=actuator)
-                | ir.IsIdle(actuator=actuator)
-            ):
-                yield from self._actuator(actuator)
-            case _:
-                pass
+    def _of(self, expressions: Iterable[ir.Expression], *more: str, actuator: str | None = None) -> _Needs:
+        """Return what expressions name, besides `more` names and an actuator."""
+        names, actuators = {*more}, {actuator} if actuator is not None else set()
+        for expression in expressions:
+            for node in ir.subexpressions(expression):
+                match node:
+                    case ir.SensorValue(name=name) | ir.Fresh(name=name) | ir.IsActive(name=name):
+                        names.add(name)
+                    case ir.DerivedValue(name=name) | ir.StateValue(name=name) | ir.LocalValue(name=name):
+                        names.add(self._owners.get(name, name))
+                    case (
+                        ir.SentField(actuator=sent)
+                        | ir.WonBy(actuator=sent)
+                        | ir.IsCommanded(actuator=sent)
+                        | ir.IsIdle(actuator=sent)
+                    ):
+                        actuators.add(sent)
+                    case _:
+                        pass
+        return _Needs(frozenset(names), frozenset(actuators))
 
-    def _name(self, name: str) -> Iterator[ir.Expression]:
-        """Add a sensor, derived value, module or wire; yield the expressions that it is computed from."""
-        if name in self.names:
-            return
-        self.names.add(name)
+    def _of_name(self, name: str) -> _Needs:
+        """Return what a sensor, derived value, module or wire is computed from."""
+        if (name, False) not in self._direct:
+            self._direct[name, False] = self._compute(name)
+        return self._direct[name, False]
+
+    def _compute(self, name: str) -> _Needs:
         if name in self._sensors:
             sent = self._sensors[name].sent
-            yield from () if sent is None else self._actuator(sent[0])
-        elif name in self._derived:
-            yield from expressions_of_derived(self._derived[name])
-        elif name in self._modules:
+            return self._of((), actuator=None if sent is None else sent[0])
+        if name in self._derived:
+            return self._of(expressions_of_derived(self._derived[name]))
+        if name in self._modules:
             module = self._modules[name]
-            yield from expressions_of(module)
-            yield from () if module.actuator is None else self._actuator(module.actuator)
-        else:
-            yield from self._used(self._wires[name].wiring)
+            return self._of(expressions_of(module), actuator=module.actuator)
+        return self._of((), *_uses(self._wires[name].wiring))
 
-    def _actuator(self, name: str) -> Iterator[ir.Expression]:
-        if name in self.actuators:
-            return
-        self.actuators.add(name)
-        if name in self._wirings:
-            yield from self._used(self._wirings[name].wiring)
-        for limit in self._limits:
-            if limit.actuator == name:
-                yield limit.bound
-                yield from () if limit.condition is None else (limit.condition,)
-
-    def _used(self, wiring: Wiring) -> Iterator[ir.Expression]:
-        for name in _uses(wiring):
-            yield from self._name(name)
+    def _of_actuator(self, name: str) -> _Needs:
+        if (name, True) not in self._direct:
+            limits = [limit for limit in self._limits if limit.actuator == name]
+            read = [e for x in limits for e in (x.bound, x.condition) if e is not None]
+            uses = _uses(self._wirings[name].wiring) if name in self._wirings else ()
+            self._direct[name, True] = self._of(read, *uses)
+        return self._direct[name, True]
 
 
 def _uses(wiring: Wiring) -> Iterable[str]:

@@ -44,10 +44,11 @@ def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
         pending += behind.leaves - leaves
         leaves |= behind.leaves
     facts.sort(key=lambda fact: fact.position)
-    constants = sorted((graph.constant(leaf) for leaf in leaves - graph.cells.keys()), key=itemgetter(0))
+    cells = {c.old.get_id(): c for c in system.cells}
+    constants = sorted((graph.constant(leaf) for leaf in leaves - cells.keys()), key=itemgetter(0))
     return Cone(
         system=system,
-        cells=tuple(c for key, c in graph.cells.items() if key in leaves),
+        cells=tuple(c for key, c in cells.items() if key in leaves),
         definitions=tuple(f.formula for f in facts if f.kind is FactKind.DEFINITION),
         assumptions=tuple(f.formula for f in facts if f.kind is FactKind.ASSUMPTION),
         invariants=tuple(f.formula for f in facts if f.kind is FactKind.INVARIANT),

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import z3
 from z3 import z3core
 
-if TYPE_CHECKING:
-    from colony.verify.symbolic.system import Cell, Fact
+
+class _Cell(Protocol):
+    @property
+    def old(self) -> z3.ExprRef: ...
+    @property
+    def next(self) -> z3.ExprRef: ...
+
+
+class _Fact(Protocol):
+    @property
+    def formula(self) -> z3.BoolRef: ...
 
 
 class Reach(NamedTuple):
@@ -20,14 +29,11 @@ class Reach(NamedTuple):
 
 
 class Graph:
-    """The structure of terms, recorded when they are first added. Mutable. Keeps terms alive.
+    """The structure of terms, recorded when they are first added. Mutable. Keeps terms alive."""
 
-    `cells` gives the cells of memory by the ids of their old values.
-    """
-
-    def __init__(self, cells: Iterable[Cell]) -> None:
-        self.cells = {cell.old.get_id(): cell for cell in cells}
-        self._behind: dict[int, tuple[Sequence[Fact], Reach]] = {}
+    def __init__(self, cells: Iterable[_Cell]) -> None:
+        self._cells = {cell.old.get_id(): cell for cell in cells}
+        self._behind: dict[int, tuple[Sequence[_Fact], Reach]] = {}
         self._operands: dict[int, tuple[int, ...]] = {}
         self._constants: dict[int, tuple[str, z3.ExprRef]] = {}
         self._kept: list[z3.ExprRef] = []
@@ -78,13 +84,13 @@ class Graph:
                 leaves.add(key)
         return Reach(frozenset(visited), frozenset(leaves))
 
-    def behind(self, leaf: int, facts: Sequence[Fact]) -> Reach:
+    def behind(self, leaf: int, facts: Sequence[_Fact]) -> Reach:
         """Return what is in the facts about a constant, and if it is a cell, in its value after the frame."""
         known = self._behind.get(leaf)
         if known is not None and known[0] is facts:
             return known[1]
         formulas = [fact.formula for fact in facts]
-        cell = self.cells.get(leaf)
+        cell = self._cells.get(leaf)
         found = self.reach(self.add(formulas if cell is None else [cell.next, *formulas]))
         self._behind[leaf] = (facts, found)
         return found

@@ -10,7 +10,7 @@ from colony.dsl.load import check_text
 from colony.dsl.site_reading import params_from_values
 from colony.ir.program import Program
 from colony.verify.contracts.kept import KeptProofs, blamed, kept_proofs
-from colony.verify.contracts.proof_cache import ProofCache, cache_folder, content_key
+from colony.verify.contracts.proof_cache import cache_folder
 from colony.verify.contracts.results import Options, Refuted
 
 TEXT = """language 2
@@ -37,15 +37,17 @@ def program(**values: object) -> Program:
 
 
 def kept(
-    own: Program | None, site: Program, cache: ProofCache
+    own: Program | None, site: Program, folder: Path | None
 ) -> tuple[KeptProofs, list[tuple[int, int, str]]]:
     calls: list[tuple[int, int, str]] = []
-    found = kept_proofs(own, site, cache=cache, options=OPTIONS, on_progress=lambda *call: calls.append(call))
+    found = kept_proofs(
+        own, site, folder=folder, options=OPTIONS, on_progress=lambda *call: calls.append(call)
+    )
     return found, calls
 
 
 def test_a_contract_that_was_proved_stays_proved(tmp_path: Path) -> None:
-    cache = ProofCache(tmp_path / "deep" / "down")
+    cache = tmp_path / "deep" / "down"
     site = program(cruising="200 mm/s")
     found, calls = kept(program(), site, cache)
     assert found == KeptProofs(proved=("slowly",), lost=())
@@ -53,19 +55,19 @@ def test_a_contract_that_was_proved_stays_proved(tmp_path: Path) -> None:
     assert kept(program(), site, cache) == (found, [])
 
 
-def test_one_that_does_not_is_lost_and_its_run_is_found_again(tmp_path: Path) -> None:
-    cache = ProofCache(tmp_path)
-    for _ in range(2):
+def test_one_that_does_not_is_lost_and_its_run_is_known_again(tmp_path: Path) -> None:
+    cache = tmp_path
+    for is_first in (True, False):
         found, calls = kept(program(), program(cruising="200 mm/s", boost=2), cache)
         assert found.proved == ()
         [lost] = found.lost
         assert (lost.before, lost.result.contract.name) == ("proved", "slowly")
         assert isinstance(lost.result, Refuted)
-        assert calls
+        assert bool(calls) == is_first
 
 
 def test_without_a_program_of_its_own_every_contract_must_be_proved() -> None:
-    found, _ = kept(None, program(), ProofCache(None))
+    found, _ = kept(None, program(), None)
     assert found.proved == ("slowly",)
     assert [lost.result.contract.name for lost in found.lost] == ["never"]
 
@@ -79,30 +81,13 @@ def test_without_a_program_of_its_own_every_contract_must_be_proved() -> None:
     ],
 )
 def test_the_values_that_break_a_contract(values: dict[str, object], guilty: set[str]) -> None:
-    found, _ = kept(program(), program(**values), ProofCache(None))
+    found, _ = kept(program(), program(**values), None)
     [lost] = found.lost
 
     def with_only(names: frozenset[str]) -> Program:
         return program(**{name: value for name, value in values.items() if name in names})
 
     assert blamed(lost.result, list(values), with_only) == guilty
-
-
-def test_the_key_is_of_what_is_proved() -> None:
-    key = content_key(program(), OPTIONS)
-    assert key == content_key(program(cruising="0.1 m/s", boost="1"), OPTIONS)
-    assert key != content_key(program(boost=2), OPTIONS)
-    assert key != content_key(program(), Options(depth=5))
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"slowly": 1}', "[" * 100_000])
-def test_a_damaged_entry_is_none(tmp_path: Path, text: str) -> None:
-    (tmp_path / "key.json").write_text(text)
-    cache = ProofCache(tmp_path)
-    assert cache.verdicts("key") == {}
-    cache.keep("key", {"slowly": "proved"})
-    assert cache.verdicts("key") == {"slowly": "proved"}
-    assert [path.name for path in tmp_path.iterdir()] == ["key.json"]
 
 
 def test_the_folder_is_that_of_the_user() -> None:
