@@ -27,15 +27,22 @@ _PASSES = 8
 _MAX_DIGITS = 6
 
 
-def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int | None = None) -> Trace:
+def minimize(
+    replay: Replay,
+    snapshots: Sequence[Snapshot],
+    patience: int | None = None,
+    sliced: Replay | None = None,
+) -> Trace:
     """Return a minimal trace whose last frame breaks the contract, from `snapshots`, which break it.
 
     `patience` is the maximum number of frames that the interpreter computes, by default more for a long run.
+    It computes them of `sliced`, if given: the part of the program on which the contract depends.
     """
-    robot, broken = replay.program.robot, tuple(snapshots)[: len(replay.run(snapshots))]
+    sliced = replay if sliced is None else sliced
+    robot, broken = sliced.program.robot, tuple(snapshots)[: len(sliced.run(snapshots))]
     if patience is None:
-        patience = max(replay.affordable_runs(_PATIENCE), _PASSES * len(broken))
-    shrinker = Shrinker(robot, broken, replay.breach, _SimplerReadings(), patience)
+        patience = max(sliced.affordable_runs(_PATIENCE), _PASSES * len(broken))
+    shrinker = Shrinker(robot, broken, sliced.breach, _SimplerReadings(), patience)
     shrinker.run()
     shrinker.take(tuple(s._replace(restarted=False) for s in shrinker.trace))
     for module in dict.fromkeys(m for s in shrinker.trace for m in s.answers):
@@ -47,7 +54,7 @@ def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int | None
     return Trace(
         snapshots=shrinker.trace,
         outcomes=replay.run(shrinker.trace),
-        needed_missing=tuple(_needed_missing(replay, shrinker.trace)),
+        needed_missing=tuple(_needed_missing(sliced, shrinker.trace)),
         unknown=facts.unknown,
         found=facts.found,
         cause=replay.cause(shrinker.trace),

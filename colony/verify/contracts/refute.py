@@ -7,6 +7,7 @@ a comparison often breaks the contract once its numbers are rounded.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from functools import cached_property
 
 from colony.execute.validity import MAX_TIME_NS
 from colony.ir.program import Program, PythonModule, Sensor
@@ -66,7 +67,7 @@ class Refuter:
         exact = snapshots(candidate.model, unrolling, candidate.frames, self._late)
         for variant in self._variants(exact):
             if replay.breaks(variant):
-                return minimize(replay, variant)
+                return self._minimal(replay, variant)
         self.spurious_models += 1
         self._models_tried[candidate.frames] = self._models_tried.get(candidate.frames, 0) + 1
         return None
@@ -76,16 +77,28 @@ class Refuter:
 
         Long runs and tests are tried first, unless there is a disturbance.
         """
-        replay, slice_ = self._replay_without_python, slice_of(self._program, self._contract)
+        replay = self._replay_without_python
         if self._long_runs is not None and disturbance is None:
             broken = self._long_runs.breaking(self._contract.name)
-            read = {s.name for s in slice_.robot.sensors}
-            found = tuple(_with_only(snapshot, read) for snapshot in broken or ())
+            found = tuple(_within(snapshot, self._slice) for snapshot in broken or ())
             if replay.breaks(found):
-                return minimize(replay, found)
-        uncalled = [m.name for m in slice_.modules if m.name in replay.uncalled]
-        drawn = drawn_counterexample(slice_, Replay(slice_, self._contract.name, uncalled), disturbance)
-        return minimize(replay, drawn) if drawn is not None and replay.breaks(drawn) else None
+                return self._minimal(replay, found)
+        drawn = drawn_counterexample(self._slice, self._sliced(replay), disturbance)
+        return self._minimal(replay, drawn) if drawn is not None and replay.breaks(drawn) else None
+
+    @cached_property
+    def _slice(self) -> Program:
+        return slice_of(self._program, self._contract)
+
+    def _sliced(self, replay: Replay) -> Replay:
+        uncalled = [m.name for m in self._slice.modules if m.name in replay.uncalled]
+        return Replay(self._slice, self._contract.name, uncalled)
+
+    def _minimal(self, replay: Replay, snapshots: tuple[Snapshot, ...]) -> Trace:
+        within, sliced = tuple(_within(s, self._slice) for s in snapshots), self._sliced(replay)
+        if sliced.breaks(within) and replay.breaks(within):
+            return minimize(replay, within, sliced=sliced)
+        return minimize(replay, snapshots)
 
     def may_try_more(self, candidate: CandidateTrace) -> bool:
         """Return True if another model of the same length is worth a try."""
@@ -110,9 +123,17 @@ class Refuter:
         return snapshot._replace(readings=readings)
 
 
-def _with_only(snapshot: Snapshot, sensors: Collection[str]) -> Snapshot:
-    """Return a snapshot without the readings of all other sensors."""
-    return snapshot._replace(readings={n: x for n, x in snapshot.readings.items() if n in sensors})
+def _within(snapshot: Snapshot, program: Program) -> Snapshot:
+    """Return a snapshot without what is not declared in `program`, a slice."""
+    sensors = {s.name for s in program.robot.sensors}
+    actuators = {a.name for a in program.robot.actuators}
+    modules = {m.name for m in program.modules}
+    return snapshot._replace(
+        readings={n: x for n, x in snapshot.readings.items() if n in sensors},
+        answers={n: x for n, x in snapshot.answers.items() if n in modules},
+        given={n: x for n, x in snapshot.given.items() if n in actuators},
+        lost=snapshot.lost & modules,
+    )
 
 
 def _rounded(value: Value, sensor: Sensor, digits: int) -> Value:
