@@ -96,7 +96,7 @@ def _z3_interruptible() -> Iterator[None]:
 
     receiver, sender = socket.socketpair()
     sender.setblocking(False)
-    handled = threading.Event()
+    handled, is_over = threading.Event(), threading.Event()
     previous_handler = signal.getsignal(signal.SIGINT)
 
     def handle(signal_number: int, frame: FrameType | None) -> None:
@@ -106,7 +106,9 @@ def _z3_interruptible() -> Iterator[None]:
 
     def watch() -> None:
         while signal_byte := receiver.recv(1):
-            while signal_byte[0] == signal.SIGINT and not handled.wait(_INTERRUPT_INTERVAL_S):
+            while signal_byte[0] == signal.SIGINT and not (
+                is_over.is_set() or handled.wait(_INTERRUPT_INTERVAL_S)
+            ):
                 for context in _CONTEXTS or [z3.main_ctx()]:
                     with suppress(z3.Z3Exception):  # "canceled", of an earlier interrupt that took hold
                         context.interrupt()
@@ -118,7 +120,7 @@ def _z3_interruptible() -> Iterator[None]:
         watcher.start()
         cleanup.callback(watcher.join)
         cleanup.enter_context(sender)
-        cleanup.callback(handled.set)
+        cleanup.callback(is_over.set)
         z3.set_param("ctrl_c", False)
         cleanup.callback(z3.set_param, "ctrl_c", True)
         signal.signal(signal.SIGINT, handle)

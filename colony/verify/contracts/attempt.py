@@ -9,12 +9,14 @@ from typing import NamedTuple
 from colony.verify.contracts import spacer
 from colony.verify.contracts.candidates import Candidate
 from colony.verify.contracts.houdini import invariants
-from colony.verify.contracts.induction import Induction, KnownCondition, conditions_implying
+from colony.verify.contracts.induction import Induction
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Trace
-from colony.verify.contracts.search import Search
-from colony.verify.contracts.solver import Budget
+from colony.verify.contracts.search import CandidateTrace, Search, called_modules
+from colony.verify.contracts.single_frames import KnownCondition
+from colony.verify.contracts.solver import Answer, Budget
+from colony.verify.symbolic.unrolling import OneFrame
 
 _SPACER_SHARE = 1 / 48
 """Share of a budget for Spacer, which mostly answers quickly or not at all, before invariants are guessed."""
@@ -82,7 +84,7 @@ class Attempt:
         proof = self.prove_in_one_frame()
         if proof is not None:
             return proof
-        trace = self._search_longer()
+        trace = self._break_first_frame() or self._search_longer()
         if trace is not None or self._has_given_up:
             return trace
         found = self._ask_spacer(_SPACER_SHARE)
@@ -100,8 +102,19 @@ class Attempt:
 
         It may use `share` of a full query's resources.
         """
-        used = conditions_implying(self._cone, self._claim, self._known_conditions, self._budget, share)
-        return None if used is None else Proof(0, used)
+        frames, known = self._context.single_frames, self._known_conditions
+        answer, used = frames.breaks(self._claim, known, self._budget, share)
+        return Proof(0, used) if answer is Answer.UNSAT else None
+
+    def _break_first_frame(self) -> Trace | None:
+        """Return a first frame that breaks the contract, if z3 has it at once."""
+        if self._refuter is None or called_modules(self._cone):
+            return None
+        answer, model = self._context.single_frames.breaks_first(self._claim, self._budget)
+        if answer is not Answer.SAT or model is None:
+            return None
+        frame = OneFrame(self._cone.system, self._cone)
+        return self._refuter.confirm_in(frame, CandidateTrace(model, 1, without_python=True))
 
     def _prove_with_invariants(self) -> Proof | None:
         """Return a proof in a single frame from invariants that are guessed from templates."""

@@ -65,6 +65,7 @@ class _GreatestSubset:
     """
 
     def __init__(self, cone: Cone, lemmas: Sequence[z3.BoolRef], budget: Budget) -> None:
+        self._budget = budget
         self._solver = Solver(budget, _SHARE)
         self._solver.add(facts(cone), *lemmas)
         self._guesses_after: list[z3.BoolRef] = []
@@ -125,9 +126,9 @@ class _GreatestSubset:
 
         Used if z3 gives up on all of them together.
         """
-        self._solver.limit(_SHARE / 8)
+        self._solver.use(self._budget, _SHARE / 8)
         proved = {i for i in sorted(kept) if self._solver.check([*assumed, z3.Not(goals[i])]) is Answer.UNSAT}
-        self._solver.limit(_SHARE)
+        self._solver.use(self._budget, _SHARE)
         dropped = kept != proved
         kept &= proved
         return dropped

@@ -6,36 +6,15 @@ The memory before the first of these frames is arbitrary, within the invariants.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import z3
 
 from colony.verify.contracts.cone import facts
+from colony.verify.contracts.single_frames import KnownCondition
 from colony.verify.contracts.solver import Answer, Budget, Solver
 from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.system import Claim
 from colony.verify.symbolic.unrolling import Unrolling
-
-
-class KnownCondition(NamedTuple):
-    """A condition that is true in every frame, and its description."""
-
-    text: str
-    formula: z3.BoolRef
-
-
-def conditions_implying(
-    cone: Cone, claim: Claim, known: Sequence[KnownCondition], budget: Budget, share: float = 1.0
-) -> tuple[str, ...] | None:
-    """Return the conditions of `known` that a single-frame proof needs, None if there is no such proof.
-
-    It may use `share` of a full query's resources.
-    """
-    switches = _switches(known)
-    solver = Solver(budget, share)
-    solver.add(facts(cone), z3.Not(claim.holds))
-    solver.add(*(z3.Implies(s, k.formula) for s, k in zip(switches, known, strict=True)))
-    return _used(solver, known, switches) if solver.check(switches) is Answer.UNSAT else None
 
 
 class Induction:

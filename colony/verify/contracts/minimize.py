@@ -86,15 +86,36 @@ def _with_one_fewer_late(trace: tuple[Snapshot, ...], i: int) -> Iterator[tuple[
 def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator[str]:
     """Yield the sensors that must stay missing.
 
-    The trace never gives them a value, and with any simple value the contract does not break.
+    The trace never gives them a value, and with any simple value the contract does not break. Of sensors that
+    may all have one together, none must.
     """
-    for sensor in replay.program.robot.sensors:
-        if is_stand_in(sensor) or any(sensor.name in s.readings for s in snapshots):
+    missing = [
+        (sensor.name, values)
+        for sensor in replay.program.robot.sensors
+        if not is_stand_in(sensor)
+        and not any(sensor.name in s.readings for s in snapshots)
+        and (values := _simple_values(sensor))
+    ]
+    pending = [missing] if missing else []
+    while pending:
+        group = pending.pop()
+        if any(
+            replay.breaks(_with_values(snapshots, group, i)) for i in range(max(len(v) for _, v in group))
+        ):
             continue
-        trials = _simple_values(sensor)
-        traces = (tuple(with_reading(s, sensor.name, value) for s in snapshots) for value in trials)
-        if trials and not any(replay.breaks(trace) for trace in traces):
-            yield sensor.name
+        if len(group) == 1:
+            yield group[0][0]
+        else:
+            pending += [group[len(group) // 2 :], group[: len(group) // 2]]
+
+
+def _with_values(
+    snapshots: Sequence[Snapshot], group: Sequence[tuple[str, Sequence[Value]]], i: int
+) -> tuple[Snapshot, ...]:
+    """Return the trace with the `i`-th value, or the last, of each sensor of a group in every frame."""
+    for name, values in group:
+        snapshots = [with_reading(s, name, values[min(i, len(values) - 1)]) for s in snapshots]
+    return tuple(snapshots)
 
 
 class _SimplerReadings:

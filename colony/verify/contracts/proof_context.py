@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 from colony.verify.contracts.candidates import Candidate, candidates
 from colony.verify.contracts.cone import cone_of, covers
 from colony.verify.contracts.houdini import invariants
+from colony.verify.contracts.single_frames import SingleFrames
 from colony.verify.contracts.solver import Budget
 from colony.verify.contracts.walk import not_refuted
 from colony.verify.symbolic.cones import Cone
@@ -42,6 +44,11 @@ class ProofContext:
         self._proved: list[Claim] = []
         self._invariants: dict[frozenset[int], tuple[Candidate, ...]] = {}
         self._searched: set[frozenset[int]] = set()
+
+    @cached_property
+    def single_frames(self) -> SingleFrames:
+        """The solver of single frames."""
+        return SingleFrames(self.system)
 
     def add(self, claim: Claim) -> None:
         """Add a claim about the system."""

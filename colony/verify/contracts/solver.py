@@ -68,18 +68,19 @@ class Budget:
 
 
 class Solver:
-    """An incremental z3 solver within a budget. Mutable."""
+    """An incremental z3 solver within a budget, which must be set before a query. Mutable."""
 
-    def __init__(self, budget: Budget, share: float = 1.0) -> None:
+    def __init__(self, budget: Budget | None = None, share: float = 1.0) -> None:
         """Create a solver; each query may use `share` of a full query's resources."""
-        self._budget = budget
         self._z3 = z3.Solver()
         self._z3.push()  # makes z3 incremental, which is faster for such queries
-        self.limit(share)
+        if budget is not None:
+            self.use(budget, share)
 
-    def limit(self, share: float) -> None:
-        """Limit each further query to a share of a full query's resources."""
-        self._query_limit = min(max(1, int(self._budget.options.resources * share / _QUERIES)), _MAX_LIMIT)
+    def use(self, budget: Budget, share: float = 1.0) -> None:
+        """Charge each further query to a budget, and limit it to a share of a full query's resources."""
+        self._budget = budget
+        self._query_limit = min(max(1, int(budget.options.resources * share / _QUERIES)), _MAX_LIMIT)
         self._z3.set("rlimit", self._query_limit)
 
     def add(self, *formulas: z3.BoolRef) -> None:

@@ -26,12 +26,12 @@ from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, Options, Trace
 from colony.verify.contracts.search import CandidateTrace, called_modules
-from colony.verify.contracts.solver import Answer, Budget, OnCharge, Solver
+from colony.verify.contracts.solver import Answer, Budget
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.encode import OpenEncoding, encode
 from colony.verify.symbolic.logic import is_false, is_true
 from colony.verify.symbolic.reasons import reasons_of
-from colony.verify.symbolic.system import Claim, Inexact, Shape, System
+from colony.verify.symbolic.system import Claim, Inexact, Shape
 from colony.verify.symbolic.unrolling import OneFrame
 from colony.verify.symbolic.witness import snapshots
 
@@ -104,55 +104,6 @@ class _Quick(Enum):
     OPEN = auto()
 
 
-class _SingleFrames:
-    """The first frame of a run and a frame with any memory, in one solver.
-
-    Mutable: formulas are added when a claim first needs them.
-    """
-
-    def __init__(self, system: System, on_charge: OnCharge) -> None:
-        self._system = system
-        self._cells = {c.old.get_id(): c for c in system.cells}
-        self._solver = Solver(Budget(OPTIONS, on_charge, _ALL_QUESTIONS))
-        self._is_first = z3.Bool("first frame of a run")
-        self._added = set[int]()
-        self._add([system.now, system.begun, system.last])
-
-    def ask(self, claim: Claim) -> tuple[_Quick, z3.ModelRef | None]:
-        """Return the answer about a claim, with a model of a first frame that breaks it."""
-        if is_true(claim.holds):
-            return _Quick.HOLDS, None
-        self._add([claim.holds])
-        self._solver.push()
-        try:
-            self._solver.add(z3.Not(claim.holds))
-            answer = self._solver.check([self._is_first])
-            if answer is Answer.SAT:
-                return _Quick.BROKEN, self._solver.model()
-            if answer is Answer.UNSAT and self._solver.check() is Answer.UNSAT:
-                return _Quick.HOLDS, None
-            return _Quick.OPEN, None
-        finally:
-            self._solver.pop()
-
-    def _add(self, terms: Iterable[z3.ExprRef]) -> None:
-        """Add the facts on which terms depend within a frame."""
-        graph = self._system.graph
-        pending = graph.add(terms)
-        while pending:
-            key = pending.pop()
-            if key in self._added:
-                continue
-            self._added.add(key)
-            pending.extend(graph.operands(key))
-            if key in self._cells:
-                cell = self._cells[key]
-                self._solver.add(z3.Implies(self._is_first, cell.old == cell.initial))
-            formulas = [fact.formula for fact in self._system.facts.get(key, ())]
-            self._solver.add(*formulas)
-            pending.extend(graph.add(formulas))
-
-
 class Prover:
     """A prover of claims about one program. Stateful: encodes it on first use, remembers answers.
 
@@ -182,10 +133,6 @@ class Prover:
     @cached_property
     def _shared(self) -> ProofContext:
         return ProofContext(self._encoding.system)
-
-    @cached_property
-    def _frames(self) -> _SingleFrames:
-        return _SingleFrames(self._encoding.system, self.effort.charge)
 
     @property
     def claims_encoded(self) -> int:
@@ -236,8 +183,20 @@ class Prover:
         if context is not self._shared:
             return _Quick.OPEN, None
         if name not in self._quick_answers:
-            self._quick_answers[name] = self._frames.ask(context.claims[name])
+            self._quick_answers[name] = self._ask(context.claims[name])
         return self._quick_answers[name]
+
+    def _ask(self, claim: Claim) -> tuple[_Quick, z3.ModelRef | None]:
+        """Return the answer about a claim, with a model of a first frame that breaks it."""
+        if is_true(claim.holds):
+            return _Quick.HOLDS, None
+        frames, budget = self._shared.single_frames, Budget(OPTIONS, self.effort.charge, _ALL_QUESTIONS)
+        answer, model = frames.breaks_first(claim, budget)
+        if answer is Answer.SAT:
+            return _Quick.BROKEN, model
+        if answer is Answer.UNSAT and frames.breaks(claim, (), budget)[0] is Answer.UNSAT:
+            return _Quick.HOLDS, None
+        return _Quick.OPEN, None
 
     def _context(self, question: Question) -> ProofContext:
         """Return the context that has a claim, which is encoded when first asked."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import z3
 
 from colony.verify.contracts.cone import cone_of
-from colony.verify.contracts.induction import Induction, KnownCondition, conditions_implying
+from colony.verify.contracts.induction import Induction
 from colony.verify.contracts.results import Options
-from colony.verify.contracts.solver import Budget
+from colony.verify.contracts.single_frames import KnownCondition, SingleFrames
+from colony.verify.contracts.solver import Answer, Budget
 from colony.verify.symbolic.system import System
 from tests.verify.contracts.systems import counter, delay, system
 
@@ -18,8 +19,8 @@ def first_k(
     """The least k for which the step of the only contract holds, and what it used."""
     [claim] = made.claims
     cone, budget = cone_of(made, claim), Budget(Options())
-    used = conditions_implying(cone, claim, known, budget)
-    if used is not None:
+    answer, used = SingleFrames(made).breaks(claim, known, budget)
+    if answer is Answer.UNSAT:
         return 0, used
     induction = Induction(cone, claim, known, budget)
     for k in range(1, most + 1):
