@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import cast
 
 import click
@@ -12,6 +13,7 @@ from colony.cli.params_choice import params_option
 from colony.cli.reporting import Format, format_option, is_unreadable
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
+from colony.cli.verify.certificates import make_folder
 from colony.cli.verify.output import finish_output, show_rest, show_result
 from colony.cli.verify.progress import progress
 from colony.cli.verify.prover_options import DEFAULT_SECONDS, depth_option, timeout_option
@@ -42,6 +44,14 @@ from colony.verify.interruption import reliable_interrupts
     "--write-test", is_flag=True, help="Append each run that refutes a contract to its FILE as a test."
 )
 @click.option(
+    "--certificate",
+    "certificates",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Write the proof of each contract that is proved (not over reals) to DIR/NAME.smt2, which z3 and "
+    "cvc5 check without colony. Only with one FILE.",
+)
+@click.option(
     "--examples",
     type=click.IntRange(min=0),
     default=0,
@@ -65,6 +75,7 @@ def command(
     depth: int,
     timeout: float,
     write_test: bool,
+    certificates: Path | None,
     examples: int,
     seed: int,
     faults: bool,
@@ -91,11 +102,14 @@ def command(
       colony verify --contract never_rams --depth 8 wander
       colony verify --why bump_first hallway
       colony verify --write-test patrol.colony
+      colony verify --certificate proofs wander && z3 proofs/never_rams.smt2
       colony verify --examples 1000 --seed 7 behaviors/*.colony
     """
     context = click.get_current_context()
     if faults and not examples:
         raise click.UsageError("--faults requires --examples N", context)
+    if certificates is not None and len(dict.fromkeys(files)) > 1:
+        raise click.UsageError("--certificate requires a single FILE", context)
     expect_extras("verify")
     names += why
     loaded = [load(file, write_test=write_test) for file in dict.fromkeys(files)]
@@ -103,11 +117,14 @@ def command(
     for verified in loaded:
         if write_test and verified.program is not None:
             check_writable(verified.file)
+    if certificates is not None:
+        make_folder(certificates)
     work = Work(
         names=names,
         why=why,
         depth=depth,
         timeout=timeout,
+        certificates=certificates,
         examples=examples,
         seed=seed,
         faults=faults,

@@ -7,9 +7,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from colony.cli.reporting import check_to_run
+from colony.cli.verify.certificates import write_certificate
 from colony.cli.verify.progress import ReportProgress
 from colony.cli.verify.tests import append_tests
 from colony.text.diagnostics import DiagnosticError
@@ -103,6 +106,7 @@ class Work:
     why: tuple[str, ...]
     depth: int
     timeout: float
+    certificates: Path | None
     examples: int
     seed: int
     faults: bool
@@ -133,7 +137,10 @@ class Work:
 
         program, names = proofs.program, proofs.names
         on_progress(0, len(names), names[0] if names else "")
-        for result in results(program, names, proofs.options, proofs.shapes, proofs.cache):
+        folder = self.certificates
+        certify = None if folder is None else partial(write_certificate, folder, proofs.options)
+        cache = proofs.cache if certify is None else None  # it has results without their proofs
+        for result in results(program, names, proofs.options, proofs.shapes, cache, certify):
             if isinstance(result, Proved) and not result.operators and result.contract.name in self.why:
                 result = with_operator_runs(program, result)
             verified.results.append(result)

@@ -122,6 +122,18 @@ class Confirmer:
             case _:
                 return self._with_operators(_with_over_reals(proved, found, operators=False))
 
+    def proof_context(self, contract: Contract, disturbance: Disturbance) -> ProofContext | None:
+        """Return the context in which a contract is proved for floats under a disturbance.
+
+        None if the disturbance changes nothing that the contract reads.
+        """
+        if not self._depends_on_decisions(contract):
+            return None
+        name, claims = claim_name(contract.name, disturbance), self._context.claims
+        if claims[name].holds.eq(claims[contract.name].holds):
+            return None
+        return self._general if self._rounding_reasons([name]) else self._context
+
     def _with_operators(self, proved: Proved) -> Proved:
         """Try a longer proof with operators, where a quick one may have lacked invariants."""
         if not self._has_own_memory(claim_name(proved.contract.name, Disturbance.OPERATORS)):

@@ -58,6 +58,10 @@ class ProofContext:
         """Record that a contract holds in every frame."""
         self._proved.append(self.claims[contract])
 
+    def has_proved(self, contract: str) -> bool:
+        """Return True if a contract is known to hold in every frame."""
+        return any(claim.name == contract for claim in self._proved)
+
     def adopt(self, other: ProofContext) -> None:
         """Take over the cones and invariants found in a context whose system this one's extends."""
         for name, cone in other.cones.items():

@@ -14,7 +14,7 @@ frame is tried in it first.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -43,13 +43,16 @@ from colony.verify.contracts.whole import whole_numbers
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
 from colony.verify.symbolic.reasons import rounding_reasons
-from colony.verify.symbolic.system import Claim, Operation, Reason, Shape
+from colony.verify.symbolic.system import Claim, Disturbance, Operation, Reason, Shape
 
 _GENERAL_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
 
 _CLOSE_DEPTH = 2
 """Maximum depth in the close system: numbers grow by 51 digits a frame, which z3's resource units ignore."""
+
+OnResult = Callable[["Prover", Result], None]
+"""A function that receives a result with the prover that has just found it."""
 
 _NONLINEAR = (Operation.PRODUCT, Operation.QUOTIENT)
 
@@ -72,10 +75,12 @@ def results(
     options: Options | None = None,
     shapes: dict[str, Shape] | None = None,
     cache: ProofCache | None = None,
+    on_result: OnResult | None = None,
 ) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known.
 
-    `shapes` receives those of the program's memory. What `cache` knows is not proved again.
+    `shapes` receives those of the program's memory. What `cache` knows is not proved again; `on_result`
+    receives all other results.
 
     Proved contracts help to prove the others: one that stays unknown is tried again at the end if others were
     proved after it, so the order in which contracts are written matters little.
@@ -90,6 +95,8 @@ def results(
     def found(result: Result) -> Result:
         if cache is not None:
             cache.keep(result)
+        if on_result is not None:
+            on_result(prover, result)
         return result
 
     open_results: list[tuple[int, Result]] = []
@@ -140,6 +147,7 @@ class Prover:
         self._on_charge = on_charge
         self._results: dict[str, Proved] = {}
         self._over_reals: dict[str, tuple[Reason, ...]] = {}
+        self._exact: set[str] = set()  # contracts that are proved with more whole numbers
         self._long_runs = LongRuns(program) if long_runs is None else long_runs
 
     @cached_property
@@ -202,7 +210,10 @@ class Prover:
         if not isinstance(found, OverReals) or self._with_whole_numbers is None:
             return found
         exact = self._with_whole_numbers.prove_disturbed(contract)
-        return found if isinstance(exact, Unknown) else exact
+        if isinstance(exact, Unknown):
+            return found
+        self._exact.add(contract.name)
+        return exact
 
     def _prove_disturbed(self, contract: Contract) -> Result:
         known = self._results.get(contract.name)
@@ -245,6 +256,21 @@ class Prover:
                     spurious_models=refuter.spurious_models,
                     trace=attempt.python_trace,
                 )
+
+    def proof_contexts(
+        self, proved: Proved | ProvedInTime
+    ) -> Sequence[tuple[ProofContext, Disturbance | None]]:
+        """Return the context in which a contract is proved for floats, and that under a disturbance."""
+        name = proved.contract.name
+        if name in self._exact and self._with_whole_numbers is not None:
+            return self._with_whole_numbers.proof_contexts(proved)
+        made = (vars(self).get(context) for context in ("_general", "_close", "_precise", "_usual"))
+        in_time = next((c, None) for c in made if c is not None and c.has_proved(name))
+        if isinstance(proved, ProvedInTime):
+            return [in_time]
+        disturbance = Disturbance.OPERATORS if proved.operators else Disturbance.LATE
+        context = self._confirmer.proof_context(proved.contract, disturbance)
+        return [in_time] if context is None else [in_time, (context, disturbance)]
 
     def _uses_reals(self, contract: Contract) -> bool:
         """Return True if reals stand in for floats in a contract."""

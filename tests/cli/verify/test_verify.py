@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import z3
 
+from colony.verify.contracts import certificate
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
 from tests.sampling import long
@@ -126,6 +127,40 @@ def test_no_contracts(colony: Colony, behavior: Path) -> None:
     code, out, _ = colony("verify", behavior)
     assert code == 0
     assert f"{behavior}: no contracts found" in out
+
+
+def test_certificates_are_written_of_what_is_proved(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "proofs" / "new"
+    folder.mkdir(parents=True)
+    (folder / "quick.smt2").write_text("of an earlier version, in which it held")
+    code, _, err = colony("verify", "--certificate", folder, add(behavior, TRUE, FALSE))
+    assert code == 1
+    assert "no certificate" not in err
+    assert [path.name for path in folder.iterdir()] == ["backs.smt2"]
+    assert ";   contract backs: drive by back implies" in (folder / "backs.smt2").read_text()
+
+
+def test_a_certificate_that_is_not_found_is_reported(
+    colony: Colony, behavior: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(certificate, "certificate", lambda *_: None)
+    code, out, err = colony("verify", "--certificate", "proofs", add(behavior, TRUE))
+    assert code == 0
+    assert "proved   backs" in out
+    assert f"{Path('proofs/backs.smt2')}: no certificate: z3 gave up; raise --timeout\n" in err
+    assert list(Path("proofs").iterdir()) == []
+
+
+def test_certificates_of_several_files_would_have_the_same_names(colony: Colony, behavior: Path) -> None:
+    code, _, err = colony("verify", "--certificate", "proofs", behavior, behavior.with_name("other.colony"))
+    assert code == 2
+    assert "--certificate requires a single FILE" in err
+
+
+def test_a_folder_of_certificates_that_cannot_be_made(colony: Colony, behavior: Path) -> None:
+    code, _, err = colony("verify", "--certificate", behavior / "proofs", behavior)
+    assert code == 2
+    assert f"{behavior / 'proofs'}: error: cannot write: Not a directory" in err
 
 
 LATE = "contract acts: back is active implies drive by back or not drive is idle\n"
