@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import click
@@ -70,6 +71,19 @@ def chosen_robot() -> RobotChoice | None:
     """Return the description that the options of the current command choose, None if they choose none."""
     context = click.get_current_context(silent=True)
     return None if context is None else context.meta.get(_CHOICE)
+
+
+def say_whose_name(description: str) -> None:
+    """Say if a robot that is simulated by `description` is called like no description: it may be a slip."""
+    from colony.cli.reporting import say
+    from colony.dsl.descriptions import find_in_project, known_descriptions
+    from colony.text.suggestions import did_you_mean
+
+    choice = chosen_robot()
+    if choice is not None and choice.is_name and find_in_project(choice.text, Path()) is None:
+        hint = did_you_mean(choice.text, known_descriptions(Path()))
+        text = f"`{choice.text}` is no description, but the name of the robot, a {description}"
+        say(f"{text}; {hint}" if hint else text)
 
 
 def _only(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> str | None:

@@ -17,7 +17,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.params_choice import params_option
 from colony.cli.reporting import refuse, report, say
-from colony.cli.robot_choice import robot_and_description_option
+from colony.cli.robot_choice import robot_and_description_option, say_whose_name
 from colony.cli.robot_options import (
     connect_option,
     reporting_connection_errors,
@@ -217,6 +217,8 @@ def command(**arguments: Any) -> None:
         expect_extras("watch")
     compiled, described = load_for_run(options.file, unproved=options.unproved)
     is_running = options.shadow or options.connect is not None
+    if not is_running:
+        say_whose_name(compiled.robot.name)
     picture = None if options.no_picture or is_running else options.picture or PICTURE
     with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, draw

@@ -100,3 +100,10 @@ def test_a_run_names_the_others(colony: Colony, tmp_path: Path, monkeypatch: pyt
     assert other["behavior"] == "wander"
     assert other["bumps"] == 0
     assert other["distance_mm"] > 0.0
+
+
+def test_a_robot_that_is_called_like_no_description_is_said(colony: Colony) -> None:
+    command = ("run", "wander", "--map", LOOP, "--duration", "0.1", "--no-picture", "--robot")
+    slip = "`omny` is no description, but the name of the robot, a rome; did you mean `omni`?\n"
+    assert colony(*command, "omny").err.startswith(slip)
+    assert "is no description" not in colony(*command, "lab=omni").err
