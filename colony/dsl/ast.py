@@ -499,9 +499,10 @@ class LimitDecl(SyntaxNode):
 
 @record
 class ContractDecl(Named):
-    """`contract name: expression`."""
+    """`contract name in time: expression`."""
 
     expression: Expression
+    in_time: bool = False
 
 
 @record

@@ -375,10 +375,12 @@ class Contract(Declared):
     """A contract: it must be true in every frame in which nothing that it reads is missing.
 
     One that is `assumed` is about the world: proofs take it for granted, and it is watched in runs alone.
+    One `in_time` is about frames in which no client is late or lost (see `ir.in_time`).
     """
 
     expression: Expression
     assumed: bool = False
+    in_time: bool = False
 
 
 @record

@@ -65,6 +65,7 @@ SLIPS = [
     ("contract c: drive is not idle", "found `not`", "write `not (drive is idle)`"),
     ("contract c: drive is comanded", "found `comanded`", "did you mean `commanded`?"),
     ("contract c = bumper", "found `=`, expected `:`", ""),
+    ("contract c in frame: bumper", "found `frame`, expected `time`", ""),
     ("network { a suppresses b }", "found `suppresses`, expected `=`", "name the wire"),
     ("module m { when a suppresses b }", "found `suppresses`", "wired in a `network { ... }` block"),
     ("machine m { start a a => b when true }", "found `=>`, expected `->`", "`a -> b when CONDITION`"),

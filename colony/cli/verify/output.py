@@ -77,9 +77,9 @@ def finish_output(verified_files: Sequence[Verified], format_: Format, interrupt
 
 
 def _summary(verified_files: Sequence[Verified], interrupted: bool) -> None:
-    from colony.verify.contracts.report import verdict_key
+    from colony.verify.contracts.report import counted_as
 
-    verdicts = [verdict_key(r) for verified in verified_files for r in verified.results]
+    verdicts = [counted_as(r) for verified in verified_files for r in verified.results]
     if not any(verified.program for verified in verified_files):
         return
     over_reals = verdicts.count("over_reals")

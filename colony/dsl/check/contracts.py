@@ -73,7 +73,7 @@ def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | No
     if found is None:
         return None
     name = checker.scope.full_name(node.name.text)
-    return ir.Contract(name=name, expression=found, span=checker.span(node.name))
+    return ir.Contract(name=name, expression=found, in_time=node.in_time, span=checker.span(node.name))
 
 
 REGULAR = "frames.regular"

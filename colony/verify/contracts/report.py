@@ -39,8 +39,8 @@ _OPEN = "where clients are late or lost, it is neither proved nor refuted"
 def verdict(result: Result) -> str:
     """Return one word for the result of a contract."""
     match result:
-        case Proved():
-            return "proved"
+        case Proved(contract=contract):
+            return "proved in time" if contract.in_time else "proved"
         case ProvedInTime():
             return "proved in time"
         case OverReals():
@@ -58,14 +58,21 @@ def verdict_key(result: Result) -> str:
     return verdict(result).lower().replace(" ", "_")
 
 
+def counted_as(result: Result) -> str:
+    """Return the verdict as the summary counts it: no more was asked of a contract `in time`."""
+    return "proved" if isinstance(result, Proved) else verdict_key(result)
+
+
 def lines(program: Program, result: Result) -> tuple[str, ...]:
     """Return the verdict on one line, and the refuting trace or the reasons indented below it."""
-    space = " " if isinstance(result, ProvedInTime | OverReals) else ""
-    head = f"{verdict(result):8}{space} {result.contract.name}"
+    word = verdict(result)
+    head = f"{word:8}{' ' if ' ' in word else ''} {result.contract.name}"
     match result:
         case OverReals(proof=proof, in_time=in_time):
             _, *below = lines(program, proof)
             return (f"{head}  (floats may round at {_locations(in_time.over_reals)})", *below)
+        case Proved() if result.contract.in_time:
+            return (head,)
         case Proved(operators=True):
             return (f"{head}  (operators too)",)
         case Proved(operator_runs=None):
@@ -195,6 +202,8 @@ def _in_time_hint(result: ProvedInTime) -> str | None:
             "with `on_loss degrade`, a lesser client acts in place of one that is lost: say what must hold "
             "then, or use `on_loss stop`"
         )
+    name = result.contract.name.rpartition(".")[2]
+    advice.append(f"or write `contract {name} in time: ...` if that is what you mean")
     return "; ".join(advice)
 
 
@@ -239,6 +248,7 @@ def row(program: Program, result: Result) -> dict[str, object]:
         "line": line,
         "column": column,
         "verdict": verdict_key(result),
+        "in_time": result.contract.in_time,
     }
     match result:
         case Proved(operators=operators, operator_runs=runs):

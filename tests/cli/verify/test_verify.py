@@ -143,6 +143,19 @@ def test_proved_only_while_every_client_is_in_time(colony: Colony, behavior: Pat
     assert "note[V012]: contract `acts` is proved only while every client is in time" in err
 
 
+def test_a_contract_in_time_is_proved_without_a_note(colony: Colony, behavior: Path) -> None:
+    file = add(behavior, LATE.replace("acts:", "acts in time:"))
+    code, out, err = colony("verify", "--strict", "--why", "acts", file)
+    assert (code, err) == (0, "")
+    assert out == f"{behavior}: proved in time  acts\n1 proved, 0 refuted, 0 unknown\n"
+    _, out, _ = colony("verify", "--contract", "acts", "--format", "json", behavior)
+    [entry] = json.loads(out)["files"]
+    assert entry["diagnostics"] == []
+    [contract] = entry["contracts"]
+    assert (contract["verdict"], contract["in_time"]) == ("proved_in_time", True)
+    assert "trace" not in contract
+
+
 @pytest.mark.parametrize(
     ("contract", "shown"),
     [
