@@ -292,8 +292,12 @@ class Builder:
         """Build a contract."""
         _, name, in_time, _, expression = c
         return ast.ContractDecl(
-            name=_name(name), expression=expression, in_time=in_time is not None, **_extent(c)
+            name=_name(name), expression=expression, in_time=in_time is not None, reach=False, **_extent(c)
         )
+
+    def reach(self, c: Children) -> ast.ContractDecl:
+        """Build a `reach`."""
+        return ast.ContractDecl(name=_name(c[1]), expression=c[3], in_time=False, reach=True, **_extent(c))
 
     def in_time(self, c: Children) -> bool:
         """Return that a contract holds in time."""
