@@ -499,9 +499,16 @@ class LimitDecl(SyntaxNode):
 
 @record
 class ContractDecl(Named):
-    """`contract name: expression`."""
+    """`contract name in time: expression`, or `reach name: expression`."""
 
     expression: Expression
+    in_time: bool = False
+    reach: bool = False
+
+    @property
+    def keyword(self) -> str:
+        """The word that begins the declaration."""
+        return "reach" if self.reach else "contract"
 
 
 @record

@@ -290,7 +290,18 @@ class Builder:
 
     def contract(self, c: Children) -> ast.ContractDecl:
         """Build a contract."""
-        return ast.ContractDecl(name=_name(c[1]), expression=c[3], **_extent(c))
+        _, name, in_time, _, expression = c
+        return ast.ContractDecl(
+            name=_name(name), expression=expression, in_time=in_time is not None, reach=False, **_extent(c)
+        )
+
+    def reach(self, c: Children) -> ast.ContractDecl:
+        """Build a `reach`."""
+        return ast.ContractDecl(name=_name(c[1]), expression=c[3], in_time=False, reach=True, **_extent(c))
+
+    def in_time(self, c: Children) -> bool:
+        """Return that a contract holds in time."""
+        return True
 
     def test(self, c: Children) -> ast.TestDecl:
         """Build a test from its steps."""

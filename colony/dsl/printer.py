@@ -156,7 +156,9 @@ def _declaration(node: ast.Declaration) -> str:
             field = f"{node.actuator.text}.{node.field.text}"
             return f"limit {field} {node.relation} {print_expression(node.bound)}{when}\n"
         case ast.ContractDecl():
-            return f"contract {node.name.text}: {print_expression(node.expression)}\n"
+            in_time = " in time" if node.in_time else ""
+            head = f"{node.keyword} {node.name.text}{in_time}"
+            return f"{head}: {print_expression(node.expression)}\n"
         case ast.TestDecl():
             return _block(f'test "{node.title}"', (_step(s) for s in node.steps))
 

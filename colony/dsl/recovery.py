@@ -13,7 +13,7 @@ from colony.dsl.lalr import UnexpectedInputError
 
 _DECLARATION = re.compile(
     r"^([ \t]*)(?:(?:robot|enum|import|param|let|state|next|machine|(?:failsafe[ \t]+)?module|network|limit"
-    r"|contract|test)"
+    r"|contract|reach|test)"
     r"(?:[ \t]+[A-Za-z_\"{]|[ \t]*[{\"]))",
     re.MULTILINE,
 )
@@ -28,7 +28,7 @@ CONTEXTUAL_KEYWORDS = frozenset(
     "ROBOT FRAME JITTER SENSOR ACTUATOR RANGE DEFAULT WITHIN FROM TO IDLE ON_LOSS STOP DEGRADE ENUM "
     "IMPORT AS PARAM LET STATE NEXT MACHINE START WHEN MODULE DO PYTHON READS COMMANDS RATE "
     "NETWORK LIMIT CONTRACT TEST AT EVERY GIVEN EXPECT FOR ACTIVE COMMANDED LANGUAGE FAILSAFE TAKEN "
-    "AGO INPUT BEARING STEP".split()
+    "AGO INPUT BEARING STEP TIME REACH".split()
 )
 """Contextual keywords (except `any`, which is used where phase names are)."""
 

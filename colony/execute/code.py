@@ -33,6 +33,7 @@ from typing import Literal as OneOf
 from typing import assert_never
 
 from colony.execute.operators import Operator
+from colony.ir.in_time import InTime
 from colony.ir.program import Actuator, ActuatorField, Sensor
 from colony.ir.types import ScalarValue
 from colony.text.source import Span
@@ -310,12 +311,14 @@ class ActuatorCode:
 class ContractCode:
     """A contract, broken in a frame in which `holds` is false: it is false or unknown.
 
-    `unsimplified` is the same condition, computed with the guards before simplification.
+    `unsimplified` is the same condition, computed with the guards before simplification. `in_time` says which
+    frames are excused; None for a contract that is not `in time`.
     """
 
     name: str
     holds: int
     unsimplified: int
+    in_time: InTime | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,7 +24,7 @@ from colony.ir.version import SEMANTICS, semantics_mismatch
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import NOWHERE, Source, Span
 
-VERSION = 6
+VERSION = 7
 """Version of the format. Shapes derive from data classes: increment it with each change of one."""
 
 SUFFIX = ".colonyc"

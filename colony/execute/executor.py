@@ -27,7 +27,8 @@ from colony.execute.machine import OpMachine
 from colony.execute.needs import BOUNDS, ClientKey, needs_of_clients, python_modules
 from colony.execute.views import clients_view, module_view, unsimplified_view, whole_view
 from colony.ir.frame import NOTHING_GIVEN, Answer, Bid, Decision, Frame, Given, Outcome, Record
-from colony.ir.memory import ProgramMemory
+from colony.ir.in_time import idled, remembered
+from colony.ir.memory import ProgramMemory, late_cell
 from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
 
@@ -62,6 +63,7 @@ class ProgramExecutor:
     ) -> None:
         self.code = whole_view(compiled.code) if simplified else unsimplified_view(compiled.code)
         self._exclusive, self._answers_given = exclusive, answers_given
+        self._remembered = remembered(c.in_time for c in self.code.contracts)
         self._sent = tuple((s.name, *s.sent) for s in self.code.sensors if s.sent is not None)
         self.restart()
 
@@ -83,7 +85,13 @@ class ProgramExecutor:
         decisions = tuple(self._decide(actuator, given) for actuator in code.actuators)
         machine.run_after_decisions()
         values = machine.values
-        breaches = tuple(c.name for c in code.contracts if not values[c.holds])
+        late = idled(given)
+        self._late |= late & self._remembered
+        breaches = tuple(
+            c.name
+            for c in code.contracts
+            if not values[c.holds] and not (c.in_time and c.in_time.excuses(late, self._late))
+        )
         machine.commit()
         if self._sent:
             self._remember_sent(decisions)
@@ -136,6 +144,7 @@ class ProgramExecutor:
         self._machine = OpMachine(self.code, answers_given=self._answers_given)
         self._doubted_cells: set[int] = set()
         self._last: dict[str, ScalarValue] = {}  # values of `last.ACTUATOR.FIELD`, in declared units
+        self._late: set[str] = set()  # actuators of `_remembered` that were idle as a client was late
 
     def _remember_sent(self, decisions: tuple[Decision, ...]) -> None:
         """Remember what is `last.ACTUATOR.FIELD` in the next frame, unless a reading says otherwise."""
@@ -155,6 +164,7 @@ class ProgramExecutor:
         if machine.python:
             return None
         cells = {name: machine.cells[i] for name, i in self.code.memory_cells.items()}
+        cells |= {late_cell(actuator): actuator in self._late for actuator in sorted(self._remembered)}
         return ProgramMemory(first_ns=machine.first_ns, cells=cells, last=dict(self._last))
 
     def resume(self, memory: ProgramMemory) -> None:
@@ -164,7 +174,8 @@ class ProgramExecutor:
             ValueError: it is not the memory of this program: its cells or their types differ.
         """
         memory_cells = self.code.memory_cells
-        if self._machine.python or memory.cells.keys() != memory_cells.keys():
+        late_cells = {late_cell(actuator): actuator for actuator in self._remembered}
+        if self._machine.python or memory.cells.keys() != memory_cells.keys() | late_cells.keys():
             raise ValueError("the memory is of another program")
         cells = self.code.cells
         restored = {i: _restored(name, cells[i].kind, memory.cells[name]) for name, i in memory_cells.items()}
@@ -173,6 +184,7 @@ class ProgramExecutor:
             self._machine.cells[i] = value
         self._machine.first_ns = memory.first_ns
         self._last = dict(memory.last)
+        self._late = {actuator for name, actuator in late_cells.items() if memory.cells[name]}
 
     def _decide(self, actuator: ActuatorCode, given: Mapping[str, Given]) -> Decision:
         winner = self._winner(actuator)

@@ -115,6 +115,8 @@ class _Check:
             self._actuator(actuator)
         for contract in code.contracts:
             self._refer(contract.name, Kind.BOOL, contract.holds, contract.unsimplified)
+            named = () if contract.in_time is None else contract.in_time.actuators
+            _expect(self.actuators.keys() >= set(named), f"{contract.name} names no actuator")
         _expect(all(0 <= i < len(code.ops) for i in code.names), "a name refers to no operation")
         _expect(
             all(0 <= i < len(code.cells) for i in code.memory_cells.values()),

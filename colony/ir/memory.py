@@ -17,8 +17,9 @@ class ProgramMemory:
     """A program's memory, without that of modules in Python, which keep their own.
 
     `first_ns` is the time of the first frame after all memory was initial, None if there was none. The
-    keys of `cells` are made by `state_cell`, `function_cell`, `sent_cell` and `window_cell`. An absent cell
-    has its initial value, or nothing depends on it. Values are in base units, times in ns since `first_ns`:
+    keys of `cells` are made by `state_cell`, `function_cell`, `sent_cell`, `window_cell` and `late_cell`. An
+    absent cell has its initial value, or nothing depends on it. Values are in base units, times in ns since
+    `first_ns`:
 
         state                             its value
         previous, changed, rising, falling    `last`, the argument in the last frame
@@ -31,6 +32,7 @@ class ProgramMemory:
         every                             `due`, when it is true again
         time constant                     `until`, when the dominant side ceases to dominate
         field of an actuator that holds   `value`, the last one sent; `known`, true once there was one
+        actuator that contracts `in time` remember    true once it was idle as a client was late or lost
 
     `changed`, `captured` and `previous` also have `started`: true after the first frame in which they were
     evaluated. `last` has the values of `last.ACTUATOR.FIELD` in the next frame by these names, in declared
@@ -72,3 +74,8 @@ def window_cell(wire: str, operands: tuple[int, ...]) -> str:
         operands: Indices of the operands that lead to it, outermost chain first, its dominant operand last.
     """
     return f"window {wire}{''.join(f'.{i}' for i in operands)}"
+
+
+def late_cell(actuator: str) -> str:
+    """Return the name of the cell of an actuator whose earlier frames matter to a contract `in time`."""
+    return f"late {actuator}"

@@ -375,10 +375,14 @@ class Contract(Declared):
     """A contract: it must be true in every frame in which nothing that it reads is missing.
 
     One that is `assumed` is about the world: proofs take it for granted, and it is watched in runs alone.
+    One `in_time` is about frames in which no client is late or lost (see `ir.in_time`). The contract of a
+    `reach` is that no run gets to where it leads, with every client in time: it is to be refuted.
     """
 
     expression: Expression
     assumed: bool = False
+    in_time: bool = False
+    reach: bool = False
 
 
 @record
@@ -422,9 +426,10 @@ class Program(Record):
     """A typed program.
 
     `derived` and `wires` are sorted topologically: each comes after those that it is computed from.
-    `modules`, `limits` and `contracts` are in the order written. `files` are the source texts, imported files
-    first, each with the relative path (with `/`) by which other files import it; none if the program was
-    built in memory. `site` has the params that a site set, if it set any; they are part of all else already.
+    `modules`, `limits`, `contracts` and `reaches` are in the order written. `files` are the source texts,
+    imported files first, each with the relative path (with `/`) by which other files import it; none if the
+    program was built in memory. `site` has the params that a site set, if it set any; they are part of all
+    else already.
     """
 
     robot: Robot
@@ -433,6 +438,7 @@ class Program(Record):
     wires: tuple[Wire, ...] = ()
     limits: tuple[Limit, ...] = ()
     contracts: tuple[Contract, ...] = ()
+    reaches: tuple[Contract, ...] = ()
     tests: tuple[Example, ...] = ()
     files: tuple[tuple[str, Source], ...] = field(default=(), compare=False, repr=False)
     site: Site | None = field(default=None, compare=False, repr=False)

@@ -65,6 +65,8 @@ module m from python "x.y:Z" { param q = 1 reads s, a.n commands lamp rate 300 m
 module d = a.m(q = 2, r = 3 s)
 network { w = (x suppresses[1.5 s] y) inhibits z inhibits[2 s] d  lamp = w }
 limit lamp.level >= 0 when s[0] > 0
+contract dim in time: lamp.level <= 1 mm/s
+reach dark: lamp.level < 1 mm/s implies not lamp.on
 test "t" {
   at 0 s
   from 1 s to 2 s every 100 ms

@@ -90,6 +90,7 @@ SHAPES = {
     4: "93638d932ebdb229",
     5: "4527ee11c6b90bec",
     6: "32bc49a88a85b0c3",
+    7: "2fad90c17ec07d59",
 }
 """For each version of the format, the digest of the data classes that it is made of."""
 

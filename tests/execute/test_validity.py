@@ -22,6 +22,7 @@ from colony.execute.code import (
 )
 from colony.execute.compiled import Compiled
 from colony.execute.validity import MAX_TIME_NS, InvalidProgramError, check
+from colony.ir.in_time import InTime
 from tests.programs import compilation, robot
 
 TEXT = f"""{robot()}
@@ -71,6 +72,18 @@ def test_what_an_operation_refers_to_is_there(compiled: Compiled, good: Op, kind
     forged, at = with_one_more(compiled, bad, kind)
     with pytest.raises(InvalidProgramError, match=rf"^operation {at} \({type(bad).__name__}\) is malformed$"):
         check(forged)
+
+
+def test_a_contract_in_time_names_actuators(compiled: Compiled) -> None:
+    [contract] = compiled.code.contracts
+    for name in ("out", "nobody"):
+        named = replace(contract, in_time=InTime(actuators=(name,), remembers=False))
+        changed = replace(compiled, code=replace(compiled.code, contracts=(named,)))
+        if name == "out":
+            check(changed)
+        else:
+            with pytest.raises(InvalidProgramError, match="c names no actuator"):
+                check(changed)
 
 
 def test_what_depends_on_decisions_stands_behind_them(compiled: Compiled) -> None:

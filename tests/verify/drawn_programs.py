@@ -127,6 +127,14 @@ def with_weaker_contracts(program: Program, random: Random) -> Program:
     return replace(program, contracts=(*program.contracts, *chosen))
 
 
+def _in_time(program: Program) -> Program:
+    """Return the program with all contracts `in time`, and no client that can be lost apart."""
+    robot = program.robot
+    actuators = tuple(replace(a, on_loss="stop") for a in robot.actuators)
+    contracts = tuple(replace(c, in_time=True) for c in program.contracts)
+    return replace(program, robot=replace(robot, actuators=actuators), contracts=contracts)
+
+
 def _in_range(actuator: Actuator, i: int) -> ir.Expression:
     field = actuator.fields[i]
     sent = ir.SentField(type=field.type, actuator=actuator.name, field_index=i)
@@ -165,6 +173,8 @@ def _broken(seed: int, program: Program, proved: Holding) -> Iterator[str]:
             if holding:
                 run = disturbed_run(choices, program, trace, operators=kind == "operators")
                 runs.append((f" ({kind})", holding, (frame.outcome for frame in run)))
+        late_run = disturbed_run(choices, _in_time(program), trace, operators=False)
+        runs.append((" (in time)", proved.always, (frame.outcome for frame in late_run)))
         for kind, holding, outcomes in runs:
             for outcome in outcomes:
                 for name in holding.intersection(outcome.breaches):

@@ -137,7 +137,7 @@ def test_a_counterexample_is_a_test_and_a_frame() -> None:
     (result,) = prove_contracts(made)
     assert isinstance(result, Refuted)
     assert [s.restarted for s in result.trace.snapshots] == [True]
-    text = example_block(made, "c", result.trace)
+    text = example_block(made, result.contract, result.trace)
     assert text is not None
     assert "given restarted = true" in text
     (run,) = run_examples(program(SEARCH + "contract c: not drive by search" + "\n" + text))

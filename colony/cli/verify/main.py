@@ -29,7 +29,11 @@ from colony.verify.interruption import reliable_interrupts
 @description_option()
 @params_option()
 @click.option(
-    "--contract", "names", multiple=True, metavar="NAME", help="Verify only this contract. May be repeated."
+    "--contract",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="Verify only this contract or reach. May be repeated.",
 )
 @click.option(
     "--why",
@@ -41,7 +45,9 @@ from colony.verify.interruption import reliable_interrupts
 @depth_option("counterexamples")
 @timeout_option(DEFAULT_SECONDS, each="contract")
 @click.option(
-    "--write-test", is_flag=True, help="Append each run that refutes a contract to its FILE as a test."
+    "--write-test",
+    is_flag=True,
+    help="Append each run that refutes a contract, or gets to a reach, to its FILE as a test.",
 )
 @click.option(
     "--certificate",
@@ -88,13 +94,15 @@ def command(
     while every client is in time; V012 is a note about the other runs), over reals (proved where no float
     rounds, and no run was found that breaks it), REFUTED by a run, which is shown, or unknown for a stated
     reason. "(operators too)": also proved while a joystick or a script commands within the limits; "(without
-    operators)": a command may break the contract, as --why shows, or no proof was found. Warnings about
-    modules that can never act, and about other likely mistakes, follow. The proofs allow modules in Python
-    any answer.
+    operators)": a command may break the contract, as --why shows, or no proof was found. A `reach` is reached
+    by the run that is shown, NEVER REACHED if it is proved that no run gets there, over reals or unknown.
+    Warnings about modules that can never act, and about other likely mistakes, follow. The proofs allow
+    modules in Python any answer.
 
-    Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted (with
-    --strict also if one is unknown or over reals), a file has errors, an index that decides may be outside
-    its array, or limits contradict each other on `idle hold`, 2 if a file cannot be read.
+    Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted or a reach
+    never reached (with --strict also if one is unknown or over reals), a file has errors, an index that
+    decides may be outside its array, or limits contradict each other on `idle hold`, 2 if a file cannot be
+    read.
 
     \b
     Example:
@@ -153,7 +161,8 @@ def _check_names(names: Sequence[str], files: Sequence[Verified], context: click
     """Refuse the name of an unknown contract, unless a file has errors: it may declare the contract."""
     if any(verified.program is None for verified in files):
         return
-    contract_names = {c.name for verified in files if verified.program for c in verified.program.contracts}
+    programs = [verified.program for verified in files if verified.program]
+    contract_names = {c.name for program in programs for c in (*program.contracts, *program.reaches)}
     for name in names:
         if name not in contract_names:
             names_text = ", ".join(sorted(contract_names)) or "none"

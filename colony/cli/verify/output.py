@@ -43,7 +43,7 @@ def show_rest(verified: Verified) -> None:
         return
     from colony.verify.lints.report import run_lines
 
-    if not verified.program.contracts:
+    if not verified.program.contracts and not verified.program.reaches:
         click.echo(f"{verified.file}: no contracts found")
     for finding in verified.findings:
         for line in run_lines(verified.program, finding):
@@ -77,14 +77,16 @@ def finish_output(verified_files: Sequence[Verified], format_: Format, interrupt
 
 
 def _summary(verified_files: Sequence[Verified], interrupted: bool) -> None:
-    from colony.verify.contracts.report import verdict_key
+    from colony.verify.contracts.report import counted_as
 
-    verdicts = [verdict_key(r) for verified in verified_files for r in verified.results]
+    verdicts = [counted_as(r) for verified in verified_files for r in verified.results]
     if not any(verified.program for verified in verified_files):
         return
     over_reals = verdicts.count("over_reals")
     counts = [_proved_text(verdicts), *([f"{over_reals} over reals"] if over_reals else [])]
     counts += [f"{verdicts.count(word)} {word}" for word in ("refuted", "unknown")]
+    reached = (("reached", "reached"), ("never_reached", "never reached"))
+    counts += [f"{verdicts.count(key)} {words}" for key, words in reached if key in verdicts]
     errors = sum(f.diagnostic.severity == "error" for verified in verified_files for f in verified.findings)
     counts += [counted(errors, "error")] if errors else []
     warnings = sum(d.severity == "warning" for verified in verified_files for d in verified.diagnostics)
@@ -108,8 +110,12 @@ def _json(verified_files: Sequence[Verified], interrupted: bool) -> str:
     files: list[dict[str, object]] = []
     for verified in verified_files:
         results = in_order(verified.program, verified.results) if verified.program else []
-        contracts = [row(verified.program, r) for r in results] if verified.program else []
-        entry: dict[str, object] = {"file": verified.file, "contracts": contracts}
+        rows = [row(verified.program, r) for r in results] if verified.program else []
+        entry: dict[str, object] = {
+            "file": verified.file,
+            "contracts": [r for r in rows if "contract" in r],
+            "reaches": [r for r in rows if "reach" in r],
+        }
         if verified.program is not None and verified.report is not None:
             from colony.cli.verify.examples import row as example_row
 

@@ -27,7 +27,7 @@ def check_writable(file: str) -> None:
 
 
 def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> None:
-    """Append a `test` block for each refuted contract, and report it; exit with 2 if that fails.
+    """Append a `test` block for each refuted contract or reach, and report it; exit with 2 if that fails.
 
     The file is replaced atomically. A test that it contains already is not written again.
     """
@@ -40,7 +40,8 @@ def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> Non
     for result in refuted:
         test = _new_test(program, result, titles, text)
         if test is None:
-            say(f"{file}: no test for {result.contract.name}: the language cannot express one of its values")
+            what = "what it reaches, or one of its values" if result.contract.reach else "one of its values"
+            say(f"{file}: no test for {result.contract.name}: the language cannot express {what}")
         elif test.block in text:
             say(f'{file}: the test "{test.title}" already exists')
         else:
@@ -64,8 +65,8 @@ def _new_test(program: Program, result: Refuted, titles: set[str], text: str) ->
 
     number = 1
     while True:
-        name = title(result.contract.name) + (f" ({number})" if number > 1 else "")
-        block = example_block(program, result.contract.name, result.trace, name)
+        name = title(result.contract) + (f" ({number})" if number > 1 else "")
+        block = example_block(program, result.contract, result.trace, name)
         if block is None:
             return None
         if name not in titles or block in text:

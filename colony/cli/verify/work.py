@@ -50,7 +50,7 @@ class Verified:
 
     @property
     def refuted(self) -> list[Refuted]:
-        """The contracts that the prover refuted."""
+        """The contracts that the prover refuted, and the reaches of which it found the run."""
         from colony.verify.contracts.results import Refuted
 
         return [r for r in self.results if isinstance(r, Refuted)]
@@ -73,7 +73,7 @@ class Verified:
 
     @property
     def refuted_names(self) -> frozenset[str]:
-        """The names of the refuted contracts."""
+        """The names of `refuted`."""
         return frozenset(r.contract.name for r in self.refuted)
 
 
@@ -116,14 +116,15 @@ class Work:
         if verified.program is None:
             return
         from colony.verify.contracts.proof_cache import ProofCache, cache_folder
+        from colony.verify.contracts.reach import with_reaches
         from colony.verify.contracts.results import Options
 
-        program, options = verified.program, Options.within(self.timeout, depth=self.depth)
+        program, options = with_reaches(verified.program), Options.within(self.timeout, depth=self.depth)
         names = [c.name for c in program.contracts if not self.names or c.name in self.names]
         cache = ProofCache(cache_folder(os.environ), program, options, names)
         proofs = _Proofs(program, names, options, cache)
         yield from self._contracts(verified, proofs, on_progress)
-        self._lints(verified, proofs, on_progress)
+        self._lints(verified, verified.program, proofs, on_progress)
         if self.examples:
             self._examples(verified, verified.program, on_progress)
 
@@ -152,7 +153,9 @@ class Work:
         if verified.writes_tests:
             append_tests(verified.file, program, verified.refuted)
 
-    def _lints(self, verified: Verified, proofs: _Proofs, on_progress: ReportProgress) -> None:
+    def _lints(
+        self, verified: Verified, program: Program, proofs: _Proofs, on_progress: ReportProgress
+    ) -> None:
         if self.names:
             return
         from colony.verify.contracts.results import RESOURCES_PER_SECOND
@@ -166,7 +169,7 @@ class Work:
         known = proofs.cache.found("lints", tuple)
         if known is None:
             effort = Effort(round(_LINT_FACTOR * self.timeout * RESOURCES_PER_SECOND), on_question)
-            known = lint(proofs.program, effort, proofs.shapes), effort.questions_skipped
+            known = lint(program, effort, proofs.shapes), effort.questions_skipped
             proofs.cache.keep_found("lints", known)
         findings, verified.undecided_questions = known
         verified.findings += findings

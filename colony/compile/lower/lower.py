@@ -30,6 +30,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.operators import Operator
 from colony.execute.views import trimmed
 from colony.ir import program as ir
+from colony.ir.in_time import in_time
 from colony.ir.types import Array
 
 
@@ -198,7 +199,14 @@ class _Lowering(Declarations):
         for contract in self.program.contracts:
             self.prepare(contract.expression)
             holds = self._lowered_contracts.holds(contract.expression, f"contract {contract.name}")
-            self._contracts.append(ContractCode(name=contract.name, holds=holds, unsimplified=holds))
+            self._contracts.append(
+                ContractCode(
+                    name=contract.name,
+                    holds=holds,
+                    unsimplified=holds,
+                    in_time=in_time(self.program.robot, contract),
+                )
+            )
 
     # --- variants of guards ----------------------------------------------------------------------
 

@@ -24,6 +24,9 @@ from colony.ir.expression import (
     MemoryFunction,
     Now,
     Slice,
+    Unary,
+    UnaryOperation,
+    ValueOr,
     Within,
 )
 from colony.ir.types import BOOL, DURATION, Array, Quantity, ScalarValue, element_type
@@ -67,13 +70,24 @@ def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
 
 
 def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | None:
-    """Check a contract: a condition that must hold in every frame."""
+    """Check a contract: a condition that must hold in every frame; or a `reach`, as one that never does."""
     contract_checker = replace(checker, in_contract_or_test=True)
-    found = contract_checker.expect(node.expression, BOOL, "a contract")
+    found = contract_checker.expect(node.expression, BOOL, f"a {node.keyword}")
     if found is None:
         return None
-    name = checker.scope.full_name(node.name.text)
-    return ir.Contract(name=name, expression=found, span=checker.span(node.name))
+    return ir.Contract(
+        name=checker.scope.full_name(node.name.text),
+        expression=_never(found) if node.reach else found,
+        in_time=node.in_time or node.reach,
+        reach=node.reach,
+        span=checker.span(node.name),
+    )
+
+
+def _never(condition: Expression) -> Expression:
+    """Return the contract that a condition is not true."""
+    known = ValueOr(type=BOOL, expression=condition, other=Constant(type=BOOL, value=False))
+    return UnaryOperation(type=BOOL, operator=Unary.NOT, operand=known)
 
 
 REGULAR = "frames.regular"

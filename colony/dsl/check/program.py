@@ -110,7 +110,8 @@ class _Check:
             modules=tuple(modules),
             wires=tuple(wires),
             limits=tuple(x for x in limits if x is not None),
-            contracts=tuple(contracts),
+            contracts=tuple(c for c in contracts if not c.reach),
+            reaches=tuple(c for c in contracts if c.reach),
             tests=tuple(x for x in tests if x is not None),
             site=self.site,
         )
@@ -279,7 +280,7 @@ class _Check:
         for checker, node in self._each(ast.ContractDecl):
             full_name = checker.scope.full_name(node.name.text)
             if full_name in names:
-                message = f"contract `{full_name}` is declared twice"
+                message = f"{node.keyword} `{full_name}` is declared twice"
                 checker.error("E102", node.name, message, None, names[full_name])
                 continue
             names[full_name] = checker.label(node.name)

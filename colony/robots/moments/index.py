@@ -21,7 +21,7 @@ from colony.runtime.recordings.recorded import Place
 from colony.verify.explain.follower import Checkpoint
 from colony.verify.explain.saved import restored, saved
 
-VERSION = 3
+VERSION = 4
 """Version of the index: increment it if its form, or what the interpreter remembers, changes."""
 
 MAGIC = b"colony-index\n"

@@ -48,7 +48,12 @@ _DECISIONS = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
 
 
 def with_operator_runs(program: Program, proved: Proved) -> Proved:
-    """Return a proof without operators with a run in which a command from outside breaks the contract."""
+    """Return a proof without operators with a run in which a command from outside breaks the contract.
+
+    None is searched for if the contract is `in time`.
+    """
+    if proved.contract.in_time:
+        return proved
     trace = Refuter(program, proved.contract.name).search_runs(Disturbance.OPERATORS)
     return replace(proved, operator_runs=() if trace is None else (trace,))
 
@@ -96,14 +101,17 @@ class Confirmer:
         if isinstance(proved, ProvedInTime):
             self._record(proved.contract.name, proved.in_time.over_reals)
             return
-        disturbances = Disturbance if proved.operators else (Disturbance.LATE,)
+        late = () if proved.contract.in_time else (Disturbance.LATE,)
+        disturbances = Disturbance if proved.operators else late
         for name in (proved.contract.name, *(claim_name(proved.contract.name, d) for d in disturbances)):
             self._record(name, proved.over_reals)
 
     def confirm(self, proved: Proved) -> Proved | ProvedInTime:
-        """Prove a contract under each disturbance, within budgets of their own."""
+        """Prove a contract under each disturbance, within budgets of their own; not one `in time`."""
         contract = proved.contract
         self._record(contract.name, proved.over_reals)
+        if contract.in_time:
+            return proved
         if not self._depends_on_decisions(contract):
             return replace(proved, operators=True)
         with_operators = self._prove_quickly(contract, Disturbance.OPERATORS)

@@ -1,31 +1,35 @@
-"""A counterexample as a `test` block of the language: it fails until the contract holds in it."""
+"""A run as a `test` block: it fails until the contract holds in it, or expects at its end what it reaches."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from colony.dsl import ast
 from colony.dsl.printer import print_file
 from colony.ir.bearings import naming_angle
-from colony.ir.program import Program, Sensor
+from colony.ir.program import Contract, Program, Sensor
 from colony.ir.types import Enum, ScalarValue, Value, bearings_of, element_type
 from colony.verify.contracts.decimals import NumberText, number_text, seconds
+from colony.verify.contracts.reach import expectation
 from colony.verify.contracts.results import Trace
 from colony.verify.sparse import Run, differing, run_angles, sparse
 
 
-def title(contract: str) -> str:
-    """Return the title of the test for a contract."""
-    return f"counterexample: {contract}"
+def title(contract: Contract) -> str:
+    """Return the title of the test for a contract, or for a reach."""
+    return f"{'reach' if contract.reach else 'counterexample'}: {contract.name}"
 
 
-def example_block(program: Program, contract: str, trace: Trace, name: str | None = None) -> str | None:
+def example_block(program: Program, contract: Contract, trace: Trace, name: str | None = None) -> str | None:
     """Return the text of a test with the frames of `trace`.
 
-    None if the language cannot write one of its values, or if the trace needs answers of Python modules.
+    None if the language cannot write one of its values or what it reaches, or if the trace needs answers of
+    Python modules.
     """
-    if any(s.answers for s in trace.snapshots):
+    expected = expectation(program, contract) if contract.reach else None
+    if any(s.answers for s in trace.snapshots) or (contract.reach and expected is None):
         return None
     sensors = {s.name: s for s in program.robot.sensors}
     frames = list[_Frame]()
@@ -41,7 +45,10 @@ def example_block(program: Program, contract: str, trace: Trace, name: str | Non
             return None
         frames.append(_Frame(snapshot.t_ns, tuple(g for g in given if g is not None)))
         before = dict(snapshot.readings)
-    test = ast.TestDecl(title=name or title(contract), steps=tuple(_steps(frames)))
+    steps = [*_steps(frames)] if expected is None else [*_steps(frames[:-1]), *_steps(frames[-1:])]
+    if expected is not None:
+        steps[-1] = replace(steps[-1], expect=(expected,))
+    test = ast.TestDecl(title=name or title(contract), steps=tuple(steps))
     return print_file(ast.File(declarations=(test,)))
 
 

@@ -37,21 +37,25 @@ def explain_unknown(
     because: list[str] = []
     if trace is not None:
         because.append(
-            "it is broken if modules in Python answer as below, and the prover must assume that they can"
+            "it is reached if modules in Python answer as below, which they need not"
+            if contract.reach
+            else "it is broken if modules in Python answer as below, and the prover must assume that they can"
         )
         because += _reason_lines(python)
     elif spurious_models and abstracted:
         because.append("only bounds and signs of the following are known, which is not enough:")
         because += _reason_lines(abstracted)
     elif spurious_models:
-        because.append("real numbers can break it, but none of the floats that were tried do")
+        verb = "reach" if contract.reach else "break"
+        because.append(f"real numbers can {verb} it, but none of the floats that were tried do")
     elif budget.gave_up:
         because.append("z3 reached its limits without an answer")
     if trace is None:
         depth = counted(budget.options.depth, "frame")
+        claim, verb = ("that no run reaches it", "reaches") if contract.reach else ("it", "breaks")
         because.append(
-            f"it does not follow from what held in the {depth} before, and no run of up to "
-            f"{counted(frames_searched, 'frame')} breaks it"
+            f"{claim} does not follow from what held in the {depth} before, and no run of up to "
+            f"{counted(frames_searched, 'frame')} {verb} it"
         )
     return Unknown(
         contract=contract,

@@ -66,7 +66,7 @@ def prove_contracts(program: Program, options: Options | None = None) -> tuple[R
 def in_order(program: Program, found: Iterable[Result]) -> list[Result]:
     """Return results in the order in which the contracts are written."""
     by_name = {result.contract.name: result for result in found}
-    return [by_name[c.name] for c in program.contracts if c.name in by_name]
+    return [by_name[c.name] for c in (*program.contracts, *program.reaches) if c.name in by_name]
 
 
 def results(

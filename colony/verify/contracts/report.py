@@ -13,6 +13,7 @@ from colony.text.diagnostics import Diagnostic, error, note, warning
 from colony.text.wording import counted
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
+from colony.verify.contracts.reach import length_text, never_reached, reach_verdict
 from colony.verify.contracts.results import (
     OverReals,
     Proved,
@@ -37,10 +38,12 @@ _OPEN = "where clients are late or lost, it is neither proved nor refuted"
 
 
 def verdict(result: Result) -> str:
-    """Return one word for the result of a contract."""
+    """Return one word for the result of a contract, or of a reach."""
+    if result.contract.reach:
+        return reach_verdict(result)
     match result:
-        case Proved():
-            return "proved"
+        case Proved(contract=contract):
+            return "proved in time" if contract.in_time else "proved"
         case ProvedInTime():
             return "proved in time"
         case OverReals():
@@ -58,14 +61,22 @@ def verdict_key(result: Result) -> str:
     return verdict(result).lower().replace(" ", "_")
 
 
+def counted_as(result: Result) -> str:
+    """Return the verdict as the summary counts it: no more was asked of a contract `in time`."""
+    is_proved = isinstance(result, Proved) and not result.contract.reach
+    return "proved" if is_proved else verdict_key(result)
+
+
 def lines(program: Program, result: Result) -> tuple[str, ...]:
     """Return the verdict on one line, and the refuting trace or the reasons indented below it."""
-    space = " " if isinstance(result, ProvedInTime | OverReals) else ""
-    head = f"{verdict(result):8}{space} {result.contract.name}"
+    word = verdict(result)
+    head = f"{word:8}{' ' if ' ' in word else ''} {result.contract.name}"
     match result:
         case OverReals(proof=proof, in_time=in_time):
             _, *below = lines(program, proof)
             return (f"{head}  (floats may round at {_locations(in_time.over_reals)})", *below)
+        case Proved() if result.contract.in_time:
+            return (head,)
         case Proved(operators=True):
             return (f"{head}  (operators too)",)
         case Proved(operator_runs=None):
@@ -83,6 +94,7 @@ def lines(program: Program, result: Result) -> tuple[str, ...]:
             why = (_broken_text(trace),) if trace is not None else (f"it is {_IN_TIME}; {_OPEN}:", *because)
             return (head, *_indented((*why, *rows)))
         case Refuted(trace=trace):
+            head += f"  {length_text(trace)}" if result.contract.reach else ""
             return (head, *_indented(table(program, result.contract, trace)))
         case Unknown(trace=trace):
             rows = () if trace is None else table(program, result.contract, trace)
@@ -131,21 +143,26 @@ def reason_text(reason: Reason) -> str:
 def finding(result: Result, file: str | None) -> Diagnostic | None:
     """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
+    It is the other way round for a reach, of which the run is what was asked for.
     For one that is proved only while every client is in time, or only over real numbers, it is a note.
 
     The hint suggests adding the run to `file` as a test; `file` is None if the run is added anyway.
     """
     contract = result.contract
+    kind = "reach" if contract.reach else "contract"
     match result:
         case Proved():
-            return None
+            return never_reached(result) if contract.reach else None
         case ProvedInTime():
             return note("V012", contract.span, _in_time_message(result), _in_time_hint(result))
         case OverReals(proof=proof, in_time=in_time):
             only = " and only while every client is in time" if isinstance(proof, ProvedInTime) else ""
             where = _locations(in_time.over_reals)
-            claim = f"contract `{contract.name}` is proved only over real numbers{only}"
+            proved = "proved never to be reached" if contract.reach else "proved"
+            claim = f"{kind} `{contract.name}` is {proved} only over real numbers{only}"
             return note("V014", contract.span, f"{claim}: floats may round at {where}", _OVER_REALS_HINT)
+        case Refuted() if contract.reach:
+            return None
         case Refuted(trace=trace):
             time = time_of_breach(trace)
             found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
@@ -154,7 +171,12 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             message = f"contract `{contract.name}` {how} at {time} of a run of {length}{found}"
             return error("V010", contract.span, message, _hint(trace, file))
         case Unknown(because=because, hint=hint):
-            message = f"contract `{contract.name}` is neither proved nor refuted: {_on_one_line(because)}"
+            found = (
+                "is neither reached nor proved never to be"
+                if contract.reach
+                else "is neither proved nor refuted"
+            )
+            message = f"{kind} `{contract.name}` {found}: {_on_one_line(because)}"
             return warning("V011", contract.span, message, hint)
         case _:
             assert_never(result)
@@ -195,6 +217,8 @@ def _in_time_hint(result: ProvedInTime) -> str | None:
             "with `on_loss degrade`, a lesser client acts in place of one that is lost: say what must hold "
             "then, or use `on_loss stop`"
         )
+    name = result.contract.name.rpartition(".")[2]
+    advice.append(f"or write `contract {name} in time: ...` if that is what you mean")
     return "; ".join(advice)
 
 
@@ -234,12 +258,14 @@ def row(program: Program, result: Result) -> dict[str, object]:
     """Return a result as an object for JSON; docs/verification.md describes its keys."""
     line, column = result.contract.span.source.position(result.contract.span.start)
     result_row: dict[str, object] = {
-        "contract": result.contract.name,
+        "reach" if result.contract.reach else "contract": result.contract.name,
         "file": result.contract.span.source.name,
         "line": line,
         "column": column,
         "verdict": verdict_key(result),
     }
+    if not result.contract.reach:
+        result_row["in_time"] = result.contract.in_time
     match result:
         case Proved(operators=operators, operator_runs=runs):
             result_row |= {**_proof_row(result), "operators": operators}
@@ -273,6 +299,7 @@ def trace_rows(program: Program, trace: Trace) -> list[dict[str, object]]:
     Frames in which clients are late have those actuators as `late`, those that an operator commands as
     `commanded`, and lost modules as `lost`.
     """
+    reaches = {reach.name for reach in program.reaches}
     return [
         {
             "frame": frame_row(program.robot.sensors, snapshot),
@@ -280,7 +307,7 @@ def trace_rows(program: Program, trace: Trace) -> list[dict[str, object]]:
             **_given_row(program, snapshot),
             **({"lost": sorted(snapshot.lost)} if snapshot.lost else {}),
             "sent": outcome_row(program, outcome),
-            "broken": list(outcome.breaches),
+            "broken": [name for name in outcome.breaches if name not in reaches],
         }
         for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True)
     ]

@@ -67,9 +67,9 @@ class Trace:
 class Proved:
     """A proof that the contract holds in every frame of every run, by `k`-induction with `invariants`.
 
-    As a `Result`, it also says that the contract holds while clients are late or lost: any actuators idle in
-    any frame, and with `on_loss degrade` any clients lost. `Prover.prove`, `ProvedInTime.in_time` and
-    `colony diff` use it for a proof that says nothing of such runs.
+    As a `Result`, it also says that the contract holds while clients are late or lost, unless it is `in
+    time`: any actuators idle in any frame, and with `on_loss degrade` any clients lost. `Prover.prove`,
+    `ProvedInTime.in_time` and `colony diff` use it for a proof that says nothing of such runs.
 
     Attributes:
         contract: The contract.

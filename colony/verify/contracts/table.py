@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from colony.ir import expression as ir
 from colony.ir.frame import Decision, Given
+from colony.ir.in_time import actuators_named
 from colony.ir.program import Actuator, Contract, Program, Sensor, in_declared_units
 from colony.ir.types import Bool, Enum, Scalar, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import number_text, seconds
@@ -91,8 +91,7 @@ def _notes(program: Program, trace: Trace, sensors_shown: int) -> Iterator[str]:
 
 def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
     """Return the actuators that the contract names, else all."""
-    actuator_reads = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
-    named = {x.actuator for x in ir.subexpressions(contract.expression) if isinstance(x, actuator_reads)}
+    named = actuators_named(contract.expression)
     chosen = [a for a in program.robot.actuators if a.name in named] or program.robot.actuators
     return {a.name: a for a in chosen}
 

@@ -55,6 +55,7 @@ def _state(state: InterpreterState) -> dict[str, Any]:
         "windows": [[list(node), t_ns] for node, t_ns in memory.last_active_ns.items()],
         "states": dict(memory.states),
         "held": [[a, i, x] for fields in memory.held.values() for (a, i), x in fields.items()],
+        "late": sorted(memory.late),
         "last": dict(state.last),
         "number": state.number,
         "first_ns": state.first_ns,
@@ -71,6 +72,7 @@ def _read_state(values: dict[str, Any]) -> InterpreterState:
         last_active_ns={_node(path): _whole(t_ns) for path, t_ns in values["windows"]},
         states={_text(name): _scalar(x) for name, x in values["states"].items()},
         held=held,
+        late={_text(actuator) for actuator in values["late"]},
     )
     last = {_text(name): _scalar(x) for name, x in values["last"].items()}
     number, first_ns, t_ns = (_whole(values[name]) for name in ("number", "first_ns", "t_ns"))

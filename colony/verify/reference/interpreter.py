@@ -25,6 +25,7 @@ from colony.ir.frame import (
     RecordKind,
 )
 from colony.ir.given import value_sent
+from colony.ir.in_time import idled, in_time, remembered
 from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
 from colony.verify.reference.boundary import (
@@ -77,6 +78,9 @@ class Interpreter:
         self._moment: FrameValues | None = None
         self._lost: frozenset[str] = frozenset()
         self._given: Mapping[str, Given] = {}
+        self._in_time = {c.name: in_time(program.robot, c) for c in program.contracts}
+        self._remembered = remembered(self._in_time.values())
+        self._late: set[str] = set()  # actuators of `_remembered` that were idle as a client was late
         self._limits: list[tuple[ir.Limit, float | None]] = []
         self._silent: set[str] = set()
         self._blind: set[str] = set()
@@ -95,7 +99,7 @@ class Interpreter:
         if memory.first_ns is None:
             return
         restored = restored_memory(self.program, memory, self._states)
-        self._memory, self._last_active_ns, self._states, self._held = restored
+        self._memory, self._last_active_ns, self._states, self._held, self._late = restored
         self._last = dict(memory.last)
         self._moment = FrameValues(
             number=RESTORED, t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states
@@ -107,16 +111,21 @@ class Interpreter:
         if self._moment is None:
             return None
         memory = InterpreterMemory(
-            dict(self._memory), dict(self._last_active_ns), dict(self._states), dict(self._held)
+            dict(self._memory),
+            dict(self._last_active_ns),
+            dict(self._states),
+            dict(self._held),
+            set(self._late),
         )
         moment = self._moment
         return InterpreterState(memory, dict(self._last), moment.number, moment.first_ns, moment.t_ns)
 
     def restore(self, state: InterpreterState) -> None:
         """Continue from the state of another interpreter of the program, which runs no modules in Python."""
-        functions, last_active_ns, states, held = state.memory
+        functions, last_active_ns, states, held, late = state.memory
         self._memory, self._last_active_ns = dict(functions), dict(last_active_ns)
         self._states, self._held, self._last = dict(states), dict(held), dict(state.last)
+        self._late = set(late)
         self._moment = FrameValues(
             number=state.number, t_ns=state.t_ns, first_ns=state.first_ns, states=self._states
         )
@@ -268,10 +277,20 @@ class Interpreter:
         decisions = [self._decide(a, frame_values, limits, records) for a in self.program.robot.actuators]
         self._remember_sent(decisions)
         values = {c.name: self.value_of(c.expression) for c in self.program.contracts}
-        breaches = [name for name, value in values.items() if value is not True]
+        late = self._late_actuators()
+        self._late |= late & self._remembered
+        breaches = [n for n, value in values.items() if value is not True and not self._is_excused(n, late)]
         self._unknown = {name for name, value in values.items() if value is None}
         self._states = self._states | self._next_states
         return Outcome(tuple(decisions), tuple(records), tuple(breaches))
+
+    def _late_actuators(self) -> set[str]:
+        """Return the actuators that a client that is late or lost keeps from what the network decides."""
+        return {a.name for a in self.program.robot.actuators} if self._lost else idled(self._given)
+
+    def _is_excused(self, contract: str, late: set[str]) -> bool:
+        rule = self._in_time[contract]
+        return rule is not None and rule.excuses(late, self._late)
 
     def _read_sensors(
         self,

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, assert_never
 
 from colony.ir import expression as e
 from colony.ir import program as ir
-from colony.ir.memory import ProgramMemory, sent_cell, state_cell, window_cell
+from colony.ir.memory import ProgramMemory, late_cell, sent_cell, state_cell, window_cell
 from colony.ir.types import ScalarValue
 from colony.ir.walk import all_subexpressions
 from colony.ir.wiring import wiring_graph
@@ -27,13 +27,15 @@ _FUNCTION = re.compile(
 class InterpreterMemory(NamedTuple):
     """The memory of an interpreter: memory functions, last activity of each dominant side, and states.
 
-    `held` are the fields that actuators on `idle hold` hold, by actuator, then by actuator and field.
+    `held` are the fields that actuators on `idle hold` hold, by actuator, then by actuator and field. `late`
+    are the actuators of contracts `in time` that were idle because a client was late or lost.
     """
 
     functions: Memory
     last_active_ns: dict[tuple[str | int, ...], int]
     states: dict[str, ScalarValue]
     held: dict[str, dict[tuple[str, int], ScalarValue]]
+    late: set[str]
 
 
 class InterpreterState(NamedTuple):
@@ -72,6 +74,7 @@ def restored_memory(
             value = cells.pop(f"{sent_cell(actuator.name, i)} value", 0.0)
             if cells.pop(f"{sent_cell(actuator.name, i)} known", False):
                 held.setdefault(actuator.name, {})[actuator.name, i] = value
+    late = {a.name for a in program.robot.actuators if cells.pop(late_cell(a.name), False)}
     calls = {call.cell: call for call in all_subexpressions(program) if isinstance(call, e.MemoryCall)}
     functions: dict[tuple[int, tuple[int, ...], int], Parts] = {}
     for name, value in cells.items():
@@ -89,6 +92,7 @@ def restored_memory(
         last_active_ns,
         states,
         held,
+        late,
     )
 
 

@@ -178,6 +178,19 @@ def test_proved_only_while_every_client_is_in_time(colony: Colony, behavior: Pat
     assert "note[V012]: contract `acts` is proved only while every client is in time" in err
 
 
+def test_a_contract_in_time_is_proved_without_a_note(colony: Colony, behavior: Path) -> None:
+    file = add(behavior, LATE.replace("acts:", "acts in time:"))
+    code, out, err = colony("verify", "--strict", "--why", "acts", file)
+    assert (code, err) == (0, "")
+    assert out == f"{behavior}: proved in time  acts\n1 proved, 0 refuted, 0 unknown\n"
+    _, out, _ = colony("verify", "--contract", "acts", "--format", "json", behavior)
+    [entry] = json.loads(out)["files"]
+    assert entry["diagnostics"] == []
+    [contract] = entry["contracts"]
+    assert (contract["verdict"], contract["in_time"]) == ("proved_in_time", True)
+    assert "trace" not in contract
+
+
 @pytest.mark.parametrize(
     ("contract", "shown"),
     [
@@ -212,6 +225,39 @@ def test_what_is_proved_in_time_is_so_in_json_and_sarif(colony: Colony, behavior
     [found] = json.loads(out)["runs"][0]["results"]
     assert (found["ruleId"], found["level"]) == ("V012", "note")
     assert found["codeFlows"]
+
+
+REACHES = "reach gone: drive by back\nreach both: drive by back and drive by cruise\n"
+
+
+def test_reaches_are_reached_or_never(colony: Colony, behavior: Path) -> None:
+    file = add(behavior, REACHES)
+    code, out, err = colony("verify", "--contract", "both", "--contract", "gone", file)
+    assert code == 1
+    assert f"{file}: reached  gone  (in 1 frame)\n    time " in out
+    assert f"{file}: NEVER REACHED  both\n0 proved, 0 refuted, 0 unknown, 1 reached, 1 never reached" in out
+    assert "error[V015]: no run reaches `both`" in err
+    assert "V010" not in err
+    code, out, _ = colony("verify", "--strict", "--contract", "gone", "--write-test", file)
+    assert (code, file.read_text().count('test "reach: gone"')) == (0, 1)
+    assert colony("test", file)[0] == 0
+    code, out, err = colony("verify", "--contract", "gonne", file)
+    assert code == 2
+    assert "did you mean `gone`?" in err
+
+
+def test_reaches_are_in_json_and_sarif(colony: Colony, behavior: Path) -> None:
+    file = add(behavior, TRUE, REACHES)
+    code, out, _ = colony("verify", "--format", "json", file)
+    assert code == 1
+    [entry] = json.loads(out)["files"]
+    assert [(r["contract"], r["verdict"]) for r in entry["contracts"]] == [("backs", "proved")]
+    assert [(r["reach"], r["verdict"]) for r in entry["reaches"]] == [
+        ("gone", "reached"),
+        ("both", "never_reached"),
+    ]
+    _, out, _ = colony("verify", "--format", "sarif", file)
+    assert "V015" in {found["ruleId"] for found in json.loads(out)["runs"][0]["results"]}
 
 
 def test_several_files(colony: Colony, behavior: Path, tmp_path: Path) -> None:

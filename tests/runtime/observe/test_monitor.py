@@ -6,9 +6,11 @@ from collections.abc import Collection, Mapping
 
 import pytest
 
+from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.protocol.messages import Verdict
+from tests.programs import compilation, robot
 
 EXPECTED = Decision("drive", "avoid", (80.0, 30.0))
 
@@ -73,6 +75,15 @@ def test_disagreements(changes: dict[str, object], wrong: bool) -> None:
     assert bool(found) is wrong
     if wrong:
         assert "the client list gives avoid (80.0, 30.0)" in found[0]
+
+
+def test_a_late_client_breaks_a_contract_but_none_in_time() -> None:
+    text = f"{robot()}module m {{ when true do out(v = 1) }}  network {{ out = m }}\n"
+    compiled = compilation(f"{text}contract c: out by m  contract d in time: out by m").compiled
+    monitor = Monitor(ProgramExecutor(compiled), actuators=compiled.robot.actuators)
+    for t_ns, (fate, broken) in enumerate((("late", ("c",)), ("lost", ("c",)), ("silent", ()))):
+        idle = verdict(actuator="out", **IDLE, fates=(("m", fate),))
+        assert monitor.check(Frame(t_ns, {}), {"out": idle}).expected.breaches == broken
 
 
 def test_an_actuator_without_a_verdict_is_not_compared() -> None:

@@ -6,9 +6,10 @@ import pytest
 
 from colony.dsl.load import load_text
 from colony.ir.frame import Given
+from colony.verify.contracts.disturbances import with_operator_runs
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Options, Proved, ProvedInTime, Result
+from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted, Result
 
 ROBOT = """
 robot r {{
@@ -128,6 +129,23 @@ def test_a_bound_that_is_missing_on_idle_hold_keeps_operators_out() -> None:
     assert not always(
         "lift is commanded implies lift by raise or lift by other", limit, idle="hold"
     ).operators
+
+
+def test_of_a_contract_in_time_no_late_clients_are_asked() -> None:
+    """It helps those that are not, and commands from outside are not asked of it either."""
+    text = ROBOT.format(idle="hold", loss="")
+    program = load_text(
+        f"{text}contract c in time: drive by cruise implies lift by raise\n"
+        "contract never in time: drive.velocity <= 1 m/s\n"
+        "contract wrong in time: drive by cruise\n"
+    )
+    held, never, wrong = prove_contracts(program)
+    assert isinstance(held, Proved)
+    assert isinstance(never, Proved)
+    assert isinstance(wrong, Refuted)
+    assert (held.operators, never.operators) == (False, False)
+    assert not any(s.given for s in wrong.trace.snapshots)
+    assert with_operator_runs(program, held) == held
 
 
 def test_with_on_loss_degrade_lesser_modules_act() -> None:

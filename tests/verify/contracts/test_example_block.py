@@ -24,7 +24,8 @@ def trace(*frames: dict[str, Value]) -> Trace:
 
 
 def block(*frames: dict[str, Value]) -> str | None:
-    return example_block(program("contract c: true"), "c", trace(*frames))
+    made = program("contract c: true")
+    return example_block(made, made.contracts[0], trace(*frames))
 
 
 def steps(*frames: dict[str, Value]) -> list[str]:
@@ -68,7 +69,8 @@ def test_elements_are_given_by_angle_where_that_reads_back(bearing: str, index: 
     robot = ROBOT.replace("rays[6] : m range", f"rays[6] : m {bearing} range")
     text = robot + "contract c: rays[1] > rays[0]"
     readings: Value = (1000.0, 1000.0, 250.0, 1000.0, 1000.0, 1000.0)
-    block = example_block(load_text(text), "c", trace({"rays": readings}))
+    made = load_text(text)
+    block = example_block(made, made.contracts[0], trace({"rays": readings}))
     assert block is not None
     assert f"rays[{index}] = 0.25 m" in block
     again = load_text(f"{text}\n{block}")
@@ -88,7 +90,8 @@ def test_runs_are_given_as_slices(bearing: str, size: int, place: str) -> None:
     text = robot + "contract c: rays[1] > rays[0]"
     near: Value = tuple(250.0 if 56 <= i <= 62 else 1000.0 for i in range(size))
     nearer: Value = tuple(250.0 if 56 <= i <= 70 else 1000.0 for i in range(size))
-    block = example_block(load_text(text), "c", trace({"rays": near}, {"rays": nearer}))
+    made = load_text(text)
+    block = example_block(made, made.contracts[0], trace({"rays": near}, {"rays": nearer}))
     assert block is not None
     assert f"given rays = 1 m, rays[{place}] = 0.25 m" in block
     again = load_text(f"{text}\n{block}")
@@ -100,13 +103,14 @@ def test_an_infinite_reading_cannot_be_written() -> None:
 
 
 def test_answers_of_python_modules_cannot_be_written() -> None:
-    made = Trace(snapshots=(Snapshot(t_ns=0, answers={"guess": (1.0,)}),), outcomes=())
-    assert example_block(program("contract c: true"), "c", made) is None
+    found = Trace(snapshots=(Snapshot(t_ns=0, answers={"guess": (1.0,)}),), outcomes=())
+    made = program("contract c: true")
+    assert example_block(made, made.contracts[0], found) is None
 
 
 def test_the_written_test_of_what_cannot_be_told_leaves_it_missing() -> None:
     made = program("contract c: x < 1")
-    text = example_block(made, "c", trace({"x": 0.5}, {}))
+    text = example_block(made, made.contracts[0], trace({"x": 0.5}, {}))
     assert text is not None
     [result] = run_examples(program(f"contract c: x < 1\n{text}"))
     assert [(f.kind, f.t_ns) for f in result.failures] == [("contract unknown", 50_000_000)]
@@ -129,7 +133,7 @@ def test_the_written_test_breaks_the_contract_where_the_trace_does(
     made = program(f"contract c: {contract}")
     found = trace(*frames)
     assert Replay(made, "c").breaks(found.snapshots)
-    text = example_block(made, "c", found)
+    text = example_block(made, made.contracts[0], found)
     assert text is not None
     [result] = run_examples(program(f"contract c: {contract}\n{text}"))
     assert [(f.kind, f.t_ns) for f in result.failures] == [("contract broken", found.snapshots[-1].t_ns)]

@@ -90,6 +90,19 @@ def test_the_values_that_break_a_contract(values: dict[str, object], guilty: set
     assert blamed(lost.result, list(values), with_only) == guilty
 
 
+def test_one_in_time_need_stay_proved_only_while_clients_are_in_time(tmp_path: Path) -> None:
+    text = TEXT.replace(
+        "contract never",
+        "contract moving in time: fresh(bumper) and not bumper implies drive by go\ncontract never",
+    )
+    site = check_text(text, params=params_from_values({"boost": 2}, "<params>")).program
+    own = check_text(text).program
+    assert own is not None
+    assert site is not None
+    found, _ = kept(own, site, tmp_path)
+    assert "moving" in found.proved
+
+
 def test_the_folder_is_that_of_the_user() -> None:
     assert cache_folder({"XDG_CACHE_HOME": "/x", "HOME": "/h"}) == Path("/x/colony/proofs")
     assert cache_folder({"XDG_CACHE_HOME": "relative", "HOME": "/h"}) == Path("/h/.cache/colony/proofs")

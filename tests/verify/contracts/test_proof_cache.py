@@ -110,6 +110,15 @@ def test_what_stays_unknown_alone_may_be_proved_with_others(tmp_path: Path) -> N
     assert len(list(tmp_path.iterdir())) == files + 5
 
 
+def test_what_is_known_in_time_helps_in_time_alone(tmp_path: Path) -> None:
+    text = f"{TEXT}contract meant in time: a > 10 mm and fresh(a) implies left by one\n"
+    text += "contract acts: fresh(a) and a > 10 mm implies left by one\n"
+    assert isinstance(found(tmp_path, text, "meant")["meant"], Proved)
+    again = found(tmp_path, text, "meant", "acts")
+    assert isinstance(again["meant"], Proved)
+    assert isinstance(again["acts"], ProvedInTime)
+
+
 @pytest.mark.parametrize("data", [b"", b"\x80", b"garbage", b"\x80\x05K\x01."])
 def test_a_damaged_file_is_as_none(tmp_path: Path, data: bytes) -> None:
     first = found(tmp_path)

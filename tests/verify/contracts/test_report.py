@@ -108,7 +108,7 @@ def test_a_contract_that_a_lost_client_breaks_says_lost_and_not_late() -> None:
     assert "in which a client is lost; found" in said.message
     assert said.hint == (
         "with `on_loss degrade`, a lesser client acts in place of one that is lost: say what must hold then, "
-        "or use `on_loss stop`"
+        "or use `on_loss stop`; or write `contract c in time: ...` if that is what you mean"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from random import Random
 
 import pytest
@@ -118,6 +119,56 @@ def test_a_command_at_a_bound_reads_back_as_the_bound(unit: str, bound: float) -
             assert wrong.breaches == ("held",)
 
 
+def test_a_late_client_breaks_no_contract_in_time() -> None:
+    """It is excused in the frame; if it remembers what was sent, until memory restarts."""
+    texts = {
+        "plain": "cruise is active implies drive by cruise",
+        "other": "cruise is active implies drive by cruise and lift.height == 100 mm",
+        "remembers": "previous(drive is commanded, true)",
+        "holds": "lift.height >= 110 mm",
+        "sensed": "previous(go, true) implies drive by cruise",
+        "wrong": "drive.velocity > 0.6 m/s",
+    }
+    text = TEXT + "\n".join(f"contract {name} in time: {text}" for name, text in texts.items())
+    frame = Frame(0, {"go": True})
+    for executor in both_executors(text):
+        steps = [
+            executor.step(frame._replace(t_ns=k * MS), given=given).breaches
+            for k, given in enumerate(
+                ({}, {"lift": Given()}, {"drive": Given()}, {}, {"drive": Given((70.0,))})
+            )
+        ]
+        assert steps == [
+            ("holds", "wrong"),
+            ("wrong",),
+            (),
+            ("wrong",),
+            ("plain", "sensed", "wrong"),
+        ]
+
+
+@pytest.mark.parametrize("is_late", [False, True])
+def test_what_a_contract_in_time_remembers_is_memory_of_the_program(is_late: bool) -> None:
+    text = f"{TEXT}contract c in time: not previous(drive is idle, false)"
+    program = load_text(text)
+    writing = ProgramExecutor(compile_program(program).compiled, simplified=False)
+    writing.step(Frame(0, {}), given={"drive": Given()} if is_late else {})
+    memory = writing.memory
+    assert memory is not None
+    resumed, reading = (
+        Interpreter(program),
+        ProgramExecutor(compile_program(program).compiled, simplified=False),
+    )
+    resumed.resume(memory)
+    reading.resume(memory)
+    restored, state = Interpreter(program), resumed.state
+    assert state is not None
+    restored.restore(state)
+    expected = () if is_late else ("c",)
+    for executor in (writing, reading, resumed, restored):
+        assert executor.step(Frame(50 * MS, {})).breaches == expected
+
+
 def drawn_given(choices: Choices, interpreter: Interpreter) -> dict[str, Given]:
     """Draw what some actuators are given."""
     given = {}
@@ -137,6 +188,8 @@ def test_the_plain_executor_agrees(seed: int) -> None:
     program, trace = run_of_seed(seed)
     if any(isinstance(m, PythonModule) for m in program.modules):
         return
+    in_time = (replace(c, in_time=i % 2 == 0) for i, c in enumerate(program.contracts))
+    program = replace(program, contracts=tuple(in_time))
     choices = Choices(Random(seed))
     interpreter = Interpreter(program)
     compiled = compile_program(program).compiled
