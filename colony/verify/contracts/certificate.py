@@ -261,9 +261,9 @@ def _header(proved: Proved | ProvedInTime, parts: Sequence[_Part]) -> Iterator[s
     for part in parts:
         yield f"; Covered: {_COVERED[part.disturbance]}."
         yield from (f"; Assumed: {_text(item)}, {_proof_of(item, contract.name)}." for item in part.assumed)
-    if isinstance(proved, Proved) and len(parts) == 1:
+    if isinstance(proved, Proved) and not contract.in_time and len(parts) == 1:
         others = Disturbance.OPERATORS if proved.operators else Disturbance.LATE
-        yield f"; Covered: {_COVERED[others]}, which changes nothing that the contract reads."
+        yield f"; Covered: {_COVERED[others]}, in which the contract has the same formula."
     yield "(set-info :smt-lib-version 2.6)"
     yield "(set-logic ALL)"
 

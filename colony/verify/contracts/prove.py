@@ -266,7 +266,7 @@ class Prover:
             return self._with_whole_numbers.proof_contexts(proved)
         made = (vars(self).get(context) for context in ("_general", "_close", "_precise", "_usual"))
         in_time = next((c, None) for c in made if c is not None and c.has_proved(name))
-        if isinstance(proved, ProvedInTime):
+        if isinstance(proved, ProvedInTime) or proved.contract.in_time:
             return [in_time]
         disturbance = Disturbance.OPERATORS if proved.operators else Disturbance.LATE
         context = self._confirmer.proof_context(proved.contract, disturbance)

@@ -61,6 +61,10 @@ PROGRAMS = {  # with texts that the certificate has
         "contract c: back is active and not (cruise is active) implies drive by back",
         ["; Covered: runs with every client in time.\n(set-info"],
     ),
+    "meant in time": (
+        "contract c in time: back is active and not (cruise is active) implies drive by back",
+        ["; Covered: runs with every client in time.\n(set-info"],
+    ),
 }
 
 
