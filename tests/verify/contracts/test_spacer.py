@@ -100,7 +100,11 @@ def test_a_query_ends_at_its_limit() -> None:
 def test_a_query_costs_the_same_whatever_was_asked_before() -> None:
     made = system([counter(), twice()], {"in_step": z3.Implies(OTHER == 10, COUNT == 5)})
     budgets = [Budget(Options()), Budget(Options())]
-    assert solve(made, budgets[0]) == solve(made, budgets[1])
+    found = [solve(made, budget) for budget in budgets]
+    first, second = (
+        [sorted(g.text.split(" or ")) for g in x.guesses] for x in found if isinstance(x, spacer.Safe)
+    )
+    assert first == second  # but for the order in which z3 has the parts
     assert budgets[0].left == budgets[1].left
 
 
