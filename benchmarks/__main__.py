@@ -33,7 +33,11 @@ QUICK: dict[str, dict[str, Any]] = {
     "start": {"RUNS": 1},
     "decide": {"SIZES": (10,), "ROUNDS": 1},
     "compile_time": {"SIZES": (100,), "GRAPH_SIZES": (100,), "LEAST_RUNS": 1, "LEAST_SECONDS": 0.0},
-    "proof": {"SECONDS": {100: 0.3}, "FILES": ("behaviors/figure_4_14.colony",)},
+    "proof": {
+        "SECONDS": {100: 0.3},
+        "FILES": ("behaviors/figure_4_14.colony",),
+        "CHAINS": ((10, 2, 2, 1.0),),
+    },
     "front_end": {"MODULES": 100},
     "functions": {"MODULES": 20, "ROUNDS": 1},
     "explain": {"MINUTES": 1, "MOMENTS_S": (1.0,)},

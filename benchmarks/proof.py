@@ -1,4 +1,4 @@
-"""How long proofs take: that compilation changed nothing, and all that `colony verify` does for a behavior.
+"""How long proofs take: that compilation changed nothing, and all that `colony verify` does for a program.
 
 Compilation is proved for chains, ladders with 2 ** n ways through them, and random graphs with inhibitors,
 shared wires and time constants: network, client list and the code that clients run. Beside each time stands
@@ -11,20 +11,38 @@ import gc
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
+from colony.cli.verify.prover_options import DEFAULT_SECONDS
 from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_file
+from colony.dsl.load import load_file, load_text
 from colony.ir.program import Program
-from colony.verify.contracts.prove import prove_contracts
-from colony.verify.contracts.results import OverReals, Proved, ProvedInTime
+from colony.text.wording import counted
+from colony.verify.contracts import prove as contracts
+from colony.verify.contracts.proof_cache import ProofCache
+from colony.verify.contracts.results import (
+    RESOURCES_PER_SECOND,
+    Options,
+    OverReals,
+    Proved,
+    ProvedInTime,
+    Unknown,
+)
 from colony.verify.equivalence import prove, results
-from colony.verify.lints import lint
+from colony.verify.lints import Effort, lint
+from colony.verify.symbolic.system import Shape
 from tests.networks import chain, ladder, random_program
 
 SEED = 1
 SECONDS = {100: 0.3, 1_000: 3.0, 10_000: 60.0}
 SECONDS_FOR_A_BEHAVIOR = 10.0
+CHAINS = ((100, 1, 1, 0.6), (750, 200, 100, 15.0), (3_000, 200, 1, 90.0))
+"""Modules of a chain, sensors, contracts, and seconds that verifying them may take."""
+AGAIN = "navigator.colony"
+MOST_AGAIN = 0.1
+"""Seconds of verifying this behavior again, in multiples of the first time."""
 FILES = ("behaviors/*.colony", "robots/*/*.colony")
 ROOT = Path(__file__).parent.parent
 
@@ -36,13 +54,12 @@ def run() -> list[Row]:
     rows = _compilation("chain", chain, "modules")
     rows += _compilation("ladder", ladder, "rungs")
     rows += _compilation("random graph", lambda n: random_program(n, SEED), "modules")
-    rows += [
-        _behavior(file)
-        for file in sorted(
-            [path for pattern in FILES for path in ROOT.glob(pattern)], key=lambda path: path.stem
-        )
-    ]
-    return rows
+    files = sorted([path for pattern in FILES for path in ROOT.glob(pattern)], key=lambda path: path.stem)
+    rows += [_verified(file.name, load_file(file), SECONDS_FOR_A_BEHAVIOR) for file in files]
+    for modules, sensors, count, most in CHAINS:
+        name = f"{modules:,} modules, {counted(sensors, 'sensor')}, {counted(count, 'contract')}"
+        rows.append(_verified(name, load_text(_text(modules, sensors, count)), most))
+    return [*rows, *(_again(file) for file in files if file.name == AGAIN)]
 
 
 def _compilation(name: str, make: Callable[[int], Program], unit: str) -> list[Row]:
@@ -67,20 +84,63 @@ def _compilation(name: str, make: Callable[[int], Program], unit: str) -> list[R
     return rows
 
 
-def _behavior(file: Path) -> Row:
-    """Contracts and lints of a file."""
-    program = load_file(file)
+def _verified(name: str, program: Program, most: float) -> Row:
+    """Contracts and lints of a program."""
     gc.collect()
     start = perf_counter()
-    verdicts = prove_contracts(program)
-    warnings = lint(program)
+    shapes = dict[str, Shape]()
+    verdicts = list(contracts.results(program, [c.name for c in program.contracts], None, shapes))
+    effort = Effort(round(2 * DEFAULT_SECONDS * RESOURCES_PER_SECOND))
+    warnings = lint(program, effort, shapes)
     seconds = perf_counter() - start
-    proved = [verdict for verdict in verdicts if isinstance(verdict, Proved | ProvedInTime)]
-    over_reals = sum(1 for verdict in verdicts if isinstance(verdict, OverReals))
-    counts = f"{len(proved)} of {len(verdicts)} contracts proved, {over_reals} over reals"
-    note = f"{counts}; {len(warnings)} warnings"
-    is_settled = len(proved) + over_reals == len(verdicts)
-    return _row(f"verify, {file.name}", seconds, SECONDS_FOR_A_BEHAVIOR, note, is_settled)
+    proved = sum(isinstance(verdict, Proved | ProvedInTime) for verdict in verdicts)
+    over_reals, unknown = (sum(isinstance(v, kind) for v in verdicts) for kind in (OverReals, Unknown))
+    counts = f"{proved} of {len(verdicts)} contracts proved, {over_reals} over reals, {unknown} unknown"
+    note = f"{counts}; {counted(len(warnings), 'warning')}"
+    return _row(f"verify, {name}", seconds, most, note, unknown == 0)
+
+
+def _text(modules: int, sensors: int, count: int) -> str:
+    """Return a chain of modules, each with a threshold for one of the sensors."""
+    drawn, names = Random(SEED), [f"m{i}" for i in range(modules)]
+    return "\n".join(
+        [
+            "language 2",
+            "robot r {",
+            *(f"  sensor s{i} : mm range 0 .. 10000 from P{i % 20}Server.s{i}" for i in range(sensors)),
+            "  actuator drive { velocity : mm/s range -600 .. 600 }",
+            "           to RServer.drive idle drive(velocity = 0)",
+            "}",
+            *(
+                f"module m{i} {{ when s{i % sensors} < {drawn.randint(1, 4000)} mm "
+                f"do drive(velocity = {drawn.randint(-500, 500)} mm/s) }}"
+                for i in range(modules)
+            ),
+            f"network {{ drive = {' suppresses '.join(names)} }}",
+            *(
+                f"contract c{i}: s{i % sensors} < {drawn.randint(1, 4000)} mm implies "
+                f"drive.velocity <= {drawn.randint(400, 600)} mm/s"
+                for i in range(count)
+            ),
+            "",
+        ]
+    )
+
+
+def _again(file: Path) -> Row:
+    """Contracts of a file that were proved before."""
+    program = load_file(file)
+    seconds = []
+    with TemporaryDirectory() as folder:
+        for _ in range(2):
+            gc.collect()
+            start = perf_counter()
+            cache = ProofCache(Path(folder), program, Options(), [c.name for c in program.contracts])
+            found = list(contracts.results(program, [c.name for c in program.contracts], cache=cache))
+            seconds.append(perf_counter() - start)
+    ratio, note = seconds[1] / seconds[0], f"{len(found)} contracts, {seconds[1]:.2g} s"
+    name, ok = f"verify, {file.name}, again", ratio <= MOST_AGAIN
+    return {"name": name, "value": ratio, "unit": "times", "target": MOST_AGAIN, "ok": ok, "note": note}
 
 
 def _row(name: str, seconds: float, most: float, note: str, proved: bool) -> Row:
@@ -92,7 +152,8 @@ def main() -> None:
     """Print the table."""
     for row in run():
         verdict = "ok" if row["ok"] else "MISS"
-        print(f"{row['name']:40} {row['value']:>9.3g} s  {row['target']:>4} {verdict:4} {row['note']}")
+        figure = f"{row['value']:>9.3g} {row['unit']:5} {row['target']:>4} {verdict:4}"
+        print(f"{row['name']:50} {figure} {row['note']}")
 
 
 if __name__ == "__main__":
