@@ -89,9 +89,6 @@ def results(
     asked = [c for c in program.contracts if c.name in names]
     known = {} if cache is None else {c.name: r for c in asked if (r := cache.result(c)) is not None}
     prover = Prover(program, options or Options(), shapes=shapes, encoded=slice_of(program, *asked))
-    for result in known.values():
-        prover.know(result)
-
     def found(result: Result) -> Result:
         if cache is not None:
             cache.keep(result)
@@ -101,15 +98,19 @@ def results(
 
     open_results: list[tuple[int, Result]] = []
     for contract in asked:
-        result = known.get(contract.name) or prover.prove_disturbed(contract)
-        if contract.name in known:
-            yield result
-        elif _is_open(result):
-            open_results.append((prover.proofs, result))
+        is_known = contract.name in known
+        result = known[contract.name] if is_known else prover.prove_disturbed(contract)
+        if is_known:
+            prover.know(result)
+        if _is_open(result):
+            open_results.append((0 if is_known else prover.proofs, result))
         else:
-            yield found(result)
+            yield result if is_known else found(result)
     for proofs_before, result in open_results:
-        yield found(prover.prove_disturbed(result.contract) if prover.proofs > proofs_before else result)
+        if result.contract.name in known:
+            yield result
+        else:
+            yield found(prover.prove_disturbed(result.contract) if prover.proofs > proofs_before else result)
 
 
 def _is_open(result: Result) -> bool:
@@ -199,10 +200,14 @@ class Prover:
         """Use what was proved before."""
         if isinstance(result, Refuted | Unknown):
             return
-        self._known_results.append(result)
         proved = result if isinstance(result, Proved) else result.in_time
         name = proved.contract.name
         self._results[name], self._over_reals[name] = proved, proved.over_reals
+        self._known_results.append(result)
+        if "_usual" in vars(self):
+            self._usual.record_proof(name)
+        if "_confirmer" in vars(self):
+            self._confirmer.know(result)
 
     def prove_disturbed(self, contract: Contract) -> Result:
         """Prove or refute a contract, also while clients are late or lost, and while connections command."""

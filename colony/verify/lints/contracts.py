@@ -8,7 +8,7 @@ from colony.ir import expression as ir
 from colony.ir.expression import Expression
 from colony.ir.program import Contract
 from colony.text.diagnostics import Diagnostic, warning
-from colony.verify.claims import all_of, negation
+from colony.verify.claims import negation
 from colony.verify.lints.case import Case
 from colony.verify.source_text import source_text
 
@@ -22,10 +22,9 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     for contract in case.program.contracts:
         if not case.is_own(contract.span):
             continue
-        e = contract.expression
-        has_memory = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(e))
-        if not has_memory and (left := _premise(e)) is not None:  # the claim would have to share its memory
-            yield _vacuous(contract), all_of((e, negation(left)))
+        left = _premise(contract.expression)
+        if left is not None:
+            yield _vacuous(contract), negation(left)
 
 
 def _premise(e: Expression) -> Expression | None:
