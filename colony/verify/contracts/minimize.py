@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from colony.ir.frame import Given, Reading
 from colony.ir.program import Sensor
@@ -21,10 +21,13 @@ from colony.verify.testing.shrinking import Shrinker, with_reading
 _PATIENCE = 1500
 """Number of frames that the interpreter computes for one trace of a small program, at most."""
 
-_PASSES = 8
+_PASSES = 150
 """Number of times that the interpreter computes all of a long trace, at least."""
 
 _MAX_DIGITS = 6
+
+_MAX_CONSTANT = 4
+"""Maximum number of a sensor's own readings that are tried for all frames of a run."""
 
 
 def minimize(
@@ -51,10 +54,12 @@ def minimize(
             shrinker.take((*shrinker.trace[:i], snapshot._replace(answers=fewer), *shrinker.trace[i + 1 :]))
     _fewer_late(shrinker)
     facts = replay.facts(shrinker.trace)
+    needed_missing, could_change = _that_matter(sliced, shrinker.trace)
     return Trace(
         snapshots=shrinker.trace,
         outcomes=replay.run(shrinker.trace),
-        needed_missing=tuple(_needed_missing(sliced, shrinker.trace)),
+        needed_missing=tuple(needed_missing),
+        could_change=tuple(could_change),
         unknown=facts.unknown,
         found=facts.found,
         cause=replay.cause(shrinker.trace),
@@ -83,11 +88,11 @@ def _with_one_fewer_late(trace: tuple[Snapshot, ...], i: int) -> Iterator[tuple[
         yield (*trace[:i], frame._replace(lost=frame.lost - {module}), *trace[i + 1 :])
 
 
-def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator[str]:
-    """Yield the sensors that must stay missing.
+def _that_matter(replay: Replay, snapshots: tuple[Snapshot, ...]) -> tuple[list[str], list[str]]:
+    """Return the missing sensors that must stay missing, and others of which a reading ends the breach.
 
-    The trace never gives them a value, and with any simple value the contract does not break. Of sensors that
-    may all have one together, none must.
+    The trace never gives them a value. Each simple value is tried, in all frames. Sensors that may have one
+    together need not be missing, and those that may have any do not matter.
     """
     missing = [
         (sensor.name, values)
@@ -96,12 +101,25 @@ def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator
         and not any(sensor.name in s.readings for s in snapshots)
         and (values := _simple_values(sensor))
     ]
-    pending = [missing] if missing else []
+
+    def breaks(group: Sequence[tuple[str, Sequence[Value]]]) -> Iterator[bool]:
+        longest = max(len(values) for _, values in group)
+        return (replay.breaks(_with_values(snapshots, group, i)) for i in range(longest))
+
+    needed = list(_without(missing, lambda group: any(breaks(group))))
+    others = [(name, values) for name, values in missing if name not in needed]
+    return needed, list(_without(others, lambda group: all(breaks(group))))
+
+
+def _without(
+    sensors: Sequence[tuple[str, Sequence[Value]]],
+    may_be_dropped: Callable[[Sequence[tuple[str, Sequence[Value]]]], bool],
+) -> Iterator[str]:
+    """Yield the names of the sensors that cannot be dropped, alone or with others."""
+    pending = [sensors] if sensors else []
     while pending:
         group = pending.pop()
-        if any(
-            replay.breaks(_with_values(snapshots, group, i)) for i in range(max(len(v) for _, v in group))
-        ):
+        if may_be_dropped(group):
             continue
         if len(group) == 1:
             yield group[0][0]
@@ -125,9 +143,11 @@ class _SimplerReadings:
         """Yield None, each value in `readings`, and simple values; nothing if `readings` has no value."""
         if all(reading is None for reading in readings):
             return
-        values = tuple(_values(reversed(readings)))
+        values = tuple(dict.fromkeys(_values(reversed(readings))))
         finite = () if all(map(_is_finite, values)) else tuple(_finite_values(sensor))
-        yield from dict.fromkeys((None, *finite, *values, *_simple_values(sensor)))
+        few, simple = values[:_MAX_CONSTANT], _simple_values(sensor)
+        known = (*few, *simple) if len(values) <= _MAX_CONSTANT else (*simple, *few)
+        yield from dict.fromkeys((None, *finite, *known))
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
         """Yield the previous value, None, simple values, and values with fewer distinct numbers or digits."""

@@ -89,6 +89,7 @@ def results(
     asked = [c for c in program.contracts if c.name in names]
     known = {} if cache is None else {c.name: r for c in asked if (r := cache.result(c)) is not None}
     prover = Prover(program, options or Options(), shapes=shapes, encoded=slice_of(program, *asked))
+
     def found(result: Result) -> Result:
         if cache is not None:
             cache.keep(result)

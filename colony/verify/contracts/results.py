@@ -51,14 +51,16 @@ class Trace:
     """A run of the reference interpreter whose last frame breaks the contract.
 
     It is false there or, if `unknown`, unknown because it reads something missing. `needed_missing` are the
-    missing sensors of which no value that was tried breaks the contract. `found` has the values of the
-    contract's names in the last frame, and `cause` the conditions that decided there.
+    missing sensors of which no value that was tried breaks the contract, `could_change` those of which some
+    do and others do not. `found` has the values of the contract's names in the last frame, and `cause` the
+    conditions that decided there.
     """
 
     snapshots: tuple[Snapshot, ...]
     outcomes: tuple[Outcome, ...]
     unknown: bool = False
     needed_missing: tuple[str, ...] = ()
+    could_change: tuple[str, ...] = ()
     found: tuple[str, ...] = ()
     cause: str = ""
 

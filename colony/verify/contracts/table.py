@@ -66,23 +66,31 @@ def _folded(rows: list[list[str]]) -> list[list[str]]:
 _OMITTED = "..."
 
 
-def missing_lines(shown: int, needed_missing: Sequence[str], sensors: int) -> Iterator[str]:
+def missing_lines(
+    shown: int, needed_missing: Sequence[str], could_change: Sequence[str], sensors: int
+) -> Iterator[str]:
     """Yield notes on the sensors that are missing in a run.
 
     Args:
         shown: the number of sensors that the table shows.
         needed_missing: names of the sensors that have to be missing.
+        could_change: names of those of which some readings would change what the run shows.
         sensors: the number of all sensors.
     """
     if needed_missing:
         yield f"missing, which matters: {', '.join(needed_missing)}"
-    if shown + len(needed_missing) < sensors:
-        which = "all other sensors" if shown or needed_missing else "all sensors"
+    if could_change:
+        yield f"missing, where some readings would change this: {', '.join(could_change)}"
+    others = shown + len(needed_missing) + len(could_change)
+    if others < sensors:
+        which = "all other sensors" if others else "all sensors"
         yield f"{which}: missing (their readings make no difference)"
 
 
 def _notes(program: Program, trace: Trace, sensors_shown: int) -> Iterator[str]:
-    yield from missing_lines(sensors_shown, trace.needed_missing, len(program.robot.sensors))
+    yield from missing_lines(
+        sensors_shown, trace.needed_missing, trace.could_change, len(program.robot.sensors)
+    )
     if trace.found:
         yield f"in the last frame: {'; '.join(trace.found)}"
     if trace.cause:

@@ -169,6 +169,7 @@ def _different(
         a=by_a,
         b=by_b,
         needed_missing=trace.needed_missing,
+        could_change=trace.could_change,
     )
 
 

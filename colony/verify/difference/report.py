@@ -86,7 +86,7 @@ def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
             ]
         )
     yield from aligned(rows)
-    yield from missing_lines(len(shown_sensors), result.needed_missing, len(sensors))
+    yield from missing_lines(len(shown_sensors), result.needed_missing, result.could_change, len(sensors))
 
 
 def _sent(a: Program, b: Program, result: Different, outcome_a: Outcome, outcome_b: Outcome) -> Iterator[str]:
@@ -115,6 +115,7 @@ def row(a: Program, b: Program, result: Result) -> dict[str, object]:
                 "actuators": [{"a": x, "b": y} for x, y in result.actuators],
                 "frames": list(_frames(a, b, result)),
                 "needed_missing": list(result.needed_missing),
+                "could_change": list(result.could_change),
             }
         case Undecided(because=because, hint=hint):
             fields |= {"because": list(because), "hint": hint}

@@ -49,7 +49,8 @@ class Different:
     one.
 
     `snapshots` are the inputs, `a` and `b` the reference interpreter's outcomes for each program;
-    `needed_missing` are sensors that must be missing. `actuators` are pairs: A's name, B's name.
+    `needed_missing` are sensors that must be missing, `could_change` missing ones of which some readings
+    would end the difference. `actuators` are pairs: A's name, B's name.
     """
 
     matching: Matching
@@ -58,6 +59,7 @@ class Different:
     a: tuple[Outcome, ...]
     b: tuple[Outcome, ...]
     needed_missing: tuple[str, ...] = ()
+    could_change: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -100,6 +100,7 @@ def _outside(case: Case, access: Access, trace: Trace) -> Finding:
         snapshots=trace.snapshots,
         outcomes=replay(case.program, trace.snapshots),
         needed_missing=trace.needed_missing,
+        could_change=trace.could_change,
         found=() if shown is None else (f"{_noun(access)} of {_text(access)}: {shown}",),
     )
     actuator = None if access.owner is None else access.owner.actuator

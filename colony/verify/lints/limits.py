@@ -138,6 +138,7 @@ def _contradiction(case: Case, field: _Field, trace: Trace) -> Iterator[Finding]
         snapshots=trace.snapshots,
         outcomes=outcomes,
         needed_missing=trace.needed_missing,
+        could_change=trace.could_change,
         found=(f"{field.name}: {bounds}",),
     )
     yield Finding(diagnostic, Run(field.name, field.actuator.name, found))
@@ -166,6 +167,7 @@ def _exclusion(case: Case, field: _Field, trace: Trace) -> Iterator[Finding]:
         snapshots=trace.snapshots,
         outcomes=outcomes,
         needed_missing=trace.needed_missing,
+        could_change=trace.could_change,
         found=(f"{field.name}: {what} {field.text(nearest)}",),
     )
     diagnostic = _diagnostic("V034", "warning", spans, message, hint)

@@ -33,6 +33,7 @@ def test_a_contract_that_a_late_client_breaks_is_a_note_with_the_run() -> None:
         "  it is proved while every client is in time; the run below breaks it, in which a client is late:",
         "  time  bump  drive",
         "  0 s   true  late, idle: velocity = 0 m/s, turn = 0 deg/s",
+        "  missing, where some readings would change this: far",
         "  all other sensors: missing (their readings make no difference)",
     )
     said = finding(found, "f.colony")
@@ -238,8 +239,11 @@ def test_elements_with_bearings_are_named_by_angle() -> None:
     assert reading_cell(rays, frame) == "all 5 m, [10 deg] 0.4 m"
 
 
-def test_where_no_reading_matters_all_are_missing() -> None:
+def test_missing_sensors_of_which_readings_would_end_the_breach_are_named() -> None:
     text = "contract c: drive is commanded"
     found = refuted(text)
     rows = table(program(text), found.contract, found.trace)
-    assert rows[2] == "all sensors: missing (their readings make no difference)"
+    assert rows[2:4] == (
+        "missing, where some readings would change this: far, bump",
+        "all other sensors: missing (their readings make no difference)",
+    )
