@@ -118,6 +118,8 @@ def hint_for(text: str, offset: int, found: str, accepted: frozenset[str]) -> st
             "write `sustained(..., 400 ms)` if the condition must have held all that time, "
             "`recently(..., 400 ms)` if it held at any moment of it"
         )
+    if found == "in" and re.search(r"\breach\s+\w+\s+$", before):
+        return "a `reach` is always about runs with every client in time: leave out `in time`"
     if found == "language" and re.match(r"[ \t]*\d", text[offset + len(found) :]):
         return "a file has this line once, before its first declaration"
     return (

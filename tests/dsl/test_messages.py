@@ -33,6 +33,7 @@ SLIPS = [
     ("module m { when b > 0.5 % do lamp(on = true) }", "found `%`", "write `0.5 percent`"),
     ("let a = b > 0.5% and c", "found `%`", "write `0.5 percent`"),
     ("module m { when b for 400 ms do lamp(on = true) }", "found `for`", "`recently(..., 400 ms)`"),
+    ("reach r in time: b", "found `in`", "leave out `in time`"),
     ("let a = 20 % 3", "found `%`", "write `mod(x, y)`"),
     ("let a = b ? 1 : 2", "found `?`", "write `if CONDITION then A else B`"),
     ("let a = sonar[1:3]", "found `:`", "a slice is written `sonar[1..3]`"),

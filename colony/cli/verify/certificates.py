@@ -25,7 +25,7 @@ def make_folder(folder: Path) -> None:
 def write_certificate(folder: Path, options: Options, prover: Prover, result: Result) -> None:
     """Write the certificate of a contract that `prover` has proved, or remove that of an earlier version."""
     from colony.verify.contracts.certificate import certificate
-    from colony.verify.contracts.results import Proved, ProvedInTime
+    from colony.verify.contracts.results import OverReals, Proved, ProvedInTime
 
     path = folder / f"{result.contract.name}.smt2"
     if isinstance(result, Proved | ProvedInTime):
@@ -34,6 +34,8 @@ def write_certificate(folder: Path, options: Options, prover: Prover, result: Re
             write_whole(path, text)
             return
         say(f"{path}: no certificate: z3 gave up; raise --timeout")
+    elif isinstance(result, OverReals):
+        say(f"{path}: no certificate: {result.contract.name} is proved only over real numbers")
     try:
         path.unlink(missing_ok=True)
     except OSError as problem:
