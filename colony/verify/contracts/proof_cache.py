@@ -32,7 +32,7 @@ from colony.verify.contracts.results import (
     Result,
     Unknown,
 )
-from colony.verify.contracts.slicing import names_of_slices
+from colony.verify.contracts.slicing import needs_of_slices
 
 Kept = TypeVar("Kept")
 
@@ -72,17 +72,18 @@ class ProofCache:
     def _slices(self) -> dict[str, str]:
         """By contract, what it and the contracts that may help to prove it depend on."""
         program = self._program
-        declared = {d.name: _digest([repr(d)]) for d in (*program.derived, *program.modules)}
-        declared |= {s.name: _digest([repr(s)]) for s in program.robot.sensors}
+        values = {d.name: _digest([repr(d)]) for d in (*program.robot.sensors, *program.derived)}
+        modules = {m.name: _digest([repr(m)]) for m in program.modules}
         rest = _digest([repr(replace(program.robot, sensors=())), repr(program.wires), repr(program.limits)])
-        names = names_of_slices(program)
+        needs = needs_of_slices(program)
         return {
             contract.name: _digest(
                 [
                     self._about,
                     rest,
-                    *(declared[name] for name in sorted(names[contract.name]) if name in declared),
-                    *(repr(c) for c in program.contracts if names[c.name] <= names[contract.name]),
+                    *(values[name] for name in sorted(needs[contract.name].values)),
+                    *(modules[name] for name in sorted(needs[contract.name].parts) if name in modules),
+                    *(repr(c) for c in program.contracts if needs[contract.name].covers(needs[c.name])),
                     contract.name,
                 ]
             )

@@ -96,6 +96,15 @@ def test_a_proof_is_known_wherever_its_declarations_stand(
     assert "slow" in proved_again(tmp_path, monkeypatch, TEXT.replace("a > 10 mm ", "a > 20 mm "))
 
 
+def test_a_value_named_like_a_module_is_part_of_what_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = f"{TEXT}let one = value_or(a, 0) > 90 mm\ncontract far: one implies value_or(a, 0) > 50 mm\n"
+    found(tmp_path, text)
+    assert "far" not in proved_again(tmp_path, monkeypatch, text.replace("gain * gain", "gain"))
+    assert "far" in proved_again(tmp_path, monkeypatch, text.replace("0) > 90", "0) > 40"))
+
+
 def test_a_contract_that_may_help_is_part_of_what_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
