@@ -42,6 +42,8 @@ MAX_BYTES = 16 * 1024 * 1024
 _MAX_FILES = 4096
 """Number of files above which the oldest are deleted."""
 
+_SEAL_BYTES = sha256().digest_size
+
 _NO_CONTRACT = Contract(name="", expression=Constant(type=BOOL, value=True))
 
 
@@ -121,15 +123,18 @@ class ProofCache:
         if self._folder is None:
             return None
         try:
-            return pickle.loads(read_from_cache(self._folder / f"{_digest([key])}.pickle", MAX_BYTES))
-        except Exception:  # whatever a damaged file makes of it
+            kept = read_from_cache(self._folder / f"{_digest([key])}.pickle", MAX_BYTES)
+            seal, data = kept[:_SEAL_BYTES], kept[_SEAL_BYTES:]
+            return pickle.loads(data) if seal == _seal(key, data) else None
+        except Exception:  # whatever another version of a class makes of it
             return None
 
     def _write(self, key: str, value: object) -> None:
         if self._folder is None:
             return
         with suppress(OSError):
-            keep_in_cache(self._folder / f"{_digest([key])}.pickle", pickle.dumps(value))
+            data = pickle.dumps(value)
+            keep_in_cache(self._folder / f"{_digest([key])}.pickle", _seal(key, data) + data)
 
 
 def _about(result: Result, contract: Contract) -> Result:
@@ -143,6 +148,11 @@ def _about(result: Result, contract: Contract) -> Result:
             about = _about(proof, contract)
             assert isinstance(about, Proved | ProvedInTime)
             return replace(result, contract=contract, proof=about)
+
+
+def _seal(key: str, data: bytes) -> bytes:
+    """Return what stands before `data` in the file of a key: one flipped bit may be another verdict."""
+    return sha256(key.encode() + data).digest()
 
 
 def _digest(texts: Iterable[str]) -> str:
