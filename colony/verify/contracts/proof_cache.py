@@ -32,7 +32,7 @@ from colony.verify.contracts.results import (
     Result,
     Unknown,
 )
-from colony.verify.contracts.slicing import names_of_slices
+from colony.verify.contracts.slicing import needs_of_slices
 
 Kept = TypeVar("Kept")
 
@@ -41,6 +41,8 @@ MAX_BYTES = 16 * 1024 * 1024
 
 _MAX_FILES = 4096
 """Number of files above which the oldest are deleted."""
+
+_SEAL_BYTES = sha256().digest_size
 
 _NO_CONTRACT = Contract(name="", expression=Constant(type=BOOL, value=True))
 
@@ -72,17 +74,18 @@ class ProofCache:
     def _slices(self) -> dict[str, str]:
         """By contract, what it and the contracts that may help to prove it depend on."""
         program = self._program
-        declared = {d.name: _digest([repr(d)]) for d in (*program.derived, *program.modules)}
-        declared |= {s.name: _digest([repr(s)]) for s in program.robot.sensors}
+        values = {d.name: _digest([repr(d)]) for d in (*program.robot.sensors, *program.derived)}
+        modules = {m.name: _digest([repr(m)]) for m in program.modules}
         rest = _digest([repr(replace(program.robot, sensors=())), repr(program.wires), repr(program.limits)])
-        names = names_of_slices(program)
+        needs = needs_of_slices(program)
         return {
             contract.name: _digest(
                 [
                     self._about,
                     rest,
-                    *(declared[name] for name in sorted(names[contract.name]) if name in declared),
-                    *(repr(c) for c in program.contracts if names[c.name] <= names[contract.name]),
+                    *(values[name] for name in sorted(needs[contract.name].values)),
+                    *(modules[name] for name in sorted(needs[contract.name].parts) if name in modules),
+                    *(repr(c) for c in program.contracts if needs[contract.name].covers(needs[c.name])),
                     contract.name,
                 ]
             )
@@ -120,15 +123,18 @@ class ProofCache:
         if self._folder is None:
             return None
         try:
-            return pickle.loads(read_from_cache(self._folder / f"{_digest([key])}.pickle", MAX_BYTES))
-        except Exception:  # whatever a damaged file makes of it
+            kept = read_from_cache(self._folder / f"{_digest([key])}.pickle", MAX_BYTES)
+            seal, data = kept[:_SEAL_BYTES], kept[_SEAL_BYTES:]
+            return pickle.loads(data) if seal == _seal(key, data) else None
+        except Exception:  # whatever another version of a class makes of it
             return None
 
     def _write(self, key: str, value: object) -> None:
         if self._folder is None:
             return
         with suppress(OSError):
-            keep_in_cache(self._folder / f"{_digest([key])}.pickle", pickle.dumps(value))
+            data = pickle.dumps(value)
+            keep_in_cache(self._folder / f"{_digest([key])}.pickle", _seal(key, data) + data)
 
 
 def _about(result: Result, contract: Contract) -> Result:
@@ -142,6 +148,11 @@ def _about(result: Result, contract: Contract) -> Result:
             about = _about(proof, contract)
             assert isinstance(about, Proved | ProvedInTime)
             return replace(result, contract=contract, proof=about)
+
+
+def _seal(key: str, data: bytes) -> bytes:
+    """Return what stands before `data` in the file of a key: one flipped bit may be another verdict."""
+    return sha256(key.encode() + data).digest()
 
 
 def _digest(texts: Iterable[str]) -> str:

@@ -37,6 +37,9 @@ contract roots: count * count * count != 7
 """
 
 
+QUICK_TEXT, _ = TEXT.split("contract counts")
+
+
 def program(text: str = TEXT) -> Program:
     return load_text(text)
 
@@ -96,6 +99,15 @@ def test_a_proof_is_known_wherever_its_declarations_stand(
     assert "slow" in proved_again(tmp_path, monkeypatch, TEXT.replace("a > 10 mm ", "a > 20 mm "))
 
 
+def test_a_value_named_like_a_module_is_part_of_what_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = f"{QUICK_TEXT}let one = value_or(a, 0) > 90 mm\ncontract far: one implies value_or(a, 0) > 50 mm\n"
+    found(tmp_path, text)
+    assert "far" not in proved_again(tmp_path, monkeypatch, text.replace("gain * gain", "gain"))
+    assert "far" in proved_again(tmp_path, monkeypatch, text.replace("0) > 90", "0) > 40"))
+
+
 def test_a_contract_that_may_help_is_part_of_what_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -125,6 +137,22 @@ def test_a_damaged_file_is_as_none(tmp_path: Path, data: bytes) -> None:
     for file in tmp_path.iterdir():
         file.write_bytes(data)
     assert alike(found(tmp_path), first)
+
+
+def test_a_file_with_one_other_bit_or_of_another_contract_is_as_none(tmp_path: Path) -> None:
+    first = found(tmp_path, QUICK_TEXT)
+    files = sorted(tmp_path.iterdir())
+    kept = [file.read_bytes() for file in files]
+    for file, of_another in zip(files, kept[1:] + kept[:1], strict=True):
+        file.write_bytes(of_another)
+    assert alike(found(tmp_path, QUICK_TEXT), first)
+    for place in range(0, len(kept[0]), 7):
+        for file, data in zip(files, kept, strict=True):
+            place %= len(data)
+            file.write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :])
+        loaded = program(QUICK_TEXT)
+        cache = ProofCache(tmp_path, loaded, OPTIONS, [c.name for c in loaded.contracts])
+        assert not any(cache.result(contract) for contract in loaded.contracts)
 
 
 def test_nothing_is_kept_where_nothing_can_be_written(tmp_path: Path) -> None:
