@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 import z3
 
 from colony.text.source import Span
-from colony.verify.symbolic.logic import is_false, is_true, negation
+from colony.verify.symbolic.logic import FALSE, either, is_false, is_true, negation
 from colony.verify.symbolic.system import (
     UNBOUNDED,
     Auxiliary,
@@ -142,7 +142,7 @@ class Builder:
         """Record why `x` is inexact; the bounds of a finite value are those of the program's float."""
         term = x.value if x.whole is None else x.whole
         bounds = x.bounds if is_false(x.infinite) else UNBOUNDED
-        self.mark_inexact(term, reason, bounds, floats, is_sum=is_sum)
+        self.mark_inexact(term, reason, bounds, floats, is_sum=is_sum, nan=x.nan)
 
     def mark_inexact(
         self,
@@ -152,15 +152,16 @@ class Builder:
         floats: tuple[z3.ArithRef, ...] = (),
         *,
         is_sum: bool = False,
+        nan: z3.BoolRef = FALSE,
     ) -> None:
         """Record why a term is inexact; a numeral is exact, and ignored."""
         if term.num_args() == 0 and term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
             return
         key = term.get_id()
-        found = InexactTerm(term, reason, bounds, floats=floats, is_sum=is_sum)
+        found = InexactTerm(term, reason, bounds, floats=floats, is_sum=is_sum, nan=nan)
         recorded = self.inexact.setdefault(key, found)
-        if recorded.reason.text != reason.text or recorded.bounds != bounds:
-            self.inexact[key] = replace(recorded, ambiguous=True)
+        ambiguous = recorded.ambiguous or recorded.reason.text != reason.text or recorded.bounds != bounds
+        self.inexact[key] = replace(recorded, ambiguous=ambiguous, nan=either(recorded.nan, nan))
 
     # --- memory ----------------------------------------------------------------------------------
 

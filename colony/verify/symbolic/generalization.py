@@ -22,7 +22,7 @@ import z3
 from colony.verify.symbolic.bounding import between
 from colony.verify.symbolic.encode import by_constant, with_reasons
 from colony.verify.symbolic.graph import Graph
-from colony.verify.symbolic.logic import implied, real
+from colony.verify.symbolic.logic import implied, negation, real
 from colony.verify.symbolic.substitution import Substitution
 from colony.verify.symbolic.system import (
     ActuatorTerms,
@@ -157,9 +157,9 @@ class _Generalization:
                 for formula in between(cast(z3.ArithRef, free), inexact_term.bounds):
                     yield Fact(FactKind.ASSUMPTION, free, formula)
                 if self._close and inexact_term.reason.kind is Inexact.ROUNDING:
-                    yield Fact(
-                        FactKind.ASSUMPTION, free, self._is_close(cast(z3.ArithRef, free), inexact_term)
-                    )
+                    is_close = self._is_close(cast(z3.ArithRef, free), inexact_term)
+                    is_number = negation(self.term(inexact_term.nan))
+                    yield Fact(FactKind.ASSUMPTION, free, implied(is_number, is_close))
 
     def _is_close(self, free: z3.ArithRef, inexact: InexactTerm) -> z3.BoolRef:
         """Return the condition that a constant is as close to the result of a term as rounding leaves it."""

@@ -306,7 +306,8 @@ def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callabl
             builder.close_cell(f"{name}.nan", x.nan)
         if shape.infinite:
             builder.close_cell(f"{name}.infinite", x.infinite)
-        builder.close_cell(name, _whole(x) if shape.bounds.whole and x.bounds.whole else x.value)
+        whole = whole_of(x) if shape.bounds.whole else None
+        builder.close_cell(name, x.value if whole is None else whole)
 
     return old, close
 

@@ -22,6 +22,7 @@ import z3
 from colony.ir.program import Program
 from colony.text.source import NOWHERE, Span
 from colony.verify.symbolic.graph import Graph
+from colony.verify.symbolic.logic import FALSE
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +112,7 @@ class InexactTerm:
 
     `ambiguous`: it stands for several floats that may differ, as the program computes it in several ways.
     Rounding, being monotone, does not cross 0 or `floats`. `is_sum`: it is a sum of two floats, which does
-    not round where it is subnormal.
+    not round where it is subnormal. Where `nan`, the float is NaN, and the term may be out of its bounds.
     """
 
     term: z3.ExprRef
@@ -120,6 +121,7 @@ class InexactTerm:
     ambiguous: bool = False
     floats: tuple[z3.ArithRef, ...] = ()
     is_sum: bool = False
+    nan: z3.BoolRef = FALSE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -78,6 +78,12 @@ def test_a_counter_is_a_whole_number() -> None:
     assert number(system, "n").value.arg(0).sort() == z3.IntSort()
 
 
+def test_a_whole_number_that_a_minimum_with_a_fraction_keeps_is_whole() -> None:
+    system = encode(program("state n = -1  next n = min(x / 1 mm, n)\ncontract c: n == -1"))
+    [cell] = (c for c in system.cells if c.name == "n")
+    assert cell.next.sort() == cell.old.sort() == z3.IntSort()
+
+
 def test_a_state_can_become_nan_and_infinite() -> None:
     system = encode(program("state v : number = 1  next v = if p then sqrt(-1) else v / (x / 1 mm)"))
     assert {"v.nan", "v.infinite"} <= set(names(system))

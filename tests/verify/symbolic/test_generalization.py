@@ -66,6 +66,14 @@ def test_a_number_beyond_all_floats_is_infinite() -> None:
     assert broken(generalize(system), "c").check() == z3.sat
 
 
+@pytest.mark.parametrize("close", [False, True])
+def test_frames_with_nan_are_frames_of_it(close: bool) -> None:
+    """The value of `y` is 0 where it is NaN, and within 5 .. 10 elsewhere."""
+    text = """let y = if p then mod(x / 1 mm, 0) else clamp(x / 1 mm, 5, 10)
+    contract c: fresh(x) and fresh(p) and p implies y + 0.1 > 6 or (x + 0.1 mm) + 0.1 mm == x + 0.2 mm"""
+    assert broken(generalize(encode(program(text)), close=close), "c").check() == z3.sat
+
+
 @pytest.mark.parametrize("name", ["rome", "wander", "herbert", "hallway"])
 def test_shipped_contracts_hold_bit_for_bit(name: str) -> None:
     general = generalize(encode(load_file(BEHAVIORS[name])))
