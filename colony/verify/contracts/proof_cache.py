@@ -77,6 +77,7 @@ class ProofCache:
         values = {d.name: _digest([repr(d)]) for d in (*program.robot.sensors, *program.derived)}
         modules = {m.name: _digest([repr(m)]) for m in program.modules}
         rest = _digest([repr(replace(program.robot, sensors=())), repr(program.wires), repr(program.limits)])
+        contracts = [(c.name, _digest([repr(c)])) for c in program.contracts]
         needs = needs_of_slices(program)
         return {
             contract.name: _digest(
@@ -85,7 +86,7 @@ class ProofCache:
                     rest,
                     *(values[name] for name in sorted(needs[contract.name].values)),
                     *(modules[name] for name in sorted(needs[contract.name].parts) if name in modules),
-                    *(repr(c) for c in program.contracts if needs[contract.name].covers(needs[c.name])),
+                    *(digest for name, digest in contracts if needs[contract.name].covers(needs[name])),
                     contract.name,
                 ]
             )
