@@ -6,7 +6,7 @@ of cells, except for pairs of cells, of which there are at most `_MAX_PAIRS`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations, permutations
@@ -22,6 +22,7 @@ from colony.verify.symbolic.system import Cell, Claim, System
 
 _MAX_PAIRS = 300
 _MAX_BOUNDS = 16
+_SMALL = 2**48  # sums of up to 32 such numbers are exact
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +61,35 @@ def initially_true(cone: Cone, guesses: Iterable[Candidate]) -> tuple[Candidate,
         if z3.is_true(z3.simplify(in_initial_memory(candidate.formula))):
             found.setdefault(candidate.formula.get_id(), candidate)
     return tuple(found.values())
+
+
+def for_floats(cone: Cone, used: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return guesses of what holds in floats, from the invariants `used` of a proof over reals.
+
+    Sums of whole numbers are exact only where they are small, and often that is so under a condition on a
+    flag. So all of them are guessed, and under each such condition, too, and that numbers are finite, small,
+    and not negative.
+    """
+    flags = [c for c in cone.cells if z3.is_bool(c.old) and c.old.get_id() != cone.system.begun.get_id()]
+    numbers = [c for c in cone.cells if z3.is_arith(c.old) and c.old.get_id() != cone.system.last.get_id()]
+    special = {f"{c.name}.{kind}" for c in numbers for kind in ("nan", "infinite")}
+    always = [*used, *(Candidate(f"not {c.name}", z3.Not(c.old)) for c in flags if c.name in special)]
+    for cell in numbers:
+        always.append(Candidate(f"{cell.name} >= 0", cell.old >= 0))
+        always.append(Candidate(f"{cell.name} >= {-_SMALL}", cell.old >= -_SMALL))
+        always.append(Candidate(f"{cell.name} <= {_SMALL}", cell.old <= _SMALL))
+    conditions = [
+        condition
+        for c in flags
+        if c.name not in special
+        for condition in (Candidate(c.name, c.old), Candidate(f"not {c.name}", z3.Not(c.old)))
+    ]
+    sometimes = (
+        Candidate(f"{condition.text} or {guess.text}", z3.Or(condition.formula, guess.formula))
+        for condition in conditions
+        for guess in always
+    )
+    return initially_true(cone, (*always, *sometimes))
 
 
 def _unchanged(system: System, cells: tuple[Cell, ...]) -> Iterator[Candidate]:

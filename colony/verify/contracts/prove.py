@@ -20,9 +20,11 @@ from functools import cached_property
 
 from colony.ir.program import Contract, Program, without_assumed
 from colony.verify.contracts.attempt import Attempt, Proof
+from colony.verify.contracts.candidates import Candidate, for_floats
 from colony.verify.contracts.concrete_runs import LongRuns
 from colony.verify.contracts.disturbances import Confirmer
 from colony.verify.contracts.explain import explain_unknown
+from colony.verify.contracts.houdini import invariants
 from colony.verify.contracts.proof_cache import ProofCache
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
@@ -47,6 +49,9 @@ from colony.verify.symbolic.system import Claim, Disturbance, Operation, Reason,
 
 _GENERAL_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
+
+_MAX_GUESSES = 300
+"""Maximum number of invariants that are guessed for floats."""
 
 _CLOSE_DEPTH = 2
 """Maximum depth in the close system: numbers grow by 51 digits a frame, which z3's resource units ignore."""
@@ -296,7 +301,8 @@ class Prover:
         """Check whether a proof holds for floats, bit for bit: floats may break what holds for reals."""
         rounding = self._with_lemmas(rounding_reasons([context.claims[contract.name], *lemmas]), lemmas)
         float_proof = (
-            self._prove_for_floats(contract) or self._prove_for_floats(contract, close=True)
+            self._prove_for_floats(contract, used=_used(context, contract, proof))
+            or self._prove_for_floats(contract, close=True)
             if rounding
             else None
         )
@@ -328,11 +334,17 @@ class Prover:
         return tuple(dict.fromkeys((*rounding, *of_lemmas)))
 
     def _prove_for_floats(
-        self, contract: Contract, *, one_frame_only: bool = False, close: bool = False
+        self,
+        contract: Contract,
+        *,
+        one_frame_only: bool = False,
+        close: bool = False,
+        used: Sequence[Candidate] = (),
     ) -> tuple[Proof, tuple[Reason, ...]] | None:
         """Return a proof that allows any rounding, and the places where rounding may still matter.
 
         With `one_frame_only`, try only a proof in a single frame; with `close`, one in the close system.
+        `used` are the invariants of a proof over reals.
         """
         general, options = self._general, self._options
         if close:
@@ -340,9 +352,25 @@ class Prover:
             general = self._close
             options = replace(options, depth=min(options.depth, _CLOSE_DEPTH), max_frames=frames)
         budget = Budget(options, self._on_charge, _GENERAL_SHARE)
-        attempt = Attempt(general, contract.name, budget, asks_spacer=not close)
+        known = self._hold_in_floats(contract, used) if used else ()
+        attempt = Attempt(general, contract.name, budget, known_invariants=known, asks_spacer=not close)
         proof = attempt.prove_in_one_frame() if one_frame_only else attempt.run()
         if not isinstance(proof, Proof):
             return None
         general.record_proof(contract.name)
         return proof, rounding_reasons([general.claims[contract.name], *attempt.lemmas])
+
+    def _hold_in_floats(self, contract: Contract, used: Sequence[Candidate]) -> Sequence[Candidate]:
+        """Return invariants that hold for any rounding, from those of a proof over reals."""
+        cone = self._general.cones[contract.name]
+        lemmas = [c.holds for c in self._general.lemmas(cone)]
+        budget = Budget(self._options, self._on_charge, _GENERAL_SHARE)
+        found = invariants(cone, for_floats(cone, used)[:_MAX_GUESSES], (), lemmas, budget).conditions
+        self._general.record_invariants(cone, found)
+        return found
+
+
+def _used(context: ProofContext, contract: Contract, proof: Proof) -> list[Candidate]:
+    """Return the invariants that a proof uses."""
+    known = context.known_invariants(context.cones[contract.name])
+    return [c for c in known if c.text in proof.conditions_used]

@@ -1,10 +1,10 @@
 """Generalization of a system over rounding: proofs about the result hold bit for bit.
 
 The reals do not determine which float the program computes, but they bound it. So each inexact term becomes a
-free constant within bounds that rounding, being monotone, does not leave. Equal terms become the same
-constant, since the program computes them alike. Facts that hold only for reals are dropped, and large numbers
-may overflow. The result over-approximates the program: all of its runs in floats are runs of the result, but
-a counterexample in the result means nothing.
+free constant within bounds that rounding, being monotone, does not leave; sums of whole numbers stay exact
+where they are small. Equal terms become the same constant, since the program computes them alike. Facts that
+hold only for reals are dropped, and large numbers may overflow. The result over-approximates the program: all
+of its runs in floats are runs of the result, but a counterexample in the result means nothing.
 
 A *close* generalization also bounds the distance of each constant from its real, by the error of rounding
 (Goldberg, 1991). It proves more, and slower.
@@ -12,7 +12,7 @@ A *close* generalization also bounds the distance of each constant from its real
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import cast
@@ -22,11 +22,13 @@ import z3
 from colony.verify.symbolic.bounding import between
 from colony.verify.symbolic.encode import by_constant, with_reasons
 from colony.verify.symbolic.graph import Graph
-from colony.verify.symbolic.logic import implied, negation, real
+from colony.verify.symbolic.logic import all_of, implied, negation, real
+from colony.verify.symbolic.numbers import EXACT_WHOLE
 from colony.verify.symbolic.substitution import Substitution
 from colony.verify.symbolic.system import (
     ActuatorTerms,
     Auxiliary,
+    Bounds,
     Fact,
     FactKind,
     Inexact,
@@ -156,14 +158,30 @@ class _Generalization:
             if z3.is_arith(free):
                 for formula in between(cast(z3.ArithRef, free), inexact_term.bounds):
                     yield Fact(FactKind.ASSUMPTION, free, formula)
-                if self._close and inexact_term.reason.kind is Inexact.ROUNDING:
-                    is_close = self._is_close(cast(z3.ArithRef, free), inexact_term)
+                for formula in self._rounded(cast(z3.ArithRef, free), inexact_term):
                     is_number = negation(self.term(inexact_term.nan))
-                    yield Fact(FactKind.ASSUMPTION, free, implied(is_number, is_close))
+                    yield Fact(FactKind.ASSUMPTION, free, implied(is_number, formula))
+
+    def _rounded(self, free: z3.ArithRef, inexact: InexactTerm) -> Iterator[z3.BoolRef]:
+        """Yield what is known of the constant for a rounded result that is not NaN."""
+        if inexact.is_sum and z3.is_int(free):
+            yield self._is_exact(free, inexact)
+        if self._close and inexact.reason.kind is Inexact.ROUNDING:
+            yield self._is_close(free, inexact)
+
+    def _exact(self, inexact: InexactTerm) -> z3.ArithRef:
+        """Return the result of the operation of a term on floats, before it is rounded."""
+        return cast(z3.ArithRef, inexact.term.decl()(*(self.term(x) for x in inexact.term.children())))
+
+    def _is_exact(self, free: z3.ArithRef, inexact: InexactTerm) -> z3.BoolRef:
+        """Return the condition that a constant is the sum of whole numbers for which it stands, if small."""
+        exact = self._exact(inexact)
+        is_small = all_of(between(exact, Bounds(-EXACT_WHOLE, EXACT_WHOLE)))
+        return implied(is_small, cast(z3.BoolRef, free == exact))
 
     def _is_close(self, free: z3.ArithRef, inexact: InexactTerm) -> z3.BoolRef:
         """Return the condition that a constant is as close to the result of a term as rounding leaves it."""
-        exact = cast(z3.ArithRef, inexact.term.decl()(*(self.term(x) for x in inexact.term.children())))
+        exact = self._exact(inexact)
         error = z3.If(exact < 0, -exact, exact) * real(_RELATIVE_ERROR)
         error = error if inexact.is_sum else error + real(_ABSOLUTE_ERROR)
         floats = (real(0), *(self.term(x) for x in inexact.floats))

@@ -128,6 +128,15 @@ def test_a_counter_that_stays_within_bounds_is_whole() -> None:
     assert len(refuted(text + "contract c: n != 30").trace.snapshots) == 31
 
 
+def test_numbers_that_are_small_under_a_condition_are_whole() -> None:
+    """Once both have been true in one frame, the numbers grow in either direction, until they round."""
+    text = """state valid = true  next valid = valid and not (bump and stop)
+    state a = 0  next a = if not valid then a - b - b else if bump and b >= 1 then a + 1 else a
+    state b = 3  next b = if not valid then b - a - a else if bump and b >= 1 then b - 1 else b
+    """
+    assert proved(text + "contract c: valid implies a + b == 3").over_reals == ()
+
+
 @pytest.mark.parametrize(
     "unrelated",
     [

@@ -66,6 +66,12 @@ def test_a_number_beyond_all_floats_is_infinite() -> None:
     assert broken(generalize(system), "c").check() == z3.sat
 
 
+@pytest.mark.parametrize(("most", "answer"), [(2**53 - 1, z3.unsat), (2**53, z3.sat)])
+def test_sums_of_whole_numbers_are_exact_where_small(most: int, answer: z3.CheckSatResult) -> None:
+    text = f"state n = 0  next n = n + 1\ncontract c: n in 0 .. {most} implies n + 1 > n"
+    assert broken(generalize(encode(program(text))), "c").check() == answer
+
+
 @pytest.mark.parametrize("close", [False, True])
 def test_frames_with_nan_are_frames_of_it(close: bool) -> None:
     """The value of `y` is 0 where it is NaN, and within 5 .. 10 elsewhere."""
