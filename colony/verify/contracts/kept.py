@@ -93,6 +93,7 @@ class _Prover:
 
     def prove(self, program: Program, names: Sequence[str]) -> dict[str, Result]:
         """Return the results of contracts; the prover is loaded only if one is not known."""
+        program = without_assumed(program)
         cache = ProofCache(self.folder, program, self.options, names)
         asked = [c for c in program.contracts if c.name in names]
         known = {c.name: result for c in asked if (result := cache.result(c)) is not None}

@@ -104,10 +104,8 @@ class ProofCache:
     def keep(self, result: Result) -> None:
         """Keep the result of a contract."""
         name = result.contract.name
-        holds_anywhere = isinstance(result, Proved) and not result.over_reals
-        self._write(
-            self._slices[name] if holds_anywhere else f"{self._whole}-{name}", _about(result, _NO_CONTRACT)
-        )
+        key = self._slices[name] if _is_final(result) else f"{self._whole}-{name}"
+        self._write(key, _about(result, _NO_CONTRACT))
 
     def found(self, what: str, kind: type[Kept]) -> Kept | None:
         """Return what is known about the whole text under a name, None if there is nothing of this kind."""
@@ -136,6 +134,13 @@ class ProofCache:
         with suppress(OSError):
             data = pickle.dumps(value)
             keep_in_cache(self._folder / f"{_digest([key])}.pickle", _seal(key, data) + data)
+
+
+def _is_final(result: Result) -> bool:
+    """Return True for a proof to which no other declarations could add anything."""
+    return (
+        isinstance(result, Proved) and not result.over_reals and (result.operators or result.contract.in_time)
+    )
 
 
 def _about(result: Result, contract: Contract) -> Result:

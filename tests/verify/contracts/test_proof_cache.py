@@ -21,7 +21,7 @@ robot r {
   sensor b : mm range 0 .. 100 from PServer.b
   sensor gain : number from PServer.gain
   sensor level : number range 0 .. 100 from PServer.level
-  actuator left { velocity : mm/s }  to LServer.left  idle left(velocity = 0)
+  actuator left { velocity : mm/s range -30 .. 30 }  to LServer.left  idle left(velocity = 0)
   actuator right { velocity : mm/s }  to RServer.right  idle right(velocity = 0)
 }
 state count = 0
@@ -91,12 +91,12 @@ def test_results_of_every_kind_are_the_same_the_second_time(
 def test_a_proof_is_known_wherever_its_declarations_stand(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found(tmp_path)
-    moved = proved_again(tmp_path, monkeypatch, TEXT.replace("state", "# A comment.\nstate"))
+    found(tmp_path, QUICK_TEXT)
+    moved = proved_again(tmp_path, monkeypatch, QUICK_TEXT.replace("state", "# A comment.\nstate"))
     assert "slow" not in moved
     assert {"fast", "both"} <= set(moved)  # whose runs name places
-    assert "slow" not in proved_again(tmp_path, monkeypatch, TEXT.replace("b > 10", "b > 20"))
-    assert "slow" in proved_again(tmp_path, monkeypatch, TEXT.replace("a > 10 mm ", "a > 20 mm "))
+    assert "slow" not in proved_again(tmp_path, monkeypatch, QUICK_TEXT.replace("b > 10", "b > 20"))
+    assert "slow" in proved_again(tmp_path, monkeypatch, QUICK_TEXT.replace("a > 10 mm ", "a > 20 mm "))
 
 
 def test_a_value_named_like_a_module_is_part_of_what_is_known(
@@ -111,8 +111,8 @@ def test_a_value_named_like_a_module_is_part_of_what_is_known(
 def test_a_contract_that_may_help_is_part_of_what_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found(tmp_path)
-    assert "slow" in proved_again(tmp_path, monkeypatch, TEXT.replace("== 20", "<= 25"))
+    found(tmp_path, QUICK_TEXT)
+    assert "slow" in proved_again(tmp_path, monkeypatch, QUICK_TEXT.replace("== 20", "<= 25"))
 
 
 def test_what_stays_unknown_alone_may_be_proved_with_others(tmp_path: Path) -> None:
@@ -133,10 +133,10 @@ def test_what_is_known_in_time_helps_in_time_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("data", [b"", b"\x80", b"garbage", b"\x80\x05K\x01."])
 def test_a_damaged_file_is_as_none(tmp_path: Path, data: bytes) -> None:
-    first = found(tmp_path)
+    first = found(tmp_path, QUICK_TEXT)
     for file in tmp_path.iterdir():
         file.write_bytes(data)
-    assert alike(found(tmp_path), first)
+    assert alike(found(tmp_path, QUICK_TEXT), first)
 
 
 def test_a_file_with_one_other_bit_or_of_another_contract_is_as_none(tmp_path: Path) -> None:
