@@ -74,7 +74,7 @@ def lines(program: Program, result: Result) -> tuple[str, ...]:
     match result:
         case OverReals(proof=proof, in_time=in_time):
             _, *below = lines(program, proof)
-            return (f"{head}  (floats may round at {_locations(in_time.over_reals)})", *below)
+            return (f"{head}  (floats may round at {locations(in_time.over_reals)})", *below)
         case Proved() if result.contract.in_time:
             return (head,)
         case Proved(operators=True):
@@ -122,7 +122,7 @@ def _indented(rows: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"  {row}" for row in rows)
 
 
-def _locations(reasons: Iterable[Reason]) -> str:
+def locations(reasons: Iterable[Reason]) -> str:
     """Return the files and lines of reasons: `rome.colony:70 and 2 more lines`."""
     locations = list(dict.fromkeys(_location(r) for r in reasons))
     omitted = len(locations) - _MAX_LOCATIONS
@@ -157,7 +157,7 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             return note("V012", contract.span, _in_time_message(result), _in_time_hint(result))
         case OverReals(proof=proof, in_time=in_time):
             only = " and only while every client is in time" if isinstance(proof, ProvedInTime) else ""
-            where = _locations(in_time.over_reals)
+            where = locations(in_time.over_reals)
             proved = "proved never to be reached" if contract.reach else "proved"
             claim = f"{kind} `{contract.name}` is {proved} only over real numbers{only}"
             return note("V014", contract.span, f"{claim}: floats may round at {where}", _OVER_REALS_HINT)

@@ -9,11 +9,9 @@ from colony.ir.frame import Outcome
 from colony.ir.program import Program
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
-from colony.verify.contracts.report import reason_text
+from colony.verify.contracts.report import locations, reason_text
 from colony.verify.contracts.table import aligned, decision_text, missing_lines, reading_cell
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
-
-_MAX_REASONS = 3
 
 
 def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
@@ -21,10 +19,12 @@ def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
     match result:
         case Same(by_content=True):
             yield "the same: they differ only in names"
-        case Same(k=k):
+        case Same(k=k, over_reals=over_reals):
             how = "frame by frame" if k == 0 else f"by {k}-induction"
-            yield f"the same: in every frame of every run they send the same (proved {how})"
-            yield from _over_reals(result)
+            over = " over reals" if over_reals else ""
+            yield f"the same{over}: in every frame of every run they send the same (proved {how})"
+            if over_reals:
+                yield f"  floats may round at {locations(over_reals)}"
         case Different(snapshots=snapshots):
             count = "one frame" if len(snapshots) == 1 else f"{len(snapshots)} frames"
             yield f"DIFFERENT: shown by a run of {count}"
@@ -36,14 +36,6 @@ def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
         case _:
             assert_never(result)
     yield from _matching(result.matching)
-
-
-def _over_reals(result: Same) -> Iterator[str]:
-    for reason in result.over_reals[:_MAX_REASONS]:
-        yield f"  over reals: {reason_text(reason)}"
-    more = len(result.over_reals) - _MAX_REASONS
-    if more > 0:
-        yield f"  over reals: and {more} more"
 
 
 def _matching(matching: Matching) -> Iterator[str]:

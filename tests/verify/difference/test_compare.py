@@ -11,6 +11,7 @@ from colony.dsl.load import load_file, load_text
 from colony.text.diagnostics import DiagnosticError
 from colony.verify.difference import Different, Same, Undecided, difference
 from colony.verify.difference.content import contents
+from colony.verify.difference.report import lines
 from tests.paths import BEHAVIORS, ROOT
 from tests.sampling import sampled
 from tests.verify.difference.programs import QUICK, compare, program, verdict
@@ -54,6 +55,14 @@ def test_suppression_is_associative_and_inhibitors_commute() -> None:
     result = compare(one, other)
     assert isinstance(result, Same)
     assert result.over_reals == ()
+
+
+def test_what_is_the_same_where_no_float_rounds_is_the_same_over_reals() -> None:
+    one = ROAM.replace("sonar < 1 m", "(sonar + 1 m) + 2 m < 4 m")
+    other = ROAM.replace("sonar < 1 m", "sonar + (1 m + 2 m) < 4 m")
+    head, places, _ = lines(program(one), program(other), compare(one, other))
+    assert head.startswith("the same over reals: in every frame")
+    assert places == "  floats may round at <text>:11"
 
 
 def test_an_inhibitor_is_a_suppressor_that_stands_still() -> None:
