@@ -124,7 +124,8 @@ def _indented(rows: tuple[str, ...]) -> tuple[str, ...]:
 
 def locations(reasons: Iterable[Reason]) -> str:
     """Return the files and lines of reasons: `rome.colony:70 and 2 more lines`."""
-    locations = list(dict.fromkeys(_location(r) for r in reasons))
+    in_order = sorted(reasons, key=lambda r: (r.span.source.name, r.span.start))
+    locations = list(dict.fromkeys(map(_location, in_order)))
     omitted = len(locations) - _MAX_LOCATIONS
     return ", ".join(locations[:_MAX_LOCATIONS]) + (f" and {omitted} more lines" if omitted > 0 else "")
 

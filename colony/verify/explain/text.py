@@ -47,10 +47,11 @@ MAX_CAUSES = 4
 
 
 def short(explanation: Explanation) -> str:
-    """Return the first conditions that decided, on one line."""
+    """Return the first conditions that decided and the last, which is the conclusion of an implication."""
     texts = list(dict.fromkeys(_short(explanation.formula, FrameTime(explanation.t_ns))))
-    more = [f"and {len(texts) - MAX_CAUSES} more"] if len(texts) > MAX_CAUSES else []
-    return "; ".join((*texts[:MAX_CAUSES], *more))
+    if len(texts) > MAX_CAUSES:
+        texts[MAX_CAUSES - 1 : -1] = [f"{len(texts) - MAX_CAUSES} more"]
+    return "; ".join(texts)
 
 
 def _short(formula: Formula, now: FrameTime, level: int = 0) -> Iterator[str]:

@@ -14,7 +14,7 @@ from typing import NamedTuple, Self
 from colony.ir.expression import Binary, Constant, Expression
 from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Actuator, AnyModule, Module, in_declared_units
-from colony.ir.types import Quantity, Scalar, ScalarValue
+from colony.ir.types import Quantity, Scalar, ScalarValue, is_rate
 from colony.text.diagnostics import Diagnostic
 from colony.text.units import LENGTH, TIME
 from colony.text.wording import quoted
@@ -42,8 +42,13 @@ def drivers(case: Case) -> Iterator[tuple[Module, Actuator]]:
     """Yield each module of the main file that moves the robot, and its actuator, which can idle."""
     for module in case.own_modules.values():
         actuator = case.actuators.get(module.actuator or "")
-        if actuator is not None and actuator.server == _BASE_SERVER and actuator.idle is not None:
+        if actuator is not None and actuator.idle is not None and moves(actuator):
             yield module, actuator
+
+
+def moves(actuator: Actuator) -> bool:
+    """Return True for the base, and for what takes speeds or rates."""
+    return actuator.server == _BASE_SERVER or any(is_rate(f.type) for f in actuator.fields)
 
 
 def with_all_sensors(case: Case) -> Iterator[Expression]:

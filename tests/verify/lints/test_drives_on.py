@@ -31,6 +31,11 @@ def test_a_failsafe_safeguard_is_the_cure_and_is_no_finding() -> None:
     assert hints((AVOID + AVOIDING).replace("module avoid", "failsafe module avoid")) == []
 
 
+def test_what_takes_speeds_moves_whatever_its_server() -> None:
+    text = ROBOT.replace("to RServer.drive", "to Base.drive") + AVOID + AVOIDING + USES
+    assert "V030" in {d.code for d in linted(text)}
+
+
 def test_a_failsafe_safeguard_that_inhibits() -> None:
     text = (
         go("cruise", "true") + "module near { when sonar < 1 m }\nnetwork { drive = near inhibits cruise }\n"
