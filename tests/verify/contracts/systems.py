@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import z3
 
@@ -24,7 +25,7 @@ def system(
     facts = [Fact(FactKind.ASSUMPTION, NOW, clock)]
     facts += [Fact(FactKind.DEFINITION, subject, formula) for subject, formula in definitions]
     by_id: dict[int, tuple[Fact, ...]] = {}
-    for fact in facts:
+    for fact in (replace(fact, position=i) for i, fact in enumerate(facts)):
         by_id[fact.subject.get_id()] = (*by_id.get(fact.subject.get_id(), ()), fact)
     all_cells = (
         Cell(name="begun", old=BEGUN, next=TRUE, initial=z3.BoolVal(False)),
