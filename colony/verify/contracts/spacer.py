@@ -102,7 +102,7 @@ def solve(
 class _Clauses:
     """The Horn clauses of a cone, in a context of their own.
 
-    So the answer depends on nothing that z3 has done before.
+    So the cost of an answer hardly depends on what z3 has done before.
     """
 
     def __init__(self, cone: Cone, holds: z3.BoolRef, lemmas: Sequence[z3.BoolRef], *, guided: bool) -> None:
