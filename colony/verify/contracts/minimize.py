@@ -24,6 +24,12 @@ _PATIENCE = 1500
 _PASSES = 150
 """Number of times that the interpreter computes all of a long trace, at least."""
 
+_SHARE_OF_MISSING = 12
+"""By how much the questions about missing sensors are fewer than the runs of a minimization."""
+
+_LEAST_TRIALS = 12
+"""Number of groups of missing sensors that are tried with values at least."""
+
 _MAX_DIGITS = 6
 
 _MAX_CONSTANT = 4
@@ -92,8 +98,10 @@ def _that_matter(replay: Replay, snapshots: tuple[Snapshot, ...]) -> tuple[list[
     """Return the missing sensors that must stay missing, and others of which a reading ends the breach.
 
     The trace never gives them a value. Each simple value is tried, in all frames. Sensors that may have one
-    together need not be missing, and those that may have any do not matter.
+    together need not be missing, and those that may have any do not matter. Of those that are left when
+    patience is at its end, a reading may end the breach.
     """
+    patience = max(_LEAST_TRIALS, replay.affordable_runs(_PATIENCE) // (_SHARE_OF_MISSING * len(snapshots)))
     missing = [
         (sensor.name, values)
         for sensor in replay.program.robot.sensors
@@ -106,25 +114,31 @@ def _that_matter(replay: Replay, snapshots: tuple[Snapshot, ...]) -> tuple[list[
         longest = max(len(values) for _, values in group)
         return (replay.breaks(_with_values(snapshots, group, i)) for i in range(longest))
 
-    needed = list(_without(missing, lambda group: any(breaks(group))))
+    needed, _ = _without(missing, lambda group: any(breaks(group)), patience)
     others = [(name, values) for name, values in missing if name not in needed]
-    return needed, list(_without(others, lambda group: all(breaks(group))))
+    changing, left = _without(others, lambda group: all(breaks(group)), patience)
+    return needed, [*changing, *left]
 
 
 def _without(
     sensors: Sequence[tuple[str, Sequence[Value]]],
     may_be_dropped: Callable[[Sequence[tuple[str, Sequence[Value]]]], bool],
-) -> Iterator[str]:
-    """Yield the names of the sensors that cannot be dropped, alone or with others."""
-    pending = [sensors] if sensors else []
-    while pending:
-        group = pending.pop()
+    patience: int,
+) -> tuple[list[str], list[str]]:
+    """Return the names of the sensors that cannot be dropped, alone or with others, and of those not tried.
+
+    At most `patience` groups are tried.
+    """
+    found, pending = list[str](), [sensors] if sensors else []
+    while pending and patience > 0:
+        group, patience = pending.pop(), patience - 1
         if may_be_dropped(group):
             continue
         if len(group) == 1:
-            yield group[0][0]
+            found.append(group[0][0])
         else:
             pending += [group[len(group) // 2 :], group[: len(group) // 2]]
+    return found, [name for group in reversed(pending) for name, _ in group]
 
 
 def _with_values(

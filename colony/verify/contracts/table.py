@@ -65,6 +65,9 @@ def _folded(rows: list[list[str]]) -> list[list[str]]:
 
 _OMITTED = "..."
 
+_MAX_NAMES = 8
+"""Maximum number of missing sensors in a line."""
+
 
 def missing_lines(
     shown: int, needed_missing: Sequence[str], could_change: Sequence[str], sensors: int
@@ -80,7 +83,9 @@ def missing_lines(
     if needed_missing:
         yield f"missing, which matters: {', '.join(needed_missing)}"
     if could_change:
-        yield f"missing, where some readings would change this: {', '.join(could_change)}"
+        more = len(could_change) - _MAX_NAMES
+        names = ", ".join(could_change[:_MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
+        yield f"missing, where some readings would change this: {names}"
     others = shown + len(needed_missing) + len(could_change)
     if others < sensors:
         which = "all other sensors" if others else "all sensors"
