@@ -43,6 +43,7 @@ class Attempt:
 
     Without a `refuter` it only tries to prove: any model that breaks the contract ends the attempt.
     `known_invariants` hold before every frame. `asks_spacer`: numbers are not too long for it.
+    `asks_first_frame`: the solver of single frames was not asked about the first frame before.
     `python_trace`, if not None, breaks the contract if the Python modules answer as in the trace.
     """
 
@@ -55,8 +56,10 @@ class Attempt:
         known_invariants: Sequence[Candidate] = (),
         *,
         asks_spacer: bool = True,
+        asks_first_frame: bool = True,
     ) -> None:
         self._asks_spacer = asks_spacer
+        self._asks_first_frame = asks_first_frame
         self._context = context
         self._claim = context.claims[contract]
         self._cone = context.cones[contract]
@@ -84,7 +87,7 @@ class Attempt:
         proof = self.prove_in_one_frame()
         if proof is not None:
             return proof
-        trace = self._break_first_frame() or self._search_longer()
+        trace = (self._break_first_frame() if self._asks_first_frame else None) or self._search_longer()
         if trace is not None or self._has_given_up:
             return trace
         found = self._ask_spacer(_SPACER_SHARE)

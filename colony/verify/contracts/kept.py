@@ -96,7 +96,7 @@ class _Prover:
         program = without_assumed(program)
         cache = ProofCache(self.folder, program, self.options, names)
         asked = [c for c in program.contracts if c.name in names]
-        known = {c.name: result for c in asked if (result := cache.result(c)) is not None}
+        known = cache.known(asked)
         return known if len(known) == len(asked) else dict(self._proved(program, list(names), cache))
 
     def _proved(self, program: Program, names: list[str], cache: ProofCache) -> Iterator[tuple[str, Result]]:

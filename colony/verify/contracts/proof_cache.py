@@ -101,6 +101,10 @@ class ProofCache:
                 return _about(found, contract)
         return None
 
+    def known(self, contracts: Iterable[Contract]) -> dict[str, Result]:
+        """Return the results that are known, by contract."""
+        return {c.name: result for c in contracts if (result := self.result(c)) is not None}
+
     def keep(self, result: Result) -> None:
         """Keep the result of a contract."""
         name = result.contract.name

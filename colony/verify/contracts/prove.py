@@ -92,7 +92,7 @@ def results(
     """
     program = without_assumed(program)
     asked = [c for c in program.contracts if c.name in names]
-    known = {} if cache is None else {c.name: r for c in asked if (r := cache.result(c)) is not None}
+    known = {} if cache is None else cache.known(asked)
     prover = Prover(program, options or Options(), shapes=shapes, encoded=slice_of(program, *asked))
 
     def found(result: Result) -> Result:

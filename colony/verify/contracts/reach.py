@@ -7,7 +7,6 @@ run that was asked for, and a proof of it is a finding.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import assert_never
 
 from colony.dsl import ast
 from colony.dsl.parse import parse
@@ -15,7 +14,10 @@ from colony.ir.expression import MemoryCall, subexpressions
 from colony.ir.program import Contract, Program
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.wording import counted
-from colony.verify.contracts.results import OverReals, Proved, ProvedInTime, Refuted, Result, Trace, Unknown
+from colony.verify.contracts.results import Result, Trace
+
+VERDICTS = {"proved": "NEVER REACHED", "proved in time": "NEVER REACHED", "REFUTED": "reached"}
+"""Verdicts of a reach, by those of the contract by which it is proved, where they differ."""
 
 _NEVER_HINT = "declare a `reach` for each of its parts, to see which of them no run gets to"
 
@@ -23,21 +25,6 @@ _NEVER_HINT = "declare a `reach` for each of its parts, to see which of them no 
 def with_reaches(program: Program) -> Program:
     """Return the program with the contracts of its reaches after its own, by which they are proved."""
     return replace(program, contracts=(*program.contracts, *program.reaches), reaches=())
-
-
-def reach_verdict(result: Result) -> str:
-    """Return the verdict of a reach in words."""
-    match result:
-        case Refuted():
-            return "reached"
-        case Proved() | ProvedInTime():
-            return "NEVER REACHED"
-        case OverReals():
-            return "over reals"
-        case Unknown():
-            return "unknown"
-        case _:
-            assert_never(result)
 
 
 def length_text(trace: Trace) -> str:

@@ -13,7 +13,7 @@ from colony.text.diagnostics import Diagnostic, error, note, warning
 from colony.text.wording import counted
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
-from colony.verify.contracts.reach import length_text, never_reached, reach_verdict
+from colony.verify.contracts.reach import VERDICTS, length_text, never_reached
 from colony.verify.contracts.results import (
     OverReals,
     Proved,
@@ -38,9 +38,12 @@ _OPEN = "where clients are late or lost, it is neither proved nor refuted"
 
 
 def verdict(result: Result) -> str:
-    """Return one word for the result of a contract, or of a reach."""
-    if result.contract.reach:
-        return reach_verdict(result)
+    """Return the verdict of a contract, or of a reach, in words."""
+    word = _contract_verdict(result)
+    return VERDICTS.get(word, word) if result.contract.reach else word
+
+
+def _contract_verdict(result: Result) -> str:
     match result:
         case Proved(contract=contract):
             return "proved in time" if contract.in_time else "proved"

@@ -251,7 +251,8 @@ class Prover:
             first = refuter.confirm_in(frame, CandidateTrace(model, 1, without_python=True))
         if first is not None:
             yield first
-        attempt = Attempt(context, name, Budget(OPTIONS, self.effort.charge), refuter)
+        budget = Budget(OPTIONS, self.effort.charge)
+        attempt = Attempt(context, name, budget, refuter, asks_first_frame=False)
         found = attempt.run()
         if isinstance(found, Proof):
             return
