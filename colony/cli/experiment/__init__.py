@@ -1,5 +1,3 @@
-"""The command `colony experiment`."""
+"""`colony experiment`."""
 
-from colony.cli.experiment.main import command
-
-__all__ = ["command"]
+from colony.cli.experiment.main import command as command

@@ -1,40 +1,27 @@
-"""Progress of an experiment on stderr: a bar on a terminal, otherwise a line per tenth of the runs."""
+"""Progress of many runs on stderr: a bar on a terminal, otherwise a line per tenth of the runs."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol, assert_never
 
 from colony.cli.reporting import say
-from colony.experiment.auditing import AuditedRun
-from colony.experiment.lights.results import LightResult
-from colony.experiment.plates.record import PlateResult
-from colony.experiment.record import RunResult
-from colony.experiment.sources.results import SourceResult
 
-AnyResult = RunResult | AuditedRun | PlateResult | LightResult | SourceResult
-
-
-class ReportProgress(Protocol):
-    """A function that takes the number of finished runs, the total, and the latest result."""
-
-    def __call__(self, completed: int, total: int, latest: AnyResult) -> None:
-        """Report that `completed` of `total` runs are finished."""
-        ...
+ReportRun = Callable[[int, int, str, bool], None]
+"""A function that takes the number of finished runs, the total, the latest run as text, and if it is bad."""
 
 
 @contextmanager
-def progress(what: str) -> Iterator[ReportProgress]:
-    """Report the progress of `what` ("run", "audited") inside the `with`; the bar is removed at the end."""
-    failed = 0
+def progress(what: str) -> Iterator[ReportRun]:
+    """Report the progress of `what` ("runs") inside the `with`; the bar is removed at the end."""
+    bad_ones = 0
 
-    def line(completed: int, total: int, latest: AnyResult) -> None:
-        nonlocal failed
-        failed += is_bad(latest)
+    def line(completed: int, total: int, latest: str, is_bad: bool) -> None:
+        nonlocal bad_ones
+        bad_ones += is_bad
         if completed * 10 // total > (completed - 1) * 10 // total:
-            say(f"{100 * completed // total} %: {completed} of {total} {what}, {failed} bad")
+            say(f"{100 * completed // total} %: {completed} of {total} {what}, {bad_ones} bad")
 
     if not sys.stderr.isatty():
         yield line
@@ -52,30 +39,11 @@ def progress(what: str) -> Iterator[ReportProgress]:
     )
     task = display.add_task(what, total=None)
 
-    def bar(completed: int, total: int, latest: AnyResult) -> None:
-        nonlocal failed
-        failed += is_bad(latest)
-        text = f"{what}, {failed} bad; latest: {describe(latest)}"
+    def bar(completed: int, total: int, latest: str, is_bad: bool) -> None:
+        nonlocal bad_ones
+        bad_ones += is_bad
+        text = f"{what}, {bad_ones} bad; latest: {latest}"
         display.update(task, completed=completed, total=total, description=text)
 
     with display:
         yield bar
-
-
-def is_bad(latest: AnyResult) -> bool:
-    """Return True if a run failed, or an audit found a difference."""
-    return bool(latest.difference if isinstance(latest, AuditedRun) else latest.failure)
-
-
-def describe(latest: AnyResult) -> str:
-    """Return a short description of a run."""
-    run = f"run {latest.key.number}, seed {latest.key.seed}"
-    match latest:
-        case AuditedRun():
-            return f"{run}, {latest.frames} frames"
-        case RunResult():
-            return f"{run}, {latest.failure or 'reached'}, {latest.goal_error_mm / 1000:.2f} m off"
-        case PlateResult() | LightResult() | SourceResult():
-            return f"{run}, {latest.failure or 'reached'}"
-        case _:
-            assert_never(latest)
