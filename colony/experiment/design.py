@@ -130,8 +130,9 @@ class Experiment:
 
     def fingerprint(self) -> str:
         """Return a digest of all that the results depend on."""
-        request = replace(self.request, file="", map_path=None, seed=0)  # the digest has their content
-        shown = repr((request, self.varies_start, self.movers, self.params))
+        request = replace(self.request, file="", map_path=None, seed=0, scenario=None)
+        changes = self.request.scenario.changes if self.request.scenario is not None else ()
+        shown = repr((request, changes, self.varies_start, self.movers, self.params))
         return sha256(f"{self.digest} {shown}".encode()).hexdigest()
 
     def trials(self, floor: WorldMap, radius_mm: float, numbers: Iterable[int]) -> list[Trial]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from hashlib import sha256
 from pathlib import Path
 
+from colony.execute.colonyc import encode
 from colony.execute.compiled import Compiled
 from colony.files import StrPath
 
@@ -16,9 +17,7 @@ def digest_of(programs: Sequence[Compiled], maps: Iterable[StrPath]) -> str:
     """Return a digest of programs with their sources, of the files of a map, and of colony itself."""
     digest = sha256()
     for program in programs:
-        digest.update(repr((program.code, program.site)).encode())
-        for source in program.sources:
-            digest.update(source.data)
+        digest.update(encode(program))
     for path in maps:
         digest.update(Path(path).read_bytes())
     for path in sorted(PACKAGE.rglob("*.py")):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 from colony.experiment.design import Experiment
 from colony.experiment.statistics import Mean, Proportion, mean_of, wilson
@@ -158,7 +158,10 @@ def _rows(summary: Summary) -> Iterator[tuple[str, str]]:
     yield "blind", f"{100.0 * summary.blind:.2f} % of the frames"
     for name, share in summary.limits.items():
         yield f"limited {name}", f"{100.0 * share:.2f} % of the frames"
+    idle = {name.partition("/")[0] for name, share in summary.shares.items() if share == 1.0}
     for name, share in summary.shares.items():
+        if name.partition("/")[0] in idle:
+            continue
         yield name, f"{100.0 * share:5.1f} % of the frames"
     for remark, count in summary.remarks.items():
         yield "reported", f"in {counted(count, 'run')}: {remark}"
@@ -178,7 +181,7 @@ def proportion_text(found: Proportion) -> str:
 
 def mean_text(found: Mean, digits: int) -> str:
     """Return a mean as text, with its interval and the range of the values."""
-    mean, low, high, least, greatest = (f"{value:.{digits}f}" for value in found)
+    mean, low, high, least, greatest = (f"{value:.{digits}f}" for value in astuple(found))
     return f"{mean} ({low} to {high}; {least} to {greatest} in single runs)"
 
 
@@ -279,7 +282,7 @@ def _comparison_text(found: Comparison) -> str:
     width = max(len(d.measure) for d in found.differences)
     lines = [head]
     for d in found.differences:
-        mean, low, high = (f"{value:+.3g}" for value in d.difference[:3])
+        mean, low, high = (f"{value:+.3g}" for value in astuple(d.difference)[:3])
         runs = f"more in {d.more} runs, less in {d.less}, the same in {d.same}"
         certain = "" if d.difference.low > 0.0 or d.difference.high < 0.0 else "; no clear difference"
         lines.append(f"  {d.measure:<{width}}  {mean} ({low} to {high}); {runs}{certain}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,8 @@ RESAMPLES = 2000
 """Resamples of a bootstrap."""
 
 
-class Proportion(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Proportion:
     """`cases` of `total`, and the interval of the probability."""
 
     cases: int
@@ -29,7 +30,8 @@ class Proportion(NamedTuple):
         return self.cases / self.total if self.total else 0.0
 
 
-class Mean(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Mean:
     """A mean with its interval, and the least and greatest value."""
 
     mean: float

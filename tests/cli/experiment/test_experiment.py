@@ -12,210 +12,141 @@ from pathlib import Path
 
 import pytest
 
-from colony.cli.experiment import outputs as experiment_outputs
-from colony.cli.experiment.outputs import ExperimentOutcome
-from colony.experiment.auditing import AuditedRun
-from colony.experiment.record import RunKey
 from tests.cli.conftest import Colony
-from tests.nav.floors import two_floors
-from tests.paths import ROOT
 from tests.waiting import PATIENCE_S, killed_in_the_end, until
 
-MAP = str(ROOT / "maps" / "msu_engineering_3.stickrep")
-QUICK = ("thesis", "--runs", "29", "--seeds", "1", "--no-hazards", "--engine", "serial")
+QUICK = ("--map", "loop", "--duration", "2", "--vary", "start", "--engine", "serial")
+
+FORWARD = """
+language 2
+import robot
+param pace = 300 mm/s
+module forward { when true do drive(velocity = pace, turn = 0 deg/s) }
+network { drive = forward }
+contract slow: drive.velocity <= 500 mm/s
+"""
 
 
 @pytest.fixture
-def rounds(tmp_path: Path) -> Path:
-    """A list of one's own: two short ways."""
-    path = tmp_path / "rounds.csv"
-    path.write_text("from,to\nA342L,A340R\nA339L,A338R\n")
+def forward(tmp_path: Path) -> Path:
+    """A behavior that drives straight into walls."""
+    path = tmp_path / "forward.colony"
+    path.write_text(FORWARD)
     return path
 
 
-def test_published_runs_beside_ours(colony: Colony) -> None:
-    result = colony("experiment", *QUICK)
-    assert result.code == 0
-    assert "thesis, ours/no-hazards: 1 of 1 runs" in result.out
-    [row] = [line for line in result.out.splitlines() if line.startswith("| 29 ")]
-    cells = [cell.strip() for cell in row.strip("|").split("|")]
-    assert cells[:5] == ["29", "A392L", "A340R", "15.1", "1/1"]
-    assert cells[12:] == ["+0.07 m", "3:09", "4.8", "1/1", "1/1", "1/1"]
-    assert "runs that reached the goal" in result.out
-    assert "a corner is passed" in result.out
-    assert "100 %: 1 of 1 run, 0 bad" in result.err
+def test_experiment_report_is_the_same_for_any_engine(colony: Colony, tmp_path: Path) -> None:
+    serial = colony("experiment", "wander", *QUICK, "--runs", "3", "--format", "json")
+    assert serial.code == 0
+    found = json.loads(serial.out)
+    assert found["experiment"] == "on rome in loop"
+    assert [run["key"]["seed"] for run in found["runs"]] == [1, 2, 3]
+    assert found["behaviors"][0]["contacts"]["cases"] == 0
+    pooled = colony("experiment", "wander", *QUICK[:-1], "pool", "--runs", "3", "--format", "json")
+    assert pooled.out == serial.out
 
 
-def test_results_are_kept_and_not_made_again(colony: Colony, rounds: Path, tmp_path: Path) -> None:
+def test_experiment_with_stored_results_runs_only_what_is_missing(colony: Colony, tmp_path: Path) -> None:
     kept = tmp_path / "r.sqlite"
-    arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "-o", str(kept))
-    first = colony("experiment", *arguments, "--format", "json")
-    assert first.code == 0
-    told = json.loads(first.out)
-    assert [one["number"] for one in told["results"]] == [1, 2]
-    assert all(one["reached"] for one in told["results"])
-    assert told["variant"] == "ours/no-hazards"
-    again = colony("experiment", *arguments, "--format", "json")
-    assert json.loads(again.out) == told
-    assert again.err == ""
-    with sqlite3.connect(kept) as database:
-        [(count,)] = database.execute("SELECT count(*) FROM run WHERE failure = ''").fetchall()
-    database.close()
-    assert count == 2
+    first = colony("experiment", "wander", *QUICK, "--runs", "2", "-o", str(kept))
+    assert "100 %: 2 of 2 runs, 0 bad" in first.err
+    more = colony("experiment", "wander", *QUICK, "--runs", "3", "-o", str(kept))
+    assert more.err.splitlines() == ["100 %: 3 of 3 runs, 0 bad"]
+    other = colony("experiment", "wander", *QUICK, "--movers", "1", "--runs", "2", "-o", str(kept))
+    assert other.code == 2
+    assert "from another program or map" in other.err
 
 
-def test_pictures_and_a_page(colony: Colony, rounds: Path, tmp_path: Path) -> None:
-    page, pictures = tmp_path / "page.md", tmp_path / "pictures"
-    arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "--write", str(page))
-    page.write_text("Before.\n\n<!-- x -->\nOld.\n<!-- end of x -->\n\nAfter.\n")
-    missing = colony("experiment", *arguments)
-    assert missing.code == 2
-    assert "100 %" not in missing.err
-    name = missing.err.split("<!-- ")[1].split(" -->")[0]
-    page.write_text(f"Before.\n\n<!-- {name} -->\nOld.\n<!-- end of {name} -->\n\nAfter.\n")
-    result = colony("experiment", *arguments, "--plot", str(pictures), "--format", "json")
-    assert result.code == 0
-    assert len(json.loads(result.out)["results"]) == 2
-    assert f"inserted the tables into {page}" in result.err
-    assert f"drawn in {pictures}: 2 pictures of paths" in result.err
-    text = page.read_text()
-    assert text.startswith("Before.\n\n<!-- ")
-    assert text.endswith(" -->\n\nAfter.\n")
-    assert "| A342L | A340R |" in text
-    assert "Old." not in text
-    assert sorted(path.name for path in pictures.iterdir()) == [
-        "A339L_to_A338R.png",
-        "A342L_to_A340R.png",
-        "errors.png",
-    ]
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures.iterdir())
-
-
-def test_ways_are_drawn_on_their_floor_and_none_on_two(colony: Colony, tmp_path: Path) -> None:
-    two_floors(tmp_path)
-    ways, pictures = tmp_path / "ways.csv", tmp_path / "pictures"
-    ways.write_text("from,to\nA,C\nupper:A,upper:C\nliftR,upper:D\n")
-    arguments = (str(ways), "--map", str(tmp_path / "ground.stickrep"), "--engine", "serial", "--no-hazards")
-    refused = colony("experiment", *arguments, "--plot", str(pictures))
-    assert refused.code == 2
-    assert "run 3 has one: `colony run ... --from liftR --to upper:D` draws each" in refused.err
-    drawn = colony("experiment", *arguments, "--plot", str(pictures), "--runs", "1,2")
-    assert drawn.code == 0
-    names = sorted(path.name for path in pictures.iterdir())
-    assert names == ["A_to_C.png", "A_to_C_of_upper.png", "errors.png"]
-
-
-def test_pages_that_cannot_be_filled_are_told_before_the_runs(colony: Colony, tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_bytes(b"\xff<!-- thesis ours/no-hazards -->")
-    told = f"{page}: error: cannot write: byte 0 is not UTF-8; expected a Markdown page\n"
-    assert colony("experiment", *QUICK, "--write", str(page)) == (2, "", told)
-    source = tmp_path / "page.colony"
-    source.write_text("<!-- thesis ours/no-hazards -->\n<!-- end of thesis ours/no-hazards -->\n")
-    result = colony("experiment", *QUICK, "--write", str(source))
-    assert (result.code, result.err) == (
-        2,
-        f"{source}: error: cannot write: it is a source file that already exists\n",
+def test_experiment_that_breaks_a_contract_says_where_and_replays_it(
+    colony: Colony, forward: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ranges = ("--param", "pace=300..600mm/s")
+    result = colony("experiment", str(forward), "--robot", "rome", *QUICK, "--runs", "4", *ranges)
+    assert result.code == 1
+    assert "contract slow" in result.out
+    assert "by pace:" in result.out
+    [worst] = [line.rpartition("--replay ")[2] for line in result.out.splitlines() if "look at" in line]
+    number = worst.split(",")[0]
+    replayed = colony(
+        "experiment", str(forward), "--robot", "rome", *QUICK, *ranges, "--replay", number, "--runs", "4"
     )
+    assert replayed.code == 0, replayed.err
+    assert f"wrote run-{number}.mcap" in replayed.out
+    audit = colony("audit", f"run-{number}.mcap")
+    assert audit.code == 0, audit.out + audit.err
+    assert "slow" in audit.out
 
 
-def test_random_pairs(colony: Colony) -> None:
-    arguments = ("random", "--map", str(ROOT / "maps" / "loop.stickrep"), "--pairs", "2", "--seed", "3")
-    result = colony("experiment", *arguments, "--engine", "serial", "--format", "json")
-    assert result.code == 0
-    told = json.loads(result.out)
-    assert told["list"] == "random 2 pairs, seed 3, loop"
-    assert len(told["results"]) == 2
-
-
-def test_an_audit_says_what_it_compared(colony: Colony, rounds: Path) -> None:
-    arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "--runs", "1")
-    result = colony("experiment", *arguments, "--audit", "0.0001")
-    assert result.code == 0
-    assert "Audited: 1 runs, " in result.out
-    assert "decided the same in all of them" in result.out
-
-
-def test_differences_are_told() -> None:
-    key = RunKey("x", 1, 1, "ours")
-    found = ExperimentOutcome(
-        results=(),
-        audits=(
-            AuditedRun(key=key, frames=3, difference=""),
-            AuditedRun(key=key, frames=4, difference="frame 4"),
-        ),
-        interrupted=False,
+def test_experiment_against_another_behavior_pairs_runs_and_draws(
+    colony: Colony, forward: Path, tmp_path: Path
+) -> None:
+    picture = tmp_path / "runs.svg"
+    result = colony(
+        *("experiment", "wander", "--robot", "rome", *QUICK, "--runs", "2", "--versus", str(forward)),
+        *("--picture", str(picture), "--audit", "1"),
     )
-    assert [one.frames for one in found.differences] == [4]
-    assert experiment_outputs._audit_line(found.audits).endswith("decided differently in 1 of them.")
+    assert result.code == 0, result.err
+    assert "forward minus wander, 2 pairs of runs with the same inputs:" in result.out
+    assert "audited" in result.out
+    assert picture.read_text().startswith("<?xml")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("options", "message"),
     [
-        (("rounds.csv",), "give --map MAP"),
-        (("rounds",), "unknown list `rounds`; expected thesis, plates, lights, sources, random"),
-        (
-            ("rounds", "--map", MAP),
-            "unknown list `rounds`; expected thesis, plates, lights, sources, random",
-        ),
-        (("none.csv", "--map", MAP), "none.csv: cannot be read"),
-        (("thesis", "--map", MAP), "leave out --map"),
-        (("thesis", "--runs", "41"), "no run 41"),
-        (("thesis", "--audit", "nan"), "`nan`; expected a fraction of the runs, from 0 to 1"),
-        (("thesis", "--audit", "1.5"), "`1.5`; expected a fraction of the runs, from 0 to 1"),
-        (("plates", "--pairs", "3"), "--pairs requires the list `random` or `floors`; found `plates`"),
-        (("thesis", "--no-hazard", "rain"), "unknown hazard `rain`; expected slip, glass"),
-        (("thesis", "--engine", "cloud"), "unknown engine `cloud`; expected pool, serial, dask"),
-        (("thesis", "-o", "/nowhere/r.sqlite"), "the folder does not exist"),
+        ((), "no world: give --map MAP"),
+        (("--map", "loop", "--vary", "start", "--start", "0,0,0"), "exclude each other"),
+        (("--map", "loop", "--hazards"), "--hazards requires --from and --to"),
+        (("--map", "loop", "--from", "201"), "belong together"),
+        (("--map", "loop", "--movers", "5..1"), "--movers: found `5..1`"),
+        (("--map", "loop", "--movers", "-1"), "--movers: found `-1`"),
+        (("--map", "loop", "--param", "avoid.clearance=1m"), "--param avoid.clearance: found `1m`"),
+        (("--map", "loop", "--param", "avoid.clearance"), "expected each param once"),
+        (("--map", "loop", "--engine", "abacus"), "--engine: found `abacus`"),
+        (("--map", "loop", "--picture", "runs.doc"), "--picture"),
+        (("--map", "loop", "--audit", "nan"), "expected a fraction"),
+        (("--map", "loop", "--versus", "wander"), "the same file twice"),
+        (("--map", "loop", "--duration", "soon"), "soon"),
     ],
 )
-def test_misuse_is_one_line_and_2(colony: Colony, arguments: tuple[str, ...], told: str) -> None:
-    result = colony("experiment", *arguments)
+def test_experiment_with_impossible_options_is_refused(
+    colony: Colony, options: tuple[str, ...], message: str
+) -> None:
+    result = colony("experiment", "wander", *options)
     assert result.code == 2
-    assert told in result.err
-    assert len(result.err.splitlines()) == 1
+    assert message in result.err
 
 
-@pytest.mark.skipif(os.name != "posix", reason="there is no SIGINT to send")
-def test_ctrl_c_keeps_what_is_finished(tmp_path: Path) -> None:
+def test_experiment_with_a_param_that_does_not_exist_is_refused_before_the_first_run(colony: Colony) -> None:
+    result = colony("experiment", "wander", *QUICK, "--param", "avoid.clearence=0.6..1.4m")
+    assert result.code == 1
+    assert "avoid.clearance" in result.err
+    assert "100 %" not in result.err
+
+
+def test_experiment_interrupted_keeps_finished_runs(tmp_path: Path) -> None:
     kept = tmp_path / "r.sqlite"
-    command = [
-        sys.executable,
-        "-m",
-        "colony.cli.main",
-        "experiment",
-        "thesis",
-        "--runs",
-        "29,33",
-        "--seeds",
-        "9",
-    ]
-    started = subprocess.Popen(
-        [*command, "--no-hazards", "--engine", "serial", "-o", str(kept)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    with killed_in_the_end(started) as child:
-        until(lambda: child.poll() is not None or _count(kept), "a run is kept")
-        assert child.poll() is None
-        child.send_signal(signal.SIGINT)
-        out, err = child.communicate(timeout=PATIENCE_S)
-    assert child.returncode == 130
-    assert f"{_count(kept)} of 18 runs" in out
-    assert "Traceback" not in err
+    endless = ("wander", *QUICK, "--runs", "5000", "-o", str(kept))
 
-
-def _count(path: Path) -> int:
-    if not path.exists():
-        return 0
-    with sqlite3.connect(path) as database:
+    def finished() -> int:
         try:
-            [(count,)] = database.execute("SELECT count(*) FROM run").fetchall()
-        except sqlite3.OperationalError:
-            count = 0
-    database.close()
-    return int(count)
+            with sqlite3.connect(f"file:{kept}?mode=ro", uri=True) as file:
+                return int(file.execute("SELECT count(*) FROM trial").fetchone()[0])
+        except sqlite3.Error:
+            return 0
+
+    process = subprocess.Popen(
+        [sys.executable, "-m", "colony", "experiment", *endless],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    with killed_in_the_end(process):
+        until(lambda: finished() >= 2, "two runs are finished")
+        os.kill(process.pid, signal.SIGINT)
+        out, _ = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+    assert "wander on rome in loop" in out
+    assert finished() >= 2
