@@ -1,5 +1,1 @@
-"""The command `colony experiment`."""
-
-from colony.cli.experiment.main import command
-
-__all__ = ["command"]
+"""Displays of many runs."""

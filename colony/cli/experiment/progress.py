@@ -3,34 +3,32 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol, assert_never
+from typing import TypeVar
 
 from colony.cli.reporting import say
-from colony.experiment.auditing import AuditedRun
-from colony.experiment.lights.results import LightResult
-from colony.experiment.plates.record import PlateResult
-from colony.experiment.record import RunResult
-from colony.experiment.sources.results import SourceResult
 
-AnyResult = RunResult | AuditedRun | PlateResult | LightResult | SourceResult
+R = TypeVar("R")
 
-
-class ReportProgress(Protocol):
-    """A function that takes the number of finished runs, the total, and the latest result."""
-
-    def __call__(self, completed: int, total: int, latest: AnyResult) -> None:
-        """Report that `completed` of `total` runs are finished."""
-        ...
+ReportProgress = Callable[[int, int, R], None]
+"""Function that takes the number of finished runs, the total, and the latest result."""
 
 
 @contextmanager
-def progress(what: str) -> Iterator[ReportProgress]:
-    """Report the progress of `what` ("run", "audited") inside the `with`; the bar is removed at the end."""
+def progress(
+    what: str, is_bad: Callable[[R], bool], describe: Callable[[R], str]
+) -> Iterator[ReportProgress[R]]:
+    """Report the progress of runs inside the `with`; the bar is removed at the end.
+
+    Args:
+        what: what was done to the finished runs: "run", "audited".
+        is_bad: function that returns True for a result to be counted as bad.
+        describe: function that returns a short description of a result.
+    """
     failed = 0
 
-    def line(completed: int, total: int, latest: AnyResult) -> None:
+    def line(completed: int, total: int, latest: R) -> None:
         nonlocal failed
         failed += is_bad(latest)
         if completed * 10 // total > (completed - 1) * 10 // total:
@@ -52,7 +50,7 @@ def progress(what: str) -> Iterator[ReportProgress]:
     )
     task = display.add_task(what, total=None)
 
-    def bar(completed: int, total: int, latest: AnyResult) -> None:
+    def bar(completed: int, total: int, latest: R) -> None:
         nonlocal failed
         failed += is_bad(latest)
         text = f"{what}, {failed} bad; latest: {describe(latest)}"
@@ -60,22 +58,3 @@ def progress(what: str) -> Iterator[ReportProgress]:
 
     with display:
         yield bar
-
-
-def is_bad(latest: AnyResult) -> bool:
-    """Return True if a run failed, or an audit found a difference."""
-    return bool(latest.difference if isinstance(latest, AuditedRun) else latest.failure)
-
-
-def describe(latest: AnyResult) -> str:
-    """Return a short description of a run."""
-    run = f"run {latest.key.number}, seed {latest.key.seed}"
-    match latest:
-        case AuditedRun():
-            return f"{run}, {latest.frames} frames"
-        case RunResult():
-            return f"{run}, {latest.failure or 'reached'}, {latest.goal_error_mm / 1000:.2f} m off"
-        case PlateResult() | LightResult() | SourceResult():
-            return f"{run}, {latest.failure or 'reached'}"
-        case _:
-            assert_never(latest)
