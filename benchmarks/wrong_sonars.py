@@ -19,21 +19,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.arguments import whole_number
-from colony.experiment.lists import PUBLISHED_MAP, published_list
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
 from colony.robots.behavior import behavior_of
-from colony.robots.variants import CEILING_CAMERA, OURS, PLANNER
+from colony.robots.navigation import CEILING_CAMERA, PLANNER, navigation_scripts
 from colony.runtime.assembly.loop import Loop
 from colony.runtime.transport.virtual import VirtualClock
+from colony.shipped import Shipped
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.config import RobotConfig, rome_config
 from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.shots import CeilingShot
 from colony.sim.world.world import World
+from studies.lists import PUBLISHED_MAP, published_list
 
 
 def _with_ring(**changes: Any) -> RobotConfig:
@@ -87,8 +88,8 @@ def drive(config: RobotConfig, way: Plan, seed: int) -> Errors:
     plant = Plant(world, clock)
     camera = SimulatedCamera(plant, lambda now_ns: CeilingShot(ceiling, world, 0, now_ns))
     drivers = simulated_drivers(plant, cameras={CEILING_CAMERA: camera})
-    scripts = OURS.scripts(way, Building(maps=(floor,)))
-    behavior = behavior_of(OURS.behavior)
+    scripts = navigation_scripts(way, Building(maps=(floor,)))
+    behavior = behavior_of(Shipped.BEHAVIOR.path("navigator"))
     loop = Loop(
         behavior.robot,
         behavior.executor(),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 MAPS = ROOT / "maps"
+THESIS_NAVIGATOR = ROOT / "studies" / "thesis" / "thesis_navigator.colony"
 ROBOTS = sorted((ROOT / "robots").glob("*/*.colony"))
 """The robots that come with the project."""
 

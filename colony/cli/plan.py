@@ -45,7 +45,7 @@ def command(
     another floor that elevators lead to is written `2:250` or `msu_engineering_2:250`.
 
     The modes are: L along ceiling lights, E into a turning space, C out of it, D to the goal, V through an
-    elevator. The confidence is estimated from the published runs of the thesis (section 6.3).
+    elevator.
 
     Exit code: 0 for a plan, 2 if there is none.
 
@@ -93,30 +93,13 @@ def _draw(building: Building, planned: Plan, target: Path) -> None:
     write_whole(target, encode_picture(draw_plan(floor, planned), picture_format(target)))
 
 
-_SEED = 1994
-"""The seed of the confidence interval, so that a plan always has the same one."""
-
-
-def _confidence(planned: Plan) -> tuple[float, float, float] | None:
-    """Return the published automaton's confidence and its interval; None if it has no such path."""
-    from colony.nav.confidence.automaton import PUBLISHED_ARCS
-    from colony.nav.confidence.estimate import PUBLISHED, PUBLISHED_COUNTS, string_interval
-
-    confidence = PUBLISHED.confidence(planned.modes)
-    interval = string_interval(PUBLISHED_COUNTS, planned.modes, seed=_SEED, arcs=PUBLISHED_ARCS)
-    return None if confidence is None or interval is None else (float(confidence), *interval)
-
-
 def _summary(planned: Plan) -> dict[str, object]:
-    confidence = _confidence(planned)
     return {
         "origin": planned.origin,
         "goal": planned.goal,
         "distance_mm": round(planned.distance_mm, 3),
         "way_mm": round(planned.travel_mm, 3),
         "modes": planned.modes,
-        "confidence": None if confidence is None else round(confidence[0], 6),
-        "confidence_interval": None if confidence is None else [round(c, 4) for c in confidence[1:]],
         "segments": [_segment(segment) for segment in planned.segments],
     }
 
@@ -140,20 +123,12 @@ def _point(point: FloorPoint) -> dict[str, object]:
 
 
 def _text(planned: Plan) -> str:
-    from colony.nav.confidence.automaton import RIDE
-
     floors = len({point.floor for s in planned.segments for point in (s.start, s.end)}) > 1
-    confidence = _confidence(planned)
-    confidence_text = "unknown: the thesis has no such path"
-    if confidence is not None:
-        confidence_text = "{:.4f} (95 % interval: {:.2f} to {:.2f})".format(*confidence)
-        if RIDE in planned.modes:
-            confidence_text += ", without elevator rides"
     goal = f"{planned.goal} of {planned.segments[-1].end.floor}" if floors else planned.goal
     lines = [
         f"{planned.origin} to {goal}: {planned.distance_mm / 1000:.3f} m, "
         f"{planned.travel_mm / 1000:.1f} m to travel",
-        f"modes: {planned.modes}; confidence: {confidence_text}",
+        f"modes: {planned.modes}",
         "",
         "mode  heading           from (m)             to (m)   length  lights",
     ]

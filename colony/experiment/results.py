@@ -1,9 +1,7 @@
 """Results in an SQLite file, one row per run; runs with a stored result are not repeated.
 
-A file has a table for each kind of result, such as `RUN_TABLE` for ordinary runs.
-
-Each row is committed as it arrives, so that no finished run is lost, even if the experiment ends by SIGKILL.
-docs/experiments.md describes the columns.
+A file has a table for each kind of result. Each row is committed as it arrives, so that no finished run is
+lost, even if the experiment ends by SIGKILL.
 """
 
 from __future__ import annotations
@@ -13,13 +11,22 @@ import sqlite3
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
-from colony.experiment.record import MODES, LightCount, ModeCount, RunKey, RunResult
 from colony.experiment.rows import result_of, row_of, sql_types_of
 from colony.files import open_descriptor, reason
 
 VERSION = 1
+
+
+class RunKey(NamedTuple):
+    """The key of a run: its list, its number in the list, the seed of all its randomness, and its variant."""
+
+    runs: str
+    number: int
+    seed: int
+    variant: str
+
 
 KEY_COLUMNS = RunKey._fields
 """The first columns of each table."""
@@ -166,19 +173,3 @@ def _expect_file(path: Path) -> None:
     """Refuse a pipe or a device, on which SQLite would block; the file need not exist."""
     with suppress(FileNotFoundError):
         os.close(open_descriptor(path))
-
-
-RUN_TABLE = Table(
-    name="run",
-    kind=RunResult,
-    columns=(
-        *KEY_COLUMNS,
-        *("origin", "goal", "failure", "failed_mode", "remark"),
-        *("along_mm", "off_mm", "distance_mm", "travelled_mm", "time_s", "top_mm_s"),
-        *(f"{mode.lower()}_{count}" for mode in MODES for count in ModeCount._fields),
-        *("letters", "completed", "first_light"),
-        *(f"lights_{count}" for count in LightCount._fields),
-        *("contacts", "contact_mm_s", "hazards", "path"),
-    ),
-)
-"""The table of ordinary runs."""

@@ -17,11 +17,11 @@ from colony.robots.company import join_others, populated_world
 from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath, LongestStay, MapExit, PeoplePaths
 from colony.robots.expected import time_limit_ns
+from colony.robots.navigation import EXPECTED_MM_S
 from colony.robots.physics_choice import expect_simulable
 from colony.robots.recording import RunRecording, is_mcap, recording_into
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.robots.scenario import Scenario, player
-from colony.robots.variants import OURS
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.observer import FrameLog
@@ -178,7 +178,7 @@ def _run(
     length_ns = request.length_ns
     if length_ns is None:
         assert mission is not None
-        length_ns = time_limit_ns(mission.plan, OURS.expected_mm_s)
+        length_ns = time_limit_ns(mission.plan, EXPECTED_MM_S)
     session.add(ui.progress(length_ns))
 
     def is_over() -> bool:

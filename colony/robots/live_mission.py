@@ -1,4 +1,4 @@
-"""A plan driven by a served robot: the scripts of a variant over live connections.
+"""A plan driven by a served robot: the scripts around the Navigator over live connections.
 
     with Session.open("rome") as rome, LiveMission(rome, building, plan) as mission:
         mission.wait()
@@ -18,7 +18,13 @@ from colony.nav.maps.building import Building
 from colony.nav.missions.goal_verification import Verdict
 from colony.nav.plan.plan import Plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
-from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
+from colony.robots.navigation import (
+    CEILING_CAMERA,
+    FRONT_CAMERA,
+    PLANNER,
+    SIDE_CAMERA,
+    navigation_scripts,
+)
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.kit.script import Script, do
@@ -84,7 +90,7 @@ class LiveMission:
     def __enter__(self) -> LiveMission:
         """Prepare the robot and start the scripts."""
         self._begin()
-        scripts = OURS.scripts(
+        scripts = navigation_scripts(
             self._plan, self._building, cameras=self._cameras(), on_verdict=self._on_verdict
         )
         self._scripts = LiveScripts(self._session, {**scripts, "operator": self._operator}, leader=PLANNER)

@@ -8,10 +8,16 @@ from collections.abc import Mapping
 from colony.ir.servers import DSERVER, PROXIMITY, RSERVER
 from colony.nav.missions.goal_verification import Verdict
 from colony.robots.mission_result import Ending, mission_result
+from colony.robots.navigation import (
+    CEILING_CAMERA,
+    FRONT_CAMERA,
+    PLANNER,
+    SIDE_CAMERA,
+    navigation_scripts,
+)
 from colony.robots.request import MissionResult, RunRequest
 from colony.robots.route import Route
 from colony.robots.run_cameras import run_cameras
-from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.protocol.messages import Node
 from colony.runtime.servers.drivers import CameraDriver
@@ -42,7 +48,7 @@ class Mission:
         self._seed = request.seed
         self._verdict = Verdict.UNSEEN
         scripts = {
-            **OURS.scripts(
+            **navigation_scripts(
                 route.plan, self.site.building, cameras=frozenset(_CAMERAS), on_verdict=self._on_verdict
             ),
             "operator": operator(self.site.elevators, seed=request.seed),

@@ -138,7 +138,7 @@ def _mission_cameras(route: Route | None) -> Mapping[str, ViewDirection]:
     """Return the viewing directions of the cameras that a simulated robot needs for a route."""
     if route is None:
         return {}
-    from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA
+    from colony.robots.navigation import CEILING_CAMERA, FRONT_CAMERA
 
     ahead = {FRONT_CAMERA: 0.0} if len(route.plan.floors) > 1 else {}  # for the markers of elevators
     return {CEILING_CAMERA: "up", **ahead}

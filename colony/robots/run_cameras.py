@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
+from colony.robots.navigation import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
 from colony.runtime.protocol.images import Shot
 from colony.runtime.servers.drivers import CameraDriver
 from colony.sim.cameras.camera import Camera, CameraConfig

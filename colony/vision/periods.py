@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-PERIOD_S, THESIS_PERIOD_S = 0.25, 0.5
-"""Seconds between two images: Colony's, and the thesis's."""
+PERIOD_S = 0.25
+"""Seconds between two images."""

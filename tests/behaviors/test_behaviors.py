@@ -32,7 +32,7 @@ from colony.shipped import Shipped
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 from colony.watch.joining import joined_program, program_of
-from tests.paths import BEHAVIORS, ROOT
+from tests.paths import BEHAVIORS, ROOT, THESIS_NAVIGATOR
 from tests.sampling import long, sampled
 from tests.verify.audit.recorded_runs import as_mcap
 
@@ -58,7 +58,6 @@ def test_there_are_behaviors_and_maps() -> None:
         "goals",
         "hallway",
         "navigator",
-        "thesis_navigator",
         "allen",
         "herbert",
         "teleop",
@@ -312,11 +311,15 @@ def test_hallway_turns_to_the_goal_and_stops_at_its_distance(run: Run) -> None:
 GOAL = ("--set", f"GoalType={ord('D')}", "--set", "GoalDirection=90", "--set", "GoalDistance=4000")
 
 
-@pytest.mark.parametrize(("name", "beyond_mm"), [("navigator", 30.0), ("thesis_navigator", 300.0)])
+@pytest.mark.parametrize(
+    ("behavior", "beyond_mm"),
+    [(ROOT / "behaviors" / "navigator.colony", 30.0), (THESIS_NAVIGATOR, 300.0)],
+    ids=lambda of: of.stem if isinstance(of, Path) else "",
+)
 def test_the_navigator_stands_until_it_has_a_goal_and_stops_there(
-    name: str, beyond_mm: float, run: Run
+    behavior: Path, beyond_mm: float, run: Run
 ) -> None:
-    behavior, building = ROOT / "behaviors" / f"{name}.colony", ROOT / "maps" / "loop.stickrep"
+    building = ROOT / "maps" / "loop.stickrep"
     assert run(behavior, building, 3)["distance_mm"] == 0.0
     report = run(behavior, building, 30, *GOAL)
     assert 3_970.0 < report["distance_mm"] < 4_000.0 + beyond_mm

@@ -31,7 +31,7 @@ FILES = (
     "colony/sim/world/world.py",
     "colony/nav/pose/echoes.py",
     "colony/nav/mapping/himm.py",
-    "colony/nav/mapping/local_mapper.py",
+    "studies/thesis/local_mapper.py",
     "colony/sim/cameras/camera.py",
     "colony/vision/level_camera.py",
     "colony/vision/lights/ceiling_camera.py",

@@ -115,7 +115,7 @@ def test_names_with_line_breaks_stay_on_one_line(colony: Colony) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["run figure_4_14 --map nowhere", "run nowhere --map loop", "experiment random --map nowhere"],
+    ["run figure_4_14 --map nowhere", "run nowhere --map loop"],
 )
 def test_what_is_not_there_is_said_before_anything_slow_is_imported(command: str, tmp_path: Path) -> None:
     ran = subprocess.run(

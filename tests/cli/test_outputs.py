@@ -92,7 +92,6 @@ def test_a_pipe_that_is_open_is_written_into() -> None:
         ("run", "b.colony", "--map", MAP, "--picture", "pipe.png"),
         ("map", MAP, "-o", "pipe.png"),
         ("plan", MAP, "201", "216", "-o", "pipe.png"),
-        ("experiment", "thesis", "--runs", "1", "--seeds", "1", "-o", "pipe.sqlite"),
     ],
 )
 def test_a_pipe_that_nobody_may_read_is_refused(

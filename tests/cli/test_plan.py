@@ -18,7 +18,7 @@ def test_a_plan_is_a_table_of_segments(colony: Colony) -> None:
     assert (code, err) == (0, "")
     lines = out.splitlines()
     assert lines[0].startswith("341R to 381R: 260.807 m, ")
-    assert lines[1].startswith("modes: lclclcclcclclclclcd; confidence: 0.5112 (95 % interval: 0.2")
+    assert lines[1] == "modes: lclclcclcclclclclcd"
     assert [line[0] for line in lines[4:]] == list("LECLECLECECLECECLECLECLECLECD")
     assert "90°" in lines[6]
 
@@ -29,9 +29,6 @@ def test_a_plan_for_programs(colony: Colony) -> None:
     assert code == 0
     assert (plan["origin"], plan["goal"], plan["modes"]) == ("350R", "376L", "ld")
     assert plan["distance_mm"] == pytest.approx(78_181.2, abs=1.0)
-    assert plan["confidence"] == pytest.approx(99 / 101, abs=1e-6)
-    low, high = plan["confidence_interval"]
-    assert low < plan["confidence"] < high
     assert plan["picture"] is None
     lights, last = plan["segments"]
     assert (lights["mode"], last["mode"]) == ("L", "D")
@@ -54,23 +51,22 @@ def test_a_plan_may_travel_the_other_way(colony: Colony) -> None:
     once_around = colony("plan", THIRD, "343R", "345R").out
     back = colony("plan", THIRD, "343R", "345R", "--travel", "either").out
     assert "modes: lclcl" in once_around
-    assert "modes: d; confidence: unknown" in back
+    assert "modes: d\n" in back
 
 
 def test_a_plan_over_two_floors_names_them(colony: Colony) -> None:
     code, out, _ = colony("plan", THIRD, "372R", "2:264L")
     assert code == 0
     rows = out.splitlines()[4:]
-    assert "without elevator rides" in out.splitlines()[1]
     ride = next(i for i, row in enumerate(rows) if row.startswith("V"))
     assert all(row.endswith("msu_engineering_3") for row in rows[:ride])
     assert all(row.endswith("msu_engineering_2") for row in rows[ride:])
 
 
-def test_a_ride_alone_has_no_published_confidence(colony: Colony) -> None:
+def test_a_plan_may_be_a_ride_alone(colony: Colony) -> None:
     code, out, _ = colony("plan", THIRD, "acs.elev.L", "2:acs.elev.L")
     assert code == 0
-    assert "modes: v; confidence: unknown" in out
+    assert "modes: v\n" in out
     assert out.endswith("msu_engineering_2\n")
 
 

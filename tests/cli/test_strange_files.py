@@ -14,10 +14,8 @@ from typing import Any
 import pytest
 
 from colony.cli import compile
-from colony.cli.experiment import outputs as experiment_outputs
 from colony.dsl import files as dsl_files
 from colony.execute import colonyc
-from colony.experiment import lists
 from colony.files import size_text
 from colony.nav.maps import source as map_source
 from colony.robots import python_sources
@@ -71,10 +69,6 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "vision": ("vision", "FILE.png"),
     "robot check": ("robot", "check", "FILE.colony"),
     "robot show": ("robot", "show", "FILE.colony"),
-    "experiment": ("experiment", "FILE.csv", "--map", MAP),
-    "experiment --map": ("experiment", "random", "--map", "FILE.stickrep"),
-    "experiment -o": ("experiment", "thesis", "--runs", "1", "--seeds", "1", "-o", "FILE.sqlite"),
-    "experiment --write": ("experiment", "thesis", "--runs", "1", "--seeds", "1", "--write", "FILE.md"),
 }
 """The commands that read a file, each with the ending that it expects of its name."""
 
@@ -218,8 +212,6 @@ LIMITS = {
     "program, and each file that it imports": dsl_files.MAX_BYTES,
     "map": map_source.MAX_BYTES,
     "table of users, login, certificate, key": security.FILE_BYTES,
-    "list of an experiment": lists.LIST_BYTES,
-    "page that `colony experiment --write` changes": experiment_outputs.PAGE_BYTES,
     "clients that `colony compile --prove` reads": compile.CLIENTS_BYTES,
     "a compiled program, `*.colonyc`": colonyc.MAX_BYTES,
     "program in a recording": mcap_reader.SOURCES_BYTES,

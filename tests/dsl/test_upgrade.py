@@ -30,9 +30,10 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import programs, texts, traces
 from tests.dsl.version1_frames import FOLDER, frames
 from tests.paths import BEHAVIORS as SHIPPED
+from tests.paths import THESIS_NAVIGATOR
 
 BEHAVIORS = sorted(FOLDER.glob("*.colony"))
-CURRENT = {path.stem: path for path in SHIPPED}
+CURRENT = {path.stem: path for path in (*SHIPPED, THESIS_NAVIGATOR)}
 
 
 def upgraded(text: str) -> str:

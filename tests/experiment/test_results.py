@@ -7,46 +7,76 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import pytest
 
-from colony.experiment.results import RUN_TABLE, Results, ResultsError
-from tests.experiment.stage import REACHED, STUCK, result
+from colony.experiment.results import KEY_COLUMNS, Results, ResultsError, RunKey, Table
+from colony.experiment.rows import Points
 from tests.paths import ROOT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """A result with a column of each sort."""
+
+    key: RunKey
+    failure: Literal["", "stuck"] = ""
+    error_mm: float = 0.25
+    found: bool = True
+    size: tuple[int, float] = (3, 0.5)
+    names: tuple[str, ...] = ("é", "")
+    path: Points = ((1, -2), (30_000, 4))
+
+
+TABLE = Table(
+    name="measured",
+    kind=Measured,
+    columns=(*KEY_COLUMNS, "failure", "error_mm", "found", "width", "height", "names", "path"),
+)
+
+
+def measured(number: int, seed: int, **values: Any) -> Measured:
+    return Measured(key=RunKey("rounds", number, seed, "plain"), **values)
 
 
 def test_results_come_back_as_they_were(tmp_path: Path) -> None:
     path = tmp_path / "r.sqlite"
-    kept = [result(1, 1), result(2, 1, STUCK), result(1, 2), replace(result(2, 2), path=(), remark="é")]
-    with Results(path, RUN_TABLE) as results:
+    kept = [
+        measured(1, 1),
+        measured(2, 1, failure="stuck", found=False),
+        measured(1, 2),
+        measured(2, 2, path=()),
+    ]
+    with Results(path, TABLE) as results:
         for one in kept:
             results.put(one)
-    with Results(path, RUN_TABLE) as results:
-        assert results.select("thesis", "ours") == tuple(sorted(kept, key=lambda one: one.key))
+    with Results(path, TABLE) as results:
+        assert results.select("rounds", "plain") == tuple(sorted(kept, key=lambda one: one.key))
         assert results.keys() == {one.key for one in kept}
-        assert results.select("thesis", "thesis") == results.select("own", "ours") == ()
+        assert results.select("rounds", "other") == results.select("others", "plain") == ()
 
 
 def test_the_same_run_again_takes_the_place_of_the_old_one() -> None:
-    with Results(None, RUN_TABLE) as results:
-        results.put(REACHED)
-        results.put(replace(REACHED, goal_error_mm=7.0))
-        assert [one.goal_error_mm for one in results.select("thesis", "ours")] == [7.0]
+    with Results(None, TABLE) as results:
+        results.put(measured(1, 1))
+        results.put(measured(1, 1, error_mm=7.0))
+        assert [one.error_mm for one in results.select("rounds", "plain")] == [7.0]
 
 
 def test_results_of_another_program_are_not_mixed_in(tmp_path: Path) -> None:
     path = tmp_path / "r.sqlite"
-    with Results(path, RUN_TABLE) as results:
-        results.expect("thesis", "ours", "one")
-        results.expect("thesis", "thesis", "other")
-        results.expect("thesis", "ours", "one")
+    with Results(path, TABLE) as results:
+        results.expect("rounds", "plain", "one")
+        results.expect("rounds", "other", "other")
+        results.expect("rounds", "plain", "one")
     with (
-        Results(path, RUN_TABLE) as results,
+        Results(path, TABLE) as results,
         pytest.raises(ResultsError, match="another program or map; choose another"),
     ):
-        results.expect("thesis", "ours", "changed")
+        results.expect("rounds", "plain", "changed")
 
 
 def test_a_file_of_something_else_is_refused_and_left_alone(tmp_path: Path) -> None:
@@ -57,7 +87,7 @@ def test_a_file_of_something_else_is_refused_and_left_alone(tmp_path: Path) -> N
     database.close()
     for path in (text, other, tmp_path / "nowhere" / "r.sqlite"):
         with pytest.raises(ResultsError, match="choose another file"):
-            Results(path, RUN_TABLE)
+            Results(path, TABLE)
     with sqlite3.connect(other) as database:
         assert database.execute("SELECT name FROM sqlite_master").fetchall() == [("precious",)]
     database.close()
@@ -69,11 +99,11 @@ def test_what_was_put_survives_sigkill(tmp_path: Path) -> None:
     program = (
         "import sys, time\n"
         "from pathlib import Path\n"
-        "from colony.experiment.results import RUN_TABLE, Results\n"
-        "from tests.experiment.stage import result\n"
-        "results = Results(Path(sys.argv[1]), RUN_TABLE)\n"
+        "from colony.experiment.results import Results\n"
+        "from tests.experiment.test_results import TABLE, measured\n"
+        "results = Results(Path(sys.argv[1]), TABLE)\n"
         "for seed in range(1, 100_000):\n"
-        "    results.put(result(1, seed))\n"
+        "    results.put(measured(1, seed))\n"
         "    print(seed, flush=True)\n"
     )
     with subprocess.Popen(
@@ -86,7 +116,7 @@ def test_what_was_put_survives_sigkill(tmp_path: Path) -> None:
         assert child.stdout is not None
         told = [int(child.stdout.readline()) for _ in range(25)]
         child.send_signal(signal.SIGKILL)
-    with Results(path, RUN_TABLE) as results:
-        kept = [one.key.seed for one in results.select("thesis", "ours")]
+    with Results(path, TABLE) as results:
+        kept = [one.key.seed for one in results.select("rounds", "plain")]
     assert kept == list(range(1, len(kept) + 1))
     assert len(kept) >= told[-1]

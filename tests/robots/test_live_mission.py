@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from colony.experiment.lists import PUBLISHED_MAP
 from colony.nav.maps.building import load_building
 from colony.nav.plan.route import plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR
@@ -13,6 +12,7 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library import data
 from colony.runtime.servers.dserver import DServer
+from studies.lists import PUBLISHED_MAP
 from tests.runtime.transport.live.stage import ROBOT, hosted, run_directory
 
 

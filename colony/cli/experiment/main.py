@@ -372,11 +372,11 @@ def _carry_out(
         stored = results.keys()
         missing = [trial for trial in trials if trial.key not in stored]
         try:
-            with progress("runs") as on_run:
+            with progress("runs", _is_bad, _short) as on_run:
                 before = len(trials) - len(missing)
                 for done, result in enumerate(engine.results(run_trial, missing), before + 1):
                     results.put(result)
-                    on_run(done, len(trials), _short(result), _is_bad(result))
+                    on_run(done, len(trials), result)
         except TrialError as problem:
             raise MisuseError(f"error: {problem}") from None
         except KeyboardInterrupt:

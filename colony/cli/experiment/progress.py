@@ -1,27 +1,38 @@
-"""Progress of many runs on stderr: a bar on a terminal, otherwise a line per tenth of the runs."""
+"""Progress of an experiment on stderr: a bar on a terminal, otherwise a line per tenth of the runs."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 from colony.cli.reporting import say
 
-ReportRun = Callable[[int, int, str, bool], None]
-"""A function that takes the number of finished runs, the total, the latest run as text, and if it is bad."""
+R = TypeVar("R")
+
+ReportProgress = Callable[[int, int, R], None]
+"""Function that takes the number of finished runs, the total, and the latest result."""
 
 
 @contextmanager
-def progress(what: str) -> Iterator[ReportRun]:
-    """Report the progress of `what` ("runs") inside the `with`; the bar is removed at the end."""
-    bad_ones = 0
+def progress(
+    what: str, is_bad: Callable[[R], bool], describe: Callable[[R], str]
+) -> Iterator[ReportProgress[R]]:
+    """Report the progress of runs inside the `with`; the bar is removed at the end.
 
-    def line(completed: int, total: int, latest: str, is_bad: bool) -> None:
-        nonlocal bad_ones
-        bad_ones += is_bad
+    Args:
+        what: what was done to the finished runs: "run", "audited".
+        is_bad: function that returns True for a result to be counted as bad.
+        describe: function that returns a short description of a result.
+    """
+    failed = 0
+
+    def line(completed: int, total: int, latest: R) -> None:
+        nonlocal failed
+        failed += is_bad(latest)
         if completed * 10 // total > (completed - 1) * 10 // total:
-            say(f"{100 * completed // total} %: {completed} of {total} {what}, {bad_ones} bad")
+            say(f"{100 * completed // total} %: {completed} of {total} {what}, {failed} bad")
 
     if not sys.stderr.isatty():
         yield line
@@ -39,10 +50,10 @@ def progress(what: str) -> Iterator[ReportRun]:
     )
     task = display.add_task(what, total=None)
 
-    def bar(completed: int, total: int, latest: str, is_bad: bool) -> None:
-        nonlocal bad_ones
-        bad_ones += is_bad
-        text = f"{what}, {bad_ones} bad; latest: {latest}"
+    def bar(completed: int, total: int, latest: R) -> None:
+        nonlocal failed
+        failed += is_bad(latest)
+        text = f"{what}, {failed} bad; latest: {describe(latest)}"
         display.update(task, completed=completed, total=total, description=text)
 
     with display:

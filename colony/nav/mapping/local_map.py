@@ -7,21 +7,8 @@ from collections import deque
 
 from colony.nav.mapping.himm import HimmMap, HimmParameters, LocalPose
 from colony.nav.mapping.hough import HoughParameters, Line, lines_in
-from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import Floats
 from colony.nav.pose.steps import Step
-
-
-def local_pose(origin: Pose, pose: Pose) -> LocalPose:
-    """Return `pose` in the frame of `origin` (thesis section 5.5)."""
-    heading = math.radians(origin.heading_deg)
-    sine, cosine = math.sin(heading), math.cos(heading)
-    dx, dy = pose.x_mm - origin.x_mm, pose.y_mm - origin.y_mm
-    return LocalPose(
-        ahead_mm=-dx * sine + dy * cosine,
-        left_mm=-dx * cosine - dy * sine,
-        heading_rad=math.radians(pose.heading_deg) - heading,
-    )
 
 
 def pose_after(pose: LocalPose, step: Step) -> LocalPose:

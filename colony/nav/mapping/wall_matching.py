@@ -16,9 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.nav.mapping.hough import Line
-from colony.nav.mapping.orientation import wrap_deg
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import Bools, Floats, Reflectors
+
+
+def wrap_deg(angle_deg: float) -> float:
+    """Wrap an angle to (-180, 180]."""
+    return 180.0 - (180.0 - angle_deg) % 360.0
 
 
 class WallCandidate(NamedTuple):

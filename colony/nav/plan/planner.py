@@ -4,10 +4,8 @@ For each segment it sets GoalType, GoalDirection and GoalDistance, ups $GoalData
 A segment of lights also goes to CTracker, by LightOffset and $TrackData, and to the Local Mapper, by
 $StartMap; the Planner then also waits for $EndLMode, and reads Overshoot.
 
-The distance of a goal has two sources. With `pose`, it is the remaining length of the segment from the
-robot's estimated position, which other clients keep correcting. With `reckoning`, as in the thesis, it is the
-segment's length minus the overshoot of the lights before it; the thesis compensates for the overshoot since
-December 1993.
+The distance of a goal is the remaining length of its segment from the robot's estimated position, which other
+clients keep correcting; or whatever remains by another function of the robot's progress.
 
 Before an elevator segment, the Planner sets ElevatorCall for the operator of the buttons. Afterwards it
 converts the position to the new floor's map, and then sets Floor for the clients that need the walls around
@@ -24,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple, assert_never
+from typing import Any, NamedTuple, assert_never
 
 from colony.nav.calls import try_wait
 from colony.nav.maps.signs import Plate
@@ -62,8 +60,11 @@ A robot farther from its goal than the minimum drives on; one farther than the m
 where it is.
 """
 
-Positions = Literal["pose", "reckoning"]
-"""The source of distances: the estimated pose, or nominal lengths and overshoots."""
+Progress = Callable[[Segment, float], Generator[Step, Any, float]]
+"""Step of a script that returns the robot's distance from a segment's start, in mm, along its heading.
+
+It is given the robot's distance beyond the last light of the segment before, 0 if unknown.
+"""
 
 OnSegment = Callable[[int, Segment], None]
 """Callback with the number, from 0, of each segment that begins."""
@@ -136,8 +137,7 @@ def position_after_ride(ride: Segment, x_mm: float, y_mm: float) -> Point:
 def planner(
     plan: Plan,
     *,
-    positions: Positions = "pose",
-    compensate: bool = True,
+    progress: Progress | None = None,
     on_segment: OnSegment | None = None,
     goal_plate: Plate | None = None,
     on_verdict: OnVerdict | None = None,
@@ -146,8 +146,7 @@ def planner(
 
     Args:
         plan: the plan.
-        positions: the source of distances.
-        compensate: with `reckoning`: True to subtract the overshoot of lights from the next distance.
+        progress: the source of the robot's progress; by default its estimated position.
         on_segment: callback at the start of each segment.
         goal_plate: the plate at the goal; None to verify nothing. GoalVerified is set to the verdict; a robot
             that is short of the goal according to the plate drives the rest.
@@ -156,7 +155,8 @@ def planner(
     yield from _begin(plan.segments[0].start.floor)
     if goal_plate is not None:
         yield from remember_plates()
-    reckoned_mm, segment_start_ns = 0.0, 0
+    find_progress = _progress_by_position if progress is None else progress
+    overshoot_mm, segment_start_ns = 0.0, 0
     for number, segment in enumerate(plan.segments):
         if on_segment is not None:
             on_segment(number, segment)
@@ -165,13 +165,8 @@ def planner(
         if segment.kind is GoalKind.ELEVATOR:
             call = ElevatorCall(segment.doors[0], segment.start.floor, segment.end.floor)
             yield from do("DServer", data.set(ELEVATOR_CALL, list(call)))
-        progress_mm = reckoned_mm
-        if positions == "pose":
-            here = yield from do("RServer", robot.position())
-            progress_mm = progress_along(segment, here.x, here.y)
-        goal = goal_of(segment, progress_mm)
+        goal = goal_of(segment, (yield from find_progress(segment, overshoot_mm)))
         overshoot_mm = yield from _pursue(goal)
-        reckoned_mm = overshoot_mm if compensate else 0.0
         if segment.kind is GoalKind.ELEVATOR:
             yield from _change_floor(segment)
     yield from do("DServer", data.set(GOAL_TYPE, int(GoalKind.NONE)))
@@ -179,6 +174,11 @@ def planner(
         verdict = yield from _verify(goal_plate, plan.segments[-1], segment_start_ns)
         if on_verdict is not None:
             on_verdict(verdict)
+
+
+def _progress_by_position(segment: Segment, overshoot_mm: float) -> Generator[Step, Any, float]:
+    here = yield from do("RServer", robot.position())
+    return progress_along(segment, here.x, here.y)
 
 
 def _begin(floor: str) -> Generator[Step, Any, None]:

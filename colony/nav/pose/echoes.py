@@ -63,10 +63,6 @@ class SonarModel:
             2.0 * math.pi / self.count
         )
 
-    def index_toward(self, bearing_deg: float) -> int:
-        """Return the sonar that looks nearest to a direction, counterclockwise from ahead."""
-        return (self.ahead + round(bearing_deg * self.count / 360.0)) % self.count
-
 
 def sonar_model_of(body: Body) -> SonarModel:
     """Return the model of a robot with this body.

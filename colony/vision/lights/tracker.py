@@ -41,7 +41,6 @@ from colony.runtime.library.robot import Position
 from colony.vision.lights.along_track import Scale
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
 from colony.vision.lights.observing import NO_ANSWER_ERRORS, CeilingObserver, ceiling_observer, ensure_period
-from colony.vision.lights.thesis_track import ThesisTrack
 from colony.vision.lights.track import LightDetections, LightPassing, LightTrack, ProgressMeasurement
 from colony.vision.lights.track_goals import (
     UnfinishedGoal,
@@ -52,7 +51,7 @@ from colony.vision.lights.track_goals import (
     take_new_goal_signal,
     unfinished_goal,
 )
-from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
+from colony.vision.periods import PERIOD_S
 
 GOAL_CHECK_INTERVAL_S = 1.0
 """Seconds between two checks, while tracking, for a new goal that replaces the current one."""
@@ -66,21 +65,21 @@ _MAX_POSE_AGE_S = 1.0
 _STANDING_MM = 2.0
 _POSITIONS = 8
 
-Track = LightTrack | ThesisTrack
-
 
 def light_tracker(
     *,
     cameras: Sequence[str] = ("CServerUp",),
     geometry: CeilingCamera | Sequence[CeilingCamera] = UPWARD,
-    thesis: bool = False,
+    kind: type[LightTrack] = LightTrack,
+    period_s: float = PERIOD_S,
 ) -> Script:
     """Count the lights of each goal, forever.
 
     Args:
         cameras: the servers of the cameras; without cameras, lights are passed by the position alone.
         geometry: geometry of all cameras, or of each.
-        thesis: True to count as printed in the thesis, without fixes.
+        kind: the class of the tracks, which decides how lights are counted.
+        period_s: seconds between two images.
 
     Raises:
         ValueError: the numbers of geometries and cameras differ; later, in the script: the variables of a
@@ -89,11 +88,12 @@ def light_tracker(
     geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCamera) else tuple(geometry)
     if len(geometries) != len(cameras):
         raise ValueError(f"{len(cameras)} cameras with {len(geometries)} geometries; expected one for each")
-    period = THESIS_PERIOD_S if thesis else PERIOD_S
-    return _tracker(ceiling_observer(cameras, geometries), cameras, period, thesis)
+    return _tracker(ceiling_observer(cameras, geometries), cameras, period_s, kind)
 
 
-def _tracker(observer: CeilingObserver, cameras: Sequence[str], period_s: float, thesis: bool) -> Script:
+def _tracker(
+    observer: CeilingObserver, cameras: Sequence[str], period_s: float, kind: type[LightTrack]
+) -> Script:
     yield from ensure_period(cameras, period_s)
     for name in (TRACK_DATA, LIGHT_DETECTED, END_L_MODE):
         yield from do("DServer", data.create_semaphore(name, 0))
@@ -105,20 +105,16 @@ def _tracker(observer: CeilingObserver, cameras: Sequence[str], period_s: float,
             yield from do("DServer", data.wait(TRACK_DATA))
         goal, passed = unfinished or UnfinishedGoal((yield from take_goal()), 0)
         unfinished = None
-        track: Track = (
-            ThesisTrack.start(goal, passed)
-            if thesis
-            else LightTrack.start(goal, scale, passed, blind=not cameras)
-        )
+        track = kind.start(goal, scale, passed, blind=not cameras)
         tracking = _Tracking(track, observer, period_s)
         has_goal = yield from tracking.run()
-        scale = tracking.scale(scale)
+        scale = tracking.scale
 
 
 class _Tracking:
     """The tracking of one goal. Mutable."""
 
-    def __init__(self, track: Track, observer: CeilingObserver, period_s: float) -> None:
+    def __init__(self, track: LightTrack, observer: CeilingObserver, period_s: float) -> None:
         self._track = track
         self._observer = observer
         self._period_s = period_s
@@ -127,9 +123,10 @@ class _Tracking:
         self._goal_checked_ns: int | None = None
         self._published_ns = -1
 
-    def scale(self, previous: Scale) -> Scale:
-        """Return the current estimate of the odometry's scale."""
-        return self._track.reckoning.scale if isinstance(self._track, LightTrack) else previous
+    @property
+    def scale(self) -> Scale:
+        """The current estimate of the odometry's scale."""
+        return self._track.reckoning.scale
 
     def run(self) -> Generator[Step, Any, bool]:
         """Run until all lights are passed or the goal is abandoned; return True if a new goal replaces it."""
@@ -192,7 +189,7 @@ class _Tracking:
                 image.lights, goal.progress(then.x, then.y), goal.tilt(then.heading), image.t_ns
             )
             self._track = self._track.observed(detections)
-            if isinstance(self._track, LightTrack) and self._track.relocation is not None:
+            if self._track.relocation is not None:
                 yield from self._publish_fix(self._track.relocation, None)
 
     def _publish(self, passing: LightPassing) -> Generator[Step, Any, None]:
@@ -229,15 +226,13 @@ class _Tracking:
 
         Read it before the position, which then includes the estimator's corrections.
         """
-        if isinstance(self._track, ThesisTrack):
-            return None
         variables = yield from read_variables(POSE)
         return None if variables is None else pose_of(variables[POSE])
 
     def _adopt_uncertainty(self, pose: PoseEstimate | None) -> None:
         """Adopt the estimator's uncertainty of the position, once the estimate includes the last fix."""
         newest = self._positions[-1]
-        if pose is None or not isinstance(self._track, LightTrack) or pose.t_ns <= self._published_ns:
+        if pose is None or pose.t_ns <= self._published_ns:
             return
         if newest.t_ns - pose.t_ns > _MAX_POSE_AGE_S * 1e9:
             return

@@ -5,8 +5,7 @@ the hallway within 50 degrees. Each plate is reported once, when enough observat
 DServer in PlateSeen, and to the callback `on_plate`.
 
 With maps of the floors, only plates on the map of the current floor (`Floor`) are accepted. Each observation
-of such a plate measures the robot's pose: PlateFix. The thesis's own finder (`thesis=True`) reports a plate
-at its first observation, and distinguishes images by their overlap on the wall only.
+of such a plate measures the robot's pose: PlateFix.
 
 The finder waits while a server does not answer or has no value. While DServer does not answer, the last known
 floor counts, and plates are published later. On a floor without a map, nothing is found.
@@ -24,14 +23,13 @@ from numpy.typing import NDArray
 
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.echoes import rome_sonars
 from colony.nav.pose.fixes import fix_list
 from colony.nav.pose.pose import pose_of
 from colony.nav.pose.tracker import position_at
 from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN, POSE
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import camera as cameras
-from colony.runtime.library import data, proximity, robot
+from colony.runtime.library import data, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.robot import Position
 from colony.runtime.protocol.images import Image
@@ -40,12 +38,10 @@ from colony.vision.detections import PlateBox, Reading
 from colony.vision.gray_images import gray_image
 from colony.vision.level_camera import SIDE, LevelCamera
 from colony.vision.lights.observing import NO_ANSWER_ERRORS
-from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
-from colony.vision.plates.geometry import is_too_steep
+from colony.vision.periods import PERIOD_S
 from colony.vision.plates.map import gate_mm
 from colony.vision.plates.observations import FoundPlate
-from colony.vision.plates.search import FloorPlates, PlateSearch, Search, ThesisSearch, View
-from colony.vision.plates.thesis import scan_band
+from colony.vision.plates.search import FloorPlates, PlateSearch, SearchResult, View, is_too_steep
 
 BAND_FRACTION = 0.54
 """Fraction of the image's rows, around the middle, that is searched; it holds whole plates from 0.45 m on."""
@@ -61,6 +57,9 @@ OnPlate = Callable[[FoundPlate], None]
 
 PlateReader = Callable[[NDArray[np.uint8], PlateBox], Reading]
 """Reads the text on a plate in an image."""
+
+Look = Callable[[View], Generator[Step, Any, SearchResult]]
+"""Step of a script that searches a view for plates."""
 
 T = TypeVar("T")
 
@@ -78,7 +77,6 @@ def plate_finder(
     camera: str = "CServerSide",
     geometry: LevelCamera = SIDE,
     reader: PlateReader | None = default_reader,
-    thesis: bool = False,
     on_plate: OnPlate | None = None,
 ) -> Script:
     """Find the plates that the robot passes, forever.
@@ -88,32 +86,36 @@ def plate_finder(
         camera: the server of the camera.
         geometry: the geometry of the camera.
         reader: the reader of plates' texts; None to leave plates unread.
-        thesis: True to find plates as printed in the thesis, without a map.
         on_plate: callback with each plate.
 
     Raises:
         ValueError: in the script, if the size of the camera's images is not that of `geometry`.
     """
-    period = THESIS_PERIOD_S if thesis else PERIOD_S
-    search: Search = ThesisSearch(geometry, reader) if thesis else PlateSearch(geometry, reader)
-    wall = _WallCamera(camera, geometry, period, lock=thesis)
-    maps = None if thesis or floors is None else _Maps(floors)
-    return _run(wall, search, maps, period, on_plate)
+    search = PlateSearch(geometry, reader)
+    maps = None if floors is None else _Maps(floors)
+
+    def look(view: View) -> Generator[Step, Any, SearchResult]:
+        if maps is None:
+            return search.update(view)
+        floor_plates = yield from maps.floor_plates()
+        return search.update(view._replace(floor=maps.floor), floor_plates)
+
+    count = min(geometry.rows, 2 * math.ceil(BAND_FRACTION * geometry.rows / 2.0))
+    band = ((geometry.rows - count) // 2, count)
+    return report_plates(WallCamera(camera, geometry, band, PERIOD_S), look, on_plate)
 
 
-def _run(
-    wall: _WallCamera, search: Search, maps: _Maps | None, period_s: float, on_plate: OnPlate | None
-) -> Script:
+def report_plates(wall: WallCamera, look: Look, on_plate: OnPlate | None = None) -> Script:
+    """Report the plates that `look` finds in the views of a camera, forever."""
     yield from wall.prepare()
     count, unpublished = 0, deque[list[object]](maxlen=MAX_UNPUBLISHED)
     while True:
         yield from _publish_plates(unpublished)
-        yield from sleep(period_s)
+        yield from sleep(wall.period_s)
         view = yield from wall.view()
         if view is None:
             continue
-        floor_plates = None if maps is None else (yield from maps.floor_plates())
-        found = search.update(view if maps is None else view._replace(floor=maps.floor), floor_plates)
+        found = yield from look(view)
         for plate in found.plates:
             count += 1
             unpublished.append([plate.t_ns, count, plate.text, *plate.place])
@@ -150,21 +152,26 @@ class _Maps:
         return FloorPlates(self._floors.get(self.floor, ()), gate_mm(sigma))
 
 
-class _WallCamera:
-    """The camera that faces the wall. Mutable."""
+class WallCamera:
+    """The camera that faces the wall. Mutable.
 
-    def __init__(self, name: str, geometry: LevelCamera, period_s: float, *, lock: bool) -> None:
-        self._name, self._geometry, self._period_s = name, geometry, period_s
+    Args:
+        name: the camera's server.
+        geometry: the geometry of the camera.
+        band: the first of the rows to grab, and their number.
+        period_s: seconds between two images.
+    """
+
+    def __init__(self, name: str, geometry: LevelCamera, band: tuple[int, int], period_s: float) -> None:
+        self._name, self._geometry, self._band = name, geometry, band
+        self.period_s = period_s
         self._ready = False
-        self._locks_camera = lock
-        count = min(geometry.rows, 2 * math.ceil(BAND_FRACTION * geometry.rows / 2.0))
-        self._band = scan_band(geometry) if lock else ((geometry.rows - count) // 2, count)
         self._last: Position | None = None
         self._newest_ns = -1
 
     def prepare(self) -> Generator[Step, Any, None]:
         """Prepare the camera, if it answers."""
-        self._ready = yield from prepare_camera(self._name, self._geometry, self._period_s)
+        self._ready = yield from prepare_camera(self._name, self._geometry, self.period_s)
 
     def view(self) -> Generator[Step, Any, View | None]:
         """Return the current view, or None without a new image."""
@@ -175,36 +182,20 @@ class _WallCamera:
         goal = yield from _try_ask("DServer", data.get(GOAL_DIRECTION))
         tilt = _tilt(here.heading, goal)
         if tilt is not None and is_too_steep(tilt):
-            return View(here.t_ns, None, 0, _pose(here), tilt, None)
+            return View(here.t_ns, None, 0, _pose(here), tilt)
         if not self._ready:
             yield from self.prepare()
-        band = (yield from self._grab()) if self._ready else None
+        band = (yield from self.grab()) if self._ready else None
         if band is None or band.t_ns == self._newest_ns or here.t_ns - band.t_ns > OLDEST_IMAGE_S * 1e9:
             return None
         self._newest_ns = band.t_ns
-        scan = yield from _try_ask("PServer", proximity.sonar())
-        distance = None
-        if scan is not None:
-            sonars = rome_sonars()
-            distance = sonars.ring_mm + scan.ranges[sonars.index_toward(self._geometry.yaw_deg)]
         then = position_at(band.t_ns, here, last)
         gray = gray_image(cameras.array(band))
-        return View(band.t_ns, gray, band.first_row, _pose(then), _tilt(then.heading, goal), distance)
+        return View(band.t_ns, gray, band.first_row, _pose(then), _tilt(then.heading, goal))
 
-    def _grab(self) -> Generator[Step, Any, Image | None]:
-        """Return the middle rows of the newest image.
-
-        They come in one answer, and so belong to the same image; the thesis's finder locks the camera all the
-        same.
-        """
-        if self._locks_camera:
-            try:
-                yield from do(self._name, cameras.lock(wait_s=0.1))
-            except NO_ANSWER_ERRORS:
-                return None
+    def grab(self) -> Generator[Step, Any, Image | None]:
+        """Return the rows of the newest image, in one answer."""
         band = yield from _try_ask(self._name, cameras.grab_rows(*self._band))
-        if self._locks_camera:
-            yield from _try_ask(self._name, cameras.unlock())
         self._ready = band is not None and band.t_ns != self._newest_ns
         return band
 

@@ -1,4 +1,4 @@
-"""The search for plates, image by image: with or without the map, and as in the thesis (section 5.7).
+"""The search for plates, image by image, with or without the map.
 
 A search takes the camera's views, with the robot's estimated pose, and returns new plates and, by plates of
 the map, fixes of the robot's pose.
@@ -6,7 +6,6 @@ the map, fixes of the robot's pose.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -17,11 +16,12 @@ from colony.vision.detections import PlateBox, Reading
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import LevelCamera
 from colony.vision.plates.detector import find_plates
-from colony.vision.plates.geometry import WallView, is_too_steep, starting_column
 from colony.vision.plates.map import match_plate
 from colony.vision.plates.observations import FoundPlate, PlateObservation, fix_of_plate, observe_plate
-from colony.vision.plates.thesis import thesis_plates
 from colony.vision.plates.tracks import PlateTracks, Track
+
+MAX_TILT_DEG = 50.0
+"""Angle between the axis and the wall's normal from which on measurements are too uncertain for a search."""
 
 MIN_OBSERVATIONS, MIN_EVIDENCE, MIN_HIT_FRACTION = 3, 1.5, 0.4
 """Thresholds for reporting a plate without a map.
@@ -57,6 +57,11 @@ Reader = Callable[[Gray, PlateBox], Reading]
 """Reads the text on a plate in an image."""
 
 
+def is_too_steep(tilt_deg: float) -> bool:
+    """Return True if plates are not searched for at this tilt (beta)."""
+    return not abs(tilt_deg) < MAX_TILT_DEG
+
+
 class View(NamedTuple):
     """The camera's view of the wall.
 
@@ -66,7 +71,6 @@ class View(NamedTuple):
         robot: estimated pose of the robot.
         tilt_deg: angle beta between the optical axis and the wall's normal; None if the direction of the
             hallway is unknown.
-        distance_mm: distance d from the camera to the wall, by sonar; None without a reading.
         floor: the robot's floor, "" if unknown.
     """
 
@@ -75,7 +79,6 @@ class View(NamedTuple):
     first_row: int
     robot: Pose
     tilt_deg: float | None
-    distance_mm: float | None
     floor: str = ""
 
 
@@ -131,7 +134,7 @@ class PlateSearch:
             self._tracks.move(view.t_ns, view.robot)
             return ()
         boxes = find_plates(view.band, self._camera, first_row=view.first_row, tilt_deg=view.tilt_deg)
-        seen = [_observation(view.band, box, view, self._camera, self._reader) for box in boxes]
+        seen = [observe_box(view.band, box, view, self._camera, self._reader) for box in boxes]
         return self._tracks.update(view.t_ns, view.robot, seen)
 
     def _identify(self, track: Track, floor_plates: FloorPlates) -> Plate | None:
@@ -195,52 +198,9 @@ class PlateSearch:
         return combine_readings([observation.reading for observation in track.observations])
 
 
-class ThesisSearch:
-    """The search as printed: a plate on a part of the wall that the last image did not show is a new one.
-
-    The last image is the last one with a plate. Mutable.
-    """
-
-    def __init__(self, camera: LevelCamera, reader: Reader | None = None) -> None:
-        self._camera = camera
-        self._reader = reader
-        self._last: tuple[WallView, Pose] | None = None
-
-    def update(self, view: View, floor_plates: FloorPlates | None = None) -> SearchResult:
-        """Return the new plates in a view; the map is ignored."""
-        if view.band is None or view.tilt_deg is None or is_too_steep(view.tilt_deg):
-            return SearchResult()
-        if view.distance_mm is None or not 0.0 < view.distance_mm < math.inf:
-            return SearchResult()
-        wall = WallView(view.distance_mm, view.tilt_deg)
-        start = self._start(wall, view.robot)
-        boxes = thesis_plates(view.band, self._camera, first_row=view.first_row, starting_column=start)
-        if boxes:
-            self._last = wall, view.robot
-        return SearchResult(tuple(self._report(view, view.band, box) for box in boxes))
-
-    def _start(self, wall: WallView, here: Pose) -> int:
-        """Return the first column that shows wall outside the last image with a plate."""
-        if self._last is None:
-            return 0
-        before, there = self._last
-        moved = math.hypot(here.x_mm - there.x_mm, here.y_mm - there.y_mm)
-        return starting_column(before, wall, moved, self._camera)
-
-    def _report(self, view: View, band: Gray, box: PlateBox) -> FoundPlate:
-        seen = _observation(band, box, view, self._camera, self._reader)
-        return FoundPlate(
-            t_ns=view.t_ns, door=None, text=seen.reading.text, confidence=seen.reading.confidence,
-            place=seen.place, robot=view.robot, images=1,
-        )  # fmt: skip
-
-
-def _observation(
+def observe_box(
     band: Gray, box: PlateBox, view: View, camera: LevelCamera, reader: Reader | None
 ) -> PlateObservation:
     """Read a plate, and return its observation."""
     reading = UNREAD if reader is None else reader(band, box)
     return observe_plate(box, camera, view.robot, t_ns=view.t_ns, reading=reading, first_row=view.first_row)
-
-
-Search = PlateSearch | ThesisSearch

@@ -8,19 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.nav.mapping.himm import HimmParameters, LocalPose
-from colony.nav.mapping.local_map import Trail, local_pose, pose_after, relative_pose
-from colony.nav.maps.stickrep.model import Pose
+from colony.nav.mapping.local_map import Trail, pose_after, relative_pose
 from colony.nav.pose.steps import Step
 from tests.nav.sonars import CHANNELS
 
 coordinates = st.floats(-5_000.0, 5_000.0)
 local_poses = st.builds(LocalPose, coordinates, coordinates, st.floats(-3.0, 3.0))
-
-
-def test_the_local_frame_of_a_pose() -> None:
-    west = Pose(1_000.0, 2_000.0, 90.0)
-    local = local_pose(west, Pose(700.0, 2_100.0, 80.0))
-    assert local == pytest.approx((300.0, -100.0, math.radians(-10.0)))
 
 
 def test_steps_are_taken_in_the_frame_of_the_robot() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 from colony.nav.maps.building import load_building
 from colony.nav.maps.corridors import corridors_of
 from colony.nav.maps.stickrep.connections import linked_rings
@@ -15,6 +14,7 @@ from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.stickrep.writer import write_map
 from colony.nav.maps.walls import lights_of, walls_of
 from colony.text.source import Source
+from studies.confidence.published_runs import PUBLISHED_RUNS
 from tests.paths import MAPS
 
 PATHS = sorted((MAPS).glob("*.stickrep"))

@@ -168,16 +168,18 @@ def test_by_the_pose_each_goal_is_what_is_left() -> None:
     assert stage.x == pytest.approx(-6150.0)
 
 
-def test_by_reckoning_only_the_overshoot_of_lights_is_taken_off() -> None:
-    stage = driven(PLAN, ahead=150.0, positions="reckoning")
+def by_overshoot(segment: Segment, overshoot_mm: float) -> Script:
+    yield from ()
+    return overshoot_mm
+
+
+def test_by_a_progress_of_its_own_only_the_overshoot_of_lights_is_taken_off() -> None:
+    stage = driven(PLAN, ahead=150.0, progress=by_overshoot)
     assert goals(stage) == [("L", 0.0, 3), ("E", 0.0, 3850.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
-    stage = driven(PLAN, ahead=150.0, positions="reckoning", compensate=False)
-    assert goals(stage)[1] == ("E", 0.0, 4000.0)
 
 
-def test_by_reckoning_nobody_asks_where_the_robot_is() -> None:
-    """The thesis's Planner knows lengths and overshoots only: a wrong position changes nothing."""
-    made = driven(PLAN, positions="reckoning", at=(777.0, -999.0, 0.0))
+def test_by_a_progress_of_its_own_the_position_of_the_robot_changes_nothing() -> None:
+    made = driven(PLAN, progress=by_overshoot, at=(777.0, -999.0, 0.0))
     assert goals(made) == [("L", 0.0, 3), ("E", 0.0, 4000.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
 
 

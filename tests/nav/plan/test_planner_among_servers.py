@@ -10,7 +10,7 @@ import pytest
 
 from colony.nav.missions.clerk import clerk
 from colony.nav.plan.plan import FloorPoint, Plan, Segment
-from colony.nav.plan.planner import Positions, planner
+from colony.nav.plan.planner import Progress, planner
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -102,14 +102,19 @@ PLAN = Plan(
 )
 
 
-@pytest.mark.parametrize(("positions", "order"), [("pose", 1), ("reckoning", 2)])
-def test_a_plan_is_driven_to_its_end(positions: Positions, order: int) -> None:
+def by_overshoot(segment: Segment, overshoot_mm: float) -> Generator[Step, Any, float]:
+    yield from ()
+    return overshoot_mm
+
+
+@pytest.mark.parametrize(("progress", "order"), [(None, 1), (by_overshoot, 2)])
+def test_a_plan_is_driven_to_its_end(progress: Progress | None, order: int) -> None:
     begun: list[int] = []
     world = World(walls=[], poses=[(0.0, 0.0, 0.0)], seed=order)
     scripts = {
         "clerk": clerk(),
         "tracker": tracker(),
-        "planner": planner(PLAN, positions=positions, on_segment=lambda number, _: begun.append(number)),
+        "planner": planner(PLAN, progress=progress, on_segment=lambda number, _: begun.append(number)),
     }
     nodes = run_among_servers(NAVIGATOR, world, scripts, run_ns=45_000_000_000, order=order)
     assert [node.ended for node in nodes] == [False, False, True]

@@ -8,8 +8,6 @@ from itertools import pairwise
 
 import pytest
 
-from colony.nav.confidence.automaton import TABLE_6_5
-from colony.nav.confidence.published_runs import PUBLISHED_RUNS, PublishedRun
 from colony.nav.maps.building import Building, Landing, Ride, load_building
 from colony.nav.maps.corridors import corridors_of
 from colony.nav.maps.stickrep.geometry import corners, in_free_space
@@ -17,6 +15,8 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map, Ring
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import NoPlanError, plan
 from colony.nav.shared import GoalKind
+from studies.confidence.automaton import TABLE_6_5
+from studies.confidence.published_runs import PUBLISHED_RUNS, PublishedRun
 from tests.paths import MAPS
 
 FLOORS = ("narrow", "atrium", "msu_engineering_2", "msu_engineering_3", "loop", "hallway")

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 from colony.nav.maps.corridors import corridors_of, turning_spaces_of
 from colony.nav.maps.stickrep.geometry import corners, direction
 from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, Map, MapNode, Pose, Ring
@@ -25,6 +24,7 @@ from colony.nav.plan.plan import Plan, Segment
 from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
 from colony.text.source import Source
+from studies.confidence.published_runs import PUBLISHED_RUNS
 from tests.paths import MAPS
 
 DOOR_MM = 900.0

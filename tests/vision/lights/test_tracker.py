@@ -180,19 +180,6 @@ def test_what_is_traveled_without_lights_is_corrected_by_the_scale() -> None:
     assert abs(stage.log.errors_mm[-1]) < 50.0
 
 
-def test_as_printed_no_fix_is_told() -> None:
-    stage = driven(ceiling(), Robot(scale=1.01), thesis=True)
-    assert numbers(stage)[-1] == 5
-    assert stage.base.corrections == []
-    assert fix_of(stage.variable(LIGHT_FIX)) is None
-
-
-def test_as_printed_a_last_light_that_is_out_ends_nothing() -> None:
-    stage = driven(ceiling(4), Robot(), thesis=True)
-    assert numbers(stage) == [0, 1, 2, 3, 4]
-    assert stage.log.overshoots == []
-
-
 def test_a_goal_without_lights_is_done_at_once() -> None:
     stage = driven(ceiling(), Robot(), goals=((),), seconds=2.0)
     assert [overshoot for _, overshoot in stage.log.overshoots] == [0.0]
@@ -205,22 +192,19 @@ def test_a_goal_that_replaces_another_is_taken() -> None:
 
 def test_a_tracker_that_starts_again_goes_on_counting() -> None:
     """It is killed half-way to each light, and the next one begins two seconds later."""
-    for thesis in (False, True):
-        stage = Stage(
-            ceiling(), Robot(scale=1.005), {"tracker": killed(thesis=thesis)}, seed=3, goals=(PLACES,)
-        )
-        stage.run(120.0)
-        assert numbers(stage) == [0, 1, 2, 3, 4, 5]
-        ((at, overshoot),) = stage.log.overshoots
-        assert at - overshoot == pytest.approx(PLACES[-1], abs=150.0)
-        stage.run(5.0, all_of_it=True)  # one that was killed at the very end is followed by one that ends it
-        assert stage.variable(TRACK_START) == []
+    stage = Stage(ceiling(), Robot(scale=1.005), {"tracker": killed()}, seed=3, goals=(PLACES,))
+    stage.run(120.0)
+    assert numbers(stage) == [0, 1, 2, 3, 4, 5]
+    ((at, overshoot),) = stage.log.overshoots
+    assert at - overshoot == pytest.approx(PLACES[-1], abs=150.0)
+    stage.run(5.0, all_of_it=True)  # one that was killed at the very end is followed by one that ends it
+    assert stage.variable(TRACK_START) == []
 
 
-def killed(**kinds: Any) -> Script:
+def killed() -> Script:
     """Trackers of which none lives for more than so many steps, one after the other."""
     for _ in range(40):
-        tracker = light_tracker(**kinds)
+        tracker = light_tracker()
         yield from _some_of(tracker, 120)
         tracker.close()
         yield from sleep(2.0)

@@ -13,7 +13,7 @@ from colony.vision.detections import PlateBox
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import AHEAD, SIDE, LevelCamera
 from colony.vision.plates.detector import find_plates
-from colony.vision.plates.geometry import WallView
+from studies.thesis.wall_view import WallView
 from tests.vision.plates.walls import Board, corners_of, plate, wall_image
 
 

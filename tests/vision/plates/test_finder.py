@@ -88,10 +88,9 @@ def test_the_map_is_that_of_the_floor(floor: object, doors: list[str]) -> None:
     assert [found_plate.door for found_plate in reported] == doors
 
 
-@pytest.mark.parametrize("thesis", [False, True])
-def test_servers_may_be_away_for_a_while(thesis: bool) -> None:
+def test_servers_may_be_away_for_a_while() -> None:
     hall = replace(HALL, silent_s=(0.0, 4.4))
-    _, reported = run(hall, thesis=thesis)
+    _, reported = run(hall)
     assert [round(found_plate.place[1], -2) for found_plate in reported] == [700.0]
 
 
@@ -139,15 +138,6 @@ def _away(*_: object) -> object:
 def test_a_camera_of_another_size_is_told() -> None:
     with pytest.raises(ScriptError, match="CServerSide gives images of 240 x 120 pixels; expected 640"):
         run(HALL, geometry=replace(AHEAD, columns=640, rows=480, yaw_deg=90.0))
-
-
-def test_the_thesis_looks_under_the_lock_and_gives_it_back() -> None:
-    stage, reported = run(HALL, thesis=True)
-    assert [found_plate.images for found_plate in reported] == [1] * len(reported)
-    assert {round(found_plate.place[1], -2) for found_plate in reported} <= {-600.0, 700.0}
-    calls = [name for name in stage.asked if "period" not in name and name != "size"]
-    assert calls == ["lock", "grab_rows", "unlock"] * (len(calls) // 3)
-    assert len(calls) >= 3 * 10
 
 
 def test_what_is_told_can_be_odd() -> None:

@@ -13,8 +13,8 @@ from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.filter import JumpLimit, PoseFilter, Uncertainty
 from colony.vision.detections import PlateBox, Reading
 from colony.vision.level_camera import SIDE
-from colony.vision.plates.geometry import WallView
 from colony.vision.plates.observations import PlateObservation, fix_of_plate, observe_plate
+from studies.thesis.wall_view import WallView
 from tests.nav.sonars import RING
 from tests.vision.plates.walls import corners_of, plate
 

@@ -4,9 +4,9 @@ import pytest
 
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.candidates import candidates
-from colony.vision.plates.geometry import WallView
 from colony.vision.plates.lines import lines_of_text, outline_about
 from colony.vision.plates.patches import Patch, merge_patches
+from studies.thesis.wall_view import WallView
 from tests.vision.plates.walls import corners_of, plate, wall_image
 
 

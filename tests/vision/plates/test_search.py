@@ -10,9 +10,15 @@ from colony.nav.maps.stickrep.model import Pose
 from colony.vision.detections import PlateBox, Reading
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import SIDE
-from colony.vision.plates.geometry import WallView
 from colony.vision.plates.observations import FoundPlate
-from colony.vision.plates.search import SETTLED_OBSERVATIONS, FloorPlates, PlateSearch, ThesisSearch, View
+from colony.vision.plates.search import (
+    SETTLED_OBSERVATIONS,
+    FloorPlates,
+    PlateSearch,
+    View,
+    is_too_steep,
+)
+from studies.thesis.wall_view import WallView
 from tests.vision.plates.hall import Hall, known
 from tests.vision.plates.walls import Board, plate, wall_image
 
@@ -24,11 +30,11 @@ def view(hall: Hall, step: int, tilt: float = 0.0) -> View:
     here = hall.start_mm + 125.0 * step
     boards = [replace(board, place_mm=here - board.place_mm) for board in hall.boards]
     image = wall_image(boards, WallView(hall.wall_mm, tilt), seed=step)
-    return View(step * 250_000_000, image[27:93], 27, Pose(0.0, here, tilt), tilt, hall.wall_mm)
+    return View(step * 250_000_000, image[27:93], 27, Pose(0.0, here, tilt), tilt)
 
 
 def searched(
-    hall: Hall, search: PlateSearch | ThesisSearch, plates: tuple[Plate, ...] | None = None, steps: int = 29
+    hall: Hall, search: PlateSearch, plates: tuple[Plate, ...] | None = None, steps: int = 29
 ) -> list[FoundPlate]:
     reported: list[FoundPlate] = []
     for step in range(steps):
@@ -74,7 +80,7 @@ def test_a_plate_is_told_when_it_is_out_of_view_if_the_looks_were_few() -> None:
     hall = replace(HALL, boards=(plate("352", 0.0),), start_mm=-150.0)
     reported = [found_plate for step in range(4) for found_plate in search.update(view(hall, step)).plates]
     assert reported == []
-    turned = View(5 * 10**9, None, 0, Pose(0.0, 300.0, 60.0), 60.0, None)
+    turned = View(5 * 10**9, None, 0, Pose(0.0, 300.0, 60.0), 60.0)
     (found_plate,) = search.update(turned).plates
     assert found_plate.images == 4
     assert search.update(turned).plates == ()
@@ -82,7 +88,7 @@ def test_a_plate_is_told_when_it_is_out_of_view_if_the_looks_were_few() -> None:
 
 def test_nothing_is_looked_for_at_steep_angles() -> None:
     steep = view(HALL, 8)._replace(tilt_deg=55.0)
-    assert PlateSearch(SIDE).update(steep) == ThesisSearch(SIDE).update(steep) == ((), ())
+    assert PlateSearch(SIDE).update(steep) == ((), ())
 
 
 def test_what_is_read_counts_by_all_looks() -> None:
@@ -122,20 +128,6 @@ def test_with_the_map_what_hangs_elsewhere_is_none() -> None:
     assert searched(HALL, PlateSearch(SIDE), moved) == []
 
 
-def test_the_thesis_tells_at_the_first_look_and_by_the_overlap_once() -> None:
-    hall = replace(HALL, boards=(plate("352", 0.0),))
-    reported = searched(hall, ThesisSearch(SIDE))
-    assert [(found_plate.images, found_plate.door) for found_plate in reported] == [(1, None)]
-    assert reported[0].place == pytest.approx((-WALL_MM, 0.0), abs=120.0)
-
-
-def test_the_thesis_needs_a_direction_and_a_distance() -> None:
-    look = view(replace(HALL, boards=(plate("352", 0.0),)), 14)
-    assert len(ThesisSearch(SIDE).update(look).plates) == 1
-    assert ThesisSearch(SIDE).update(look._replace(tilt_deg=None)).plates == ()
-    assert ThesisSearch(SIDE).update(look._replace(distance_mm=None)).plates == ()
-
-
 def test_what_reads_now_as_this_and_now_as_that_is_no_plate() -> None:
     texts = iter("W00 NFD W60 NFOD W00 N0 NFOD I W00 NFD N0 W60 NFOD N W0 W00".split())
 
@@ -148,9 +140,13 @@ def test_what_reads_now_as_this_and_now_as_that_is_no_plate() -> None:
     assert len(searched(hall, PlateSearch(SIDE, lambda image, box: Reading("", 0.9)), known(hall))) == 1
 
 
-@pytest.mark.parametrize("distance", [None, math.inf, math.nan, 0.0, -1.0])
-def test_the_thesis_finds_nothing_where_the_wall_is_nowhere(distance: float | None) -> None:
-    search = ThesisSearch(SIDE)
-    hall = replace(HALL, boards=(plate("352", 0.0),))
-    views = [view(hall, step)._replace(distance_mm=distance) for step in range(29)]
-    assert [found_plate for seen in views for found_plate in search.update(seen).plates] == []
+@pytest.mark.parametrize(
+    ("tilt", "steep"),
+    [(0.0, False), (49.9, False), (-49.9, False), (50.0, True), (-50.0, True), (180.0, True)],
+)
+def test_nothing_is_done_at_steep_angles(tilt: float, steep: bool) -> None:
+    assert is_too_steep(tilt) is steep
+
+
+def test_an_unknown_angle_is_steep() -> None:
+    assert is_too_steep(math.nan)

@@ -16,7 +16,7 @@ from PIL import ImageDraw, ImageFont
 from colony.nav.maps.signs import CHARACTER_HEIGHT_MM, PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import SIDE, LevelCamera
-from colony.vision.plates.geometry import WallView
+from studies.thesis.wall_view import WallView
 
 _MM = 2.5  # of wall a pixel of its texture
 _BELOW_MM, _ABOVE_MM = 500.0, 2600.0

@@ -1,0 +1,1 @@
+"""The experiments of the thesis, reproduced: lists of runs, their results, and the published ones."""

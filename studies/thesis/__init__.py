@@ -1,0 +1,1 @@
+"""The algorithms as printed in the thesis, to be compared with ours."""
