@@ -98,7 +98,7 @@ class FreeSpace:
         """Return the centers, (n, 2), of the cells of a raster that a disk can reach from a place."""
         if self._grid is not None:
             mask = self._with_room(self._grid, radius_mm)
-            rows, columns = np.indices(mask.shape)
+            rows, columns = np.indices(mask.shape, dtype=np.float64)
             centers = self._grid.to_world(np.stack([columns, rows], axis=-1) + 0.5)
         else:
             corners = self._walls.reshape(-1, 2)
@@ -108,7 +108,8 @@ class FreeSpace:
             mask = self._free_centers(centers, low, radius_mm)
         regions, gaps = labeled(mask), np.linalg.norm(centers - np.array(start), axis=-1)
         gaps[~mask] = np.inf
-        return centers[(regions == regions.flat[gaps.argmin()]) & mask]
+        found: NDArray[np.float64] = centers[(regions == regions.flat[gaps.argmin()]) & mask]
+        return found
 
     def _free_centers(
         self, centers: NDArray[np.float64], low: NDArray[np.float64], radius_mm: float
