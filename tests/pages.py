@@ -27,8 +27,9 @@ from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 from tests.paths import ROOT
 
 PAGES = {
-    path.name: path
-    for path in sorted(path for folder in (".", "docs", "studies") for path in (ROOT / folder).glob("*.md"))
+    f"{prefix}{path.name}": path
+    for folder, prefix in ((".", ""), ("docs", ""), ("studies", "studies/"))
+    for path in sorted((ROOT / folder).glob("*.md"))
 }
 TESTED_APART = {
     "errors.md": "tests/test_other_codes.py and tests/dsl/test_error_page.py: an example is several blocks",
@@ -48,6 +49,7 @@ NOT_RUN = {
     "^(touch|rm) go|^cat hitch": "are for a robot that is served; tests/cli/test_your_robot.py",
     " --from .* --to ": "minutes of simulation; tests/cli/run",
     r"^colony verify \w+$|^colony (verify|run) .*--params": "minutes of proofs; tests/verify/contracts",
+    r"^ *colony experiment .*--runs \d\d": "minutes of simulation; tests/cli/experiment",
     r"^python -m studies ": "hours of simulation; tests/studies",
     r"^python -m colony\.vision\.training": "hours of training",
     r"^python -m tests\.": "hours, or another renderer",

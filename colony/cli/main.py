@@ -42,6 +42,7 @@ COMMANDS = {
     "explain": "explain why the robot did what it did, or did not",
     "audit": "compare a recorded run with the reference interpreter",
     "map": "draw a map",
+    "experiment": "simulate many runs of a behavior, and report statistics",
     "plan": "plan a path from room to room",
     "sim": "inspect the simulated building",
     "robot": "check, draw and start descriptions of robots",

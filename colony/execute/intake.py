@@ -119,6 +119,10 @@ def take_numbers(
         return otherwise, False, records
     if not isinstance(reading, list | tuple) or len(reading) != size:
         return otherwise, False, (*records, ("sensor fault", name))
+    if members is None and set(map(type, reading)) == {float} and (added := sum(reading)) == added:  # quick
+        scaled = tuple(reading) if factor == 1.0 else tuple([element * factor for element in reading])
+        if (low is None or min(scaled) >= low) and (high is None or max(scaled) <= high):
+            return scaled, True, records
     values = []
     for element in reading:
         number = as_float(element)

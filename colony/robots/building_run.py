@@ -15,7 +15,7 @@ from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.world_map import WorldMap, load_world, world_of
 from colony.robots.company import join_others, populated_world
 from colony.robots.described import DescribedRobot
-from colony.robots.driven_path import DrivenPath, MapExit, PeoplePaths
+from colony.robots.driven_path import DrivenPath, LongestStay, MapExit, PeoplePaths
 from colony.robots.expected import time_limit_ns
 from colony.robots.navigation import EXPECTED_MM_S
 from colony.robots.physics_choice import expect_simulable
@@ -111,6 +111,8 @@ def run_in_building(
         path.points,
         {name: sink.points[path.floor()] for name, sink in other_paths.items()},
         path.people.points,
+        tuple(path.contacts),
+        path.stay.longest_s,
     )
 
 
@@ -213,7 +215,7 @@ def wall_clock() -> Callable[[int], None]:
 
 
 class PathSink:
-    """A sink that collects a robot's true path, by floor, and whether it left the map. Mutable.
+    """A sink that collects a robot's true path, by floor, its contacts, and whether it left the map. Mutable.
 
     That of robot 0 collects the paths of the people, too.
 
@@ -229,13 +231,21 @@ class PathSink:
     ) -> None:
         self._world, self.floor, self._robot = world, floor, robot
         self.exit = MapExit(first_floor)
+        self.stay = LongestStay()
+        self.contacts: list[tuple[float, float]] = []
+        self._bumps = 0
         self._paths: dict[str, DrivenPath] = {}
         self.people = PeoplePaths()
 
     def take(self, log: FrameLog) -> None:
         """Add the robot's pose in this frame."""
         pose = self._add_pose()
-        self.exit.add(log.frame.t_ns / 1e9, pose.x_mm, pose.y_mm)
+        t_s = log.frame.t_ns / 1e9
+        self.exit.add(t_s, pose.x_mm, pose.y_mm)
+        self.stay.add(t_s, pose.x_mm, pose.y_mm)
+        bumps = self._world.bumps(self._robot)
+        self.contacts += [(pose.x_mm, pose.y_mm)] * (bumps - self._bumps)
+        self._bumps = bumps
 
     def close(self) -> None:
         """Add the robot's last pose."""

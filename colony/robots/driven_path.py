@@ -1,4 +1,4 @@
-"""Paths of robots and people, of a bounded number of points for pictures, and when a robot left the map."""
+"""Paths of robots and people, with a bounded number of points; departures from the map, and stays."""
 
 from __future__ import annotations
 
@@ -85,3 +85,22 @@ class MapExit:
         has_left = off.left_image_s is None and not self._floor.contains(x_mm, y_mm)
         left_image_s = t_s if has_left else off.left_image_s
         self.off_map = replace(off, left_image_s=left_image_s, seconds=round(off.seconds + period_s, 9))
+
+
+STAY_MM = 500.0
+"""Radius of the circle that a robot leaves when it makes progress."""
+
+
+class LongestStay:
+    """Measures the longest time that a robot spent within `STAY_MM` of one place. Mutable."""
+
+    def __init__(self) -> None:
+        self._place = (math.inf, math.inf)
+        self._since_s = 0.0
+        self.longest_s = 0.0
+
+    def add(self, t_s: float, x_mm: float, y_mm: float) -> None:
+        """Add the robot's position at a time, in mm; times rise."""
+        if math.dist(self._place, (x_mm, y_mm)) > STAY_MM:
+            self._place, self._since_s = (x_mm, y_mm), t_s
+        self.longest_s = max(self.longest_s, t_s - self._since_s)

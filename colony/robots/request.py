@@ -136,7 +136,8 @@ class RunReport(NamedTuple):
     """The result of a run, and of its mission if there was one.
 
     For a simulated robot it also has the floors, and the robot's true path on each floor, in mm, and the true
-    paths of other robots by name, on the only floor, and those of the people on each floor.
+    paths of other robots by name, on the only floor, and those of the people on each floor. In virtual time
+    it has the robot's place in mm at each contact, too, and its longest stay in seconds (see `LongestStay`).
     """
 
     summary: RunSummary
@@ -145,3 +146,5 @@ class RunReport(NamedTuple):
     paths: Mapping[str, Sequence[tuple[float, float]]] = {}
     other_paths: Mapping[str, Sequence[tuple[float, float]]] = {}
     people: Mapping[str, Paths] = {}
+    contacts: tuple[tuple[float, float], ...] = ()
+    longest_stay_s: float = 0.0

@@ -1,1 +1,3 @@
-"""Displays of many runs."""
+"""`colony experiment`."""
+
+from colony.cli.experiment.main import command as command

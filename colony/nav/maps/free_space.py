@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.grid.model import Grid
-from colony.nav.maps.grid.places import cells_with_room
+from colony.nav.maps.grid.places import cells_with_room, labeled
 from colony.nav.maps.world_map import WorldMap
 
 Place = tuple[float, float]
@@ -29,6 +29,7 @@ _LENGTHS_MM = (
 )  # of legs: short ones are tried where there is no long one
 _BESIDE_MM = 1_500.0
 _THIN_MM = 1.0  # the radius of a disk that passes wherever there is no wall
+_RASTER_MM = 100.0  # cells of a map that is no grid
 _LEGS = 12  # legs from a place to a random one
 
 
@@ -50,6 +51,7 @@ class FreeSpace:
         edges = [np.hstack([hole, np.roll(hole, -1, axis=0)]) for hole in world_map.holes]
         self._walls = np.vstack([world_map.walls, *edges])
         self._with_room = lru_cache(maxsize=8)(cells_with_room)
+        self._reached = lru_cache(maxsize=8)(self._places)
 
     def is_free(self, start: Place, end: Place, radius_mm: float) -> bool:
         """Return True if a disk of this radius can move straight from `start` to `end`."""
@@ -78,6 +80,49 @@ class FreeSpace:
             at = f"({start[0]:.0f}, {start[1]:.0f})"
             raise NoRoomError(f"nothing with a radius of {radius_mm:.0f} mm can move away from {at}")
         return leg
+
+    def random_place(self, start: Place, radius_mm: float, rng: np.random.Generator) -> Place:
+        """Return a random free place for a disk, which can reach it from `start`; all are equally probable.
+
+        Raises:
+            NoRoomError: it cannot leave `start`.
+        """
+        places = self._reached(start, radius_mm)
+        if not len(places):
+            at = f"({start[0]:.0f}, {start[1]:.0f})"
+            raise NoRoomError(f"nothing with a radius of {radius_mm:.0f} mm can move away from {at}")
+        x, y = places[rng.integers(len(places))].tolist()
+        return x, y
+
+    def _places(self, start: Place, radius_mm: float) -> NDArray[np.float64]:
+        """Return the centers, (n, 2), of the cells of a raster that a disk can reach from a place."""
+        if self._grid is not None:
+            mask = self._with_room(self._grid, radius_mm)
+            rows, columns = np.indices(mask.shape, dtype=np.float64)
+            centers = self._grid.to_world(np.stack([columns, rows], axis=-1) + 0.5)
+        else:
+            corners = self._walls.reshape(-1, 2)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            x, y = (np.arange(a, b, _RASTER_MM) for a, b in zip(low, high, strict=True))
+            centers = np.stack(np.meshgrid(x, y), axis=-1)
+            mask = self._free_centers(centers, low, radius_mm)
+        regions, gaps = labeled(mask), np.linalg.norm(centers - np.array(start), axis=-1)
+        gaps[~mask] = np.inf
+        found: NDArray[np.float64] = centers[(regions == regions.flat[gaps.argmin()]) & mask]
+        return found
+
+    def _free_centers(
+        self, centers: NDArray[np.float64], low: NDArray[np.float64], radius_mm: float
+    ) -> NDArray[np.bool_]:
+        """Return a mask of centers, (rows, columns, 2), that have room; `low` is the first one."""
+        mask = np.ones(centers.shape[:2], dtype=bool)
+        for wall in self._walls:
+            ends = wall.reshape(2, 2)
+            first = np.maximum((ends.min(axis=0) - radius_mm - low) // _RASTER_MM, 0.0).astype(int)
+            last = ((ends.max(axis=0) + radius_mm - low) // _RASTER_MM).astype(int) + 2
+            near = np.s_[first[1] : last[1], first[0] : last[0]]
+            mask[near] &= _from_segment(centers[near], *ends) >= radius_mm
+        return mask
 
     def _beside(self, start: Place, radius_mm: float, rng: np.random.Generator) -> Place:
         """Return a place within `_BESIDE_MM` where a disk fits, if it is found; `start` itself if it fits."""

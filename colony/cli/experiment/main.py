@@ -1,0 +1,467 @@
+"""`colony experiment`: many simulated runs of a behavior, and statistics of their results."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.cli.outputs import check_output, write_whole
+from colony.cli.params_choice import chosen_params, params_option
+from colony.cli.reporting import report, say
+from colony.cli.robot_choice import chosen_robot, description_option
+from colony.cli.run.options import DURATION, OptionError, duration_ns, held, scenario_of, start_pose
+from colony.cli.shipped_files import BEHAVIOR, MAX_MOVERS, map_option, start_option
+from colony.extras import expect_extras
+from colony.robots.request import MisuseError, RunRequest
+
+if TYPE_CHECKING:
+    from colony.experiment.design import Experiment, ProgramChoice, Range, Trial
+    from colony.experiment.parallel import Engine
+    from colony.experiment.trial import TrialResult
+    from colony.nav.maps.world_map import WorldMap
+
+
+def _fraction(context: click.Context, option: click.Parameter, value: float) -> float:
+    """Return a fraction from 0 to 1; a click range would let NaN through."""
+    if not 0.0 <= value <= 1.0:
+        raise click.BadParameter(f"`{value:g}`; expected a fraction of the runs, from 0 to 1")
+    return value
+
+
+@click.command("experiment", short_help="simulate many runs of a behavior, and report statistics")
+@click.argument("file", metavar="FILE", type=BEHAVIOR)
+@description_option()
+@map_option
+@click.option(
+    "--runs", type=click.IntRange(1, 1_000_000), default=100, show_default=True, help="The number of runs."
+)
+@click.option(
+    "--duration",
+    metavar="TIME",
+    help=f"The length of a run: {DURATION} (in seconds), 90s or 2min. [default: {DURATION}, with --to until "
+    "the robot has arrived]",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="The seed of the first run; each further run has the next one.",
+)
+@click.option(
+    "--vary",
+    type=click.Choice(["start"]),
+    multiple=True,
+    help="Draw this for each run: the place and heading where the robot starts.",
+)
+@start_option
+@click.option(
+    "--movers",
+    metavar="N|A..B",
+    default="0",
+    help="Simulate N people who walk around, or a number from A to B that is drawn for each run.",
+)
+@click.option(
+    "--param",
+    "ranges",
+    multiple=True,
+    metavar="NAME=LOW..HIGH",
+    help="Draw a param of the behavior from a range for each run: avoid.clearance=0.6..1.4m. Whole numbers "
+    "without a unit give whole numbers. May be repeated.",
+)
+@params_option()
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Hold what the program reads at this value, as with `colony run`. May be repeated.",
+)
+@click.option(
+    "--scenario",
+    metavar="FILE",
+    type=click.Path(dir_okay=False),
+    help="Change such values over time, from the beginning of each run.",
+)
+@click.option("--from", "origin", metavar="ROOM", help="With --to: the room where the robot starts.")
+@click.option("--to", "goal", metavar="ROOM", help="With --from: the goal, which each run tries to reach.")
+@click.option("--hazards", is_flag=True, help="With --to: simulate hazards, drawn for each run.")
+@click.option(
+    "--versus",
+    metavar="FILE",
+    type=BEHAVIOR,
+    help="Run this behavior with the same inputs, too, and report the differences run by run.",
+)
+@click.option(
+    "--replay",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Only record run number N into run-N.mcap, for `colony watch` and `colony explain`.",
+)
+@click.option(
+    "--audit",
+    type=float,
+    callback=_fraction,
+    default=0.0,
+    metavar="FRACTION",
+    help="Compare this fraction of the runs, 0 to 1, with the reference interpreter.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="The number of processes. [default: one per core]",
+)
+@click.option(
+    "--engine",
+    default="pool",
+    show_default=True,
+    metavar="WHERE",
+    help="pool, serial, dask or dask=tcp://HOST:PORT.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="The file of results (SQLite); runs that it already contains are not repeated.",
+)
+@click.option("--picture", metavar="PATH", help="Draw all paths and contacts over the map, as PNG or SVG.")
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(
+    workers: int | None,
+    engine: str,
+    output: Path | None,
+    picture: str | None,
+    replay: int | None,
+    format_: str,
+    **options: Any,
+) -> None:
+    """Run a behavior many times in a simulated world, and report how often it fails, with confidence.
+
+    FILE is a behavior, or the name of one that comes with colony. Each run has a seed of its own, which
+    determines the noise of its sensors and everything that varies: an experiment can be repeated bit for bit,
+    with any number of workers. The report has the contacts, the distance, how long each module commanded,
+    what limits cut, the broken contracts, the frames without a value of a needed sensor ("blind"), and the
+    runs in which the robot was stuck: 30 s without leaving a circle of half a meter. Intervals are of 95 %.
+
+    With --param the report shows how a param changes these figures, in four parts of its range. With
+    --versus a second behavior gets the same inputs (docs/experiments.md).
+
+    With --output, Ctrl-C loses no finished run: the same command goes on, also with more --runs.
+
+    Exit code: 0 if no contract was broken; 1 if one was, or the reference interpreter decided a frame of an
+    audited run differently; 2 for misuse; 130 after Ctrl-C.
+
+    \b
+    Example:
+      colony experiment wander --map loop --runs 200 --vary start
+      colony experiment wander --robot amr --map office --runs 1000 --vary start --movers 0..5 -o amr.sqlite
+      colony experiment wander --map loop --vary start --param avoid.clearance=0.6..1.4m --picture runs.png
+      colony experiment wander --map loop --vary start --versus mine.colony
+      colony experiment wander --map loop --vary start --replay 17
+      colony experiment navigator --map loop --from 201 --to 216 --hazards --runs 50
+    """
+    expect_extras("sim", *(["vision"] if options["goal"] is not None else []))
+    with _reporting_errors():
+        floor = _floor(options["map_path"])
+        programs, request, ranges = _requested(options)
+        if output is not None:
+            check_output(output, [program.file for program in programs])
+        if picture is not None:
+            _check_picture(picture, floor)
+        from colony.sim.compiling import announcing_compilation
+
+        with announcing_compilation(say):
+            from colony.experiment import trial
+        experiment = _experiment(programs, request, ranges, floor, options)
+        from colony.body.footprint import radius_mm
+
+        radius = radius_mm(trial.compiled_of(programs[0])[2].body)
+        if replay is not None:
+            _replay(experiment.trials(floor, radius, [replay]), replay)
+            return
+        trials = experiment.trials(floor, radius, range(1, experiment.runs + 1))
+        results, interrupted = _carry_out(experiment, trials, output, _engine(engine, workers))
+    _print(experiment, results, interrupted=interrupted, as_json=format_ == "json")
+    if picture is not None and results:
+        _draw(floor, results, picture)
+    _exit(experiment, results, interrupted=interrupted)
+
+
+@contextmanager
+def _reporting_errors() -> Iterator[None]:
+    """Report an error that prevents the experiment, and exit."""
+    from colony.experiment.parallel import WorkersLostError
+    from colony.experiment.results import ResultsError
+    from colony.text.diagnostics import DiagnosticError
+
+    try:
+        yield
+    except OptionError as bad:
+        raise click.UsageError(str(bad), click.get_current_context()) from None
+    except DiagnosticError as failure:
+        report(failure.diagnostics)
+        is_misuse = failure.diagnostics[0].code.startswith("M")
+        raise click.exceptions.Exit(EXIT_MISUSE if is_misuse else EXIT_ERRORS) from None
+    except MisuseError as problem:
+        say(str(problem))
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    except (ResultsError, WorkersLostError) as problem:
+        say(f"error: {problem}")
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+
+
+# --- the request ---------------------------------------------------------------------------------
+
+
+def _floor(path: str | None) -> WorldMap:
+    """Return the map, before the simulator is imported, which takes long."""
+    from colony.nav.maps.world_map import load_world
+
+    if path is None:
+        raise OptionError("no world: give --map MAP, such as `--map loop`")
+    return load_world(path)
+
+
+def _requested(
+    options: dict[str, Any],
+) -> tuple[tuple[ProgramChoice, ...], RunRequest, dict[str, Range]]:
+    """Return the behaviors, the run, and the ranges of params and of the number of people ("")."""
+    from colony.experiment.design import ProgramChoice, range_of
+
+    origin, goal, varies_start = options["origin"], options["goal"], "start" in options["vary"]
+    if (origin is None) != (goal is None):
+        raise OptionError("--from and --to belong together; expected --from ROOM --to ROOM")
+    if goal is not None and (varies_start or options["start"] is not None):
+        raise OptionError("--start and --vary start are for runs without --from and --to")
+    if varies_start and options["start"] is not None:
+        raise OptionError("--start and --vary start exclude each other")
+    if options["hazards"] and goal is None:
+        raise OptionError("--hazards requires --from and --to")
+    ranges: dict[str, Range] = {}
+    for text in options["ranges"]:
+        name, equals, values = text.partition("=")
+        if not (name and equals) or name in ranges:
+            raise OptionError(f"--param: found `{text}`; expected each param once, as NAME=LOW..HIGH")
+        try:
+            ranges[name] = range_of(values)
+        except ValueError as problem:
+            raise OptionError(f"--param {name}: {problem}") from None
+    movers = _movers(options["movers"])
+    if not isinstance(movers, int):
+        ranges[""] = movers
+    files = [options["file"], *([options["versus"]] if options["versus"] is not None else [])]
+    stems = [Path(file).stem for file in files]
+    labels = stems if len(set(stems)) == len(stems) else files
+    if len(set(files)) < len(files):
+        raise OptionError("--versus: found the same file twice; expected another behavior")
+    programs = tuple(
+        ProgramChoice(label, file, chosen_robot(), chosen_params())
+        for label, file in zip(labels, files, strict=True)
+    )
+    return programs, _request(programs[0], options, 0 if not isinstance(movers, int) else movers), ranges
+
+
+def _movers(text: str) -> int | Range:
+    from colony.experiment.design import range_of
+
+    try:
+        found = int(text) if ".." not in text else range_of(text)
+    except ValueError:
+        found = -1
+    is_whole = isinstance(found, int) or found.is_whole
+    low, high = (found, found) if isinstance(found, int) else (found.low, found.high)
+    if not is_whole or not 0 <= low <= high <= MAX_MOVERS:
+        raise OptionError(f"--movers: found `{text}`; expected a number up to {MAX_MOVERS}, or two: 0..5")
+    return found
+
+
+def _request(program: ProgramChoice, options: dict[str, Any], movers: int) -> RunRequest:
+    from colony.experiment.trial import program_of
+
+    robot = program_of(program).robot
+    pinned, given = held(robot, options["settings"])
+    duration = options["duration"] or (None if options["goal"] is not None else DURATION)
+    return RunRequest(
+        file=program.file,
+        map_path=options["map_path"],
+        seed=options["seed"],
+        length_ns=None if duration is None else duration_ns(duration),
+        pinned_variables=pinned,
+        scenario=scenario_of(robot, options["scenario"], given),
+        cameras={},
+        origin=options["origin"],
+        goal=options["goal"],
+        hazards=0 if options["hazards"] else None,
+        start=None if options["start"] is None else start_pose(options["start"]),
+        movers=movers,
+    )
+
+
+def _experiment(
+    programs: tuple[ProgramChoice, ...],
+    request: RunRequest,
+    ranges: dict[str, Range],
+    floor: WorldMap,
+    options: dict[str, Any],
+) -> Experiment:
+    """Return the experiment; both ends of the ranges of params are checked."""
+    from colony.experiment.design import Experiment
+    from colony.experiment.digest import digest_of
+    from colony.experiment.trial import compiled_of
+
+    params = tuple((name, values) for name, values in ranges.items() if name)
+    for program in programs:
+        for end in ("low", "high") if params else ():
+            compiled_of(program, tuple((name, values.text(getattr(values, end))) for name, values in params))
+    compiled = [compiled_of(program)[1] for program in programs]
+    return Experiment(
+        name=f"on {compiled[0].name} in {floor.name}",
+        programs=programs,
+        request=request,
+        runs=options["runs"],
+        varies_start="start" in options["vary"],
+        movers=ranges.get(""),
+        params=params,
+        audit=options["audit"],
+        digest=digest_of(compiled, floor.files),
+    )
+
+
+def _engine(text: str, workers: int | None) -> Engine:
+    from colony.experiment.dask_engine import DaskEngine
+    from colony.experiment.parallel import PoolEngine, SerialEngine
+
+    name, _, address = text.partition("=")
+    match name:
+        case "pool" if not address:
+            return PoolEngine(workers)
+        case "serial" if not address:
+            return SerialEngine()
+        case "dask":
+            return DaskEngine(address, workers)
+        case _:
+            raise OptionError(
+                f"--engine: found `{text}`; expected pool, serial, dask or dask=tcp://HOST:PORT"
+            )
+
+
+# --- the work ------------------------------------------------------------------------------------
+
+
+def _carry_out(
+    experiment: Experiment, trials: Sequence[Trial], output: Path | None, engine: Engine
+) -> tuple[tuple[TrialResult, ...], bool]:
+    """Make the missing runs; return all results, by number, and True if the user interrupted."""
+    from colony.cli.experiment.progress import progress
+    from colony.experiment.results import Results
+    from colony.experiment.trial import TRIALS, TrialError, run_trial
+
+    interrupted = False
+    with Results(output, TRIALS) as results:
+        for program in experiment.programs:
+            results.expect(experiment.name, program.label, experiment.fingerprint())
+        stored = results.keys()
+        missing = [trial for trial in trials if trial.key not in stored]
+        try:
+            with progress("runs", _is_bad, _short) as on_run:
+                before = len(trials) - len(missing)
+                for done, result in enumerate(engine.results(run_trial, missing), before + 1):
+                    results.put(result)
+                    on_run(done, len(trials), result)
+        except TrialError as problem:
+            raise MisuseError(f"error: {problem}") from None
+        except KeyboardInterrupt:
+            interrupted = True
+        keys = {trial.key for trial in trials}
+        found = [r for p in experiment.programs for r in results.select(experiment.name, p.label)]
+    return tuple(r for r in found if r.key in keys), interrupted
+
+
+def _short(result: TrialResult) -> str:
+    return f"run {result.key.number}, {result.distance_mm / 1000.0:.1f} m"
+
+
+def _is_bad(result: TrialResult) -> bool:
+    return bool(result.contacts or result.is_stuck or result.breaches or result.arrived == 0)
+
+
+def _replay(trials: Sequence[Trial], number: int) -> None:
+    from colony.experiment.trial import TrialError, run_trial
+
+    for trial in trials:
+        label = "" if len(trials) == 1 else f".{Path(trial.program.file).stem}"
+        name = f"run-{number}{label}.mcap"
+        check_output(name)
+        try:
+            result = run_trial(trial, name)
+        except TrialError as problem:
+            raise MisuseError(f"error: {problem}") from None
+        params = "".join(f", {param} = {value}" for param, value in trial.params)
+        contacts = "1 contact" if result.contacts == 1 else f"{result.contacts} contacts"
+        click.echo(f"wrote {name}: {result.distance_mm / 1000.0:.2f} m, {contacts}{params}")
+
+
+# --- the outputs ---------------------------------------------------------------------------------
+
+
+def _check_picture(path: str, floor: WorldMap) -> None:
+    from colony.view.map_picture import picture_format
+
+    try:
+        picture_format(path)
+    except ValueError as problem:
+        raise OptionError(f"--picture: {problem}") from None
+    check_output(path, floor.files)
+
+
+def _print(
+    experiment: Experiment, results: Sequence[TrialResult], *, interrupted: bool, as_json: bool
+) -> None:
+    from colony.experiment.report import comparison_of, summary_of, text_of
+
+    if not as_json:
+        total = experiment.runs * len(experiment.programs)
+        if len(results) < total:
+            say(f"{len(results)} of {total} runs are finished")
+        if results:
+            click.echo(text_of(experiment, results))
+        return
+    by_program = [[r for r in results if r.key.variant == p.label] for p in experiment.programs]
+    comparison = comparison_of(experiment, results)
+    out = {
+        "experiment": experiment.name,
+        "interrupted": interrupted,
+        "behaviors": [
+            asdict(summary_of(p.label, own))
+            for p, own in zip(experiment.programs, by_program, strict=True)
+            if own
+        ],
+        "comparison": None if comparison is None else asdict(comparison),
+        "runs": [{**asdict(r), "key": r.key._asdict()} for r in results],
+    }
+    click.echo(json.dumps(out, indent=2))
+
+
+def _draw(floor: WorldMap, results: Sequence[TrialResult], path: str) -> None:
+    from colony.view.map_picture import encode_picture, picture_format
+    from colony.view.runs_picture import draw_runs
+
+    figure = draw_runs(floor, [(r.path, r.places, _is_bad(r)) for r in results])
+    write_whole(Path(path), encode_picture(figure, picture_format(path)))
+    say(f"wrote {path}")
+
+
+def _exit(experiment: Experiment, results: Sequence[TrialResult], *, interrupted: bool) -> None:
+    if any(r.breaches or r.difference for r in results):
+        raise click.exceptions.Exit(EXIT_ERRORS)
+    if interrupted:
+        raise click.exceptions.Exit(EXIT_INTERRUPTED)

@@ -1,0 +1,185 @@
+"""The design of an experiment: one behavior, or two, run many times with inputs that are drawn from seeds.
+
+Run number N has the seed `first seed + N - 1`. Whatever varies is drawn from this seed, each input from a
+random stream of its own: a further input leaves the others as they are, and both behaviors of a comparison
+get the same inputs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.dsl.descriptions import RobotChoice
+from colony.dsl.site import SiteParams
+from colony.experiment.results import RunKey
+from colony.nav.maps.free_space import FreeSpace
+from colony.nav.maps.world_map import WorldMap
+from colony.robots.request import RunRequest
+
+START_CLEARANCE_MM = 50.0
+"""Distance between the hull of a robot at a drawn start and the nearest wall, at least."""
+
+_START, _MOVERS, _PARAMS = 0, 1, 2
+"""Random streams."""
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_RANGE = re.compile(rf"({_NUMBER})\s*([^\d.\s][^.]*?)?\s*\.\.\s*({_NUMBER})\s*(\S.*)?")
+
+
+class Range(NamedTuple):
+    """The values from `low` to `high`, both in `unit`; whole numbers if both ends are written as such."""
+
+    low: float
+    high: float
+    unit: str
+    is_whole: bool
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """Draw a value; all values are equally probable."""
+        if self.is_whole:
+            return float(rng.integers(int(self.low), int(self.high), endpoint=True))
+        return float(f"{rng.uniform(self.low, self.high):.4g}")
+
+    def text(self, value: float) -> str:
+        """Return a value as the language writes it."""
+        return f"{value:g} {self.unit}".strip() if not self.is_whole else f"{value:.0f}"
+
+
+def range_of(text: str) -> Range:
+    """Return the range that a text such as `0.6..1.4m` or `600 mm..1.4 m` names.
+
+    Both ends have the unit of the last one unless the first has its own, which must then be the same.
+
+    Raises:
+        ValueError: the text names no range.
+    """
+    found = _RANGE.fullmatch(text.strip())
+    if found is None:
+        raise ValueError(f"found `{text}`; expected a range such as 0.6..1.4m")
+    low, first_unit, high, unit = found.groups()
+    first_unit, unit = (first_unit or "").strip(), (unit or "").strip()
+    if first_unit and first_unit != unit:
+        raise ValueError(f"found `{text}`, with two units; expected one, such as 0.6..1.4m")
+    if not float(low) < float(high) < float("inf"):
+        raise ValueError(f"found `{text}`; expected a lower end below the upper one")
+    is_whole = not unit and low.lstrip("+-").isdigit() and high.lstrip("+-").isdigit()
+    return Range(float(low), float(high), unit, is_whole)
+
+
+class ProgramChoice(NamedTuple):
+    """A behavior: its name in results, its file, the description of its robot, and the params of a site."""
+
+    label: str
+    file: str
+    robot: RobotChoice | None
+    site: SiteParams | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One run of an experiment, complete: it gives the same result in every process.
+
+    Attributes:
+        key: the key of its result.
+        program: the behavior.
+        request: the run.
+        drawn: the drawn values of params, by name, in the unit in which their range is written.
+        params: the same as texts of the language.
+        audited: True to have the reference interpreter decide every frame again.
+    """
+
+    key: RunKey
+    program: ProgramChoice
+    request: RunRequest
+    drawn: tuple[tuple[str, float], ...]
+    params: tuple[tuple[str, str], ...]
+    audited: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment:
+    """An experiment.
+
+    Attributes:
+        name: its name, for people.
+        programs: the behavior, and the one to compare it with, if any.
+        request: the run, with the first seed; what varies is replaced, hazards always.
+        runs: the number of runs of each behavior.
+        varies_start: True to start each run at a free place of the map.
+        movers: the range of the number of people, None for that of the request.
+        params: the ranges of params by name.
+        audit: the part of the runs to audit, 0 to 1.
+        digest: a digest of all that results depend on beside these fields: programs and maps.
+    """
+
+    name: str
+    programs: tuple[ProgramChoice, ...]
+    request: RunRequest
+    runs: int
+    varies_start: bool
+    movers: Range | None
+    params: tuple[tuple[str, Range], ...]
+    audit: float
+    digest: str
+
+    def fingerprint(self) -> str:
+        """Return a digest of all that the results depend on."""
+        request = replace(self.request, file="", map_path=None, seed=0, scenario=None)
+        changes = self.request.scenario.changes if self.request.scenario is not None else ()
+        shown = repr((request, changes, self.varies_start, self.movers, self.params))
+        return sha256(f"{self.digest} {shown}".encode()).hexdigest()
+
+    def trials(self, floor: WorldMap, radius_mm: float, numbers: Iterable[int]) -> list[Trial]:
+        """Return the runs with these numbers, those of both behaviors in turns.
+
+        Args:
+            floor: the map.
+            radius_mm: the radius of the robot.
+            numbers: the numbers, from 1.
+
+        Raises:
+            NoRoomError: the map has no free place for the robot.
+        """
+        space = FreeSpace(floor) if self.varies_start else None
+        return [trial for number in numbers for trial in self._trials(number, floor, space, radius_mm)]
+
+    def _trials(self, number: int, floor: WorldMap, space: FreeSpace | None, radius_mm: float) -> list[Trial]:
+        seed = self.request.seed + number - 1
+        request = replace(self.request, seed=seed)
+        if request.hazards is not None:
+            request = replace(request, hazards=seed)
+        if space is not None:
+            rng, clearance = _stream(seed, _START), radius_mm + START_CLEARANCE_MM
+            place = space.random_place(floor.start(radius_mm)[:2], clearance, rng)
+            request = replace(request, start=(*place, float(rng.uniform(0.0, 360.0))))
+        if self.movers is not None:
+            request = replace(request, movers=int(self.movers.draw(_stream(seed, _MOVERS))))
+        drawn = {name: values.draw(_stream(seed, _PARAMS, name)) for name, values in self.params}
+        texts = tuple((name, values.text(drawn[name])) for name, values in self.params)
+        return [
+            Trial(
+                key=RunKey(self.name, number, seed, program.label),
+                program=program,
+                request=request,
+                drawn=tuple(drawn.items()),
+                params=texts,
+                audited=_is_audited(seed, self.audit),
+            )
+            for program in self.programs
+        ]
+
+
+def _stream(seed: int, kind: int, name: str = "") -> np.random.Generator:
+    digest = int.from_bytes(sha256(name.encode()).digest()[:8], "big")
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(kind, digest)))
+
+
+def _is_audited(seed: int, fraction: float) -> bool:
+    """Return True for a fixed `fraction` of all seeds."""
+    return (seed * 2_654_435_761 + 97) % 10_007 < fraction * 10_007

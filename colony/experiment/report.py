@@ -1,0 +1,289 @@
+"""The results of an experiment as numbers, and these numbers as text."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import astuple, dataclass
+
+from colony.experiment.design import Experiment
+from colony.experiment.statistics import Mean, Proportion, mean_of, wilson
+from colony.experiment.trial import STUCK_S, TrialResult
+from colony.text.wording import counted
+
+BINS = 4
+"""The number of bins into which the range of a param is divided."""
+
+WORST = 5
+"""The number of runs named as the worst ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """The results of one behavior.
+
+    Attributes:
+        label: the name of the behavior.
+        contacts: the runs with a contact.
+        contacts_per_run: the number of contacts of a run.
+        stuck: the runs in which the robot was stuck.
+        broken: the runs in which a contract was broken, by contract.
+        off_map: the runs in which the robot left the known cells of the map.
+        arrived: the runs that arrived at their goal; None if there was none.
+        distance_m: the distance of a run.
+        duration_s: the duration of a run.
+        blind: the part of the frames in which a needed sensor had no value, 0 to 1.
+        shares: the part of the frames in which each module commanded, by `actuator/module`.
+        limits: the part of the frames in which a limit cut a command, by `actuator.field`.
+        remarks: what devices and modules reported, with the number of runs.
+        worst: numbers of the runs that a reader looks at first.
+        audited: the number of audited runs.
+        differences: the differences from the reference interpreter.
+    """
+
+    label: str
+    contacts: Proportion
+    contacts_per_run: Mean
+    stuck: Proportion
+    broken: dict[str, Proportion]
+    off_map: Proportion
+    arrived: Proportion | None
+    distance_m: Mean
+    duration_s: Mean
+    blind: float
+    shares: dict[str, float]
+    limits: dict[str, float]
+    remarks: dict[str, int]
+    worst: tuple[int, ...]
+    audited: int
+    differences: tuple[str, ...]
+
+    @property
+    def failed(self) -> bool:
+        """True if a contract was broken, or the interpreter decided differently."""
+        return bool(self.broken or self.differences)
+
+
+def summary_of(label: str, results: Sequence[TrialResult]) -> Summary:
+    """Return the summary of at least one result of a behavior."""
+    frames = sum(r.frames for r in results) or 1
+    broken = Counter(name for r in results for name in r.breaches)
+    worst = sorted(filter(_badness, results), key=_badness, reverse=True)[:WORST]
+    return Summary(
+        label=label,
+        contacts=_proportion(results, lambda r: r.contacts > 0),
+        contacts_per_run=mean_of([r.contacts for r in results]),
+        stuck=_proportion(results, lambda r: r.is_stuck),
+        broken={name: wilson(count, len(results)) for name, count in sorted(broken.items())},
+        off_map=_proportion(results, lambda r: r.off_map_s > 0.0),
+        arrived=_proportion(results, lambda r: r.arrived == 1) if results[0].arrived >= 0 else None,
+        distance_m=mean_of([r.distance_mm / 1000.0 for r in results]),
+        duration_s=mean_of([r.duration_s for r in results]),
+        blind=sum(r.blind for r in results) / frames,
+        shares=_mean_parts(results, frames),
+        limits={
+            name: count / frames
+            for name, count in sorted(sum((Counter(r.limits) for r in results), Counter[str]()).items())
+        },
+        remarks=dict(Counter(r.remark for r in results if r.remark).most_common(WORST)),
+        worst=tuple(r.key.number for r in worst),
+        audited=sum(r.audited > 0 for r in results),
+        differences=tuple(f"run {r.key.number}: {r.difference}" for r in results if r.difference),
+    )
+
+
+def _mean_parts(results: Sequence[TrialResult], frames: int) -> dict[str, float]:
+    names = list(dict.fromkeys(name for r in results for name in r.shares))
+    return {name: sum(r.shares.get(name, 0.0) * r.frames for r in results) / frames for name in names}
+
+
+def _proportion(results: Sequence[TrialResult], has: Callable[[TrialResult], bool]) -> Proportion:
+    return wilson(sum(map(has, results)), len(results))
+
+
+def _badness(result: TrialResult) -> tuple[int, ...]:
+    """Return a key that is larger for worse runs, and () for good ones."""
+    bad = (
+        bool(result.difference),
+        len(result.breaches),
+        result.contacts,
+        result.is_stuck,
+        result.arrived == 0,
+    )
+    return tuple(map(int, bad)) if any(bad) else ()
+
+
+# --- text ----------------------------------------------------------------------------------------
+
+
+def text_of(experiment: Experiment, results: Sequence[TrialResult]) -> str:
+    """Return the results as text for users: a summary of each behavior, params, and their differences."""
+    parts = []
+    for program in experiment.programs:
+        own = [r for r in results if r.key.variant == program.label]
+        if own:
+            parts += [
+                _summary_text(experiment, summary_of(program.label, own), len(own)),
+                *_by_param(experiment, own),
+            ]
+    comparison = comparison_of(experiment, results)
+    if comparison is not None:
+        parts.append(_comparison_text(comparison))
+    return "\n\n".join(parts)
+
+
+def _summary_text(experiment: Experiment, summary: Summary, runs: int) -> str:
+    rows = list(_rows(summary))
+    width = max(len(name) for name, _ in rows)
+    head = f"{summary.label} {experiment.name}: {counted(runs, 'run')}"
+    return "\n".join([head, *(f"  {name:<{width}}  {value}".rstrip() for name, value in rows)])
+
+
+def _rows(summary: Summary) -> Iterator[tuple[str, str]]:
+    if summary.arrived is not None:
+        yield "arrived", proportion_text(summary.arrived)
+    yield "with a contact", proportion_text(summary.contacts)
+    if summary.contacts.cases:
+        yield "contacts of a run", mean_text(summary.contacts_per_run, 2)
+    yield f"stuck for {STUCK_S:.0f} s", proportion_text(summary.stuck)
+    if summary.off_map.cases:
+        yield "off the map", proportion_text(summary.off_map)
+    for name, broken in summary.broken.items():
+        yield f"contract {name}", f"BROKEN in {proportion_text(broken)}"
+    if not summary.broken:
+        yield "contracts", "held in every frame"
+    yield "distance of a run in m", mean_text(summary.distance_m, 2)
+    if summary.duration_s.least != summary.duration_s.greatest:
+        yield "duration of a run in s", mean_text(summary.duration_s, 1)
+    yield "blind", f"{100.0 * summary.blind:.2f} % of the frames"
+    for name, share in summary.limits.items():
+        yield f"limited {name}", f"{100.0 * share:.2f} % of the frames"
+    idle = {name.partition("/")[0] for name, share in summary.shares.items() if share == 1.0}
+    for name, share in summary.shares.items():
+        if name.partition("/")[0] in idle:
+            continue
+        yield name, f"{100.0 * share:5.1f} % of the frames"
+    for remark, count in summary.remarks.items():
+        yield "reported", f"in {counted(count, 'run')}: {remark}"
+    if summary.audited:
+        found = f"{len(summary.differences)} DIFFER" if summary.differences else "all decided the same"
+        yield "audited", f"{counted(summary.audited, 'run')}: {found}"
+    for difference in summary.differences[:WORST]:
+        yield "DIFFERS", difference
+    if summary.worst:
+        yield "look at", f"--replay {', '.join(map(str, summary.worst))}"
+
+
+def proportion_text(found: Proportion) -> str:
+    """Return a proportion as text: `37 of 1000 (2.7 to 5.1 %)`."""
+    return f"{found.cases} of {counted(found.total, 'run')} ({100.0 * found.low:.1f} to {100.0 * found.high:.1f} %)"
+
+
+def mean_text(found: Mean, digits: int) -> str:
+    """Return a mean as text, with its interval and the range of the values."""
+    mean, low, high, least, greatest = (f"{value:.{digits}f}" for value in astuple(found))
+    return f"{mean} ({low} to {high}; {least} to {greatest} in single runs)"
+
+
+def _by_param(experiment: Experiment, results: Sequence[TrialResult]) -> Iterator[str]:
+    """Yield a table for each param, with a row for each part of its range."""
+    for name, values in experiment.params:
+        step = (values.high - values.low) / BINS
+        bins: dict[int, list[TrialResult]] = {}
+        for r in results:
+            bins.setdefault(min(int((r.params[name] - values.low) / step), BINS - 1), []).append(r)
+        unit = f" {values.unit}" if values.unit else ""
+        lines = [f"  by {name}:"]
+        for number, own in sorted(bins.items()):
+            low, high = values.low + number * step, values.low + (number + 1) * step
+            contacts = _proportion(own, lambda r: r.contacts > 0)
+            stuck = _proportion(own, lambda r: r.is_stuck)
+            distance = mean_of([r.distance_mm / 1000.0 for r in own])
+            lines.append(
+                f"    {low:.4g} to {high:.4g}{unit}: with a contact {proportion_text(contacts)}, "
+                f"stuck {proportion_text(stuck)}, {distance.mean:.2f} m"
+            )
+        yield "\n".join(lines)
+
+
+# --- comparison ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """The paired differences of one measure, second behavior minus first, over the runs of both.
+
+    Attributes:
+        measure: the measure.
+        difference: the mean of the differences.
+        more, less, same: the number of runs in which the second behavior has more, less, or the same.
+    """
+
+    measure: str
+    difference: Mean
+    more: int
+    less: int
+    same: int
+
+
+_MEASURES: tuple[tuple[str, Callable[[TrialResult], float]], ...] = (
+    ("contacts", lambda r: float(r.contacts)),
+    ("stuck", lambda r: float(r.is_stuck)),
+    ("arrived", lambda r: float(r.arrived)),
+    ("broken contracts", lambda r: float(len(r.breaches))),
+    ("distance in m", lambda r: r.distance_mm / 1000.0),
+    ("duration in s", lambda r: r.duration_s),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """The comparison of two behaviors over `pairs` runs with the same inputs."""
+
+    first: str
+    second: str
+    pairs: int
+    differences: tuple[Difference, ...]
+
+
+def comparison_of(experiment: Experiment, results: Sequence[TrialResult]) -> Comparison | None:
+    """Return the comparison of an experiment's two behaviors; None if there are not two, or no pairs yet."""
+    if len(experiment.programs) < 2:
+        return None
+    first, second = (
+        {r.key.number: r for r in results if r.key.variant == program.label}
+        for program in experiment.programs
+    )
+    pairs = [(first[number], second[number]) for number in sorted(first.keys() & second.keys())]
+    if not pairs:
+        return None
+    found = []
+    for measure, value in _MEASURES:
+        deltas = [value(b) - value(a) for a, b in pairs]
+        if any(deltas):
+            more, less = sum(d > 0.0 for d in deltas), sum(d < 0.0 for d in deltas)
+            found.append(
+                Difference(
+                    measure=measure,
+                    difference=mean_of(deltas),
+                    more=more,
+                    less=less,
+                    same=len(deltas) - more - less,
+                )
+            )
+    names = [program.label for program in experiment.programs]
+    return Comparison(first=names[0], second=names[1], pairs=len(pairs), differences=tuple(found))
+
+
+def _comparison_text(found: Comparison) -> str:
+    head = f"{found.second} minus {found.first}, {counted(found.pairs, 'pair')} of runs with the same inputs:"
+    if not found.differences:
+        return f"{head} no difference"
+    width = max(len(d.measure) for d in found.differences)
+    lines = [head]
+    for d in found.differences:
+        mean, low, high = (f"{value:+.3g}" for value in astuple(d.difference)[:3])
+        runs = f"more in {d.more} runs, less in {d.less}, the same in {d.same}"
+        certain = "" if d.difference.low > 0.0 or d.difference.high < 0.0 else "; no clear difference"
+        lines.append(f"  {d.measure:<{width}}  {mean} ({low} to {high}); {runs}{certain}")
+    return "\n".join(lines)

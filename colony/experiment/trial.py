@@ -1,0 +1,278 @@
+"""A run of an experiment, from its design to its result."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple, NoReturn
+
+from colony.dsl.load import load_file
+from colony.dsl.site import SiteParams
+from colony.dsl.site_reading import params_from_values
+from colony.execute.compiled import Compiled
+from colony.execute.needs import needs_of_clients
+from colony.experiment.design import ProgramChoice, Trial
+from colony.experiment.results import KEY_COLUMNS, RunKey, Table
+from colony.experiment.rows import Points
+from colony.ir.program import Program
+from colony.robots.building_run import run_in_building
+from colony.robots.compiled_program import compiled_with_sources
+from colony.robots.described import DescribedRobot, described_robot
+from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.recordings.opening import open_recording, read_recording
+from colony.text.diagnostics import DiagnosticError
+from colony.verify.audit.audit import audit_recording
+
+STUCK_S = 30.0
+"""A robot that stays in place for this many seconds is stuck (see `LongestStay`)."""
+
+PATH_SPACING = 25
+"""Every so many points of a path are kept in results."""
+
+
+class Start(NamedTuple):
+    """The start of a run, x and y in mm and the heading in degrees."""
+
+    x_mm: float
+    y_mm: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialResult:
+    """The result of one run.
+
+    Attributes:
+        key: the key of the run.
+        movers: the number of people.
+        params: the drawn values of params, in the units of their ranges.
+        frames, duration_s: the length of the run.
+        contacts: the number of times that the robot touched something.
+        distance_mm: the length of its path.
+        stay_s: its longest stay in one place.
+        off_map_s: the seconds that it spent off the known cells of a grid.
+        arrived: 1 if the robot arrived at its goal, 0 if it did not, -1 if it had none.
+        blind: the number of frames in which a sensor that the program needs had no value.
+        shares: the part of the frames in which each module commanded, by `actuator/module`.
+        limits: the number of frames in which a limit cut a command, by `actuator.field`.
+        breaches: the number of frames in which a contract was broken, by contract.
+        remark: the first report of a device or module, or a difference between the runtime and the program.
+        difference: the first frame that the reference interpreter decided differently; "" for none.
+        audited: the number of frames that the reference interpreter decided.
+        path: the true path, x and y in mm.
+        places: the place of the robot at each contact.
+    """
+
+    key: RunKey
+    movers: int
+    params: Mapping[str, float]
+    frames: int
+    duration_s: float
+    contacts: int
+    distance_mm: float
+    stay_s: float
+    off_map_s: float
+    arrived: int
+    blind: int
+    shares: Mapping[str, float]
+    limits: Mapping[str, int]
+    breaches: Mapping[str, int]
+    remark: str
+    difference: str
+    audited: int
+    path: Points
+    places: Points
+
+    @property
+    def is_stuck(self) -> bool:
+        """True if the robot made no progress for `STUCK_S`, and did not wait at its goal."""
+        return self.stay_s >= STUCK_S and self.arrived != 1
+
+
+TRIALS = Table(
+    name="trial",
+    kind=TrialResult,
+    columns=(
+        *KEY_COLUMNS,
+        *("movers", "params", "frames", "duration_s", "contacts", "distance_mm", "stay_s", "off_map_s"),
+        *("arrived", "blind", "shares", "limits", "breaches", "remark", "difference", "audited"),
+        *("path", "places"),
+    ),
+)
+"""The table of these results."""
+
+
+def program_of(choice: ProgramChoice, params: tuple[tuple[str, str], ...] = ()) -> Program:
+    """Load a behavior with values of params, which replace those of its site.
+
+    Raises:
+        DiagnosticError: it has errors.
+    """
+    folder = str(Path(choice.file).resolve().parent)
+    sys.path += [path for path in (folder, os.curdir) if path not in sys.path]  # of modules in Python
+    return load_file(choice.file, robot=choice.robot, params=_with_values(choice.site, params))
+
+
+class TrialError(Exception):
+    """A run cannot be made; the message has its number and the reason."""
+
+
+@lru_cache(maxsize=4)
+def compiled_of(
+    choice: ProgramChoice, params: tuple[tuple[str, str], ...] = ()
+) -> tuple[Program, Compiled, DescribedRobot]:
+    """Return a program, compiled, and its robot.
+
+    Raises:
+        DiagnosticError: the program has errors, or does not fit its robot.
+    """
+    program = program_of(choice, params)
+    return (
+        program,
+        compiled_with_sources(program, lambda warning: None).compiled,
+        described_robot(program.robot),
+    )
+
+
+def _with_values(site: SiteParams | None, params: tuple[tuple[str, str], ...]) -> SiteParams | None:
+    if not params:
+        return site
+    drawn = params_from_values(dict(params), "<drawn params>")
+    if site is None:
+        return drawn
+    kept = (value for value in site.values if value.name not in dict(params))
+    return replace(site, values=(*kept, *drawn.values))
+
+
+def run_trial(trial: Trial, record: str | None = None) -> TrialResult:
+    """Run a trial; the result depends on it alone.
+
+    Args:
+        trial: the trial.
+        record: the file of a recording, which `colony watch` and `colony explain` read.
+
+    Raises:
+        TrialError: the program has errors, it needs something that its robot lacks, the robot does not fit at
+            its start, or the recording cannot be written.
+    """
+    try:
+        if trial.audited and record is None:
+            with TemporaryDirectory(prefix="colony-experiment-") as folder:
+                return _run(trial, str(Path(folder, "run.mcap")))
+        return _run(trial, record)
+    except (DiagnosticError, MisuseError) as problem:
+        raise TrialError(f"run {trial.key.number}: {problem}") from None
+
+
+def _run(trial: Trial, record: str | None) -> TrialResult:
+    program, compiled, described = compiled_of(trial.program, trial.params)
+    blindness, reports = _Blindness(compiled), list[str]()
+    request = replace(trial.request, record=record)
+    report = run_in_building(compiled, described, request, _interface(blindness, reports.append))
+    difference, audited = _audit(program, record) if trial.audited and record is not None else ("", 0)
+    return _result(trial, request, report, blindness.frames, reports, difference, audited)
+
+
+def _result(
+    trial: Trial,
+    request: RunRequest,
+    report: RunReport,
+    blind: int,
+    reports: list[str],
+    difference: str,
+    audited: int,
+) -> TrialResult:
+    summary, mission = report.summary, report.mission_result
+    path = next(iter(report.paths.values()), ())
+    return TrialResult(
+        key=trial.key,
+        movers=request.movers,
+        params=dict(trial.drawn),
+        frames=summary.frames,
+        duration_s=summary.duration_s,
+        contacts=summary.bumps or 0,
+        distance_mm=summary.distance_mm or 0.0,
+        stay_s=report.longest_stay_s,
+        off_map_s=0.0 if summary.off_map is None else summary.off_map.seconds,
+        arrived=-1 if mission is None else int(mission.arrived),
+        blind=blind,
+        shares={
+            f"{actuator.actuator}/{share.module or '(nobody)'}": share.frames / max(summary.frames, 1)
+            for actuator in summary.actuators
+            for share in actuator.shares
+        },
+        limits={r.subject: r.frames for r in summary.records if r.kind == "limited"},
+        breaches={breach.contract: breach.frames for breach in summary.breaches},
+        remark=next(iter([*summary.disagreements, *reports]), ""),
+        difference=difference,
+        audited=audited,
+        path=_rounded([*path[:-1:PATH_SPACING], *path[-1:]]),
+        places=_rounded(report.contacts),
+    )
+
+
+def _rounded(points: Iterable[tuple[float, float]]) -> Points:
+    return tuple((round(x), round(y)) for x, y in points)
+
+
+class _Blindness:
+    """A sink that counts the frames in which a sensor that the program needs has no value. Mutable."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        needed = {name for needs in needs_of_clients(compiled.code).values() for name in needs.sensors}
+        self._needed = frozenset(
+            s.name
+            for s in compiled.robot.sensors
+            if s.name in needed and s.default is None and s.sent is None
+        )
+        self.frames = 0
+
+    def take(self, log: FrameLog) -> None:
+        """Take the next frame."""
+        self.frames += not self._needed <= log.frame.readings.keys()
+
+    def close(self) -> None:
+        """Do nothing: the count stays."""
+
+
+class _NoProgress:
+    """A sink that shows nothing. Stateless."""
+
+    def take(self, log: FrameLog) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def _interface(blindness: _Blindness, report: Callable[[str], None]) -> UserInterface:
+    @contextmanager
+    def uninterrupted() -> Iterator[Callable[[], bool]]:
+        yield lambda: False
+
+    def no_operator(building: object) -> NoReturn:
+        raise AssertionError("elevators are operated by the simulation")
+
+    return UserInterface(
+        report=report,
+        interruptible=uninterrupted,
+        progress=lambda length_ns: _NoProgress(),
+        operator=no_operator,
+        sinks=(blindness,),
+    )
+
+
+def _audit(program: Program, record: str) -> tuple[str, int]:
+    """Return the first difference from the reference interpreter, "" for none, and the compared frames."""
+    with open_recording(record) as file:
+        found = audit_recording(program, read_recording(file, record))
+    first = found.first
+    difference = "" if first is None else f"frame at {first.t_ns / 1e9:.2f} s: {first.message}"
+    return difference, found.compared

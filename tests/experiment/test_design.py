@@ -1,0 +1,100 @@
+"""What varies in an experiment is drawn from the seed of each run alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from colony.experiment.design import Experiment, ProgramChoice, Range, range_of
+from colony.nav.maps.world_map import load_world
+from colony.robots.request import RunRequest
+from tests.paths import MAPS
+
+LOOP = load_world(MAPS / "loop.stickrep")
+ONE = ProgramChoice("one", "one.colony", None, None)
+OTHER = ProgramChoice("other", "other.colony", None, None)
+REQUEST = RunRequest(file="one.colony", map_path="loop", seed=5, length_ns=1, pinned_variables={}, cameras={})
+PLAIN = Experiment(
+    name="e",
+    programs=(ONE, OTHER),
+    request=REQUEST,
+    runs=4,
+    varies_start=True,
+    movers=Range(0, 5, "", True),
+    params=(("clearance", Range(0.6, 1.4, "m", False)),),
+    audit=0.5,
+    digest="",
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("0.6..1.4m", Range(0.6, 1.4, "m", False)),
+        ("600 mm .. 700 mm", Range(600, 700, "mm", False)),
+        ("0..5", Range(0, 5, "", True)),
+        ("0.0..5", Range(0, 5, "", False)),
+        ("-1e-3..2.5deg/s", Range(-0.001, 2.5, "deg/s", False)),
+        ("-30deg..30deg", Range(-30, 30, "deg", False)),
+    ],
+)
+def test_range_text_is_read(text: str, expected: Range) -> None:
+    assert range_of(text) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["", "5", "1..", "..1", "2..1", "1..1", "1 m..2 s", "a..b", "nan..1", "1..1e999"]
+)
+def test_range_text_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        range_of(text)
+
+
+def test_trials_of_two_programs_have_the_same_inputs() -> None:
+    trials = PLAIN.trials(LOOP, 300.0, range(1, 5))
+    assert [(t.key.number, t.key.seed, t.key.variant) for t in trials[:3]] == [
+        (1, 5, "one"),
+        (1, 5, "other"),
+        (2, 6, "one"),
+    ]
+    for first, second in zip(trials[::2], trials[1::2], strict=True):
+        assert first.request == second.request
+        assert first.params == second.params
+    assert len({t.request.start for t in trials}) == 4
+
+
+def test_trial_does_not_depend_on_the_others() -> None:
+    assert PLAIN.trials(LOOP, 300.0, [3]) == PLAIN.trials(LOOP, 300.0, range(1, 5))[4:6]
+
+
+def test_further_input_leaves_the_others() -> None:
+    fewer = replace(PLAIN, params=(), movers=None)
+    for trial, one in zip(PLAIN.trials(LOOP, 300.0, [1, 2]), fewer.trials(LOOP, 300.0, [1, 2]), strict=True):
+        assert trial.request.start == one.request.start
+
+
+def test_drawn_values_are_in_their_ranges() -> None:
+    trials = replace(PLAIN, varies_start=False, runs=200).trials(LOOP, 300.0, range(1, 201))
+    values = [dict(t.drawn)["clearance"] for t in trials]
+    assert min(values) < 0.65 < 1.35 < max(values)
+    assert all(0.6 <= value <= 1.4 for value in values)
+    assert {t.request.movers for t in trials} == set(range(6))
+    assert all(t.params[0][1] == f"{t.drawn[0][1]:g} m" for t in trials)
+
+
+def test_hazards_have_the_seed_of_the_run() -> None:
+    experiment = replace(PLAIN, request=replace(REQUEST, hazards=0), varies_start=False)
+    assert [t.request.hazards for t in experiment.trials(LOOP, 300.0, [1, 2])] == [5, 5, 6, 6]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"digest": "x"}, {"varies_start": False}, {"movers": None}, {"params": ()}],
+)
+def test_fingerprint_of_another_experiment_differs(change: dict[str, object]) -> None:
+    assert replace(PLAIN, **change).fingerprint() != PLAIN.fingerprint()  # type: ignore[arg-type]
+
+
+def test_fingerprint_does_not_depend_on_how_many_runs_there_are() -> None:
+    assert replace(PLAIN, runs=9).fingerprint() == PLAIN.fingerprint()
