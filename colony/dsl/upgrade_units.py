@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 
-from colony.dsl import ast, tables
+from colony.dsl import ast, parser
 from colony.dsl.build import split_number
 from colony.dsl.files import ParsedFile
 from colony.text.diagnostics import Diagnostic, error
@@ -41,7 +41,7 @@ def names_as_units(file: ParsedFile) -> Iterator[Diagnostic]:
 
 @cache
 def _tokens() -> re.Pattern[str]:
-    [number] = [pattern for name, pattern in tables.load()["patterns"] if name == "NUMBER"]
+    [number] = [t.pattern.to_regexp() for t in parser._parser().terminals if t.name == "NUMBER"]
     return re.compile(rf'(?P<skipped>[A-Za-z_]\w*|"[^"\r\n]*"|#[^\r\n]*)|{number}')
 
 

@@ -7,13 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from colony.dsl.build import Builder
 from colony.dsl.descriptions import RobotChoice
-from colony.dsl.lalr import Parser
 from colony.dsl.load import Checked, check_file, check_text, load_file, load_text
 from colony.dsl.parse import parse
 from colony.dsl.printer import print_file
-from colony.dsl.tables import load as load_tables
 from colony.dsl.upgrade_files import upgrade_files
 from colony.ir.program import Program
 from colony.text.source import Source
@@ -313,8 +310,8 @@ def test_invalid_imports(text: str) -> None:
 
 
 def test_it_is_printed_as_it_is_read() -> None:
-    tree = Parser(load_tables(), Builder()).parse(GO)
-    again = Parser(load_tables(), Builder()).parse(print_file(tree))
+    tree = parse(Source("go", GO)).file
+    again = parse(Source("again", print_file(tree))).file
     assert print_file(again) == print_file(tree)
     assert "import robot\n" in print_file(tree)
 
