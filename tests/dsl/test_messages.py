@@ -119,7 +119,6 @@ SLIPS = [
     ("let a = bumpr", "unknown name `bumpr`", "did you mean `bumper`?"),
     ("let a = True", "unknown name `True`", "write `true`"),
     ("let a = recently", "unknown name `recently`", "it is a function: `recently(...)`"),
-    ("let a = held", "unknown name `held`", "`recently(b, D)` is true until D after"),
     ("let a = held(bumper, 1 s)", "unknown function `held`", "`sustained(b, D)` once b has been true"),
     ("let a = foor(3)", "unknown function `foor`", "did you mean `floor`?"),
     ("enum g { light = 1 } let a = light", "unknown name `light`", "did you mean `g.light`?"),
