@@ -1,4 +1,4 @@
-"""The line `language 2`: files of other versions are refused, and files without the line are noted."""
+"""The line `language 1`: files of other versions are refused, and files without the line are noted."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, Machine
 from tests.waiting import until
 
-GO = """language 2
+GO = """language 1
 import robot
 module go { when not bumper do drive(velocity = 100 mm/s, turn = 0) }
 network { drive = go }
@@ -19,7 +19,7 @@ contract slow: drive.velocity <= 100 mm/s
 test "goes" { at 0 s given bumper = false expect drive by go }
 """
 
-SMALL = """language 2
+SMALL = """language 1
 robot small {
   sensor bumper : bool from RServer.bumper within 200 ms
   actuator drive { velocity : mm/s range -200 .. 200, turn : deg/s }

@@ -322,7 +322,7 @@ def test_a_plain_index_in_a_function_is_noted_once_and_of_a_parameter_never() ->
     ],
 )
 def test_numbers_that_were_meant_as_bearings_have_a_hint_that_is_accepted(index: str, hint: str) -> None:
-    robot = """language 2
+    robot = """language 1
     robot r {
       sensor scan[9] : mm bearing -40 deg step 10 deg from S.scan
       sensor plain[9] : mm from S.plain

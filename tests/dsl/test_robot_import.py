@@ -15,7 +15,7 @@ from colony.ir.program import Program
 from colony.text.source import Source
 from tests.paths import ROBOTS, ROOT
 
-GO = """language 2
+GO = """language 1
 import robot
 module go { when true do drive(velocity = 100 mm/s, turn = 0) }
 network { drive = go }
