@@ -14,7 +14,7 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
-.PHONY: run test test-long test-thorough browser check format bench soak stops loss agreement angles attack wheel tables mutants clean
+.PHONY: run test test-long test-thorough browser check format bench soak stops loss agreement angles attack wheel mutants clean
 
 run: $(ALL)
 	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
@@ -68,9 +68,6 @@ attack: $(DEV)
 
 wheel: $(DEV)
 	$(BIN)/python -m tests.wheel --platforms
-
-tables: $(DEV)
-	$(BIN)/python -m colony.dsl.tables
 
 mutants: $(DEV)
 	$(BIN)/python -m tests.mutants $(MODULE) $(if $(SAMPLE),--sample $(SAMPLE)) --workers $(WORKERS)

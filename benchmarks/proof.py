@@ -114,7 +114,7 @@ def _text(modules: int, sensors: int, count: int) -> str:
     drawn, names = Random(SEED), [f"m{i}" for i in range(modules)]
     return "\n".join(
         [
-            "language 2",
+            "language 1",
             "robot r {",
             *(f"  sensor s{i} : mm range 0 .. 10000 from P{i % 20}Server.s{i}" for i in range(sensors)),
             "  actuator drive { velocity : mm/s range -600 .. 600 }",

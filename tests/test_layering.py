@@ -205,8 +205,8 @@ def _command(*arguments: str) -> str:
 
 
 PROCESSES: tuple[tuple[str, str, set[str]], ...] = (
-    ("leader", _command("run", "wander", "--connect", "--robot", "pioneer"), HEAVY),
-    ("shadow", _command("run", "wander", "--shadow", "--robot", "pioneer"), HEAVY),
+    ("leader", _command("run", "wander", "--connect", "--robot", "pioneer"), HEAVY - {"lark"}),
+    ("shadow", _command("run", "wander", "--shadow", "--robot", "pioneer"), HEAVY - {"lark"}),
     ("watch", _command("watch", "--robot", "pioneer"), HEAVY | {"colony.sim"}),
     ("ps", _command("ps"), HEAVY | FRONT_END | {"colony.sim", "colony.nav"}),
     (

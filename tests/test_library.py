@@ -319,7 +319,7 @@ def test_stepping_does_not_import_numpy() -> None:
     done = subprocess.run(
         [sys.executable, "-c", f"{code}; print(*sys.modules)"], capture_output=True, text=True, check=True
     )
-    assert not set(done.stdout.split()) & {"numpy", "zenoh", "lark", "click"}
+    assert not set(done.stdout.split()) & {"numpy", "zenoh", "click"}
 
 
 def test_load_takes_the_params_of_a_site(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str
     fields, commands, types, sizes, ranges, and rates slower than `within` (docs/robots.md).
 
     All errors and warnings are reported, each with its location and a hint. A note reports each file that
-    does not name its version with `language 2`, and each robot without a body. With several --robot each file
+    does not name its version with `language 1`, and each robot without a body. With several --robot each file
     is checked against each of these descriptions; a finding that is not about all of them names its robot.
 
     Exit code: 0 without errors (warnings and notes are allowed), 1 with errors, 2 if a file cannot be read.

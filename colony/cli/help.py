@@ -28,7 +28,8 @@ def command(context: click.Context, topic: str | None) -> None:
       colony help run
     """
     from colony.cli.main import COMMANDS, colony
-    from colony.dsl.tables import load
+    from colony.dsl.recovery import CONTEXTUAL_KEYWORDS
+    from colony.dsl.syntax_hints import RESERVED
     from colony.ir.expression import Function, MemoryFunction
 
     if topic is None:
@@ -44,7 +45,8 @@ def command(context: click.Context, topic: str | None) -> None:
     section = sections.get(topic.upper())
     if section is None:
         functions = (function.value for function in (*Function, *MemoryFunction))
-        if topic in (*BASE_UNITS, *load()["words"], *functions):
+        keywords = ("any", *RESERVED, *(keyword.lower() for keyword in CONTEXTUAL_KEYWORDS))
+        if topic in (*BASE_UNITS, *keywords, *functions):
             raise click.UsageError(f"`{topic}` is a word of the language: see docs/language.md", context)
         hint = did_you_mean(topic.upper(), sections) or did_you_mean(topic, COMMANDS)
         message = f"no code or command `{topic}`; {hint or 'for words of the language see docs/language.md'}"

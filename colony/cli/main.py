@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 COMMANDS = {
     "new": "start a project",
     "check": "find errors in behavior files",
-    "upgrade": "rewrite behavior files for this version of the language",
     "compile": "compile a behavior to prioritized clients",
     "graph": "draw the network as SVG or DOT",
     "test": "run the tests that behavior files contain",

@@ -11,26 +11,31 @@ from dataclasses import fields
 from itertools import takewhile
 from typing import Any, Literal, cast
 
+from lark import Token
+
 from colony.dsl import ast
-from colony.dsl.lalr import Token
 
 Children = Sequence[Any]
+
+
+def _start(children: Children) -> int:
+    first = next(child for child in children if child is not None)
+    return cast("int", first.start_pos if isinstance(first, Token) else first.start)
 
 
 def _end(children: Children) -> int:
     for child in reversed(children):
         if child is not None:
-            return cast("int", child.end)
+            return cast("int", child.end_pos if isinstance(child, Token) else child.end)
     return 0
 
 
 def _extent(children: Children) -> dict[str, int]:
-    start = next(child.start for child in children if child is not None)
-    return {"start": start, "end": _end(children)}
+    return {"start": _start(children), "end": _end(children)}
 
 
 def _name(token: Token) -> ast.Name:
-    return ast.Name(text=token.text, start=token.start, end=token.end)
+    return ast.Name(text=token.value, **_extent((token,)))
 
 
 def _of(kind: type | tuple[type, ...], children: Iterable[Any]) -> tuple[Any, ...]:
@@ -38,7 +43,7 @@ def _of(kind: type | tuple[type, ...], children: Iterable[Any]) -> tuple[Any, ..
 
 
 def _unquoted(token: Token) -> str:
-    return token.text[1:-1]
+    return cast("str", token.value[1:-1])
 
 
 EXPRESSIONS: tuple[type, ...] = ast.Expression.__args__
@@ -53,7 +58,7 @@ class Builder:
 
     def language(self, c: Children) -> ast.LanguageDecl:
         """Build the line that says which version of the language the file has."""
-        return ast.LanguageDecl(version=c[1].text, **_extent(c))
+        return ast.LanguageDecl(version=c[1].value, **_extent(c))
 
     # --- robot
 
@@ -103,7 +108,7 @@ class Builder:
 
     def on_loss(self, c: Children) -> str:
         """Return the reaction to a lost client, as written."""
-        return cast("str", c[1].text)
+        return cast("str", c[1].value)
 
     def actuator(self, c: Children) -> ast.ActuatorDecl:
         """Build an actuator declaration."""
@@ -115,7 +120,7 @@ class Builder:
             command=_name(command),
             idle=idle,
             on_loss=on_loss,
-            start=c[0].start,
+            start=_start(c),
             end=idle.end,
         )
 
@@ -133,7 +138,7 @@ class Builder:
 
     def type(self, c: Children) -> ast.TypeName:
         """Build the name of a type."""
-        return ast.TypeName(path=tuple(t.text for t in c[::2]), **_extent(c))
+        return ast.TypeName(path=tuple(t.value for t in c[::2]), **_extent(c))
 
     def arguments(self, c: Children) -> tuple[tuple[ast.Argument, ...], int]:
         """Return the arguments and the offset at which they end."""
@@ -219,7 +224,7 @@ class Builder:
     def do(self, c: Children) -> ast.DoDecl:
         """Build the command of a module."""
         arguments, end = c[2]
-        return ast.DoDecl(actuator=_name(c[1]), arguments=arguments, start=c[0].start, end=end)
+        return ast.DoDecl(actuator=_name(c[1]), arguments=arguments, start=_start(c), end=end)
 
     def derived_module(self, c: Children) -> ast.DerivedModuleDecl:
         """Build a module derived from another one."""
@@ -230,7 +235,7 @@ class Builder:
             name=_name(name),
             base=base,
             arguments=arguments,
-            start=_extent(c[:2])["start"],
+            start=_start(c),
             end=end,
         )
 
@@ -309,11 +314,11 @@ class Builder:
 
     def at(self, c: Children) -> tuple[int, int, tuple[Any, Any, Any]]:
         """Return the start, end and (first, None, None) of a step at a single time."""
-        return c[0].start, _end(c), (c[1], None, None)
+        return _start(c), _end(c), (c[1], None, None)
 
     def span(self, c: Children) -> tuple[int, int, tuple[Any, Any, Any]]:
         """Return the start, end and (first, last, period) of a step that is repeated."""
-        return c[0].start, _end(c), (c[1], c[3], c[5])
+        return _start(c), _end(c), (c[1], c[3], c[5])
 
     def step(self, c: Children) -> ast.StepDecl:
         """Build a step of a test."""
@@ -362,13 +367,13 @@ class Builder:
         """Build a conditional expression."""
         _, condition, _, yes, _, no = c
         depth = 1 + max(condition.depth, yes.depth, no.depth)
-        return ast.If(condition=condition, yes=yes, no=no, depth=depth, start=c[0].start, end=no.end)
+        return ast.If(condition=condition, yes=yes, no=no, depth=depth, start=_start(c), end=no.end)
 
     def infix(self, c: Children) -> ast.Infix:
         """Build an infix expression."""
         left, operator, right = c
         return ast.Infix(
-            operator=operator.text,
+            operator=operator.value,
             left=left,
             right=right,
             depth=1 + max(left.depth, right.depth),
@@ -393,7 +398,7 @@ class Builder:
 
     def is_status(self, c: Children) -> ast.Is:
         """Build a test of a status."""
-        status = cast("ast.Status", c[2].text)
+        status = cast("ast.Status", c[2].value)
         return ast.Is(subject=c[0], status=status, depth=2, **_extent(c))
 
     def index(self, c: Children) -> ast.Index:
@@ -408,8 +413,8 @@ class Builder:
 
     def number(self, c: Children) -> ast.Number:
         """Build a number from its digits and unit."""
-        digits, unit = split_number(c[0].text)
-        return ast.Number(digits=digits, unit=unit, start=c[0].start, end=_end(c))
+        digits, unit = split_number(c[0].value)
+        return ast.Number(digits=digits, unit=unit, start=_start(c), end=_end(c))
 
     def boolean(self, c: Children) -> ast.Boolean:
         """Build a boolean constant."""
@@ -454,14 +459,14 @@ class Builder:
 
     def reference(self, c: Children) -> ast.Reference:
         """Build a reference from its dotted path."""
-        return ast.Reference(path=tuple([t.text for t in c[::2]]), **_extent(c))
+        return ast.Reference(path=tuple([t.value for t in c[::2]]), **_extent(c))
 
 
 def _parameter(c: Children) -> dict[str, Any]:
     name, shape, _, type_, initial = c
     is_array, size = shape is not None, None if shape is None else shape[0]
     parts = {"name": _name(name), "is_array": is_array, "size": size, "type": type_, "initial": initial}
-    return {**parts, "start": name.start, "end": _end([type_, initial])}
+    return {**parts, "start": _start(c), "end": _end([type_, initial])}
 
 
 def _called(c: Children) -> ast.Name:
@@ -469,7 +474,7 @@ def _called(c: Children) -> ast.Name:
     if c[1].type == "LPAR":
         return _name(c[0])
     parts = list(takewhile(lambda token: token.type != "LPAR", c))
-    return ast.Name(text="".join([t.text for t in parts]), start=c[0].start, end=parts[-1].end)
+    return ast.Name(text="".join([t.value for t in parts]), **_extent(parts))
 
 
 def split_number(text: str) -> tuple[str, str | None]:

@@ -3,7 +3,7 @@
 Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
 when each occurs and how to fix it. E0xx is about text and files, E1xx about names, E2xx about types and
 constants, E3xx about the robot, E4xx about modules, E5xx about the network, E6xx about limits and tests, E7xx
-about params of a site; N0xx are notes, U0xx what a person has to decide in an upgrade, W0xx warnings and
+about params of a site; N0xx are notes, W0xx warnings and
 notes.
 """
 
@@ -86,13 +86,6 @@ CODES: dict[str, str] = {
     "N001": "a file does not name its version",
     "N002": "a plain index of an array with bearings",
     "N003": "a robot without a body",
-    "U001": "limits that can contradict each other",
-    "U002": "a bound that can be missing, with an idle command other than 0",
-    "U003": "a transition that can hold back those below it",
-    "U004": "a contract that can be unknown",
-    "U005": "`idle hold` of an actuator that moves the robot",
-    "U006": "a name that has become a unit",
-    "U007": "an index that wrapped",
     "W001": "a module or wire reaches no actuator",
     "W002": "nothing drives an actuator",
     "W010": "nothing leads to a phase",

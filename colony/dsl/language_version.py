@@ -1,6 +1,8 @@
-"""The line `language 2`: files of other versions are refused, and files without the line are noted."""
+"""The line `language 1`: files of other versions are refused, and files without the line are noted."""
 
 from __future__ import annotations
+
+from decimal import Decimal
 
 from colony.dsl import ast
 from colony.ir.version import LANGUAGE
@@ -17,20 +19,12 @@ def version_error(source: Source, line: ast.LanguageDecl | None) -> Diagnostic |
         return None
     span = Span(source, line.start, line.end)
     message = f"found version {line.version} of the language; this is version {LANGUAGE}"
-    return error("E008", span, message, _hint(line.version, source.name))
-
-
-def _hint(version: str, name: str) -> str:
-    if version == "1":
-        return f"`colony upgrade {name}` rewrites the file"
-    if version.isdecimal() and int(version) > LANGUAGE:
-        return "a newer colony reads it"
-    return f"write `{VERSION_LINE}`"
+    is_newer = line.version.isdecimal() and Decimal(line.version) > LANGUAGE
+    hint = "a newer colony reads it" if is_newer else f"write `{VERSION_LINE}`"
+    return error("E008", span, message, hint)
 
 
 def version_note(source: Source) -> Diagnostic:
     """Return the note for a file that does not name its version."""
-    hint = (
-        f"write `{VERSION_LINE}` before the first declaration; `colony upgrade` rewrites files of version 1"
-    )
+    hint = f"write `{VERSION_LINE}` before the first declaration"
     return note("N001", Span(source, 0, 1), f"read as version {LANGUAGE} of the language", hint)

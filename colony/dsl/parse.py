@@ -8,11 +8,8 @@ seems to declare are recorded, so that they are not reported as unknown.
 from __future__ import annotations
 
 import re
-from functools import cache
 
-from colony.dsl import ast, tables
-from colony.dsl.build import Builder
-from colony.dsl.lalr import Parser, UnexpectedInputError
+from colony.dsl import ast
 from colony.ir.expression import NESTING_LIMIT
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, error
@@ -43,51 +40,42 @@ def parse(source: Source) -> Parsed:
 
         lost_names = frozenset(recovery.lost_names(source.text))
         return Parsed(file=ast.File(declarations=()), diagnostics=(depth_error,), lost_names=lost_names)
+    from colony.dsl.parser import Unexpected, parse_from
+
     text, start = source.text, 0
     declarations: list[ast.Declaration] = []
     diagnostics: list[Diagnostic] = []
     lost: set[str] = set()
     language: ast.LanguageDecl | None = None
-    while True:
-        try:
-            file: ast.File = _parser().parse(text, start)
-        except UnexpectedInputError as unexpected:
-            from colony.dsl import recovery
-            from colony.dsl.syntax_errors import describe
+    while isinstance(found := parse_from(text, start), Unexpected):
+        from colony.dsl import recovery
+        from colony.dsl.syntax_errors import describe
 
-            line = recovery.language_line(unexpected)
-            language = language or line
-            complete = recovery.complete_declarations(unexpected)
-            declarations += complete
-            declaration_start = complete[-1].end if complete else line.end if line else start
-            diagnostics.append(describe(source, unexpected, declaration_start))
-            start = recovery.next_declaration(text, declaration_start, diagnostics[-1].span.start)
-            lost |= recovery.lost_names(text[declaration_start:start])
-            if start >= len(text):
-                break
-            if len(diagnostics) == MAX_SYNTAX_ERRORS:
-                span = Span(source, start, start + 1)
-                diagnostics.append(
-                    error(
-                        "E007", span, f"{MAX_SYNTAX_ERRORS} syntax errors; the rest of the file is not read"
-                    )
-                )
-                lost |= recovery.lost_names(text[start:])
-                break
-        else:
-            language = language or file.language
-            declarations += file.declarations
+        line = recovery.language_line(found)
+        language = language or line
+        complete = recovery.complete_declarations(found)
+        declarations += complete
+        declaration_start = complete[-1].end if complete else line.end if line else start
+        diagnostics.append(describe(source, found, declaration_start))
+        start = recovery.next_declaration(text, declaration_start, diagnostics[-1].span.start)
+        lost |= recovery.lost_names(text[declaration_start:start])
+        if start >= len(text):
             break
+        if len(diagnostics) == MAX_SYNTAX_ERRORS:
+            span = Span(source, start, start + 1)
+            diagnostics.append(
+                error("E007", span, f"{MAX_SYNTAX_ERRORS} syntax errors; the rest of the file is not read")
+            )
+            lost |= recovery.lost_names(text[start:])
+            break
+    else:
+        language = language or found.language
+        declarations += found.declarations
     return Parsed(
         file=ast.File(language=language, declarations=tuple(declarations), start=0, end=len(text)),
         diagnostics=tuple(diagnostics),
         lost_names=frozenset(lost),
     )
-
-
-@cache
-def _parser() -> Parser:
-    return Parser(tables.load(), Builder())
 
 
 def _check_depth(source: Source) -> Diagnostic | None:

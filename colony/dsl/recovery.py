@@ -9,7 +9,7 @@ import re
 from typing import cast
 
 from colony.dsl import ast
-from colony.dsl.lalr import UnexpectedInputError
+from colony.dsl.parser import Unexpected
 
 _DECLARATION = re.compile(
     r"^([ \t]*)(?:(?:robot|enum|import|param|let|state|next|machine|(?:failsafe[ \t]+)?module|network|limit"
@@ -38,13 +38,13 @@ def lost_names(text: str) -> set[str]:
     return {a or b for a, b in _DECLARED.findall(text)}
 
 
-def expected_terminals(problem: UnexpectedInputError) -> frozenset[str]:
+def expected_terminals(problem: Unexpected) -> frozenset[str]:
     """Return the terminals allowed at the error, without contextual keywords where any name is allowed."""
     accepted = problem.accepted
     return accepted - CONTEXTUAL_KEYWORDS if {"NAME", *CONTEXTUAL_KEYWORDS} <= accepted else accepted
 
 
-def complete_declarations(problem: UnexpectedInputError) -> list[ast.Declaration]:
+def complete_declarations(problem: Unexpected) -> list[ast.Declaration]:
     """Return the declarations that were read before the error, from the parser's stack."""
     for value in problem.values[:2]:
         if isinstance(value, list):
@@ -54,7 +54,7 @@ def complete_declarations(problem: UnexpectedInputError) -> list[ast.Declaration
     return []
 
 
-def language_line(problem: UnexpectedInputError) -> ast.LanguageDecl | None:
+def language_line(problem: Unexpected) -> ast.LanguageDecl | None:
     """Return the line with the version of the language, if it was read before the error."""
     value: object = problem.values[0] if problem.values else None
     return value if isinstance(value, ast.LanguageDecl) else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from colony.dsl.declaration_hints import declaration_hint
-from colony.dsl.lalr import UnexpectedInputError
+from colony.dsl.parser import Unexpected
 from colony.dsl.recovery import expected_terminals, new_declaration
 from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for, misspelled_relation
 from colony.text.diagnostics import Diagnostic, Label, error
@@ -54,7 +54,7 @@ _SPLITTABLE = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
 """Punctuation whose first character may have been read as a token before the error was detected."""
 
 
-def describe(source: Source, problem: UnexpectedInputError, declaration_start: int) -> Diagnostic:
+def describe(source: Source, problem: Unexpected, declaration_start: int) -> Diagnostic:
     """Return the diagnostic of a syntax error in the declaration at `declaration_start`."""
     text, offset, at_end = source.text, problem.offset, problem.at_end
     accepted = expected_terminals(problem)

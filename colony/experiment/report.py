@@ -176,7 +176,8 @@ def _rows(summary: Summary) -> Iterator[tuple[str, str]]:
 
 def proportion_text(found: Proportion) -> str:
     """Return a proportion as text: `37 of 1000 (2.7 to 5.1 %)`."""
-    return f"{found.cases} of {counted(found.total, 'run')} ({100.0 * found.low:.1f} to {100.0 * found.high:.1f} %)"
+    runs = counted(found.total, "run")
+    return f"{found.cases} of {runs} ({100.0 * found.low:.1f} to {100.0 * found.high:.1f} %)"
 
 
 def mean_text(found: Mean, digits: int) -> str:

@@ -4,8 +4,8 @@ The *language* version says which texts there are, the *semantics* version what 
 from the versions of file formats, which say how recordings and compiled programs are laid out.
 """
 
-LANGUAGE = 2
-"""Version of the language, as in the line `language 2` of a file."""
+LANGUAGE = 1
+"""Version of the language, as in the line `language 1` of a file."""
 
 SEMANTICS = 4
 """Version of what programs mean: increment it if some program may decide differently than before.

@@ -97,9 +97,6 @@ BASE_UNITS: dict[str, tuple[Dimension, Fraction]] = {
 }
 """The units by name. The grammar's patterns and the messages are made from this table."""
 
-VERSION_1_UNITS = frozenset({"mm", "cm", "m", "inch", "ft", "ms", "s", "min", "deg", "rad"})
-"""The units of version 1 of the language; to it the others are ordinary names."""
-
 
 class Unit(NamedTuple):
     """A unit as written, its dimension, and its exact factor to base units (mm, s, deg, A, V, degC)."""

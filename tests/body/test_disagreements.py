@@ -12,7 +12,7 @@ from colony.dsl.load import load_text
 from colony.text.diagnostics import Diagnostic
 from tests.body.test_reader import LIDAR, SMALL
 
-INTERFACE = """language 2
+INTERFACE = """language 1
 robot small {
   frame    50 ms
   sensor   scan[360] : m   bearing 0 deg   range 0 .. 12   from Lidar.scan          within 200 ms
@@ -223,7 +223,7 @@ def test_a_base_with_two_wheels_does_not_drive_sideways() -> None:
 
 # --- every device
 
-DEVICES = """language 2
+DEVICES = """language 1
 enum level { down = 0, up = 1 }
 robot small {
   frame    50 ms

@@ -9,7 +9,7 @@ from tests.body.test_disagreements import found
 from tests.body.test_reader import SMALL, problems
 from tests.view.test_robot_scene import scene, sensor
 
-INTERFACE = """language 2
+INTERFACE = """language 1
 robot small {
   frame    50 ms
   sensor seen : bool                      from Eye.dock_seen

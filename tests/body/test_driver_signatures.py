@@ -124,7 +124,7 @@ def test_a_command_that_a_driver_lacks_is_found_in_the_source(
     options = 'port = "x"' if driver[0] in "clt" else "rate = 1"
     file = body_of_text(BODY.format(driver=f"parts:{driver}", options=options), str(tmp_path / "ada.toml"))
     interface = """
-    language 2
+    language 1
     robot ada {
       actuator jaw { to : mm } to Battery.jaw idle hold
       actuator lift { to : mm } to Battery.lift idle hold

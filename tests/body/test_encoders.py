@@ -7,7 +7,7 @@ import pytest
 from tests.body.test_disagreements import found
 from tests.body.test_reader import SMALL
 
-INTERFACE = """language 2
+INTERFACE = """language 1
 robot small {
   frame  50 ms
   sensor rolled[2] : m   from Wheels.travel within 60 ms

@@ -7,7 +7,7 @@ import pytest
 from tests.body.test_disagreements import found
 from tests.body.test_reader import SMALL, problems
 
-INTERFACE = """language 2
+INTERFACE = """language 1
 robot small {
   frame    50 ms
   sensor   horn_on : bool                        from Signals.horn

@@ -7,7 +7,7 @@ import pytest
 from tests.body.test_disagreements import found
 from tests.body.test_reader import SMALL, problems
 
-INTERFACE = """language 2
+INTERFACE = """language 1
 robot small {
   frame    50 ms
   sensor   height : mm range 0 .. 400                  from Winch.position

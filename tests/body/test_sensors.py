@@ -7,7 +7,7 @@ import pytest
 from tests.body.test_disagreements import findings, found
 from tests.body.test_reader import SMALL, problems
 
-INTERFACE = """language 2
+INTERFACE = """language 1
 robot small {
   frame    50 ms
   sensor   near[3] : mm  bearing [0 deg, 60 deg, -60 deg]  range 50 .. 1500  from Sharp.range  within 300 ms

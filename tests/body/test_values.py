@@ -13,7 +13,7 @@ from tests.body.test_disagreements import findings, found
 from tests.body.test_reader import SMALL, body_of, problems
 from tests.runtime.kit.test_devices import Device
 
-INTERFACE = """language 2
+INTERFACE = """language 1
 enum floor { tiles = 0, carpet = 1 }
 robot small {
   frame    50 ms

@@ -67,7 +67,7 @@ def behavior(tmp_path: Path) -> Path:
     """A small behavior that checks."""
     path = tmp_path / "b.colony"
     path.write_text(
-        """language 2
+        """language 1
 robot r {
   sensor near : mm range 0 .. 5000 from PServer.near
   sensor rays[3] : number from PServer.rays

@@ -37,7 +37,7 @@ def test_warnings_alone_are_good(colony: Colony, behavior: Path) -> None:
 
 def test_json(colony: Colony, tmp_path: Path) -> None:
     path = tmp_path / "bad.colony"
-    path.write_text("language 2 robot r { sensor sonar : mm from P.s }\nlet a = sonnar\n")
+    path.write_text("language 1 robot r { sensor sonar : mm from P.s }\nlet a = sonnar\n")
     code, out, _ = colony("check", "--format", "json", path)
     (row,) = json.loads(out)
     assert code == 1
@@ -61,15 +61,15 @@ def test_a_file_that_names_no_version_gets_a_note(colony: Colony, tmp_path: Path
     (tmp_path / "a.colony").write_text(ROBOT)
     code, out, err = colony("check", "a.colony")
     assert (code, out) == (0, "a.colony: ok\n")
-    assert err.startswith("a.colony:1:1: note[N001]: read as version 2 of the language\n")
-    assert "hint: write `language 2` before the first declaration" in err
+    assert err.startswith("a.colony:1:1: note[N001]: read as version 1 of the language\n")
+    assert "hint: write `language 1` before the first declaration" in err
     rows = json.loads(colony("check", "--format", "json", "a.colony").out)
     assert [(row["code"], row["severity"]) for row in rows] == [("N001", "note"), ("N003", "note")]
 
 
 def test_each_file_is_noted_once_and_no_shipped_one(colony: Colony, tmp_path: Path) -> None:
     (tmp_path / "a.colony").write_text(ROBOT)
-    (tmp_path / "b.colony").write_text('language 2\nimport "a.colony"\n')
+    (tmp_path / "b.colony").write_text('language 1\nimport "a.colony"\n')
     (tmp_path / "c.colony").write_text('import "a.colony"\n')
     assert colony("check", "b.colony").err.count("note[N001]") == 1
     err = colony("check", "a.colony", "b.colony", "c.colony", "a.colony", "wander").err
@@ -90,14 +90,14 @@ def test_each_file_is_noted_once_and_no_shipped_one(colony: Colony, tmp_path: Pa
 )
 def test_other_commands_give_no_note(colony: Colony, behavior: Path, arguments: tuple[str, ...]) -> None:
     text = behavior.read_text()
-    Path("a.colony").write_text(text.replace("language 2\n", ""))
+    Path("a.colony").write_text(text.replace("language 1\n", ""))
     code, _, err = colony(*arguments)
     assert code == 0
     assert "note" not in err
 
 
 def test_a_file_that_cannot_be_read_to_its_end_gets_errors_only(colony: Colony, tmp_path: Path) -> None:
-    (tmp_path / "a.colony").write_text(ROBOT + "language 2\n")
+    (tmp_path / "a.colony").write_text(ROBOT + "language 1\n")
     code, _, err = colony("check", "a.colony")
     assert code == 1
     assert "hint: a file has this line once, before its first declaration" in err
@@ -114,7 +114,7 @@ def test_every_shipped_behavior_names_its_version(colony: Colony) -> None:
 
 # --- the body of the robot
 
-GO = """language 2
+GO = """language 1
 import robot
 module go { when true do drive(velocity = 0, turn = 0) }
 network { drive = go }
@@ -181,7 +181,7 @@ def test_a_body_is_read_once_a_command(colony: Colony, small: Path, monkeypatch:
     assert len(read) == 1
 
 
-OWN = """language 2
+OWN = """language 1
 robot tug {
   sensor   hit : bool  from RServer.bumper
   actuator drive { velocity : mm/s range -300 .. 300 }  to RServer.drive  idle drive(velocity = 0)
@@ -193,7 +193,7 @@ network { drive = go }
 
 def test_a_robot_without_a_body_is_noted_once(colony: Colony, tmp_path: Path) -> None:
     Path("own.colony").write_text(OWN)
-    Path("more.colony").write_text('language 2\nimport "own.colony"\n')
+    Path("more.colony").write_text('language 1\nimport "own.colony"\n')
     code, out, err = colony("check", "own.colony", "more.colony")
     assert (code, out) == (0, "own.colony: ok\nmore.colony: ok\n")
     assert err.startswith("own.colony:2:7: note[N003]: `tug` has no body")

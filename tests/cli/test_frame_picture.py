@@ -16,7 +16,7 @@ from colony.verify.reference.interpreter import Interpreter
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
 
-BEHAVIOR = """language 2
+BEHAVIOR = """language 1
 robot r {
   sensor scan[5] : m bearing -60 deg step 30 deg range 0 .. 8 from PServer.scan
   actuator drive { velocity : mm/s } to RServer.drive idle drive(velocity = 0)

@@ -60,7 +60,7 @@ def test_what_is_wrong_in_both_files_is_reported(colony: Colony, small: Path) ->
     assert "robots/small/small.colony:4:12: error[R002]" in err
     assert "robots/small/small.toml:2:8: error[B010]" in err
     assert "hint: did you mean `scan`?" in err
-    (small / "small.colony").write_text("language 2\nrobot small { sensor }\n")
+    (small / "small.colony").write_text("language 1\nrobot small { sensor }\n")
     (small / "small.toml").write_text(BODY.replace("wheel_base", "wheelbase"))
     code, _, err = colony("robot", "check", "small")
     assert code == 1

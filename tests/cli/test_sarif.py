@@ -16,7 +16,7 @@ from colony.text.diagnostics import Diagnostic, error, warning
 from colony.text.source import NOWHERE, Source, Span
 from tests.cli.conftest import Colony
 
-TEXT = "language 2 robot r { sensor sonar : mm from P.s }\nlet a = sonnar\n"
+TEXT = "language 1 robot r { sensor sonar : mm from P.s }\nlet a = sonnar\n"
 
 
 def run_of(text: str) -> dict[str, Any]:
@@ -114,7 +114,7 @@ def test_odd_names_are_addresses(colony: Colony, tmp_path: Path) -> None:
 def test_a_file_that_two_import_is_told_of_once(colony: Colony, tmp_path: Path) -> None:
     (tmp_path / "bad.colony").write_text(TEXT)
     for name in ("one.colony", "two.colony"):
-        (tmp_path / name).write_text('language 2\nimport "bad.colony"\n')
+        (tmp_path / name).write_text('language 1\nimport "bad.colony"\n')
     _, out, _ = colony("check", "--format", "sarif", "one.colony", "two.colony")
     assert [place(r)["artifactLocation"]["uri"] for r in run_of(out)["results"]] == ["bad.colony"]
 

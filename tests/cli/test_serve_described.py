@@ -20,7 +20,7 @@ DEVICES = {"RServer", "Lidar", "Floor", "Battery", "Panel", "Lift"}
 SERVERS = {"Clock", "DServer", "Runtime"} | DEVICES
 
 LIFTING = """
-language 2
+language 1
 import robot
 module raise  { when sensing                    do lift(position = lift_place.up) }
 module drive_ { when lift_position > 100 mm     do drive(velocity = 100 mm/s, turn = 0 deg/s) }

@@ -115,7 +115,7 @@ def test_the_scout_of_the_page_drives_by_its_drivers_and_stands_when_its_scanner
 # --- drivers that fail -----------------------------------------------------------------------------------
 
 LAB = """
-language 2
+language 1
 robot lab {
   sensor   good : number      from Good.value      within 300 ms
   sensor   raising : number   from Raising.value   within 300 ms
@@ -128,7 +128,7 @@ robot lab {
 }
 """
 LIGHTING = """
-language 2
+language 1
 import robot
 module shine {
   when good == 1 and not fresh(raising) and not fresh(garbage) and not fresh(blocking)

@@ -37,7 +37,6 @@ USERS = ("--connect", "tls/127.0.0.1:1", "--security", "FILE.toml")
 
 COMMANDS: dict[str, tuple[str, ...]] = {
     "check": ("check", "FILE.colony"),
-    "upgrade": ("upgrade", "FILE.colony"),
     "compile": ("compile", "FILE.colony"),
     "compile --prove": ("compile", WANDER, "--prove", "FILE.json"),
     "compile --prove, Python": ("compile", WANDER, "--prove", "FILE.py"),

@@ -47,7 +47,7 @@ def test_decisions_as_documented(colony: Colony, behavior: Path, backend: str) -
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_readings_and_commands_are_in_declared_units(colony: Colony, tmp_path: Path, backend: str) -> None:
     behavior = tmp_path / "fan.colony"
-    behavior.write_text("""language 2
+    behavior.write_text("""language 1
 robot cart {
   sensor battery : percent from DServer.Battery  sensor heat : degC from DServer.Heat
   sensor left : Ah from DServer.Left

@@ -27,7 +27,7 @@ from tests.cli.machine import Machine, Started, children_of, failed
 from tests.waiting import until
 
 BEHAVIOR = """
-language 2
+language 1
 import robot
 
 module ahead { when true          do drive(velocity = 50 mm/s, turn = 0) }

@@ -15,7 +15,7 @@ from colony.ir.frame import Frame
 from colony.verify.reference.interpreter import Interpreter
 
 DRIVE = "velocity : mm/s range -500 .. 500, sideways : {sideways}"
-ROBOT = """language 2
+ROBOT = """language 1
 param slow = 0.1 m/s
 enum gait {{ walk = 0, run = 1 }}
 robot r {{

@@ -8,7 +8,7 @@ from colony.dsl.load import check_text, load_text
 from colony.text.diagnostics import Diagnostic
 from colony.text.units import parse_unit
 
-ROBOT = """language 2
+ROBOT = """language 1
 robot r {
   sensor battery : percent range 0 .. 100 from DServer.Battery
   sensor cells[3] : percent default 50 from DServer.Cells

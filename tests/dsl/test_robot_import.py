@@ -7,19 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from colony.dsl.build import Builder
 from colony.dsl.descriptions import RobotChoice
-from colony.dsl.lalr import Parser
 from colony.dsl.load import Checked, check_file, check_text, load_file, load_text
 from colony.dsl.parse import parse
 from colony.dsl.printer import print_file
-from colony.dsl.tables import load as load_tables
-from colony.dsl.upgrade_files import upgrade_files
 from colony.ir.program import Program
 from colony.text.source import Source
 from tests.paths import ROBOTS, ROOT
 
-GO = """language 2
+GO = """language 1
 import robot
 module go { when true do drive(velocity = 100 mm/s, turn = 0) }
 network { drive = go }
@@ -313,17 +309,10 @@ def test_invalid_imports(text: str) -> None:
 
 
 def test_it_is_printed_as_it_is_read() -> None:
-    tree = Parser(load_tables(), Builder()).parse(GO)
-    again = Parser(load_tables(), Builder()).parse(print_file(tree))
+    tree = parse(Source("go", GO)).file
+    again = parse(Source("again", print_file(tree))).file
     assert print_file(again) == print_file(tree)
     assert "import robot\n" in print_file(tree)
-
-
-def test_an_upgrade_keeps_it(project: Path) -> None:
-    (project / "old.colony").write_text(GO.removeprefix("language 2\n"))
-    (project / "colony.toml").write_text('robot = "amr"\n')
-    [upgrade] = upgrade_files(["old.colony"])
-    assert upgrade.new == "language 2\n\n" + GO.removeprefix("language 2\n")
 
 
 def test_behaviors_in_the_repository_have_their_robot() -> None:

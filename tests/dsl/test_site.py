@@ -21,7 +21,7 @@ robot r {
 }
 """
 
-MAIN = """language 2
+MAIN = """language 1
 import "robot"
 import "parts" as p
 enum gait { slow = 1, fast = 2 }
@@ -46,7 +46,7 @@ module view { when sonar[first] > 1 m and count > 0 and on and low > 10 percent 
 network { drive = py suppresses p.avoid suppresses left suppresses plain suppresses base }
 """
 
-PARTS = """language 2
+PARTS = """language 1
 param width = 2 m
 module avoid { param clearance = 1 m  when min(sonar) < clearance + width do drive(velocity = 0, turn = 0) }
 """
@@ -59,7 +59,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     Path("main.colony").write_text(MAIN)
     Path("parts.colony").write_text(PARTS)
-    Path("robot.colony").write_text(f"language 2\nparam reach = 10000\n{ROBOT}")
+    Path("robot.colony").write_text(f"language 1\nparam reach = 10000\n{ROBOT}")
     return tmp_path
 
 
@@ -231,10 +231,10 @@ def test_a_declared_name_is_not_taken_for_a_misspelled_param(folder: Path) -> No
     "text", ['"own:_p" = 5', '"own:_w.k" = 5', "[own._w]\nk = 5", "own._p = 5", "_p = 5"]
 )
 def test_private_names_that_two_files_have(folder: Path, text: str) -> None:
-    own = f'language 2\nimport "robot"\n{PRIVATE}'
+    own = f'language 1\nimport "robot"\n{PRIVATE}'
     Path("own.colony").write_text(own)
     Path("main.colony").write_text(
-        f'language 2\nimport "own"\nimport "own" as own\nimport "robot"\n{PRIVATE}'
+        f'language 1\nimport "own"\nimport "own" as own\nimport "robot"\n{PRIVATE}'
     )
     [found] = errors(text)
     assert found.code == "E703"
@@ -316,7 +316,7 @@ def test_a_folder_as_params_file(folder: Path) -> None:
 
 
 def test_a_robot_beside_the_behavior_sets_the_params_that_it_reads(folder: Path) -> None:
-    text = f"language 2\nparam far = 5000\nparam reach = 2 * far\nparam other = 1\n{ROBOT}"
+    text = f"language 1\nparam far = 5000\nparam reach = 2 * far\nparam other = 1\n{ROBOT}"
     Path("own.colony").write_text(text)
     [found] = errors("far = 1\nother = 2", "own.colony")
     assert found.message == "`far` is a param of the robot's interface, which its description sets"

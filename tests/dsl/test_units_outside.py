@@ -8,7 +8,7 @@ from colony.dsl.load import load_text
 from colony.ir.frame import Frame
 from colony.verify.reference.interpreter import Interpreter
 
-TEXT = """language 2
+TEXT = """language 1
 robot cart {{
   sensor x : {unit} from DServer.X
   actuator out {{ y : {unit} }} to DServer.Out idle out(y = 0)

@@ -23,7 +23,7 @@ from tests.robots.test_building_run import Watcher
 from tests.sim.robots import ROME
 
 WANDER = ROOT / "behaviors" / "wander.colony"
-STRAIGHT = """language 2
+STRAIGHT = """language 1
 import robot
 module straight { when true do drive(velocity = 400 mm/s, turn = 0) }
 network { drive = straight }
@@ -168,7 +168,7 @@ def test_the_loop_of_another_robot_does_what_its_servers_do() -> None:
     assert found.distance_mm == pytest.approx(alone.summary.distance_mm, rel=0.02)
 
 
-GIVEN = """language 2
+GIVEN = """language 1
 import robot
 module cruise { when not estop and goal_x > 6 m  do drive(velocity = 200 mm/s, turn = 0 deg/s) }
 network { drive = cruise }

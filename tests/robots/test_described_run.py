@@ -149,7 +149,7 @@ def test_mujoco_refuses_what_it_does_not_simulate(tmp_path: Path) -> None:
         drive(compiled_for("wander", "amr"), replace(request, map_path=str(floor)))
 
 
-BLIND = """language 2
+BLIND = """language 1
 import robot
 
 module go    { when true               do drive(velocity = 100 mm/s, turn = 0) }

@@ -22,7 +22,7 @@ from tests.waiting import until
 pytestmark = pytest.mark.long
 
 SLOW = """
-language 2
+language 1
 import robot
 module rest { when true  do drive(velocity = 0, turn = 0) }
 network { drive = rest }

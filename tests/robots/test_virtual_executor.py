@@ -60,7 +60,7 @@ def test_one_robot_goes_through_many_traces_each_from_initial_memory() -> None:
 
 
 HELD = """\
-language 2
+language 1
 robot r { frame 20 ms
   sensor x : mm range 0 .. 1000 from S.x
   actuator lift { h : mm range 0 .. 300 } to S.lift idle hold

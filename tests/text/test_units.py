@@ -17,7 +17,6 @@ from colony.text.units import (
     NUMBER,
     TEMPERATURE,
     TIME,
-    VERSION_1_UNITS,
     VOLTAGE,
     Dimension,
     UnitError,
@@ -147,10 +146,6 @@ def test_dimensions_are_shown_as_units(dimension: Dimension, shown: str) -> None
 
 _EXPONENT = st.integers(-9, 9)
 _DIMENSION = st.builds(Dimension, *[_EXPONENT] * len(NUMBER))
-
-
-def test_the_units_of_version_1_are_units_still() -> None:
-    assert BASE_UNITS.keys() > VERSION_1_UNITS
 
 
 @given(_DIMENSION, _DIMENSION)

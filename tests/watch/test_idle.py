@@ -36,7 +36,7 @@ ROME = described_program(RobotChoice(text="rome", origin="the test"))
 IDLE = IdleRobot(LIMITS_RUN, interface_of(ROME.robot), frozenset(SERVERS))
 
 WANDER = """
-language 2
+language 1
 import robot
 module cruise { when true do drive(velocity = 100 mm/s, turn = 0) }
 network { drive = cruise }

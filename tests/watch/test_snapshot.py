@@ -40,7 +40,7 @@ class NeverApplicable:
 
 def test_a_module_in_python_that_is_not_applicable_is_inactive() -> None:
     program = load_text(
-        f"""language 2
+        f"""language 1
         robot tiny {{ sensor bump : bool from RServer.bumper
           actuator drive {{ velocity : mm/s range -400 .. 400 }} to RServer.drive idle drive(velocity = 0) }}
         module never from python "{__name__}:NeverApplicable" {{ reads bump commands drive }}

@@ -85,34 +85,28 @@ def _whole_index(
     value = constant_value(index)
     if value is None:
         return index
-    is_inside = isfinite(value) and (type_.closes or 0 <= round(value) < type_.size)
-    if not is_inside:
-        is_finite = isfinite(value)
-        is_angle_too = is_finite and type_.bearings is not None and nearest(type_.bearings, value) is not None
+    bearings = type_.bearings
+    if not (isfinite(value) and (type_.closes or 0 <= round(value) < type_.size)):
+        is_angle_too = isfinite(value) and bearings is not None and nearest(bearings, value) is not None
         angles = _meant(degrees_text(value)) if is_angle_too else None
-        if not _is_tolerated(checker, node.index, f"index {value:g}", type_, is_finite, angles):
-            return None
-    if type_.bearings is not None:
+        _report_outside(checker, node.index, f"index {value:g}", type_, angles)
+        return None
+    if bearings is not None:
         place = round(value) % type_.size
-        angle = type_.bearings.angles[place]
-        same = degrees_text(angle) if nearest(type_.bearings, angle) == place else None
+        angle = bearings.angles[place]
+        same = degrees_text(angle) if nearest(bearings, angle) == place else None
         is_inside = 0 <= round(value) < type_.size
-        is_angle_too = nearest(type_.bearings, value) is not None
+        is_angle_too = nearest(bearings, value) is not None
         _note_plain(checker, node, f"looks along {degrees_text(angle)}", same, is_inside, is_angle_too)
     return index
 
 
-def _is_tolerated(
-    checker: Checker, node: ast.SyntaxNode, what: str, type_: Array, wrapped: bool, angles: str | None
-) -> bool:
-    """Report what is outside an array; return True if it `wrapped` in version 1, and the text is of that.
-
-    `angles` is a hint for numbers that were meant as degrees.
-    """
-    is_tolerated = wrapped and "E217" in checker.report.tolerated
+def _report_outside(
+    checker: Checker, node: ast.SyntaxNode, what: str, type_: Array, angles: str | None
+) -> None:
+    """Report what is outside an array; `angles` is a hint for numbers that were meant as degrees."""
     message = f"{what} is outside the array, whose last index is {type_.size - 1}"
-    checker.error("E217" if is_tolerated else "E205", node, message, angles or _NO_WRAP)
-    return is_tolerated
+    checker.error("E205", node, message, angles or _NO_WRAP)
 
 
 # --- slices ----------------------------------------------------------------------------------------
@@ -153,8 +147,8 @@ def _whole_indices(checker: Checker, node: ast.SliceOf, array: ir.Expression) ->
         if type_.bearings is not None and 0 <= last - first <= TURN:
             is_angle_too = bool(between(type_.bearings, float(first), float(last)))
             angles = _meant(f"{degrees_text(first)} .. {degrees_text(last)}") if is_angle_too else None
-        if not _is_tolerated(checker, node, what, type_, count <= size, angles):
-            return None
+        _report_outside(checker, node, what, type_, angles)
+        return None
     if first > last and not type_.closes:
         message = f"the slice runs from {first} past the end to {last}; only rings that close wrap"
         checker.error("E217", node, message, f"the last index is {size - 1}; {_NO_WRAP}")

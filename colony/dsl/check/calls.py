@@ -37,13 +37,9 @@ _SPECIAL = ("window", "fresh", "value_or", "now")
 _PURE = {f.value: f for f in ir.Function}
 _MEMORY = {m.value: m for m in ir.MemoryFunction}
 FUNCTION_NAMES = (*_PURE, *_MEMORY, *_SPECIAL)
-FORMER_FUNCTIONS = {
+FOREIGN_FUNCTIONS = {
     "held": "`recently(b, D)` is true until D after the last frame with b, "
     "`sustained(b, D)` once b has been true for D without a break",
-}
-"""Hints for functions of version 1 of the language."""
-
-FOREIGN_FUNCTIONS = {
     **dict.fromkeys(("avg", "average"), "write `mean`"),
     **dict.fromkeys(("argmin", "index_min", "min_index"), "write `index_of_min`"),
     **dict.fromkeys(("argmax", "index_max", "max_index"), "write `index_of_max`"),

@@ -16,7 +16,6 @@ from colony.dsl import ast
 from colony.dsl.check.arguments import argument_symbol, placeholder, without_wildcard_type
 from colony.dsl.check.calls import (
     FOREIGN_FUNCTIONS,
-    FORMER_FUNCTIONS,
     FUNCTION_NAMES,
     check_call,
     reject_named_arguments,
@@ -115,8 +114,7 @@ def _report_unknown(checker: Checker, name: ast.Name, scope: Scope, rest: tuple[
         checker.error("E105", name, f"`{name.text}` is used before it is declared", hint)
         return
     known = [*FUNCTION_NAMES, *checker.local, *scope.visible_values]
-    suggestion = {**FORMER_FUNCTIONS, **FOREIGN_FUNCTIONS}.get(name.text)
-    suggestion = suggestion or checker.report.suggest(rest[-1], known)
+    suggestion = FOREIGN_FUNCTIONS.get(name.text) or checker.report.suggest(rest[-1], known)
     checker.error("E107", name, f"unknown function `{name.text}`", suggestion)
 
 

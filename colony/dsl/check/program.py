@@ -52,21 +52,17 @@ _Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
 
 def check_program(
-    tree: SourceTree, *, tolerated: frozenset[str] = frozenset(), params: SiteParams | None = None
+    tree: SourceTree, *, params: SiteParams | None = None
 ) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:
     """Return the program (None if there are errors), and all errors and warnings in order.
 
-    Errors with the codes `tolerated` are reported, but the program is returned. The values of `params` stand
-    in for those in the text.
+    The values of `params` stand in for those in the text.
     """
-    report = Report(
-        diagnostics=[*tree.diagnostics, *([] if params is None else params.diagnostics)], tolerated=tolerated
-    )
+    report = Report(diagnostics=[*tree.diagnostics, *([] if params is None else params.diagnostics)])
     is_readable = bool(tree.files) and not any(d.code == "E008" for d in tree.diagnostics)
     program = _Check(tree, report, params).run() if is_readable else None
     diagnostics = in_order(report.diagnostics)
-    fatal = has_errors(d for d in diagnostics if d.code not in tolerated)
-    return (None if fatal else program), diagnostics
+    return (None if has_errors(diagnostics) else program), diagnostics
 
 
 class _Check:

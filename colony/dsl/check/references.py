@@ -7,7 +7,7 @@ from itertools import islice
 
 from colony.dsl import ast
 from colony.dsl.check.arguments import placeholder, with_new_cells
-from colony.dsl.check.calls import FORMER_FUNCTIONS, FUNCTION_NAMES
+from colony.dsl.check.calls import FUNCTION_NAMES
 from colony.dsl.check.checker import CONSTANT_HINT, Checker
 from colony.dsl.check.private import reject_private_member, reject_private_name
 from colony.dsl.check.reductions import MAX_ITERATIONS
@@ -271,7 +271,6 @@ _WORD_HINTS = {
     "t": "the time since the first frame is `now`",
     "time": "the time since the first frame is `now`",
     "pi": "angles have units: `180 deg`, `3.14 rad`",
-    **FORMER_FUNCTIONS,
     **{name: f"it is a function: `{name}(...)`" for name in FUNCTION_NAMES},
 }
 

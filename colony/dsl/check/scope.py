@@ -315,12 +315,10 @@ class Report:
     """The findings of all checkers, and the number of memory cells so far.
 
     `suggestions` is the number of suggestions that may still be made; they are slow to compute. `size` counts
-    what calls of functions add to the program. `tolerated` are the codes of errors with which a program is
-    returned all the same.
+    what calls of functions add to the program.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
-    tolerated: frozenset[str] = frozenset()
     cells: int = 0
     suggestions: int = 100
     size: ProgramSize = field(default_factory=ProgramSize)

@@ -18,7 +18,7 @@ from tests.waiting import PATIENCE_S, killed_in_the_end, until
 QUICK = ("--map", "loop", "--duration", "2", "--vary", "start", "--engine", "serial")
 
 FORWARD = """
-language 2
+language 1
 import robot
 param pace = 300 mm/s
 module forward { when true do drive(velocity = pace, turn = 0 deg/s) }

@@ -15,7 +15,7 @@ from colony.cli import site_proof
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
 
-BEHAVIOR = """language 2
+BEHAVIOR = """language 1
 import "rome"
 param cruising = 300 mm/s
 param other = 1

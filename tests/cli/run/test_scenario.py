@@ -19,7 +19,7 @@ FRAME_S = 0.05
 DURATION_S = 4.0
 
 PRESSED = """
-language 2
+language 1
 import robot
 module cruise { when not estop and goal_number == 7  do drive(velocity = 200 mm/s, turn = 0 deg/s) }
 network { drive = cruise }

@@ -10,7 +10,7 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Tick, Verdict
 
 MS = 1_000_000
-ROBOT = """language 2
+ROBOT = """language 1
 robot r {
   actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s range -90 .. 90 }
            to RServer.drive  idle drive(velocity = 0, turn = 0)

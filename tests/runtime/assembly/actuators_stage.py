@@ -38,7 +38,7 @@ from tests.runtime.assembly import outside_stage
 from tests.runtime.assembly.outside_stage import Connection, Happened
 
 TEXT = """
-language 2
+language 1
 robot r {{
   frame {frame_ms} ms
   sensor sonar[24] : mm range 0 .. 10000 from PServer.sonar within {within_ms} ms

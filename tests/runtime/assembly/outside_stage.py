@@ -31,7 +31,7 @@ MS = 1_000_000
 S = 1000 * MS
 
 TEXT = """
-language 2
+language 1
 robot r {{
   frame {frame_ms} ms
   sensor sonar[24] : mm range 0 .. 10000 from PServer.sonar within {within_ms} ms

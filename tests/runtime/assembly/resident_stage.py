@@ -35,7 +35,7 @@ SERVERS = ("RServer", "PServer", "DServer", "Runtime")
 
 def description(name: str = "rome") -> Compiled:
     """Return a description alone, compiled."""
-    return compile_program(load_text("language 2\nimport robot\n", robot=name)).compiled
+    return compile_program(load_text("language 1\nimport robot\n", robot=name)).compiled
 
 
 def joystick(velocity: float, codes: list[str | None]) -> Script:

@@ -17,7 +17,7 @@ from tests.runtime.scripted import FAR, Log
 
 MS = 1_000_000
 
-ROBOT = """language 2
+ROBOT = """language 1
 robot rome {
   sensor sonar[24] : mm  bearing -180 deg  range 0 .. 10000  from PServer.sonar  within 300 ms
   sensor bumper    : bool                  from RServer.bumper within 300 ms

@@ -36,7 +36,7 @@ from tests.runtime.calling import call_of, opening
 from tests.runtime.scripted import Script
 
 WANDER = """
-language 2
+language 1
 import robot
 module cruise {{ when true  do drive(velocity = {velocity} mm/s, turn = 0) }}
 network {{ drive = cruise }}
@@ -159,7 +159,7 @@ def test_the_limits_are_a_program_of_bounds_alone() -> None:
 
 
 LIFTED = """
-language 2
+language 1
 robot amr {
   sensor   height : mm   from Lift.height  within 300 ms
   sensor   level : number from Lift.height

@@ -27,7 +27,7 @@ MS = 1_000_000
 FRAME_NS = 50 * MS
 
 PROGRAM = """
-language 2
+language 1
 robot amr {
   sensor   height : mm  from Lift.height  within 300 ms
   actuator lift { height : mm range 0 .. 400, fast : bool }

@@ -17,7 +17,7 @@ from tests.examples.stage import Machine, Process, machine
 from tests.waiting import until
 
 PROGRAM = """
-language 2
+language 1
 
 enum light { off = 0, slow = 5, fast = 9 }
 

@@ -326,7 +326,7 @@ def test_its_description_says_what_the_spec_says() -> None:
 # --- devices that fail, and a robot that lives by them ---------------------------------------------------
 
 PROGRAM = """
-language 2
+language 1
 robot amr {
   sensor   scan[3] : mm  from Lidar.scan     within 300 ms
   sensor   height : mm   from Lift.height    within 300 ms
@@ -501,7 +501,7 @@ def test_a_driver_gives_and_takes_numbers_in_the_units_of_the_interface() -> Non
     found = DeviceReader(spec, device, print).read(NOW_NS)
     assert found == {"scan": Sample((1500.0, 4000.0), NOW_NS), "on": Sample(True, NOW_NS)}
     program = """
-    language 2
+    language 1
     robot r { frame 50 ms  sensor at : m from Arm.at  actuator arm { to : m } to Arm.move idle hold }
     module go { when true do arm(to = 2 m) }
     network { arm = go }

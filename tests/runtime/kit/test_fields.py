@@ -125,7 +125,7 @@ def test_each_kind_of_problem_is_reported_once_for_each_field() -> None:
 # --- devices that fail, and a robot that drives by them ----------------------------------------------------
 
 PROGRAM = """
-language 2
+language 1
 robot rome {
   sensor   scan[3] : mm  from Lidar.scan  within 300 ms
   actuator drive { velocity : mm/s range -300 .. 300, turn : deg/s range -45 .. 45 }

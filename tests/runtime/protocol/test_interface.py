@@ -10,7 +10,7 @@ from colony.execute.colonyc import decode, encode
 from colony.ir.program import Robot
 from colony.runtime.protocol.interface import MAX_DIGESTS, Interface, interface_of, interface_problem
 
-TEXT = """language 2
+TEXT = """language 1
 enum gait { walk = 0, run = 1 }
 robot r {
   frame 50 ms

@@ -13,7 +13,7 @@ from colony.verify.contracts.kept import KeptProofs, blamed, kept_proofs
 from colony.verify.contracts.proof_cache import cache_folder
 from colony.verify.contracts.results import Options, Refuted
 
-TEXT = """language 2
+TEXT = """language 1
 robot r {
   sensor bumper : bool from RServer.bumper
   actuator drive { velocity : mm/s }  to RServer.drive  idle drive(velocity = 0)

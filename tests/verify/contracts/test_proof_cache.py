@@ -15,7 +15,7 @@ from colony.verify.contracts.results import Options, OverReals, Proved, ProvedIn
 
 OPTIONS = Options.within(0.2, depth=1)
 
-TEXT = """language 2
+TEXT = """language 1
 robot r {
   sensor a : mm range 0 .. 100 from PServer.a
   sensor b : mm range 0 .. 100 from PServer.b

@@ -140,9 +140,9 @@ def test_the_written_test_expects_what_was_reached(condition: str, expects: str 
 
 
 def test_a_reach_of_an_imported_file_has_its_prefix_and_no_test(tmp_path: Path) -> None:
-    (tmp_path / "inner.colony").write_text(f"language 2\n{ROBOT}reach there: drive by cruise\n")
+    (tmp_path / "inner.colony").write_text(f"language 1\n{ROBOT}reach there: drive by cruise\n")
     (tmp_path / "outer.colony").write_text(
-        'language 2\nimport "inner.colony" as inner\nnetwork { drive = inner.drive }\n'
+        'language 1\nimport "inner.colony" as inner\nnetwork { drive = inner.drive }\n'
     )
     made = load_file(str(tmp_path / "outer.colony"))
     [found] = prove_contracts(with_reaches(made))

@@ -7,7 +7,7 @@ from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Proved
 from colony.verify.contracts.slicing import slice_of
 
-TEXT = """language 2
+TEXT = """language 1
 robot r {
   sensor bumper : bool from RServer.bumper
   sensor level : number from PServer.level

@@ -92,7 +92,7 @@ def test_every_behavior_is_the_same_as_itself(path: Path) -> None:
 # --- the same content in another form ----------------------------------------------------------------
 
 RING = """
-language 2
+language 1
 robot r {
   sensor ring[8] : mm  bearing -180 deg  range 0 .. 5000  from PServer.ring
   sensor turned : deg from RServer.turned

@@ -20,7 +20,7 @@ Readings = dict[str, object]
 
 
 def program(text: str, more: str = "") -> Program:
-    return load_text(f"language 2\n{robot(more)}{text}")
+    return load_text(f"language 1\n{robot(more)}{text}")
 
 
 def answer(
@@ -184,7 +184,7 @@ def test_a_lost_client_lets_others_act_only_where_it_may() -> None:
         "idle drive(velocity = 0, turn = 0)", "idle drive(velocity = 0, turn = 0) on_loss degrade"
     )
     loaded = load_text(
-        f"language 2\n{text}{go('a', 'true')}{go('b', 'true')}network {{ drive = a suppresses b }}"
+        f"language 1\n{text}{go('a', 'true')}{go('b', 'true')}network {{ drive = a suppresses b }}"
     )
     follower = Follower(loaded)
     verdict = Verdict(
