@@ -28,6 +28,7 @@ MODULES = (
     "reading_to_motion",
     "stops_on_wire",
     "one_line",
+    "experiment",
 )
 QUICK: dict[str, dict[str, Any]] = {
     "start": {"RUNS": 1},
@@ -57,6 +58,7 @@ QUICK: dict[str, dict[str, Any]] = {
     },
     "load": {"ROUNDS": 1, "FRAMES": 5, "WARM_UP": 1, "FLOOR_S": 1.0, "BEHAVIORS": ("wander",)},
     "reading_to_motion": {"EVENTS": 2},
+    "experiment": {"RUNS": 2, "SINGLE_RUNS": 1, "DURATION_S": 1},
     "stops_on_wire": {"ROUNDS": 1, "WATCHED_S": 0.2},
     "one_line": {"SECONDS": 1.0, "SETTLE_S": 1.0},
 }
