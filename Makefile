@@ -2,7 +2,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-ALL    := $(VENV)/.all
+SIM    := $(VENV)/.sim
 DEV    := $(VENV)/.dev
 
 SECONDS ?= 60
@@ -16,7 +16,7 @@ WORKERS ?= 2
 
 .PHONY: run test test-long test-thorough browser check format bench soak stops loss agreement angles attack wheel mutants clean
 
-run: $(ALL)
+run: $(SIM)
 	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
 
 test: $(DEV)
