@@ -17,7 +17,9 @@ from studies.record import RUN_TABLE, FailureReason
 from studies.sources.run import NUMBERS
 from tests.pages import page_text
 
-EXPERIMENTS, PLATES_PAGE, SOURCES_PAGE = map(page_text, ("experiments.md", "plates.md", "sources.md"))
+EXPERIMENTS, PLATES_PAGE, SOURCES_PAGE = (
+    page_text(f"studies/{name}.md") for name in ("experiments", "plates", "sources")
+)
 
 
 @pytest.mark.parametrize(
