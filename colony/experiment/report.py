@@ -26,7 +26,7 @@ class Summary:
         label: the name of the behavior.
         contacts: the runs with a contact.
         contacts_per_run: the number of contacts of a run.
-        stuck: the runs in which the robot was stuck.
+        stuck: the runs in which the robot was stuck; None if no run was long enough.
         broken: the runs in which a contract was broken, by contract.
         off_map: the runs in which the robot left the known cells of the map.
         arrived: the runs that arrived at their goal; None if there was none.
@@ -44,7 +44,7 @@ class Summary:
     label: str
     contacts: Proportion
     contacts_per_run: Mean
-    stuck: Proportion
+    stuck: Proportion | None
     broken: dict[str, Proportion]
     off_map: Proportion
     arrived: Proportion | None
@@ -73,7 +73,7 @@ def summary_of(label: str, results: Sequence[TrialResult]) -> Summary:
         label=label,
         contacts=_proportion(results, lambda r: r.contacts > 0),
         contacts_per_run=mean_of([r.contacts for r in results]),
-        stuck=_proportion(results, lambda r: r.is_stuck),
+        stuck=_stuck(results),
         broken={name: wilson(count, len(results)) for name, count in sorted(broken.items())},
         off_map=_proportion(results, lambda r: r.off_map_s > 0.0),
         arrived=_proportion(results, lambda r: r.arrived == 1) if results[0].arrived >= 0 else None,
@@ -95,6 +95,11 @@ def summary_of(label: str, results: Sequence[TrialResult]) -> Summary:
 def _mean_parts(results: Sequence[TrialResult], frames: int) -> dict[str, float]:
     names = list(dict.fromkeys(name for r in results for name in r.shares))
     return {name: sum(r.shares.get(name, 0.0) * r.frames for r in results) / frames for name in names}
+
+
+def _stuck(results: Sequence[TrialResult]) -> Proportion | None:
+    is_measured = any(r.duration_s > STUCK_S for r in results)
+    return _proportion(results, lambda r: r.is_stuck) if is_measured else None
 
 
 def _proportion(results: Sequence[TrialResult], has: Callable[[TrialResult], bool]) -> Proportion:
@@ -145,7 +150,8 @@ def _rows(summary: Summary) -> Iterator[tuple[str, str]]:
     yield "with a contact", proportion_text(summary.contacts)
     if summary.contacts.cases:
         yield "contacts of a run", mean_text(summary.contacts_per_run, 2)
-    yield f"stuck for {STUCK_S:.0f} s", proportion_text(summary.stuck)
+    not_measured = f"not measured: no run lasts {STUCK_S:.0f} s"
+    yield "stuck", not_measured if summary.stuck is None else proportion_text(summary.stuck)
     if summary.off_map.cases:
         yield "off the map", proportion_text(summary.off_map)
     for name, broken in summary.broken.items():
@@ -198,12 +204,13 @@ def _by_param(experiment: Experiment, results: Sequence[TrialResult]) -> Iterato
         for number, own in sorted(bins.items()):
             low, high = values.low + number * step, values.low + (number + 1) * step
             contacts = _proportion(own, lambda r: r.contacts > 0)
-            stuck = _proportion(own, lambda r: r.is_stuck)
-            distance = mean_of([r.distance_mm / 1000.0 for r in own])
-            lines.append(
-                f"    {low:.4g} to {high:.4g}{unit}: with a contact {proportion_text(contacts)}, "
-                f"stuck {proportion_text(stuck)}, {distance.mean:.2f} m"
-            )
+            stuck, distance = _stuck(own), mean_of([r.distance_mm / 1000.0 for r in own])
+            figures = [f"with a contact {proportion_text(contacts)}"]
+            figures += [] if stuck is None else [f"stuck {proportion_text(stuck)}"]
+            for contract in sorted({contract for r in results for contract in r.breaches}):
+                broken = wilson(sum(contract in r.breaches for r in own), len(own))
+                figures.append(f"{contract} broken {proportion_text(broken)}")
+            lines.append(f"    {low:.4g} to {high:.4g}{unit}: {', '.join(figures)}, {distance.mean:.2f} m")
         yield "\n".join(lines)
 
 

@@ -62,7 +62,7 @@ class TrialResult:
         blind: the number of frames in which a sensor that the program needs had no value.
         shares: the part of the frames in which each module commanded, by `actuator/module`.
         limits: the number of frames in which a limit cut a command, by `actuator.field`.
-        breaches: the number of frames in which a contract was broken, by contract.
+        breaches: the time in s at which a contract was broken first, by contract.
         remark: the first report of a device or module, or a difference between the runtime and the program.
         difference: the first frame that the reference interpreter decided differently; "" for none.
         audited: the number of frames that the reference interpreter decided.
@@ -83,7 +83,7 @@ class TrialResult:
     blind: int
     shares: Mapping[str, float]
     limits: Mapping[str, int]
-    breaches: Mapping[str, int]
+    breaches: Mapping[str, float]
     remark: str
     difference: str
     audited: int
@@ -209,7 +209,7 @@ def _result(
             for share in actuator.shares
         },
         limits={r.subject: r.frames for r in summary.records if r.kind == "limited"},
-        breaches={breach.contract: breach.frames for breach in summary.breaches},
+        breaches={breach.contract: breach.first_s for breach in summary.breaches},
         remark=next(iter([*summary.disagreements, *reports]), ""),
         difference=difference,
         audited=audited,

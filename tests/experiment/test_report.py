@@ -14,7 +14,7 @@ GOOD = TrialResult(
     movers=0,
     params={"clearance": 0.7},
     frames=100,
-    duration_s=5.0,
+    duration_s=60.0,
     contacts=0,
     distance_mm=2000.0,
     stay_s=1.0,
@@ -41,12 +41,13 @@ RESULTS = [
     result(1),
     result(2, contacts=3, places=((5, 5),) * 3, params={"clearance": 1.39}, limits={"drive.velocity": 10}),
     result(3, stay_s=30.0, blind=50),
-    result(4, breaches={"slow": 2}, distance_mm=4000.0, params={"clearance": 1.4}),
+    result(4, breaches={"slow": 2.0}, distance_mm=4000.0, params={"clearance": 1.4}),
 ]
 
 
 def test_summary_counts_runs_and_frames() -> None:
     found = summary_of("one", RESULTS)
+    assert found.stuck is not None
     assert (found.contacts.cases, found.stuck.cases, found.broken["slow"].cases) == (1, 1, 1)
     assert found.contacts_per_run.mean == 0.75
     assert found.distance_m.mean == 2.5
@@ -60,7 +61,12 @@ def test_summary_counts_runs_and_frames() -> None:
 def test_summary_of_runs_with_a_goal_counts_arrivals() -> None:
     found = summary_of("one", [result(1, arrived=1, stay_s=60.0), result(2, arrived=0)])
     assert found.arrived is not None
+    assert found.stuck is not None
     assert (found.arrived.cases, found.stuck.cases, found.worst) == (1, 0, (2,))
+
+
+def test_summary_of_short_runs_does_not_say_how_often_robots_are_stuck() -> None:
+    assert summary_of("one", [result(1, duration_s=30.0)]).stuck is None
 
 
 def test_text_has_the_bins_of_a_param_and_no_idle_actuator() -> None:
@@ -70,6 +76,11 @@ def test_text_has_the_bins_of_a_param_and_no_idle_actuator() -> None:
     assert "BROKEN in 1 of 4 runs" in text
     assert "0.6 to 0.8 m: with a contact 0 of 2 runs" in text
     assert "1.2 to 1.4 m: with a contact 1 of 2 runs" in text
+    assert (
+        "1.2 to 1.4 m: with a contact 1 of 2 runs (9.5 to 90.5 %), stuck 0 of 2 runs (0.0 to 65.8 %), "
+        in text
+    )
+    assert "slow broken 1 of 2 runs" in text
     assert "lift" not in text
 
 

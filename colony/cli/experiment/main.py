@@ -408,6 +408,9 @@ def _replay(trials: Sequence[Trial], number: int) -> None:
         params = "".join(f", {param} = {value}" for param, value in trial.params)
         contacts = "1 contact" if result.contacts == 1 else f"{result.contacts} contacts"
         click.echo(f"wrote {name}: {result.distance_mm / 1000.0:.2f} m, {contacts}{params}")
+        for contract, first_s in result.breaches.items():
+            at = f"{first_s:.10g}"
+            click.echo(f"  contract {contract}: BROKEN first at {at} s: colony explain {name} --at {at}")
 
 
 # --- the outputs ---------------------------------------------------------------------------------

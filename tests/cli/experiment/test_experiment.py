@@ -73,6 +73,7 @@ def test_experiment_that_breaks_a_contract_says_where_and_replays_it(
     )
     assert replayed.code == 0, replayed.err
     assert f"wrote run-{number}.mcap" in replayed.out
+    assert f"contract slow: BROKEN first at 0 s: colony explain run-{number}.mcap --at 0" in replayed.out
     audit = colony("audit", f"run-{number}.mcap")
     assert audit.code == 0, audit.out + audit.err
     assert "slow" in audit.out
