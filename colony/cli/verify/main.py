@@ -43,7 +43,7 @@ from colony.verify.interruption import reliable_interrupts
     "command from outside the network breaks it. May be repeated.",
 )
 @depth_option("counterexamples")
-@timeout_option(DEFAULT_SECONDS, each="contract")
+@timeout_option(DEFAULT_SECONDS, each="attempt at a contract (a difficult one takes several)")
 @click.option(
     "--write-test",
     is_flag=True,

@@ -10,7 +10,7 @@ from typing import assert_never
 from colony.ir.frame import Outcome
 from colony.ir.program import Program, in_declared_units
 from colony.text.diagnostics import Diagnostic, error, note, warning
-from colony.text.wording import counted
+from colony.text.wording import counted, quoted
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
 from colony.verify.contracts.reach import VERDICTS, length_text, never_reached
@@ -30,7 +30,8 @@ from colony.verify.symbolic.system import Reason
 _MAX_LOCATIONS = 3
 
 _OVER_REALS_HINT = (
-    "leave room for rounding: compare with a bound that is a little wider, or keep numbers whole and bounded"
+    "leave room for rounding: compare with a bound that is a little wider, or keep numbers whole and "
+    "bounded; if there is room, give the proof in floats more time: --timeout 60"
 )
 
 _IN_TIME = "proved while every client is in time"
@@ -115,8 +116,9 @@ def _broken(trace: Trace) -> str:
 
 
 def _disturbance(trace: Trace) -> str:
-    """Return what disturbs a run: `a client is late`, `a client is lost`, or both."""
-    late = "a client is late" if any(s.given for s in trace.snapshots) else ""
+    """Return what disturbs a run: "the client of `drive` is late", "a client is lost", or both."""
+    idle = tuple(dict.fromkeys(actuator for s in trace.snapshots for actuator in s.given))
+    late = f"the client of {quoted(idle)} is late" if idle else ""
     lost = "a client is lost" if any(s.lost for s in trace.snapshots) else ""
     return " and ".join(filter(None, (late, lost)))
 

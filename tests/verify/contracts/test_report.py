@@ -30,7 +30,7 @@ def test_a_contract_that_a_late_client_breaks_is_a_note_with_the_run() -> None:
     assert isinstance(found, ProvedInTime)
     assert lines(program(text), found)[:5] == (
         "proved in time  c",
-        "  it is proved while every client is in time; the run below breaks it, in which a client is late:",
+        "  it is proved while every client is in time; the run below breaks it, in which the client of `drive` is late:",
         "  time  bump  drive",
         "  0 s   true  late, idle: velocity = 0 m/s, turn = 0 deg/s",
         "  missing, where some readings would change this: far",
@@ -41,7 +41,7 @@ def test_a_contract_that_a_late_client_breaks_is_a_note_with_the_run() -> None:
     start = (
         "contract `c` is proved only while every client is in time; it is false at 0 s of a run of 1 frame"
     )
-    assert said.message.startswith(f"{start} in which a client is late; found: ")
+    assert said.message.startswith(f"{start} in which the client of `drive` is late; found: ")
     assert said.hint is not None
     assert "`drive is idle or ...`" in said.hint
     rows = row(program(text), found)
@@ -82,7 +82,7 @@ def test_memory_that_an_earlier_late_frame_changed_is_what_the_hint_is_about() -
     assert said.hint is not None
     assert "(`drive is idle or previous(drive is idle, true) or ...`)" in said.hint
     assert "lost" not in said.hint
-    assert "in which a client is late; found" in said.message
+    assert "in which the client of `drive` is late; found" in said.message
     assert row(program(text), found)["hint"] == said.hint
 
 
