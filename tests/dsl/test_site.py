@@ -322,6 +322,16 @@ def test_a_robot_beside_the_behavior_sets_the_params_that_it_reads(folder: Path)
     assert found.message == "`far` is a param of the robot's interface, which its description sets"
 
 
+def test_param_of_the_robot_with_the_name_of_a_modules_param_suggests_the_latter(folder: Path) -> None:
+    module = (
+        "module slow { param far = 2 when true do drive(velocity = 0, turn = 0) }\nnetwork { drive = slow }"
+    )
+    text = f"language 1\nparam far = 5000\nparam reach = 2 * far\n{ROBOT}{module}\n"
+    Path("own.colony").write_text(text)
+    [found] = errors("far = 1", "own.colony")
+    assert found.hint == "did you mean `slow.far`?"
+
+
 def test_an_error_that_comes_of_a_value_shows_it(folder: Path) -> None:
     found = errors("first = 9\ncount = 2")
     assert {d.code for d in found} == {"E205"}

@@ -62,7 +62,8 @@ def bind_params(report: Report, scopes: list[Scope], params: SiteParams) -> Site
             hint = _suggestion(value.name, catalog.params(), is_declared=True)
             if found.kind == _OF_ROBOT:
                 message = f"`{value.name}` is {_OF_ROBOT}"
-                hint = "set it there, or choose another description with --robot"
+                if not hint.startswith("did you mean"):
+                    hint = "set it there, or choose another description with --robot"
             report.diagnostics.append(error("E703", value.key, message, hint, place))
         elif name in bound:
             first = Label(bound[name].key, "first set here")
