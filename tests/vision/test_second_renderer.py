@@ -161,7 +161,7 @@ def test_nothing_is_shared_with_the_simulator() -> None:
 
 
 def test_no_reader_was_trained_with_its_fonts() -> None:
-    from colony.vision.training.fonts import learned_fonts
+    from tools.training.fonts import learned_fonts
 
     own = {font_file(name).resolve().parent for name in FONTS}
     learned = [font.resolve() for font in learned_fonts()]

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from colony.vision.letters import network
 from colony.vision.letters.network import WEIGHTS_FILE, LetterNet, packed, unpacked
-from colony.vision.training.fonts import learned_fonts, unseen_fonts
-from colony.vision.training.learning import BATCH_SIZE, Learner, train_steps
-from colony.vision.training.trial import Score, calibrate, junk_score, plate_score
+from tools.training.fonts import learned_fonts, unseen_fonts
+from tools.training.learning import BATCH_SIZE, Learner, train_steps
+from tools.training.trial import Score, calibrate, junk_score, plate_score
 
 STEPS = 1_200
 HEIGHTS_PX = (8.0, 10.0, 12.0, 16.0, 24.0, 40.0)
@@ -28,7 +29,7 @@ _JUNK_SAMPLES = 1_000
 
 def main() -> None:
     """Run the command."""
-    parser = argparse.ArgumentParser(prog="python -m colony.vision.training", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tools.training", description=__doc__)
     parser.add_argument("--seed", type=int, default=1, help="seed of all random numbers (default: 1)")
     parser.add_argument(
         "--steps", type=int, default=STEPS, help=f"steps of {BATCH_SIZE} samples (default: {STEPS})"
@@ -36,7 +37,7 @@ def main() -> None:
     parser.add_argument(
         "--samples", type=int, default=60, help="samples per font and height in the evaluation (default: 60)"
     )
-    weights = Path(__file__).parents[1] / "letters" / WEIGHTS_FILE
+    weights = Path(network.__file__).parent / WEIGHTS_FILE
     parser.add_argument(
         "--out", type=Path, default=weights, help="the .npz file to write (default: Colony's own)"
     )

@@ -9,13 +9,13 @@ import pytest
 
 from colony.vision.letters.network import CLASSES
 from colony.vision.plates.reader import reading_of
-from colony.vision.training import __main__ as command
-from colony.vision.training import fonts as fonts_module
-from colony.vision.training.ctc import ctc_loss
-from colony.vision.training.fonts import learned_fonts, unseen_fonts
-from colony.vision.training.layers import Convolution, Normalization, Pooling, TrainableLayer
-from colony.vision.training.learning import Learner, train_steps
-from colony.vision.training.samples import Batch, batch
+from tools.training import __main__ as command
+from tools.training import fonts as fonts_module
+from tools.training.ctc import ctc_loss
+from tools.training.fonts import learned_fonts, unseen_fonts
+from tools.training.layers import Convolution, Normalization, Pooling, TrainableLayer
+from tools.training.learning import Learner, train_steps
+from tools.training.samples import Batch, batch
 
 
 def test_the_gradient_of_the_loss_is_what_small_changes_make() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from colony.vision.plates.strip import STRIP_COLUMNS, STRIP_ROWS, Corners, plate_strip
-from colony.vision.training import lettering, views
-from colony.vision.training.texts import any_text, door_text
+from tools.training import lettering, views
+from tools.training.texts import any_text, door_text
 
 Floats = npt.NDArray[np.float32]
 

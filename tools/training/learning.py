@@ -20,9 +20,9 @@ from colony.vision.letters.network import (
     Layer,
     LetterNet,
 )
-from colony.vision.training.ctc import ctc_loss
-from colony.vision.training.layers import Convolution, Normalization, Parameter, Pooling, TrainableLayer
-from colony.vision.training.samples import Batch, batch
+from tools.training.ctc import ctc_loss
+from tools.training.layers import Convolution, Normalization, Parameter, Pooling, TrainableLayer
+from tools.training.samples import Batch, batch
 
 Floats = npt.NDArray[np.float32]
 

@@ -15,9 +15,9 @@ from colony.vision.detections import Reading
 from colony.vision.letters.network import LetterNet
 from colony.vision.plates.reader import reading_of, texts_of, weigh
 from colony.vision.plates.strip import plate_strip
-from colony.vision.training.samples import Sample, junk_sample, plate_sample
-from colony.vision.training.texts import door_text
-from colony.vision.training.views import random_height
+from tools.training.samples import Sample, junk_sample, plate_sample
+from tools.training.texts import door_text
+from tools.training.views import random_height
 
 SHARPNESSES = (0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.7, 2.0, 2.5)
 TRUSTS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
