@@ -73,7 +73,7 @@ tables: $(DEV)
 	$(BIN)/python -m colony.dsl.tables
 
 mutants: $(DEV)
-	$(BIN)/python -m tests.mutants $(MODULE) $(if $(SAMPLE),--sample $(SAMPLE)) --workers $(WORKERS)
+	$(BIN)/python -m tools.mutants $(MODULE) $(if $(SAMPLE),--sample $(SAMPLE)) --workers $(WORKERS)
 
 $(VENV)/.%: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

@@ -17,12 +17,12 @@ from types import CodeType
 
 import pytest
 
-from tests.mutants import planting, trial
-from tests.mutants.baseline import ARGUMENTS, Baseline
-from tests.mutants.mutation import Mutant
-from tests.mutants.results import Results
-from tests.mutants.scope import ROOT, SEEING_MOST
-from tests.mutants.trial import Failing, Order, Tell, Verdict
+from tools.mutants import planting, trial
+from tools.mutants.baseline import ARGUMENTS, Baseline
+from tools.mutants.mutation import Mutant
+from tools.mutants.results import Results
+from tools.mutants.scope import ROOT, SEEING_MOST
+from tools.mutants.trial import Failing, Order, Tell, Verdict
 
 
 @dataclass(frozen=True, slots=True)

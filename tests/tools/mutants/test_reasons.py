@@ -8,9 +8,9 @@ import pytest
 
 pytest.importorskip("mutmut", reason="`make mutants` needs it")
 
-from tests.mutants import reasons
-from tests.mutants.mutation import Mutant
-from tests.mutants.scope import ROOT, modules
+from tools.mutants import reasons
+from tools.mutants.mutation import Mutant
+from tools.mutants.scope import ROOT, modules
 
 
 def mutant(was: str, now: str, path: str = "a.py") -> Mutant:

@@ -114,7 +114,7 @@ def _meaning(code: CodeType) -> Hashable:
     return names, arguments, code.co_code, code.co_exceptiontable, constants
 
 
-class Importing(importlib.abc.MetaPathFinder, importlib.abc.SourceLoader):
+class Importing(importlib.abc.MetaPathFinder, importlib.abc.SourceLoader):  # type: ignore[misc]  # typeshed's bases differ
     """Gives one module another text when it is imported; to be put first into `sys.meta_path`."""
 
     def __init__(self, path: Path, name: str, source: str) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.mutants.mutation import Mutant
+from tools.mutants.mutation import Mutant
 
 FILE = Path(__file__).parent / "survivors.toml"
 

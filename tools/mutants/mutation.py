@@ -78,7 +78,10 @@ def _rendered(module: cst.Module, mutation: Mutation) -> str:
 class _Visitor(MutationVisitor):
     """mutmut's, and what its trampolines cannot do: decorated functions and properties."""
 
-    METADATA_DEPENDENCIES = (*MutationVisitor.METADATA_DEPENDENCIES, ByteSpanPositionProvider)
+    METADATA_DEPENDENCIES = (  # type: ignore[assignment]  # mutmut's has the type of its two
+        *MutationVisitor.METADATA_DEPENDENCIES,
+        ByteSpanPositionProvider,
+    )
 
     def __init__(self) -> None:
         super().__init__(mutation_operators, IgnoredCode(set(), set(), set()))

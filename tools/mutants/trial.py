@@ -20,8 +20,8 @@ from typing import Literal, NoReturn
 import pytest
 from hypothesis import Phase, settings
 
-from tests.mutants.baseline import Baseline
-from tests.mutants.scope import SEEING_MOST
+from tools.mutants.baseline import Baseline
+from tools.mutants.scope import SEEING_MOST
 
 Tell = Callable[[str], object]
 """Is called with the name of a test that fails, and does not come back."""
@@ -53,7 +53,8 @@ class Order:
 
     def of(self, tests: Iterable[str]) -> list[str]:
         """Those that see most, and short ones as far as the budget goes; who kills most a second first."""
-        seconds, left, kept = self.baseline.seconds, self.budget_s, []
+        seconds, left = self.baseline.seconds, self.budget_s
+        kept: list[str] = []
         for test in sorted(tests, key=lambda t: (not t.startswith(SEEING_MOST), seconds[t], t)):
             left -= 0.0 if test.startswith(SEEING_MOST) else seconds[test]
             if left < 0 and kept:

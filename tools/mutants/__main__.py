@@ -1,19 +1,18 @@
-"""python -m tests.mutants: mutants of the compiler, frames and arbitration, and what kills them."""
+"""python -m tools.mutants: mutants of the compiler, frames and arbitration, and what kills them."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import platform
 import random
 from pathlib import Path
 
-from tests.mutants import baseline, reasons, report
-from tests.mutants.baseline import Baseline
-from tests.mutants.hunt import Hunt, hunt
-from tests.mutants.mutation import Mutant, mutants_of
-from tests.mutants.results import Results
-from tests.mutants.scope import ROOT, digest, modules, tests
+from tools.mutants import baseline, reasons, report
+from tools.mutants.baseline import Baseline
+from tools.mutants.hunt import Hunt, hunt
+from tools.mutants.mutation import Mutant, mutants_of
+from tools.mutants.results import Results
+from tools.mutants.scope import ROOT, digest, modules, tests
 
 CACHE = ROOT / "build" / "mutants"
 
@@ -31,23 +30,22 @@ def main() -> None:
     print(f"{count} mutants, {count - new} known, {new} to try", flush=True)
     _in_parallel(left, known_tests, results, options.budget, options.workers)
     results.reload()
-    _tell(todo, results, options)
+    _tell(todo, results)
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, prog="python -m tests.mutants")
+    parser = argparse.ArgumentParser(description=__doc__, prog="python -m tools.mutants")
     parser.add_argument("modules", nargs="*", metavar="MODULE", help="only these modules (paths)")
     parser.add_argument("--sample", type=int, metavar="N", help="only N mutants a module, drawn with seed 0")
     parser.add_argument("--budget", type=float, default=10.0, metavar="S", help="seconds of tests a mutant")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that try mutants")
-    parser.add_argument("--no-bugs", action="store_true", help="leave the seeded bugs out")
-    parser.add_argument("--write", action="store_true", help=f"put the results into {report.PAGE.name}")
     return parser.parse_args()
 
 
 def _tests() -> list[Path]:
-    """All files of tests, this tool aside."""
-    return [path for path in ROOT.glob("tests/**/*.py") if path.parent != Path(__file__).parent]
+    """Return all files of tests, and of the tools that they use."""
+    paths = (path for folder in ("tests", "tools") for path in ROOT.glob(f"{folder}/**/*.py"))
+    return [path for path in paths if path.parent != Path(__file__).parent]
 
 
 def _sampled(mutants: list[Mutant], size: int | None) -> list[Mutant]:
@@ -79,7 +77,7 @@ def _in_parallel(
         raise SystemExit("not all mutants were tried")
 
 
-def _tell(todo: dict[str, list[Mutant]], results: Results, options: argparse.Namespace) -> None:
+def _tell(todo: dict[str, list[Mutant]], results: Results) -> None:
     table = report.rows(todo, results)
     print(report.plain(report.HEADER, [row.cells for row in table]))
     surviving, known = report.survivors(todo, results), reasons.load()
@@ -89,13 +87,6 @@ def _tell(todo: dict[str, list[Mutant]], results: Results, options: argparse.Nam
         print(f"  {mutant.path}:{mutant.line}: {mutant.key}")
     for line in known.stale(surviving, [m for several in todo.values() for m in several]):
         print(f"  explained, but not a survivor: {line}")
-    seeded = [] if options.no_bugs else list(report.bugs())
-    if seeded:
-        print("\n" + report.plain(("seeded bug", "noticed with"), seeded))
-    if options.write:
-        how = f"By `make mutants` with {platform.python_implementation()} {platform.python_version()}."
-        how += " A module's mutants were tried on its text as it is; survivors with the tests of that time."
-        report.write(table, seeded, surviving, known, how)
 
 
 if __name__ == "__main__":

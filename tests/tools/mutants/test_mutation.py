@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("mutmut", reason="`make mutants` needs it")
 
-from tests.mutants.mutation import mutants_of
+from tools.mutants.mutation import mutants_of
 
 TEXT = '''"""A module."""
 

@@ -13,8 +13,8 @@ from types import ModuleType
 
 import pytest
 
-from tests.mutants import planting, trial
-from tests.mutants.baseline import Baseline
+from tools.mutants import planting, trial
+from tools.mutants.baseline import Baseline
 
 TEXT = '''from functools import cache
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.mutants.scope import ROOT, digest
+from tools.mutants.scope import ROOT, digest
 
 ARGUMENTS = (
     *("--tb=native", "--capture=sys", "-qq", "--no-header", "-p", "no:benchmark"),

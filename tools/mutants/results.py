@@ -10,10 +10,10 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from tests.mutants.mutation import Mutant
-from tests.mutants.reasons import Reasons
-from tests.mutants.scope import ROOT, digest
-from tests.mutants.trial import Status, Verdict
+from tools.mutants.mutation import Mutant
+from tools.mutants.reasons import Reasons
+from tools.mutants.scope import ROOT, digest
+from tools.mutants.trial import Status, Verdict
 
 NOTICED: tuple[Status, ...] = ("killed", "timeout")
 
