@@ -49,7 +49,7 @@ NOT_RUN = {
     " --from .* --to ": "minutes of simulation; tests/cli/run",
     r"^colony verify \w+$|^colony (verify|run) .*--params": "minutes of proofs; tests/verify/contracts",
     r"^python -m studies ": "hours of simulation; tests/studies",
-    r"^python -m tools\.training": "hours of training",
+    r"^python -m tools\.": "hours, or another renderer",
     r"^python -m tests\.": "hours, or another renderer",
     "^make ": "the whole suite, or hours",
 }

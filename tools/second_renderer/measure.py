@@ -1,9 +1,9 @@
 """What the detectors find in a set of the second renderer's pictures, against what is in them.
 
-    python -m tests.vision.second_renderer.measure [FOLDER] [--write]
+    python -m tools.second_renderer.measure [FOLDER]
 
-prints the figures of a set, by default of the one in tests/vision/corpus, and with --write puts them and some
-of the pictures into docs/second_renderer.md. Mitsuba is not needed for it.
+prints the figures of a set, by default of the one in tests/vision/corpus, which are those of README.md.
+Mitsuba is not needed for it.
 """
 
 from __future__ import annotations
@@ -17,19 +17,14 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from colony.nav.maps.signs import MARKER_BITS
-from colony.vision.annotate import annotate
 from colony.vision.detectors import Detection, Detector, detect
 from colony.vision.gray_images import gray_image
 from colony.vision.image_files import Rgb, decode_image
 
-ROOT = Path(__file__).resolve().parents[3]
-CORPUS = ROOT / "tests" / "vision" / "corpus"
-PAGE = ROOT / "docs" / "second_renderer.md"
-PICTURES = ROOT / "docs" / "second_renderer"
-MARKS = "<!-- figures -->", "<!-- end of figures -->"
+CORPUS = Path(__file__).resolve().parents[2] / "tests" / "vision" / "corpus"
+PAGE = Path(__file__).with_name("README.md")
 
 SAME = 0.5
 """From which intersection over union on a spot is the thing that is there."""
@@ -38,9 +33,6 @@ NEAR_COLUMNS = 8.0
 """How far a ceiling light's middle may be off, in columns: 5 cm on the ceiling."""
 
 _FULL_LIGHT = 6.0  # columns from the rim within which an edge has no sky on its other side
-
-SHOWN = ("plates_01", "plates_22", "walls_24", "markers_02", "markers_05", "ceiling_01")
-"""The pictures on the page."""
 
 
 class Picture(NamedTuple):
@@ -192,32 +184,16 @@ def failures(scores: dict[Detector, Score]) -> list[str]:
     return lines
 
 
-def _write(lines: list[str], looked_at: list[Picture]) -> None:
-    """The figures and the pictures of the page."""
-    before, rest = PAGE.read_text(encoding="utf-8").split(MARKS[0])
-    after = rest.split(MARKS[1])[1]
-    PAGE.write_text(before + "\n".join([MARKS[0], "", *lines, "", MARKS[1]]) + after, encoding="utf-8")
-    for picture in looked_at:
-        if picture.name in SHOWN:
-            drawn = Image.fromarray(annotate(picture.image, picture.seen))
-            drawn.save(PICTURES / f"{picture.name}.jpg", quality=85)
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.vision.second_renderer.measure")
+    parser = argparse.ArgumentParser(prog="python -m tools.second_renderer.measure")
     parser.add_argument("folder", type=Path, nargs="?", default=CORPUS, help="a set (default: the corpus)")
-    parser.add_argument("--write", action="store_true", help="put the figures into docs/second_renderer.md")
     arguments = parser.parse_args()
     if not (arguments.folder / "truth.json").is_file():
         parser.error(f"`{arguments.folder}` has no truth.json; expected a set of pictures")
-    if arguments.write and arguments.folder.resolve() != CORPUS:
-        parser.error(f"--write is for the figures of {CORPUS}; leave out `{arguments.folder}`")
     looked_at = list(pictures(arguments.folder))
     scores = {detector: score(detector, looked_at) for detector in Detector}
     lines = [*table(scores), "", *(failures(scores) or ["Nothing went wrong."])]
     print("\n".join(lines))
-    if arguments.write:
-        _write(lines, looked_at)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.vision.second_renderer.lettering import Picture, Print
+from tools.second_renderer.lettering import Picture, Print
 
 mi.set_variant("scalar_rgb")
 
@@ -50,7 +50,9 @@ class Stage:
         matrix = np.eye(4)
         matrix[:3, 0], matrix[:3, 1] = right / 2.0, up / 2.0
         matrix[:3, 2], matrix[:3, 3] = normal / np.linalg.norm(normal), center
-        self.add({"type": "rectangle", "to_world": mi.ScalarTransform4f(matrix), "bsdf": material, **more})
+        self.add(
+            {"type": "rectangle", "to_world": mi.ScalarTransform4f(matrix.tolist()), "bsdf": material, **more}
+        )
 
     def box(self, low: tuple[float, float, float], high: tuple[float, float, float], bsdf: Material) -> None:
         """A box along the axes."""

@@ -9,8 +9,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.vision.second_renderer.scenes import Scene, View
-from tests.vision.second_renderer.stage import Target
+from tools.second_renderer.scenes import Scene, View
+from tools.second_renderer.stage import Target
 
 FIELD_DEG = 60.0
 """The full angle that the columns see."""
@@ -39,7 +39,9 @@ def render(scene: Scene, *, seed: int, samples: int) -> tuple[Gray, list[dict[st
     for moment in range(_MOMENTS):
         shift = view.travel * (moment / (_MOMENTS - 1) - 0.5)
         sensor = mi.load_dict(_sensor(view, shift, max(samples // _MOMENTS, 1)))
-        traced = np.array(mi.render(world, sensor=sensor, seed=seed * _MOMENTS + moment), dtype=np.float64)
+        traced = np.array(
+            mi.render(world, sensor=sensor, seed=mi.UInt32(seed * _MOMENTS + moment)), dtype=np.float64
+        )
         # One path in thousands meets a lamp by chance after a mirror: a spark that no camera would see.
         light += np.minimum(traced @ (0.2126, 0.7152, 0.0722), 12.0) / _MOMENTS
     picture = _developed(light, view, np.random.default_rng([seed, 4]))

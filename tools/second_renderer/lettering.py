@@ -168,7 +168,7 @@ def glass_bricks(rng: np.random.Generator, *, columns: int, rows: int) -> Pictur
     ramp = 1.0 - np.hypot(*np.meshgrid(np.linspace(-1, 1, 20), np.linspace(-1, 1, 20))) * rng.uniform(
         0.1, 0.5
     )
-    picture = np.kron(cells, np.clip(ramp, 0.0, 1.0))
+    picture: Picture = np.kron(cells, np.clip(ramp, 0.0, 1.0)).astype(np.float64)
     for step in range(0, picture.shape[0], 20):
         picture[step : step + 2] = 0.02
     for step in range(0, picture.shape[1], 20):

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.nav.maps.signs import MARKER_CODES
-from tests.vision.second_renderer import furnishing, lettering
-from tests.vision.second_renderer.stage import Stage, glossy, lamp, matte, printed
+from tools.second_renderer import furnishing, lettering
+from tools.second_renderer.stage import Stage, glossy, lamp, matte, printed
 
 HALF_LENGTH_M = 6.0
 """Of the piece of a corridor that is built, on each side of the camera."""

@@ -1,4 +1,4 @@
-"""Writes a set of pictures with their truth: python -m tests.vision.second_renderer --seed 1 -o FOLDER"""
+"""Writes a set of pictures with their truth: python -m tools.second_renderer --seed 1 -o FOLDER"""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from PIL import Image
 
 from benchmarks.arguments import whole_number
 from colony.nav.maps.signs import MARKER_CODES
-from tests.vision.second_renderer.render import render
-from tests.vision.second_renderer.scenes import Scene, ceiling_scene, marker_scene, plate_scene
+from tools.second_renderer.render import render
+from tools.second_renderer.scenes import Scene, ceiling_scene, marker_scene, plate_scene
 
 SAMPLES = {240: 27, 320: 18, 640: 18}
 """Paths of light a pixel, by the columns of the image."""
@@ -38,7 +38,7 @@ def scenes(seed: int, count: int) -> Iterator[tuple[str, int, Callable[[], Scene
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.vision.second_renderer", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tools.second_renderer", description=__doc__)
     parser.add_argument(
         "--seed", type=whole_number("seed", 0), required=True, help="another one draws other scenes"
     )

@@ -12,8 +12,8 @@ from colony.nav.maps.signs import (
     STRIPE_HEIGHT_MM,
     STRIPE_MM,
 )
-from tests.vision.second_renderer import lettering
-from tests.vision.second_renderer.stage import Stage, Target, glossy, glowing, lamp, matte, printed, steel
+from tools.second_renderer import lettering
+from tools.second_renderer.stage import Stage, Target, glossy, glowing, lamp, matte, printed, steel
 
 CEILING_M = 2.7
 LIGHT_LENGTH_M, LIGHT_WIDTH_M = 0.6, 1.2
