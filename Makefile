@@ -64,7 +64,7 @@ angles: $(DEV)
 	$(BIN)/python -m tests.ir.angles_trial --seed $(SEED) --workers $(WORKERS)
 
 attack: $(DEV)
-	$(BIN)/python -m tests.attack
+	$(BIN)/python -m tools.attack
 
 wheel: $(DEV)
 	$(BIN)/python -m tests.wheel --platforms

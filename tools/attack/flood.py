@@ -1,4 +1,4 @@
-"""A flood, as a process of its own: `python -m tests.attack.flood ORDER`, ORDER in JSON.
+"""A flood, as a process of its own: `python -m tools.attack.flood ORDER`, ORDER in JSON.
 
 It is limited in number, rate and time, and prints in the end how many messages it sent.
 """
@@ -33,8 +33,8 @@ from colony.runtime.protocol.messages import Call, Fetch, Right
 from colony.runtime.transport.live import configuration
 from colony.runtime.transport.live.network import local_user
 from colony.runtime.transport.live.robot_address import Remote, RobotAddress, local
-from tests.attack.lab import Lab
 from tests.cli.machine import ROBOT
+from tools.attack.lab import Lab
 
 Kind = Literal[
     "command calls", "read calls", "fetches", "malformed", "large", "declarations", "strangers", "local calls"
@@ -83,7 +83,7 @@ class Flood:
 
     def __init__(self, order: Order) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.attack.flood", msgspec.json.encode(order).decode()],
+            [sys.executable, "-m", "tools.attack.flood", msgspec.json.encode(order).decode()],
             stdout=subprocess.PIPE,
             text=True,
             cwd=Path(__file__).parents[2],
@@ -198,7 +198,7 @@ def pour(order: Order, ended: Callable[[], bool]) -> int:
         print("flows", flush=True)
         while on_time():
             with suppress(zenoh.ZError):
-                zenoh.open(settings).close()
+                zenoh.open(settings).close()  # type: ignore[no-untyped-call]
             sent += 1
         return sent
     with ExitStack() as resources:
@@ -208,7 +208,8 @@ def pour(order: Order, ended: Callable[[], bool]) -> int:
         if order.kind == "declarations":
             while on_time():
                 key = f"colony/{ROBOT}/RServer/reply/{order.user}/{sent}"
-                session.declare_subscriber(key, zenoh.handlers.Callback(_ignore, indirect=False)).undeclare()
+                declared = session.declare_subscriber(key, zenoh.handlers.Callback(_ignore, indirect=False))
+                declared.undeclare()  # type: ignore[no-untyped-call]
                 sent += 1
             return sent
         for key, data in messages(order):

@@ -13,9 +13,9 @@ from colony.runtime.library.robot import Drive
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.calls import Open
 from colony.runtime.protocol.messages import Bounds, Call, Ready, Request, Right, SentMessage, Tick
-from tests.attack.intruder import ABUSERS, Attack
-from tests.attack.lab import MARK
 from tests.cli.machine import ROBOT
+from tools.attack.intruder import ABUSERS, Attack
+from tools.attack.lab import MARK
 
 ROOT = f"colony/{ROBOT}"
 RIGHTS: tuple[Right, ...] = ("read", "command", "stop", "unlimited")

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from colony.runtime.transport.live.gateway import whoami
-from tests.attack import attempts
-from tests.attack.intruder import REFUSED, STRANGER, Attack, Intruder, attacks
-from tests.attack.lab import MARK, SERVED, Lab, Witness
-from tests.attack.sockets import beyond_the_gateway
+from tools.attack import attempts
+from tools.attack.intruder import REFUSED, STRANGER, Attack, Intruder, attacks
+from tools.attack.lab import MARK, SERVED, Lab, Witness
+from tools.attack.sockets import beyond_the_gateway
 
 MAY_DRIVE = ("driver", "runner")
 

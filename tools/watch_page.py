@@ -1,4 +1,4 @@
-"""Measures the page: `python -m tests.watch.browser.measure --seconds 600`.
+"""Measures the page: `python -m tools.watch_page --seconds 600`.
 
 Prints, of a program with 100 modules and a lidar of 360 beams, the first paint and the frames that headless
 Chromium draws in a second; then, over some time at 20 Hz, how much memory the page and the server gain.
@@ -20,7 +20,7 @@ import msgspec
 
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.ir.frame import Frame
+from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program
 from colony.runtime.observe.observer import FrameLog
 from colony.watch.live import LiveSource
@@ -60,7 +60,12 @@ network {{ drive = {chain} }}
 def frame(k: int, frame_ms: int) -> Frame:
     """Return a frame in which an obstacle goes around the robot."""
     scan = tuple(round(4 + 3 * math.sin((i + 7 * k) * 0.03), 4) for i in range(BEAMS))
-    readings = {"scan": scan, "x": 1000.0 * math.sin(k / 90), "y": 10.0 * k % 9000, "heading": k % 360.0}
+    readings: dict[str, Reading] = {
+        "scan": scan,
+        "x": 1000.0 * math.sin(k / 90),
+        "y": 10.0 * k % 9000,
+        "heading": k % 360.0,
+    }
     return Frame(k * frame_ms * 1_000_000, readings)
 
 

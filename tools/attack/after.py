@@ -8,7 +8,7 @@ from typing import NamedTuple
 from colony.runtime.kit.connection import Session
 from colony.runtime.library.ask import STATUS
 from colony.runtime.transport.live.errors import UnreachableError
-from tests.attack.lab import Lab, memory_mb
+from tools.attack.lab import Lab, memory_mb
 
 SERVERS = ("Clock", "RServer", "DServer", "PServer")
 RECOVERED_S = 10.0

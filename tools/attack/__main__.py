@@ -18,15 +18,15 @@ from colony.runtime.kit.emergency import StopButton
 from colony.runtime.library.clock import release
 from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.network import local_user
-from tests.attack.after import after
-from tests.attack.damage import cost, costs, flips, record
-from tests.attack.flood import KINDS, Flood, Kind, flood
-from tests.attack.handshakes import HalfOpen
-from tests.attack.intruder import CERTIFICATES, MODES, Intruder, scouted
-from tests.attack.lab import Lab, Witness, descriptors, lab, memory_mb
-from tests.attack.stops import Stop, stop_times
-from tests.attack.trial import attempt, impersonators
-from tests.attack.weights import bear, weights
+from tools.attack.after import after
+from tools.attack.damage import cost, costs, flips, record
+from tools.attack.flood import KINDS, Flood, Kind, flood
+from tools.attack.handshakes import HalfOpen
+from tools.attack.intruder import CERTIFICATES, MODES, Intruder, scouted
+from tools.attack.lab import Lab, Witness, descriptors, lab, memory_mb
+from tools.attack.stops import Stop, stop_times
+from tools.attack.trial import attempt, impersonators
+from tools.attack.weights import bear, weights
 
 WATCH_S = 2.0
 FLOOD_S, STOPS = 30.0, 50

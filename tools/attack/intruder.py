@@ -13,8 +13,8 @@ from typing import Any
 import zenoh
 
 from colony.runtime.transport.live.robot_address import Credentials
-from tests.attack.lab import MARK, USERS, Lab
 from tests.runtime.transport.live.certificates import Authority, free_port
+from tools.attack.lab import MARK, USERS, Lab
 
 MODES = ("client", "peer", "router")
 REFUSED = ("none", "self-signed", "other authority", "expired")
@@ -137,7 +137,11 @@ def scouted(seconds: float) -> set[str]:
     made = zenoh.Config()
     made.insert_json5("scouting/multicast/interface", '"lo"')
     found: set[str] = set()
-    with zenoh.scout(lambda hello: found.add(str(hello.zid)), "router|peer|client", made):
+
+    def heard(hello: zenoh.Hello) -> None:
+        found.add(str(hello.zid))
+
+    with zenoh.scout(heard, "router|peer|client", made):  # type: ignore[arg-type]  # its stub lacks functions
         time.sleep(seconds)
     return found
 

@@ -1,4 +1,4 @@
-"""Measures what watching costs a robot: `python -m tests.watch.cost --seconds 30`.
+"""Measures what watching costs a robot: `python -m tools.watch_cost --seconds 30`.
 
 In one run of processes it prints, without a watcher, with one that five pages read, and with one that is
 frozen (SIGSTOP), the processor time of the robot's processes, and the frames in which a client was late.
