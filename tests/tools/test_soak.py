@@ -8,8 +8,8 @@ from random import Random
 
 import pytest
 
-from tests.runtime.assembly.processes.freezes import SERVERS, freezes
-from tests.runtime.assembly.processes.soak import soak
+from tools.freezes import SERVERS, freezes
+from tools.soak import soak
 
 SEED = 1994
 

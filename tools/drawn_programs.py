@@ -1,6 +1,6 @@
 """What is proved, and what is computed, of drawn programs, held to the reference interpreter.
 
-`python -m tests.verify.drawn_programs --programs 20000 --contracts 5000` (`make agreement`) compares all
+`python -m tools.drawn_programs --programs 20000 --contracts 5000` (`make agreement`) compares all
 executors over drawn traces, also for programs written with functions and inputs, then, for contracts, the
 formulas with the interpreter frame by frame, and what `verify` says with what drawn traces show. Sensors fail
 in many frames.
@@ -33,8 +33,8 @@ from colony.verify.testing.disturbed import disturbed_run
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
-from tests.verify.outlining import outlined_disagreement
 from tests.verify.symbolic.trust import held_against
+from tools.outlining import outlined_disagreement
 
 _OPTIONS = Options(depth=2, max_frames=4, resources=300_000)
 _TRACES = 6

@@ -1,9 +1,7 @@
 """The policy for losses where every actuator is commanded from outside too, at whatever server it is.
 
-    python -m tests.runtime.assembly.loss_actuators --seeds 10000
-
 Three actuators at three servers, with connections that command, lock and stop at all of them, are held to
-the very checks of `loss_outside.py`: verdicts are the interpreter's, or idle with a reason, or within the
+the very checks of `outside.py`: verdicts are the interpreter's, or idle with a reason, or within the
 bounds of the frame; the monitor and the audit agree; and all comes right again after the faults. What the
 lift was made to do is held against its verdicts besides, and so is what its frames say was sent last:
 
@@ -15,18 +13,15 @@ lift was made to do is held against its verdicts besides, and so is what its fra
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from random import Random
 from typing import Any, NamedTuple
 
 from colony.ir.program import Actuator
 from colony.runtime.protocol.messages import Verdict
-from tests.runtime.assembly import loss_outside
-from tests.runtime.assembly.actuators_stage import Robot, variant
-from tests.runtime.assembly.loss_outside import FAULTY_NS, QUIET_NS, link, plan
-from tests.runtime.assembly.outside_stage import Happened
-from tests.runtime.assembly.seeds import parser, run_seeds
+from tools.loss.actuators_stage import Robot, variant
+from tools.loss.outside import FAULTY_NS, QUIET_NS, check, link, plan
+from tools.loss.outside_stage import Happened
 
 VARIANTS = 24
 
@@ -47,7 +42,7 @@ def run(seed: int) -> Counter[str]:
     plan(robot, random)
     try:
         robot.session.run(FAULTY_NS + QUIET_NS)
-        counts = loss_outside.check(robot)
+        counts = check(robot)
         check_lift(robot, counts)
         check_stops(robot)
         for verdict in robot.seen.verdicts.values():
@@ -146,7 +141,3 @@ def check_last(process: Lift, one: Happened) -> None:
     found = None if sample is None else sample.value
     told = None if process.last is None else process.last[0]
     assert found == told, f"frame {one.what.k}: last.lift.height is {found}, told was {told}"
-
-
-if __name__ == "__main__":
-    sys.exit(run_seeds(run, parser(__doc__).parse_args()))

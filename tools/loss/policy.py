@@ -1,8 +1,6 @@
 """The policy for losses, over random programs and random faults: whatever dies, freezes, comes back or gets
 lost on its way, no command is sent that the reference interpreter would not have sent in that frame.
 
-    python -m tests.runtime.assembly.loss_policy --seeds 10000
-
 Each seed is a program, a trace, and a plan of faults, in virtual time; clients share a process in every other
 one. What the frames were is taken from the
 network afterwards: what servers published, and what the Clock said of them. Then
@@ -21,7 +19,6 @@ declared void. They find out and ask for a new epoch; until then either frame co
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -43,8 +40,7 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import frame_in_base_units
 from colony.verify.testing.strategies import run_of_seed
 from tests.programs import OneClient
-from tests.runtime.assembly.loss_stage import Robot, Seen
-from tests.runtime.assembly.seeds import parser, run_seeds
+from tools.loss.stage import Robot, Seen
 
 MS = 1_000_000
 FAULTY, QUIET = 22, 20
@@ -288,15 +284,3 @@ def check_recovered(robot: Robot, last: Path) -> None:
             found = repr((verdict.by, verdict.values, verdict.fault))
             due = repr((decision.by, decision.values, decision.fault))
             assert found == due, f"frame {k}: {found}, due was {due}"
-
-
-def main() -> int:
-    options_parser = parser(__doc__)
-    options_parser.add_argument("--degrade", action="store_true", help="lesser behaviors take over")
-    options_parser.add_argument("--often", help="the process that fails most often")
-    options = options_parser.parse_args()
-    return run_seeds(partial(run, degrade=options.degrade, often=options.often), options)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

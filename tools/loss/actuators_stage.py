@@ -16,7 +16,7 @@ from colony.runtime.assembly.virtual import Builders, VirtualRobot
 from colony.runtime.kit.commands import Command, command, parameter
 from colony.runtime.kit.description import Description, server_spec
 from colony.runtime.kit.errors import RobotConnectionError
-from colony.runtime.kit.fields import Field, FieldReader, Reading, field
+from colony.runtime.kit.fields import Field, FieldReader, field
 from colony.runtime.kit.script import Script as Generator
 from colony.runtime.kit.script import do, sleep
 from colony.runtime.kit.script_node import ScriptNode
@@ -27,6 +27,7 @@ from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Effect, Message, ServerFrame
+from colony.runtime.servers.drivers import Reading
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
@@ -34,8 +35,8 @@ from colony.runtime.servers.runtime_server import RuntimeServer
 from colony.runtime.store.store import MemoryStore
 from colony.runtime.transport.virtual import Delay
 from tests.robot_servers import ROME_SERVERS
-from tests.runtime.assembly import outside_stage
-from tests.runtime.assembly.outside_stage import Connection, Happened
+from tools.loss import outside_stage
+from tools.loss.outside_stage import Connection, Happened
 
 TEXT = """
 language 2
@@ -152,9 +153,12 @@ class Robot(outside_stage.Robot):
 
         def servers(deployed: Deployment, frames_kept: int) -> Builders:
             drivers = self.devices.drivers
+            assert drivers.base is not None
+            assert drivers.proximity is not None
+            base, proximity = drivers.base, drivers.proximity
             return {
-                "RServer": lambda: RServer(drivers.base, deployment=deployed, frames_kept=frames_kept),
-                "PServer": lambda: PServer(drivers.proximity, frames_kept=frames_kept),
+                "RServer": lambda: RServer(base, deployment=deployed, frames_kept=frames_kept),
+                "PServer": lambda: PServer(proximity, frames_kept=frames_kept),
                 "DServer": lambda: self._noting_halts(
                     DServer(deployment=deployed, frames_kept=frames_kept, store=store)
                 ),

@@ -24,8 +24,8 @@ from colony.runtime.protocol.messages import Message, Sample, ServerFrame, Verdi
 from colony.runtime.servers.drivers import BaseState
 from colony.runtime.transport.virtual import Delay, Link
 from tests.robot_servers import ROME_SERVERS
-from tests.runtime.assembly.loss_stage import Seen
 from tests.runtime.scripted import Script, session
+from tools.loss.stage import Seen
 
 MS = 1_000_000
 S = 1000 * MS

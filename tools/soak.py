@@ -3,7 +3,7 @@ that they share or, with `--isolate`, that of each.
 
 No process may grow, and every decision has to be the interpreter's.
 
-    python -m tests.runtime.assembly.processes.soak --seconds 60 --seed 1
+    python -m tools.soak --seconds 60 --seed 1
 
 From the seed, clients and servers are stopped for a moment, sometimes for longer than the liveness lease, and
 killed, so that the leader starts them again (`chaos.py`). In the end the run has to be well again, and the
@@ -27,10 +27,10 @@ from typing import Any
 
 from colony.runtime.protocol.messages import Verdict
 from tests.cli.machine import Machine
-from tests.runtime.assembly.processes.chaos import Chaos, schedule
 from tests.runtime.assembly.processes.fault_stage import UNHEARD, Run
-from tests.runtime.assembly.processes.sizes import Census, Incarnations
 from tests.waiting import until
+from tools.chaos import Chaos, schedule
+from tools.process_sizes import Census, Incarnations
 
 CLIENTS = 20
 SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 from colony.runtime.assembly.processes.restarts import STABLE_NS
-from tests.runtime.assembly.processes.chaos import FIRST_DEATH_S, FREEZE_S, schedule
+from tools.chaos import FIRST_DEATH_S, FREEZE_S, schedule
 
 SERVERS = {"Clock": 0.1, "RServer": 0.1}
 CLIENTS = {"drive.a": 0.4, "drive.b": 0.4}

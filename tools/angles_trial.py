@@ -1,6 +1,6 @@
 """How far the trigonometry of the language is from the truth, in units in the last place, as mpmath knows it.
 
-`python -m tests.ir.angles_trial --count 10000000 --seed 1 --workers 2` takes half an hour; `make angles` runs
+`python -m tools.angles_trial --count 10000000 --seed 1 --workers 2` takes half an hour; `make angles` runs
 it.
 """
 

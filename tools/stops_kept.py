@@ -1,4 +1,4 @@
-"""Count acknowledged emergency stops that are forgotten: `python -m tests.runtime.arbitration.stops_kept`.
+"""Count acknowledged emergency stops that are forgotten: `python -m tools.stops_kept`.
 
 Each trial has a robot of real processes, a Clock and RServer, whose state is on a small disk of its own. A
 stop comes at a random moment; both servers are killed at random moments around it. The Clock alone is started
@@ -127,7 +127,9 @@ class Trial:
             except RobotConnectionError:
                 return None
 
-        return until(who, "the Clock answers")
+        found = until(who, "the Clock answers")
+        assert found is not None
+        return found
 
     def _stop_by_button(self, servers: list[Started]) -> Fate:
         with self._machine.session() as session, StopButton(session) as button:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from tests.runtime.assembly.processes.sizes import Census, Incarnations
+from tools.process_sizes import Census, Incarnations
 
 MB = 1 << 20
 

@@ -340,7 +340,7 @@ class _Round:
         name = self.choices.pick(names)
         found = [n for n in _records(self.file, ast.Reference) if n.path[0] == name]
         places = [n.start for n in found]
-        places += [d.name.start for d in self.file.declarations if _declares(d, name)]
+        places += [d.name.start for d in self.file.declarations if _declares(d, name)]  # type: ignore[union-attr]
         return _edited(self.text, [Edit(p, p, "_") for p in set(places)])
 
     # --- text and types
@@ -435,7 +435,7 @@ _COMPREHENSIONS = (ast.Comprehension, ast.ElementsComprehension)
 def _parts(root: ast.Expression, loops: frozenset[str] = frozenset()) -> Iterator[Part]:
     """Yield an expression and all its subexpressions."""
     yield Part(root, loops)
-    for field in fields(root):  # type: ignore[arg-type]
+    for field in fields(root):
         inner = loops
         if isinstance(root, _COMPREHENSIONS) and field.name in ("body", "condition"):
             inner = loops | {root.variable.text}
@@ -477,11 +477,11 @@ def _local_names(declaration: ast.Declaration) -> frozenset[str]:
 
 
 def _loop_names(declaration: ast.Declaration) -> frozenset[str]:
-    loops = [c for kind in _COMPREHENSIONS for c in _records(declaration, kind)]
-    bearings = [
-        c.bearing for c in loops if isinstance(c, ast.ElementsComprehension) and c.bearing is not None
-    ]
-    return frozenset(n.text for n in (*(c.variable for c in loops), *bearings))
+    elements = list(_records(declaration, ast.ElementsComprehension))
+    loops = [c.variable for c in _records(declaration, ast.Comprehension)]
+    loops += [c.variable for c in elements]
+    bearings = [c.bearing for c in elements if c.bearing is not None]
+    return frozenset(n.text for n in (*loops, *bearings))
 
 
 def _records(root: Record, kind: type[_Kind]) -> Iterator[_Kind]:

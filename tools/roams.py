@@ -1,7 +1,7 @@
 """Whether robots that roam touch anything, get away from what they touch, and stay off holes in the floor.
 
-    python -m tests.robots.roams --seeds 100 --workers 2
-    python -m tests.robots.roams --robot create2 --map loop --seeds 5
+    python -m tools.roams --seeds 100 --workers 2
+    python -m tools.roams --robot create2 --map loop --seeds 5
 
 Each run begins at a place, and with a heading, of its seed. `wander` shall touch nothing and not
 turn in circles. `bounce` feels its way: half of the walls are dark, so that it meets them with its bumper,
@@ -34,7 +34,7 @@ from colony.sim.hazards.scenery import bare_scenery
 from colony.sim.world.movers import free_pose
 from colony.sim.world.world import World
 from tests.paths import MAPS, ROOT
-from tests.robots.roam_watch import LARGEST_HOLE_MM, Case, Roam, Watcher
+from tools.roam_watch import LARGEST_HOLE_MM, Case, Roam, Watcher
 
 ROBOTS = {"rome": "wander", "amr": "wander", "omni": "wander", "pioneer": "wander", "create2": "bounce"}
 """The robots, and what each of them runs."""
@@ -164,7 +164,7 @@ def table(roams: Sequence[Roam]) -> str:
 
 def main() -> None:
     """Run robots from the command line."""
-    parser = argparse.ArgumentParser(prog="python -m tests.robots.roams", description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m tools.roams", description=__doc__.split("\n")[0])
     parser.add_argument("--robot", choices=ROBOTS, action="append", help="a robot; by default all")
     parser.add_argument(
         "--map", dest="floors", choices=[name.partition(".")[0] for name in FLOORS], action="append"

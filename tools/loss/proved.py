@@ -1,7 +1,5 @@
 """What is proved holds in runs: drawn programs in the runtime, in virtual time, with faults and operators.
 
-    python -m tests.runtime.assembly.proved_in_runs --seeds 2000
-
 Each seed is a program with drawn contracts, and one for each limit, which `verify` proves with a small
 budget. Then the monitor of a run in which processes die, freeze and come back, and messages are late or lost,
 never reports a contract that is proved while clients are late; nor, where commands from outside are drawn
@@ -11,7 +9,6 @@ that is proved at all.
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -33,10 +30,9 @@ from colony.verify.claims import any_of, binary, constant, implies, value_or
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Options, Proved, ProvedInTime
 from colony.verify.testing.strategies import run_of_seed
-from tests.runtime.assembly.loss_policy import plan
-from tests.runtime.assembly.loss_stage import Robot
-from tests.runtime.assembly.seeds import parser, run_seeds
-from tests.verify.drawn_programs import Holding, with_weaker_contracts
+from tools.drawn_programs import Holding, with_weaker_contracts
+from tools.loss.policy import plan
+from tools.loss.stage import Robot
 
 FRAMES = 60
 OPTIONS = Options(depth=2, max_frames=2, resources=300_000)
@@ -233,7 +229,3 @@ def check(robot: Robot, kind: Kind, holding: set[str]) -> Counter[str]:
             any(f in ("late", "lost") for _, f in v.fates) for v in verdicts
         )
     return counts
-
-
-if __name__ == "__main__":
-    sys.exit(run_seeds(run, parser(__doc__).parse_args()))

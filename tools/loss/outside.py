@@ -1,11 +1,9 @@
 """The policy for losses where others drive too: whatever dies, freezes, comes back or gets lost on its way,
 each command that left is the interpreter's, the idle one, or one from outside within the limits of its frame.
 
-    python -m tests.runtime.assembly.loss_outside --seeds 10000
-
 Each seed is a variant of one program with three actuators, the real servers in virtual time, three
 connections that drive, lock, stop and set variables, sensors that fail, and a plan of faults as in
-`loss_policy.py`. What the frames were is taken from the network afterwards. Then
+`policy.py`. What the frames were is taken from the network afterwards. Then
 
 - every verdict is the interpreter's, or idle with a reason; a command from outside is within the
   interpreter's bounds for that frame;
@@ -19,7 +17,6 @@ connections that drive, lock, stop and set variables, sensors that fail, and a p
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -36,9 +33,8 @@ from colony.verify.audit.verdict import objection, outside_objection, same_value
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Options, Proved
 from colony.verify.reference.interpreter import Interpreter
-from tests.runtime.assembly.loss_policy import epochs
-from tests.runtime.assembly.outside_stage import MS, SERVERS, Happened, Robot, variant
-from tests.runtime.assembly.seeds import parser, run_seeds
+from tools.loss.outside_stage import MS, SERVERS, Happened, Robot, variant
+from tools.loss.policy import epochs
 
 FAULTY_NS = 5_000 * MS
 QUIET_NS = 5_000 * MS
@@ -306,9 +302,11 @@ def after(robot: Robot, process: Process, one: Happened) -> Process:
             return process._replace(told=one.what, halted=False)
         case "stopped":
             actuators = [a for a in robot.program.robot.actuators if a.server == one.server]
-            idle = {a.name: in_declared_units(a.idle, a.fields) for a in actuators if a.idle is not None}
-            before = (one.t_ns, process.given)
-            return process._replace(halted=True, given={**process.given, **idle}, before_halt=before)
+            idle: dict[str, Any] = {
+                a.name: in_declared_units(a.idle, a.fields) for a in actuators if a.idle is not None
+            }
+            halt = (one.t_ns, process.given)
+            return process._replace(halted=True, given={**process.given, **idle}, before_halt=halt)
         case "verdict" if one.what.actuator == "drive":
             check_told(robot, process, one)
             taken = process.told is None or not process.halted
@@ -384,7 +382,3 @@ def check_last(robot: Robot, process: Process, one: Happened) -> None:
             assert tuple(value) == given, (
                 f"frame {one.what.k}: {actuator.command} is {value}, sent was {given}"
             )
-
-
-if __name__ == "__main__":
-    sys.exit(run_seeds(run, parser(__doc__).parse_args()))

@@ -1,6 +1,6 @@
 """Rounds of freezes on a served robot, beside busy loops; after each, every link has to be there again.
 
-    python -m tests.runtime.assembly.processes.freezes --rounds 50 --seed 1 --busy 4
+    python -m tools.freezes --rounds 50 --seed 1 --busy 4
 
 The robot has devices, a server of a user that came last, and a process that only connects. From the seed,
 some of these and their supervisor are stopped together for up to `--longest` seconds, mostly about as long as
@@ -36,7 +36,7 @@ from tests.cli.machine import MAP, ROBOT, Machine, children_of
 from tests.runtime.transport.live.stage import python_process
 from tests.waiting import killed_in_the_end, until
 
-MODULE = "tests.runtime.assembly.processes.freezes"
+MODULE = "tools.freezes"
 LATE = "Late"
 SERVERS = frozenset(
     {CLOCK, "RServer", "DServer", "Runtime", "Lidar", "Floor", "Battery", "Panel", "Lift", LATE}
