@@ -64,7 +64,7 @@ attack: $(DEV)
 	$(BIN)/python -m tools.attack
 
 wheel: $(DEV)
-	$(BIN)/python -m tests.wheel --platforms
+	$(BIN)/python -m tools.wheel --platforms
 
 tables: $(DEV)
 	$(BIN)/python -m colony.dsl.tables

@@ -28,7 +28,7 @@ from colony.text.source import Source
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement, reference
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
-from colony.verify.testing.program_text import draw_text
+from tests.drawn.program_text import draw_text
 
 _ROUNDS = 8
 _NOT_MEMBERS = frozenset({"mood", "phase", "last"})

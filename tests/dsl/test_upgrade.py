@@ -27,7 +27,8 @@ from colony.text.source import Source
 from colony.verify.difference import Same, difference
 from colony.verify.difference.content import contents
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.strategies import programs, texts, traces
+from colony.verify.testing.strategies import traces
+from tests.drawn.strategies import programs, texts
 from tests.dsl.version1_frames import FOLDER, frames
 from tests.paths import BEHAVIORS as SHIPPED
 from tests.paths import THESIS_NAVIGATOR

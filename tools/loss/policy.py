@@ -38,7 +38,7 @@ from colony.runtime.protocol.topics import module_of
 from colony.runtime.transport.faults import FaultRates, Faults
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import frame_in_base_units
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tests.programs import OneClient
 from tools.loss.stage import Robot, Seen
 

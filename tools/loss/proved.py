@@ -29,7 +29,7 @@ from colony.runtime.transport.faults import FaultRates, Faults
 from colony.verify.claims import any_of, binary, constant, implies, value_or
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Options, Proved, ProvedInTime
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tools.drawn_programs import Holding, with_weaker_contracts
 from tools.loss.policy import plan
 from tools.loss.stage import Robot

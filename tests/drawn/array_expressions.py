@@ -13,9 +13,9 @@ from dataclasses import replace
 from colony.ir.bearings import TURN, Bearings, between, nearest, part_by_bearing, part_by_index
 from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, Array, Bool, Enum, Quantity, Scalar, element_type
 from colony.text.units import ANGLE, NUMBER, Dimension
-from colony.verify.testing.bearings import angle_text, draw_angle
 from colony.verify.testing.drawing import Choices
-from colony.verify.testing.scope import Named, NamedArray, Scope
+from tests.drawn.bearings import angle_text, draw_angle
+from tests.drawn.scope import Named, NamedArray, Scope
 
 _MAX_ROUNDS = 48
 """Maximum number of rounds of nested reductions."""

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, Array, Enum, Quantity, Scalar, Type
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
-from colony.verify.testing.bearings import draw_bearings
 from colony.verify.testing.drawing import Choices
-from colony.verify.testing.expressions import Expressions
-from colony.verify.testing.networks import Port, Wirings, draw_wires, wiring_text
-from colony.verify.testing.scope import LITERALS, SPEED, TURN_RATE, Named, Scope
+from tests.drawn.bearings import draw_bearings
+from tests.drawn.expressions import Expressions
+from tests.drawn.networks import Port, Wirings, draw_wires, wiring_text
+from tests.drawn.scope import LITERALS, SPEED, TURN_RATE, Named, Scope
 
 MOOD = Enum("mood", (("calm", 0.0), ("alert", 67.0), ("lost", -2.5)))
 WORDS = ("resting", "going", "stuck")
@@ -30,7 +30,7 @@ WINDOWS_NS = (0, 0, 100_000_000, 50_000_000, 150_000_000)
 
 
 def draw_text(choices: Choices, python: bool) -> str:
-    """Draw a text; see `colony.verify.testing.strategies.texts`."""
+    """Draw a text; see `tests.drawn.strategies.texts`."""
     return _Text(choices, python).program()
 
 
@@ -285,7 +285,7 @@ class _Text:
         return f"light(mood = {mood}, level = {level}, on = {on})"
 
     def python_module(self, name: str) -> None:
-        path = "colony.verify.testing.python_modules:ErraticModule"
+        path = "tests.drawn.python_modules:ErraticModule"
         self.add(f'{self.failsafe()}module {name} from python "{path}" {{')
         self.add(f"  param seed = {self.choices.up_to(7)}")
         reads = list(dict.fromkeys(self.choices.pick(self.scope.names).text for _ in range(2)))

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tests.paths import ROOT
-from tests.wheel.environments import Environment
+from tools.wheel.environments import Environment
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 

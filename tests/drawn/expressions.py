@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 from colony.ir.types import BOOL, Array, Bool, Enum, Quantity, Scalar, Type, element_type
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
-from colony.verify.testing.array_expressions import ArrayExpressions
-from colony.verify.testing.bearings import angle_text
-from colony.verify.testing.scope import (
+from tests.drawn.array_expressions import ArrayExpressions
+from tests.drawn.bearings import angle_text
+from tests.drawn.scope import (
     DURATIONS_MS,
     LITERALS,
     ODD_NUMBERS,

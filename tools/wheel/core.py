@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.wheel.environments import Environment
+from tools.wheel.environments import Environment
 
 MOST_MB = 130
 """Largest environment of the core, with pip."""

@@ -15,14 +15,14 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from tests.wheel.core import check_core, check_mujoco
-from tests.wheel.environments import Environment, build
-from tests.wheel.platforms import check_platforms
-from tests.wheel.readme import check_readme
+from tools.wheel.core import check_core, check_mujoco
+from tools.wheel.environments import Environment, build
+from tools.wheel.platforms import check_platforms
+from tools.wheel.readme import check_readme
 
 
 def main() -> None:
-    options = argparse.ArgumentParser(prog="python -m tests.wheel", description=__doc__)
+    options = argparse.ArgumentParser(prog="python -m tools.wheel", description=__doc__)
     options.add_argument("--platforms", action="store_true", help="also look for wheels of other machines")
     options.add_argument("--python", default=sys.executable, help="the interpreter to install it for")
     asked = options.parse_args()

@@ -116,7 +116,7 @@ def draw_wires(wirings: Wirings, actuators: Sequence[str], max_wires: int, depth
 
 
 def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
-    """Draw a program; see `colony.verify.testing.strategies.networks`."""
+    """Draw a program; see `tests.drawn.strategies.networks`."""
     actuators = ("drive", "arm")[: choices.between(1, 2)]
     count = choices.mostly_large(1, max_modules)
     modules = tuple(_module(choices, i, (*actuators, *actuators, None)) for i in range(count))

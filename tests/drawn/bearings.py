@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-
-from colony.ir.bearings import TURN, Bearings, listed_bearings, lookup, uniform
+from colony.ir.bearings import TURN, Bearings, listed_bearings, uniform
 from colony.verify.testing.drawing import Choices
 
 _STARTS = (-180.0, 0.0, 90.0, -135.0, 7.5, 172.5, -0.5)
 _STEPS = (15.0, 45.0, 7.0, 1.0, 0.1, 13.7, 90.0, 61.0)
 _LISTED = (0.0, 30.0, -30.0, 90.0, -90.0, 180.0, 50.0, 10.0, -10.0, 172.5, 200.0)
-_MAX_BREAKS = 16
 
 
 def draw_bearings(choices: Choices, size: int) -> tuple[str, Bearings]:
@@ -62,10 +59,3 @@ def draw_angle(choices: Choices, bearings: Bearings) -> float:
     if choices.one_in(6):
         angle += choices.pick((TURN, -TURN))
     return min(max(angle, -TURN), TURN) + 0.0
-
-
-def breaks_of(bearings: Bearings) -> list[float]:
-    """Return angles in [-180, 180) where the nearest element changes, a few of many."""
-    breaks = lookup(bearings).breaks
-    some = breaks[:: -(-len(breaks) // _MAX_BREAKS)]
-    return [float((Fraction(b) + TURN // 2) % TURN - TURN // 2) for b in some]
