@@ -50,7 +50,6 @@ NOT_RUN = {
     r"^colony verify \w+$|^colony (verify|run) .*--params": "minutes of proofs; tests/verify/contracts",
     r"^python -m studies ": "hours of simulation; tests/studies",
     r"^python -m tools\.": "hours, or another renderer",
-    r"^python -m tests\.": "hours",
     "^make ": "the whole suite, or hours",
 }
 """Patterns of the lines of shell, and of the programs, that are only parsed, each with the reason."""
