@@ -45,32 +45,29 @@ bench: $(DEV)
 	$(BIN)/python -m benchmarks
 
 soak: $(DEV)
-	$(BIN)/python -m tests.runtime.assembly.processes.soak --seconds $(SECONDS) --seed $(SEED)
-	$(BIN)/python -m tests.runtime.assembly.processes.freezes --rounds $(ROUNDS) --seed $(SEED)
+	$(BIN)/python -m tools.soak --seconds $(SECONDS) --seed $(SEED)
+	$(BIN)/python -m tools.freezes --rounds $(ROUNDS) --seed $(SEED)
 
 stops: $(DEV)
-	$(BIN)/python -m tests.runtime.arbitration.stops_kept --trials $(TRIALS) --seed $(SEED)
+	$(BIN)/python -m tools.stops_kept --trials $(TRIALS) --seed $(SEED)
 
 loss: $(DEV)
-	$(BIN)/python -m tests.runtime.assembly.loss_policy --seeds $(SEEDS)
-	$(BIN)/python -m tests.runtime.assembly.loss_outside --seeds $(SEEDS)
-	$(BIN)/python -m tests.runtime.assembly.loss_actuators --seeds $(SEEDS)
-	$(BIN)/python -m tests.runtime.assembly.proved_in_runs --seeds $(SEEDS)
+	$(BIN)/python -m tools.loss --seeds $(SEEDS)
 
 agreement: $(DEV)
-	$(BIN)/python -m tests.verify.drawn_programs --workers $(WORKERS)
+	$(BIN)/python -m tools.drawn_programs --workers $(WORKERS)
 
 angles: $(DEV)
-	$(BIN)/python -m tests.ir.angles_trial --seed $(SEED) --workers $(WORKERS)
+	$(BIN)/python -m tools.angles_trial --seed $(SEED) --workers $(WORKERS)
 
 attack: $(DEV)
-	$(BIN)/python -m tests.attack
+	$(BIN)/python -m tools.attack
 
 wheel: $(DEV)
-	$(BIN)/python -m tests.wheel --platforms
+	$(BIN)/python -m tools.wheel --platforms
 
 mutants: $(DEV)
-	$(BIN)/python -m tests.mutants $(MODULE) $(if $(SAMPLE),--sample $(SAMPLE)) --workers $(WORKERS)
+	$(BIN)/python -m tools.mutants $(MODULE) $(if $(SAMPLE),--sample $(SAMPLE)) --workers $(WORKERS)
 
 $(VENV)/.%: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

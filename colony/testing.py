@@ -34,10 +34,9 @@ from colony.verify.testing.agreement import Disagreement as Disagreement
 
 with naming_missing_extras():
     from colony.verify.testing.strategies import frames as frames
-    from colony.verify.testing.strategies import programs as programs
     from colony.verify.testing.strategies import traces as traces
 
-__all__ = ["Disagreement", "check", "disagreement", "frames", "programs", "traces"]
+__all__ = ["Disagreement", "check", "disagreement", "frames", "traces"]
 
 
 def disagreement(program: Program, trace: Iterable[Frame]) -> Disagreement | None:

@@ -51,8 +51,7 @@ NOT_RUN = {
     r"^colony verify \w+$|^colony (verify|run) .*--params": "minutes of proofs; tests/verify/contracts",
     r"^ *colony experiment .*--runs \d\d": "minutes of simulation; tests/cli/experiment",
     r"^python -m studies ": "hours of simulation; tests/studies",
-    r"^python -m colony\.vision\.training": "hours of training",
-    r"^python -m tests\.": "hours, or another renderer",
+    r"^python -m tools\.": "hours, or another renderer",
     "^make ": "the whole suite, or hours",
 }
 """Patterns of the lines of shell, and of the programs, that are only parsed, each with the reason."""

@@ -98,6 +98,9 @@ FRONT = {ROOT / "__init__.py", ROOT / "library.py", ROOT / "testing.py"}
 
 SOURCES = sorted(ROOT.rglob("*.py"))
 
+BESIDE = ("studies", "tools", "tests", "benchmarks")
+"""Folders beside colony that import it, and that it may not import."""
+
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_imports_run_downwards(path: Path) -> None:
@@ -107,7 +110,7 @@ def test_imports_run_downwards(path: Path) -> None:
         top = name.split(".")[0]
         if top in THIRD_PARTY:
             assert package in THIRD_PARTY[top], f"{path} imports {name}"
-        assert top != "studies", f"{path} imports {name}: studies rest on colony, not colony on them"
+        assert top not in BESIDE, f"{path} imports {name}: {top} rest on colony, not colony on them"
         if top != "colony" or name == "colony":
             continue
         target = name.split(".")[1]
@@ -300,7 +303,7 @@ def _imported_at_the_top(path: Path, modules: set[str]) -> set[str]:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    sources = [*SOURCES, *(ROOT.parent / "studies").rglob("*.py")]
+    sources = [*SOURCES, *(path for folder in BESIDE for path in (ROOT.parent / folder).rglob("*.py"))]
     names = {".".join(p.relative_to(ROOT.parent).with_suffix("").parts): p for p in sources}
     names = {name.removesuffix(".__init__"): path for name, path in names.items()}
     imports = {name: _imported_at_the_top(path, set(names)) for name, path in names.items()}

@@ -125,7 +125,7 @@ def _shell(line: str) -> None:
                 assert f"\n{target}:" in targets, target
         elif words[i - 1 : i] == ["-m"] and words[i - 2 : i - 1] in (["python"], ["python3"]):
             top = word.split(".")[0]
-            assert top not in ("colony", "benchmarks", "studies", "tests") or find_spec(word), word
+            assert top not in ("colony", "benchmarks", "studies", "tests", "tools") or find_spec(word), word
 
 
 def _colony(words: list[str]) -> None:

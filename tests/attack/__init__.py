@@ -1,1 +1,0 @@
-"""Attacks on a robot of real processes, through its gateway and around it; `make attack` runs all of them."""

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.attack.lab import Lab
-from tests.attack.lab import lab as open_lab
+from tools.attack.lab import Lab
+from tools.attack.lab import lab as open_lab
 
 
 @pytest.fixture(scope="package")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.attack.damage import costs, flips, record
 from tests.sampling import long
+from tools.attack.damage import costs, flips, record
 
 TRIALS = 15
 

@@ -14,12 +14,12 @@ from colony.runtime.library import robot
 from colony.runtime.transport.live.limits import MAX_SESSIONS, RECEIVING_THREADS
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_address import Remote
-from tests.attack.flood import KINDS, Kind, flood
-from tests.attack.lab import Lab
-from tests.attack.stops import stop_times
 from tests.cli.machine import ROBOT
 from tests.sampling import sampled
 from tests.waiting import until
+from tools.attack.flood import KINDS, Kind, flood
+from tools.attack.lab import Lab
+from tools.attack.stops import stop_times
 
 SECONDS = 2.0
 STOPS = 5

@@ -6,10 +6,10 @@ import pytest
 
 from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.gateway import whoami
-from tests.attack.handshakes import HalfOpen
-from tests.attack.lab import Lab
 from tests.sampling import long
 from tests.waiting import until
+from tools.attack.handshakes import HalfOpen
+from tools.attack.lab import Lab
 
 COUNT = 20
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.attack.intruder import MODES, REFUSED, STRANGER, Intruder, scouted
-from tests.attack.lab import Lab, Witness
-from tests.attack.sockets import Socket, network_sockets
-from tests.attack.trial import attempt, impersonators
 from tests.sampling import sampled
 from tests.waiting import until
+from tools.attack.intruder import MODES, REFUSED, STRANGER, Intruder, scouted
+from tools.attack.lab import Lab, Witness
+from tools.attack.sockets import Socket, network_sockets
+from tools.attack.trial import attempt, impersonators
 
 SAMPLE = (
     Intruder(mode="peer", certificate=STRANGER),

@@ -6,9 +6,9 @@ import pytest
 
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.transport.live.network import local_user
-from tests.attack.lab import Lab
-from tests.attack.weights import SERVERS, bear, weights
 from tests.waiting import until
+from tools.attack.lab import Lab
+from tools.attack.weights import SERVERS, bear, weights
 
 
 @pytest.mark.long

@@ -1,14 +1,11 @@
 """Files from outside, changed at random: recordings, input frames and compiled programs.
 
-    python -m tests.cli.mutants --trials 4000 --seed 1
-
 A mutant is read by a command in this process, as the console script runs it. It must end with an exit code:
 0, 1 or 2, within `PATIENCE_S` and without a bug's traceback.
 """
 
 from __future__ import annotations
 
-import argparse
 import io
 import json
 import random
@@ -16,12 +13,10 @@ import struct
 import sys
 import time
 import zlib
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from hashlib import sha256
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import lz4.frame
@@ -496,29 +491,3 @@ def try_mutant(name: str, case: Case, seed: str, folder: Path) -> tuple[int | No
     if took > PATIENCE_S:
         return code, Found(name, seed, command, f"{took:.1f} s")
     return code, None
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--trials", type=int, default=1000, help="mutants of each file")
-    parser.add_argument("--seed", default="1")
-    parser.add_argument("--cases", default=".", help="part of the names of the files that are changed")
-    options = parser.parse_args()
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        for case_name, case in cases(folder).items():
-            if options.cases not in case_name:
-                continue
-            counts, wrong = Counter[int | None](), Counter[str]()
-            for i in range(options.trials):
-                code, found = try_mutant(case_name, case, f"{options.seed}-{i}", folder)
-                counts[code] += 1
-                if found is not None:
-                    wrong[found.problem[-300:]] += 1
-                    if wrong[found.problem[-300:]] == 1:
-                        print(*found, flush=True)
-            print(case_name, dict(counts), wrong.total(), "wrong", flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""Files from outside, changed at random: a sample of `python -m tests.cli.mutants`."""
+"""Files from outside, changed at random: a sample of `python -m tools.file_mutants`."""
 
 from __future__ import annotations
 

@@ -9,8 +9,8 @@ from colony.dsl import ast
 from colony.dsl.parse import parse
 from colony.dsl.printer import print_expression, print_file
 from colony.text.source import Source
-from colony.verify.testing.strategies import texts
 from tests.case_files import table
+from tests.drawn.strategies import texts
 from tests.paths import BEHAVIORS
 
 

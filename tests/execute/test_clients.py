@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from colony.execute.executor import ClientMemory
 from colony.ir.frame import Frame
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.strategies import networks, programs, traces
+from colony.verify.testing.strategies import traces
+from tests.drawn.strategies import networks, programs
 from tests.programs import OneClient, client, clients, compilation
 
 TEXT = """

@@ -31,7 +31,8 @@ from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError
 from colony.text.source import Span
 from colony.verify.testing.agreement import disagreement
-from colony.verify.testing.strategies import programs, traces
+from colony.verify.testing.strategies import traces
+from tests.drawn.strategies import programs
 from tests.paths import BEHAVIORS, ROOT
 
 HEAD = len(b"colonyc") + 2 + 32

@@ -32,7 +32,7 @@ network {{ out = m }}
 """
 GO = "actuator go { velocity : mm, turn : deg } to DServer.go idle hold"
 MOODY = f"""{ROBOT}
-module m from python "colony.verify.testing.python_modules:ErraticModule" {{
+module m from python "tests.drawn.python_modules:ErraticModule" {{
   param seed = 1 reads b commands go rate 1 s
 }}
 module n {{ when b do out(v = 1) }}
@@ -79,8 +79,8 @@ def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
     (call,) = lowered(program).python
     cases = (
         ({"module_path": "colony.nowhere"}, "colony.nowhere:ErraticModule", "ModuleNotFoundError"),
-        ({"class_name": "Nobody"}, "colony.verify.testing.python_modules:Nobody", "AttributeError"),
-        ({"params": (("color", 1.0),)}, "colony.verify.testing.python_modules:ErraticModule", "TypeError"),
+        ({"class_name": "Nobody"}, "tests.drawn.python_modules:Nobody", "AttributeError"),
+        ({"params": (("color", 1.0),)}, "tests.drawn.python_modules:ErraticModule", "TypeError"),
         (
             {"module_path": "tests.verify.scripted_modules", "class_name": "Leaving", "params": ()},
             "tests.verify.scripted_modules:Leaving",

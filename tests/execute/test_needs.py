@@ -8,7 +8,7 @@ from colony.compile.pipeline import compile_program
 from colony.execute.needs import BOUNDS, needs_of_clients, python_modules
 from colony.execute.views import clients_view
 from colony.ir.program import Program
-from colony.verify.testing.strategies import networks, programs
+from tests.drawn.strategies import networks, programs
 
 
 def needs_are_those_of_views(program: Program) -> None:

@@ -27,7 +27,7 @@ from tests.programs import compilation, robot
 
 TEXT = f"""{robot()}
 module m {{ when recently(a, 1 s) do out(v = four[0]) }}
-module p from python "colony.verify.testing.python_modules:ErraticModule" {{
+module p from python "tests.drawn.python_modules:ErraticModule" {{
   param seed = 1 reads a commands base rate 1 s
 }}
 network {{ out = m  base = p }}

@@ -10,8 +10,8 @@ import pytest
 from mpmath import mp
 
 from colony.ir import angles
-from tests.ir import angles_trial
-from tests.ir.angles_trial import HARD, PARTS, inverse_truths, truths, units_off
+from tools import angles_trial
+from tools.angles_trial import HARD, PARTS, inverse_truths, truths, units_off
 
 DEGREES = range(-720, 721, 15)
 EXACT = {0: 0.0, 30: 0.5, 90: 1.0, 150: 0.5, 180: 0.0, 210: -0.5, 270: -1.0, 330: -0.5}

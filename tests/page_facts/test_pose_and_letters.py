@@ -10,8 +10,8 @@ from colony.nav.missions.goal_verification import Verdict
 from colony.nav.pose.pose import PoseEstimate
 from colony.nav.pose.tracker import Source
 from colony.vision.letters.network import network
-from colony.vision.training.fonts import learned_fonts
 from tests.pages import page_text
+from tools.training.fonts import learned_fonts
 
 LETTERS, POSE = map(page_text, ("letters.md", "pose.md"))
 

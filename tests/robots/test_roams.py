@@ -1,4 +1,4 @@
-"""Robots roam without contact, or get away from what they touch; `python -m tests.robots.roams` runs more."""
+"""Robots roam without contact, or get away from what they touch; `python -m tools.roams` runs more."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from tests.robots.roam_watch import Case, Roam
-from tests.robots.roams import FLOORS, ROBOTS, is_good, run
 from tests.sampling import sampled
+from tools.roam_watch import Case, Roam
+from tools.roams import FLOORS, ROBOTS, is_good, run
 
 CASES = [
     Case(robot, behavior, floor, seed)

@@ -22,7 +22,7 @@ from colony.verify.testing.agreement import disagreement, reference
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
 from colony.verify.testing.frames import draw_trace
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tests.paths import ROOT
 from tests.programs import program
 from tests.runtime.assembly.test_loss_policy import frames_invented

@@ -10,7 +10,7 @@ from colony.dsl.load import load_text
 from colony.ir.frame import Frame, Record
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import EXECUTORS, disagreement
-from colony.verify.testing.strategies import Run, runs
+from tests.drawn.strategies import Run, runs
 
 MS = 1_000_000
 PROGRAM = load_text("""

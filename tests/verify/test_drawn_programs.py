@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.sampling import sampled
-from tests.verify.drawn_programs import outlined, verdicts
+from tools.drawn_programs import outlined, verdicts
 
 
 @pytest.mark.parametrize("seed", sampled(range(2, 42), every=10, thorough=True))

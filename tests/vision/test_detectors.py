@@ -23,7 +23,7 @@ from colony.vision.lights.scan_lines import ceiling_lights
 from colony.vision.markers.rows import find_markers
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.reader import read_plate
-from tests.vision.second_renderer.measure import CORPUS, overlap
+from tools.second_renderer.measure import CORPUS, overlap
 
 BOX = PlateBox(((2.0, 2.0), (40.0, 3.0), (40.0, 17.0), (2.0, 16.0)), 1.0)
 

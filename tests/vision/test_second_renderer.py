@@ -16,9 +16,9 @@ import pytest
 from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
 from colony.vision.detectors import Detection, Detector
 from colony.vision.level_camera import AHEAD
-from tests.vision.second_renderer import measure
-from tests.vision.second_renderer.lettering import FONTS, font_file, plate
-from tests.vision.second_renderer.measure import CORPUS, PAGE, Picture, Score, overlap, pictures, score
+from tools.second_renderer import measure
+from tools.second_renderer.lettering import FONTS, font_file, plate
+from tools.second_renderer.measure import CORPUS, PAGE, Picture, Score, overlap, pictures, score
 
 RENDERER = Path(measure.__file__).parent
 Scores = dict[Detector, Score]
@@ -80,9 +80,6 @@ def test_the_page_tells_of_this_corpus(scores: Scores) -> None:
     page = PAGE.read_text(encoding="utf-8")
     for detector, counts in scores.items():
         assert f"| {detector} | {counts.pictures} | {counts.whole} | " in page
-    for name in measure.SHOWN:
-        assert f"second_renderer/{name}.jpg" in page
-        assert (measure.PICTURES / f"{name}.jpg").is_file()
 
 
 # --- the measure -------------------------------------------------------------------------------------------
@@ -161,7 +158,7 @@ def test_nothing_is_shared_with_the_simulator() -> None:
 
 
 def test_no_reader_was_trained_with_its_fonts() -> None:
-    from colony.vision.training.fonts import learned_fonts
+    from tools.training.fonts import learned_fonts
 
     own = {font_file(name).resolve().parent for name in FONTS}
     learned = [font.resolve() for font in learned_fonts()]
@@ -182,8 +179,8 @@ def test_plates_have_their_size_and_their_letters() -> None:
 @pytest.mark.usefixtures("renderer")
 def test_a_scene_is_rendered_with_its_truth_where_it_is_seen() -> None:
     """A few paths of light a pixel are enough to see where a plate is."""
-    from tests.vision.second_renderer.render import render
-    from tests.vision.second_renderer.scenes import plate_scene
+    from tools.second_renderer.render import render
+    from tools.second_renderer.scenes import plate_scene
 
     scene = plate_scene(1001, plates=True, size=(240, 120))
     picture, targets = render(scene, seed=1001, samples=3)
@@ -199,8 +196,8 @@ def test_a_scene_is_rendered_with_its_truth_where_it_is_seen() -> None:
 
 @pytest.mark.usefixtures("renderer")
 def test_the_corpus_is_of_these_scenes() -> None:
-    from tests.vision.second_renderer.__main__ import scenes
-    from tests.vision.second_renderer.render import truth
+    from tools.second_renderer.__main__ import scenes
+    from tools.second_renderer.render import truth
 
     counts = json.loads((CORPUS / "truth.json").read_text(encoding="utf-8"))
     images = {Path(image["file"]).stem: image for image in counts["images"]}
@@ -212,8 +209,8 @@ def test_the_corpus_is_of_these_scenes() -> None:
 
 @pytest.mark.usefixtures("renderer")
 def test_its_camera_is_a_level_camera() -> None:
-    from tests.vision.second_renderer.render import _seen_at
-    from tests.vision.second_renderer.scenes import View
+    from tools.second_renderer.render import _seen_at
+    from tools.second_renderer.scenes import View
 
     view = View("level", (1.8, 0.0, 1.35), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (240, 120), 0.0, 0.0, 1.8)
     camera = AHEAD
@@ -239,7 +236,7 @@ def test_sets_that_cannot_be_are_refused(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from tests.vision.second_renderer import __main__ as command
+    from tools.second_renderer import __main__ as command
 
     monkeypatch.setattr("sys.argv", ["renderer", *arguments, "-o", str(tmp_path / "set")])
     with pytest.raises(SystemExit, match="2"):
@@ -248,15 +245,10 @@ def test_sets_that_cannot_be_are_refused(
     assert not (tmp_path / "set").exists()
 
 
-def test_figures_of_other_sets_are_not_put_into_the_page(
+def test_a_folder_that_is_no_set_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.argv", ["measure", str(tmp_path)])
     with pytest.raises(SystemExit, match="2"):
         measure.main()
     assert "has no truth.json; expected a set of pictures" in capsys.readouterr().err
-    (tmp_path / "truth.json").write_text('{"images": []}')
-    monkeypatch.setattr("sys.argv", ["measure", str(tmp_path), "--write"])
-    with pytest.raises(SystemExit, match="2"):
-        measure.main()
-    assert "--write is for the figures of" in capsys.readouterr().err

@@ -1,1 +1,1 @@
-"""Testing tools: strategies, random programs and frames, and comparisons of executors."""
+"""Testing tools: strategies, random frames, and comparisons of executors."""

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Mapping
+from fractions import Fraction
 from itertools import pairwise
 from typing import assert_never
 
 from colony.ir import expression as ir
+from colony.ir.bearings import TURN, Bearings, lookup
 from colony.ir.frame import Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, element_type
 from colony.text.units import ANGLE, Dimension
-from colony.verify.testing.bearings import breaks_of
 from colony.verify.testing.drawing import Choices
 
 ODD_READINGS: tuple[Reading, ...] = (
@@ -38,6 +39,7 @@ Thresholds = Mapping[Dimension, tuple[float, ...]]
 """Numbers of each dimension, in base units, sorted."""
 
 _MAX_THRESHOLDS = 40
+_MAX_BREAKS = 16
 
 
 def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
@@ -49,7 +51,7 @@ def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
     for node in nodes:
         match node:
             case ir.Nearest(bearings=bearings):
-                found.setdefault(ANGLE, {}).update(dict.fromkeys(breaks_of(bearings)))
+                found.setdefault(ANGLE, {}).update(dict.fromkeys(_breaks_of(bearings)))
                 continue
             case ir.UnaryOperation(operator=ir.Unary.NEGATE, operand=ir.Constant() as constant):
                 sign = -1.0
@@ -63,6 +65,13 @@ def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
                 if math.isfinite(value):
                     found.setdefault(of.dimension, {})[sign * value] = None
     return {dimension: tuple(sorted([*of][:_MAX_THRESHOLDS])) for dimension, of in found.items()}
+
+
+def _breaks_of(bearings: Bearings) -> list[float]:
+    """Return angles in [-180, 180) where the nearest element changes, a few of many."""
+    breaks = lookup(bearings).breaks
+    some = breaks[:: -(-len(breaks) // _MAX_BREAKS)]
+    return [float((Fraction(b) + TURN // 2) % TURN - TURN // 2) for b in some]
 
 
 def draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Reading:

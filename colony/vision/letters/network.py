@@ -5,7 +5,7 @@ of the strip, it gives the probability of each character, and of no character. I
 by 3, each followed by rectification and the first two by pooling; then one over the whole height, one along
 the columns, and a linear layer to the classes. Characters need only a small receptive field; a separate head,
 a hidden layer over all columns, decides whether the whole strip is a plate. The weights are learned by
-`python -m colony.vision.training` and stored as 8-bit integers with a scale for each channel.
+`python -m tools.training` and stored as 8-bit integers with a scale for each channel.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
     names = [f"{kind}{i}" for i in range(count) for kind in ("kernel", "scale", "bias")]
     missing = [name for name in [*names, "sharpness", "trust", "facts"] if name not in arrays]
     if missing:
-        hint = "train them again: python -m colony.vision.training"
+        hint = "train them again: python -m tools.training"
         raise ValueError(f"the weights in {WEIGHTS_FILE} lack {', '.join(missing)}; {hint}")
     layers = []
     for i in range(count):

@@ -26,7 +26,7 @@ from colony.ir.expression import (
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, ActuatorField, Command, Let, Module, Program, Robot, Sensor, Use, Wire
 from colony.ir.types import BOOL, DIMENSIONLESS
-from colony.verify.testing.strategies import programs
+from tests.drawn.strategies import programs
 from tests.networks import chain, random_program
 from tests.programs import lowered
 

@@ -14,7 +14,8 @@ from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import Program
 from colony.runtime.protocol.messages import Message, Wake
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.strategies import networks, programs, traces
+from colony.verify.testing.strategies import traces
+from tests.drawn.strategies import networks, programs
 from tests.runtime.stage import play
 
 QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)

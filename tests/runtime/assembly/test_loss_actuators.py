@@ -14,11 +14,11 @@ from colony.runtime.arbitration.frame_bounds import BoundedCommand, FrameBounds
 from colony.runtime.servers.actuating import CommandedActuators
 from colony.runtime.servers.outside_commands import OutsideCommands
 from tests.found_seeds import find_seed
-from tests.runtime.assembly.actuators_stage import variant
-from tests.runtime.assembly.loss_actuators import VARIANTS, run
-from tests.runtime.assembly.loss_outside import proved
-from tests.runtime.assembly.seeds import fails
 from tests.sampling import long, sampled
+from tools.loss.actuators import VARIANTS, run
+from tools.loss.actuators_stage import variant
+from tools.loss.outside import proved
+from tools.loss.seeds import fails
 
 SEEDS = 120
 GROUPS = 40

@@ -11,10 +11,10 @@ import pytest
 from colony.runtime.arbitration.frame_bounds import BoundedCommand, FrameBounds
 from colony.runtime.servers.commanding import CommandDispatcher
 from tests.found_seeds import find_seed
-from tests.runtime.assembly.loss_outside import VARIANTS, proved, run
-from tests.runtime.assembly.outside_stage import variant
-from tests.runtime.assembly.seeds import fails
 from tests.sampling import sampled, thorough
+from tools.loss.outside import VARIANTS, proved, run
+from tools.loss.outside_stage import variant
+from tools.loss.seeds import fails
 
 SEEDS = 120
 GROUPS = 40

@@ -15,9 +15,9 @@ from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler
 from colony.runtime.frames.publishing import Publisher
 from colony.runtime.protocol.messages import Effect, Tick
 from tests.found_seeds import find_seed
-from tests.runtime.assembly.loss_policy import run
-from tests.runtime.assembly.seeds import fails
 from tests.sampling import sampled, thorough
+from tools.loss.policy import run
+from tools.loss.seeds import fails
 
 SEEDS = 120
 GROUPS = 8

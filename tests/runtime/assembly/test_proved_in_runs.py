@@ -10,9 +10,9 @@ import pytest
 
 from colony.runtime.arbitration.frame_bounds import BoundedCommand, FrameBounds
 from tests.found_seeds import find_seed
-from tests.runtime.assembly import proved_in_runs
-from tests.runtime.assembly.proved_in_runs import run
 from tests.sampling import sampled
+from tools.loss import proved
+from tools.loss.proved import run
 
 SEEDS = 40
 GROUPS = 40
@@ -34,9 +34,7 @@ def test_commands_that_ignore_limits_break_what_is_proved(monkeypatch: pytest.Mo
 @pytest.mark.parametrize("kind", ["late", "operators"])
 def test_what_is_not_proved_is_broken(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where contracts that hold undisturbed alone are held against disturbed runs, some are broken."""
-    monkeypatch.setattr(
-        proved_in_runs.Proofs, "holding", lambda self, k: self.proved.always if k == kind else set()
-    )
+    monkeypatch.setattr(proved.Proofs, "holding", lambda self, k: self.proved.always if k == kind else set())
     assert find_seed(f"proved in runs: {kind}", range(200), partial(breaks, kind)) is not None
 
 

@@ -24,7 +24,7 @@ from colony.verify.audit.report import AuditReport
 from colony.verify.explain.follower import Follower
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
-from colony.verify.testing.strategies import Run, network_runs, run_of_seed, runs
+from tests.drawn.strategies import Run, network_runs, run_of_seed, runs
 from tests.paths import BEHAVIORS
 from tests.sampling import sampled
 from tests.verify.audit.recorded_runs import MS, as_lines, as_mcap, logs, read_lines, read_mcap

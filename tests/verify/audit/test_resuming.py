@@ -13,7 +13,7 @@ from colony.ir.frame import Frame
 from colony.ir.memory import ProgramMemory
 from colony.verify.audit.resuming import Resuming
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.strategies import Run, network_runs, run_of_seed, runs
+from tests.drawn.strategies import Run, network_runs, run_of_seed, runs
 from tests.programs import program
 
 

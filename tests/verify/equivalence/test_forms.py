@@ -19,7 +19,7 @@ from colony.execute.code import Apply, Code, Literal
 from colony.execute.operators import Operator
 from colony.verify.equivalence.prove import prove, prove_json, prove_python
 from colony.verify.equivalence.results import Malformed, Proved, Result, WrongWinner
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tests.paths import BEHAVIORS
 from tests.sampling import sampled
 

@@ -8,7 +8,7 @@ from colony.ir.program import Chain, Use, Wire
 from colony.verify.equivalence.circuit import Activity, Circuit, History, Input
 from colony.verify.equivalence.network import encode_network
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tests.networks import chain, driven
 from tests.verify.equivalence.valuations import valued
 

@@ -13,7 +13,7 @@ from colony.ir.program import Program
 from colony.verify.equivalence.prove import prove
 from colony.verify.equivalence.results import Malformed, Proved, Result, Undecided, WrongActivity, WrongWinner
 from colony.verify.testing.agreement import EXECUTORS, disagreement
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tests.networks import chain, ladder, random_program
 from tests.paths import BEHAVIORS
 from tests.verify.testing.bugs_in_passes import lists

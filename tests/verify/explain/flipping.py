@@ -26,8 +26,8 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.memory import InterpreterState
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
-from colony.verify.testing.networks import draw_network
-from colony.verify.testing.program_text import draw_text
+from tests.drawn.networks import draw_network
+from tests.drawn.program_text import draw_text
 
 FRAMES = 8
 

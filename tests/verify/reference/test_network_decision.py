@@ -9,7 +9,7 @@ from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Given
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.strategies import Run, network_runs
+from tests.drawn.strategies import Run, network_runs
 
 
 @given(network_runs(), st.data())

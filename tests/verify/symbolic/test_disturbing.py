@@ -10,7 +10,7 @@ import z3
 from colony.verify.symbolic.disturbing import claim_name, encode_disturbed
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import Disturbance
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 
 
 def ids(formulas: Iterable[z3.ExprRef]) -> set[int]:

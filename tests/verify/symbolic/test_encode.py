@@ -11,7 +11,7 @@ from colony.dsl.load import load_file
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import Bounds, Inexact, Number, System
 from colony.verify.symbolic.unrolling import Unrolling
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tests.paths import ROOT
 from tests.sampling import thorough
 from tests.verify.symbolic.programs import broken, claim_of, program

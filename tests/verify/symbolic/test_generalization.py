@@ -17,7 +17,7 @@ from colony.verify.symbolic.generalization import generalize
 from colony.verify.symbolic.logic import real
 from colony.verify.symbolic.system import Inexact, Number, System, Term
 from colony.verify.symbolic.unrolling import Unrolling
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tests.paths import BEHAVIORS as SHIPPED
 from tests.verify.symbolic.programs import broken, claim_of, program
 

@@ -17,7 +17,7 @@ from colony.verify.symbolic.system import Number, Reason
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
 from colony.verify.testing.frames import draw_trace
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tests.paths import BEHAVIORS
 from tests.sampling import sampled
 from tests.verify.symbolic.trust import Tally, Trust, held_against

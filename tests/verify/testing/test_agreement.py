@@ -13,7 +13,7 @@ from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import EXECUTORS, client_disagreement, disagreement
-from colony.verify.testing.strategies import Run, network_runs, runs
+from tests.drawn.strategies import Run, network_runs, runs
 from tests.programs import MS, program
 from tests.verify.testing.bugs_in_passes import after
 

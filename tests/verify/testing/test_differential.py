@@ -205,7 +205,7 @@ def test_modules_in_python_that_are_steady_agree_everywhere() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_drawn_programs_agree(seed: int) -> None:
-    from colony.verify.testing.strategies import run_of_seed
+    from tests.drawn.strategies import run_of_seed
 
     of, _ = run_of_seed(seed)
     report = last(of, 15, seed)

@@ -8,7 +8,7 @@ import pytest
 
 from colony.ir.frame import Outcome
 from colony.verify.testing.agreement import EXECUTORS, client_disagreement, disagreement, reference
-from colony.verify.testing.strategies import Run, run_of_seed
+from tests.drawn.strategies import Run, run_of_seed
 
 SEEDS = [*((True, seed) for seed in range(30)), *((False, seed) for seed in range(90))]
 

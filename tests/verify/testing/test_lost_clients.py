@@ -14,7 +14,7 @@ from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import frame_in_base_units
-from colony.verify.testing.strategies import run_of_seed
+from tests.drawn.strategies import run_of_seed
 from tests.programs import MS, clients, program
 
 Losses = tuple[frozenset[str], ...]

@@ -13,7 +13,7 @@ import pytest
 
 from colony.ir.frame import Outcome
 from colony.verify.testing.agreement import EXECUTORS, Factory, disagreement, reference
-from colony.verify.testing.strategies import Run, run_of_seed
+from tests.drawn.strategies import Run, run_of_seed
 from tests.found_seeds import find_seed
 from tests.sampling import thorough
 from tests.verify.testing.seeded_bugs import BUGS, Bug

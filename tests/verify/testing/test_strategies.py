@@ -17,16 +17,9 @@ from colony.ir.program import Chain, Program, Wiring
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace, durations_of, gaps_of
-from colony.verify.testing.program_text import draw_text
-from colony.verify.testing.strategies import (
-    frames,
-    network_runs,
-    networks,
-    programs,
-    run_of_seed,
-    texts,
-    traces,
-)
+from colony.verify.testing.strategies import frames, traces
+from tests.drawn.program_text import draw_text
+from tests.drawn.strategies import network_runs, networks, programs, run_of_seed, texts
 from tests.paths import ROOT
 from tests.programs import MS, program
 

@@ -11,10 +11,10 @@ import pytest
 from colony.vision.detections import Corner, PlateBox, Reading
 from colony.vision.letters.network import LetterNet, network, packed, unpacked
 from colony.vision.plates.reader import combine_readings, read_plate
-from colony.vision.training.fonts import learned_fonts, unseen_fonts
-from colony.vision.training.samples import Sample, junk_sample, plate_sample
-from colony.vision.training.texts import door_text
 from tests.sampling import sampled
+from tools.training.fonts import learned_fonts, unseen_fonts
+from tools.training.samples import Sample, junk_sample, plate_sample
+from tools.training.texts import door_text
 
 UNSEEN = unseen_fonts()
 

@@ -21,7 +21,8 @@ from colony.ir.expression import NESTING_LIMIT, Expression, Unary, UnaryOperatio
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.text.diagnostics import DiagnosticError
-from colony.verify.testing.strategies import programs, traces
+from colony.verify.testing.strategies import traces
+from tests.drawn.strategies import programs
 from tests.executors import outcomes
 from tests.networks import chain
 from tests.programs import generated
@@ -102,7 +103,7 @@ def test_what_can_hold_no_nan_needs_no_helper() -> None:
 @given(data=st.data())
 def test_it_imports_nothing_but_math_and_the_users_modules(data: st.DataObject) -> None:
     source = generated(data.draw(programs()))
-    assert _imports(source) <= {"math", "colony.verify.testing.python_modules"}
+    assert _imports(source) <= {"math", "tests.drawn.python_modules"}
 
 
 def test_it_runs_without_colony(tmp_path: Path) -> None:

@@ -13,8 +13,9 @@ from colony.compile.backends.python.ranges import Range, ranges
 from colony.execute.code import Kind
 from colony.execute.machine import OpMachine
 from colony.ir.frame import Frame
-from colony.verify.testing.strategies import programs, traces
+from colony.verify.testing.strategies import traces
 from tests.case_files import table
+from tests.drawn.strategies import programs
 from tests.programs import lowered
 
 TEXT = """

@@ -1,0 +1,1 @@
+"""What developers of colony run beside the tests: `python -m tools.NAME`."""

@@ -1,0 +1,230 @@
+"""What is proved, and what is computed, of drawn programs, held to the reference interpreter.
+
+`python -m tools.drawn_programs --programs 20000 --contracts 5000` (`make agreement`) compares all
+executors over drawn traces, also for programs written with functions and inputs, then, for contracts, the
+formulas with the interpreter frame by frame, and what `verify` says with what drawn traces show. Sensors fail
+in many frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+from multiprocessing import Pool
+from random import Random
+from typing import NamedTuple
+
+from colony.ir import expression as ir
+from colony.ir.frame import Outcome
+from colony.ir.program import Actuator, Contract, Module, Program
+from colony.ir.types import BOOL
+from colony.verify.claims import any_of, binary, constant, negation
+from colony.verify.contracts.concrete_runs import LongRuns
+from colony.verify.contracts.prove import prove_contracts
+from colony.verify.contracts.replay import Replay
+from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
+from colony.verify.testing.disturbed import disturbed_run
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import draw_trace
+from tests.drawn.strategies import run_of_seed
+from tests.verify.symbolic.trust import held_against
+from tools.outlining import outlined_disagreement
+
+_OPTIONS = Options(depth=2, max_frames=4, resources=300_000)
+_TRACES = 6
+_FRAMES = 12
+_MORE_CONTRACTS = 3
+
+Counts = Counter[str]
+Findings = tuple[Counts, list[str]]
+Check = Callable[[int], Findings]
+
+
+def executors(seed: int, network: bool) -> Findings:
+    """Compare all executors with the interpreter over one drawn trace."""
+    program, trace = run_of_seed(seed, network=network)
+    found = disagreement(program, trace, ALL_EXECUTORS)
+    counts = Counter(programs=1, frames=len(trace))
+    return counts, [] if found is None else [f"seed {seed}: {found}"]
+
+
+def outlined(seed: int) -> Findings:
+    """Compare a program with functions and inputs with the same program without, in all executors."""
+    found = outlined_disagreement(seed)
+    return Counter(programs=1), [] if found is None else [found]
+
+
+def formulas(seed: int) -> Findings:
+    """Compare the encoding with the interpreter over one drawn trace, contracts included."""
+    program, trace = run_of_seed(seed)
+    tally = held_against(program, trace)
+    counts = Counter(contracts=len(program.contracts), values=tally.exact + tally.within, open=tally.open)
+    return counts, [f"seed {seed}: {difference}" for difference in tally.differences]
+
+
+def verdicts(seed: int) -> Findings:
+    """Break what is proved by drawn traces, and replay what is refuted."""
+    program = with_weaker_contracts(run_of_seed(seed)[0], Random(seed))
+    results = {result.contract.name: result for result in prove_contracts(program, _OPTIONS)}
+    counts = Counter(type(result).__name__.lower() for result in results.values())
+    findings, proved = list[str](), Holding(set(), set(), set())
+    for name, result in results.items():
+        match result:
+            case Proved(operators=operators):
+                counts["proved with operators"] += operators
+                proved.always.add(name)
+                proved.late.add(name)
+                proved.operators.update({name} if operators else ())
+            case ProvedInTime():
+                proved.always.add(name)
+                findings += _not_late(seed, program, result)
+            case Refuted(trace=trace):
+                counts["refuted by an unknown value"] += trace.unknown
+                if Replay(program, name).breach(trace.snapshots) is None:
+                    findings.append(f"seed {seed}: the run that refutes {name} does not break it")
+            case _:
+                pass
+    return counts, [*findings, *_broken(seed, program, proved)]
+
+
+class Holding(NamedTuple):
+    """The contracts that are proved: while no client is late, while some are, and with operators besides."""
+
+    always: set[str]
+    late: set[str]
+    operators: set[str]
+
+
+def with_weaker_contracts(program: Program, random: Random) -> Program:
+    """Return a program with a few contracts that hold more often than those that were drawn."""
+    idle = [ir.IsIdle(type=BOOL, actuator=a.name) for a in program.robot.actuators]
+    active = [ir.IsActive(type=BOOL, name=m.name) for m in program.modules if isinstance(m, Module)]
+    weaker = [
+        Contract(name=f"{c.name}_or_{kind}", expression=any_of((c.expression, other)))
+        for c in program.contracts
+        for kind, other in (("idle", idle[0]), ("none_idle", negation(idle[-1])), ("active", active[-1]))
+    ]
+    bounds = [
+        Contract(name=f"bounds_{a.name}_{i}", expression=_in_range(a, i))
+        for a in program.robot.actuators
+        for i, f in enumerate(a.fields)
+        if a.idle is not None and f.low is not None
+    ]
+    both = [
+        Contract(name=f"both_{a.actuator}_{b.actuator}", expression=any_of((a, negation(b))))
+        for a in idle
+        for b in idle
+        if a != b
+    ]
+    more = [*weaker, *bounds, *both]
+    chosen = random.sample(more, min(_MORE_CONTRACTS, len(more)))
+    return replace(program, contracts=(*program.contracts, *chosen))
+
+
+def _in_time(program: Program) -> Program:
+    """Return the program with all contracts `in time`, and no client that can be lost apart."""
+    robot = program.robot
+    actuators = tuple(replace(a, on_loss="stop") for a in robot.actuators)
+    contracts = tuple(replace(c, in_time=True) for c in program.contracts)
+    return replace(program, robot=replace(robot, actuators=actuators), contracts=contracts)
+
+
+def _in_range(actuator: Actuator, i: int) -> ir.Expression:
+    field = actuator.fields[i]
+    sent = ir.SentField(type=field.type, actuator=actuator.name, field_index=i)
+    low = min(field.low or 0.0, float((actuator.idle or (0.0,) * (i + 1))[i]))
+    return binary(ir.Binary.LESS_EQUAL, constant(low, field.type), sent)
+
+
+def _not_late(seed: int, program: Program, result: ProvedInTime) -> list[str]:
+    """Return what is wrong with the run that breaks a contract while clients are late."""
+    if result.trace is None:
+        return []
+    name, snapshots = result.contract.name, result.trace.snapshots
+    in_time = tuple(s._replace(given={}, lost=frozenset()) for s in snapshots)
+    if Replay(program, name).breach(snapshots) is None:
+        return [f"seed {seed}: the run with late clients that breaks {name} does not break it"]
+    if Replay(program, name).breach(in_time) is not None and not result.in_time.over_reals:
+        return [f"seed {seed}: {name} is broken with no client late"]
+    return []
+
+
+def _broken(seed: int, program: Program, proved: Holding) -> Iterator[str]:
+    """Yield the contracts that long runs or drawn traces break though they are proved."""
+    long_runs = LongRuns(program)
+    for name in sorted(proved.always):
+        breaking = long_runs.breaking(name)
+        if breaking is not None:
+            yield f"seed {seed}: a run of {len(breaking)} frames breaks {name}, which is proved"
+    for number in range(_TRACES if proved.always else 0):
+        choices = Choices(Random(f"{seed}/{number}"))
+        trace = draw_trace(choices, program, _FRAMES)
+        interpreter = Interpreter(program)
+        runs: list[tuple[str, set[str], Iterable[Outcome]]] = [
+            ("", proved.always, (interpreter.step(frame) for frame in trace))
+        ]
+        for kind, holding in (("late", proved.late), ("operators", proved.operators)):
+            if holding:
+                run = disturbed_run(choices, program, trace, operators=kind == "operators")
+                runs.append((f" ({kind})", holding, (frame.outcome for frame in run)))
+        late_run = disturbed_run(choices, _in_time(program), trace, operators=False)
+        runs.append((" (in time)", proved.always, (frame.outcome for frame in late_run)))
+        for kind, holding, outcomes in runs:
+            for outcome in outcomes:
+                for name in holding.intersection(outcome.breaches):
+                    yield f"seed {seed}: trace {number}{kind} breaks {name}, which is proved"
+
+
+def run(name: str, check: Check, seeds: range, workers: int) -> bool:
+    """Run a check of every seed, print the counts and all findings, and return True if there are none."""
+    total, findings = Counts(), list[str]()
+    with Pool(workers) as pool:
+        for counts, found in pool.imap_unordered(partial(_guarded, check), seeds, chunksize=20):
+            total.update(counts)
+            findings += found
+    shown = ", ".join(f"{count:,} {what}" for what, count in sorted(total.items()))
+    print(f"{name}: seeds {seeds.start} to {seeds.stop - 1}: {shown}; {len(findings)} findings", flush=True)
+    for finding in findings:
+        print(finding)
+    return not findings
+
+
+def _guarded(check: Check, seed: int) -> Findings:
+    """Return what a check finds, or, as a finding, the error with which it ends."""
+    try:
+        return check(seed)
+    except Exception as error:  # the other seeds go on
+        return Counts(), [f"seed {seed}: {type(error).__name__}: {error}"]
+
+
+def main() -> int:
+    """Run all checks."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--programs", type=int, default=20_000, help="programs for the executors")
+    parser.add_argument("--contracts", type=int, default=5_000, help="programs for contracts")
+    parser.add_argument("--seed", type=int, default=0, help="first seed")
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    whole = range(given.seed, given.seed + given.programs // 2)
+    some = range(given.seed, given.seed + given.contracts)
+    checks: Iterator[tuple[str, Check, range]] = iter(
+        (
+            ("executors, whole programs", partial(executors, network=False), whole),
+            ("executors, networks", partial(executors, network=True), whole),
+            ("executors, with functions and inputs", outlined, some),
+            ("formulas", formulas, some),
+            ("verdicts", verdicts, some),
+        )
+    )
+    results = [run(name, check, seeds, given.workers) for name, check, seeds in checks]
+    return 0 if all(results) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
