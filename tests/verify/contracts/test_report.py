@@ -30,7 +30,8 @@ def test_a_contract_that_a_late_client_breaks_is_a_note_with_the_run() -> None:
     assert isinstance(found, ProvedInTime)
     assert lines(program(text), found)[:5] == (
         "proved in time  c",
-        "  it is proved while every client is in time; the run below breaks it, in which the client of `drive` is late:",
+        "  it is proved while every client is in time; "
+        "the run below breaks it, in which the client of `drive` is late:",
         "  time  bump  drive",
         "  0 s   true  late, idle: velocity = 0 m/s, turn = 0 deg/s",
         "  missing, where some readings would change this: far",
