@@ -58,9 +58,9 @@ QUICK: dict[str, dict[str, Any]] = {
     },
     "load": {"ROUNDS": 1, "FRAMES": 5, "WARM_UP": 1, "FLOOR_S": 1.0, "BEHAVIORS": ("wander",)},
     "reading_to_motion": {"EVENTS": 2},
-    "experiment": {"RUNS": 2, "SINGLE_RUNS": 1, "DURATION_S": 1},
     "stops_on_wire": {"ROUNDS": 1, "WATCHED_S": 0.2},
     "one_line": {"SECONDS": 1.0, "SETTLE_S": 1.0},
+    "experiment": {"RUNS": 2, "SINGLE_RUNS": 1, "DURATION_S": 1},
 }
 """With --quick: constants with which a benchmark takes about a second; its figures mean nothing."""
 
