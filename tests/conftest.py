@@ -15,6 +15,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
@@ -35,9 +36,17 @@ _HOME = tempfile.TemporaryDirectory(prefix="colony-tests-")
 os.environ |= {
     "COLONY_RUN_DIR": f"{_HOME.name}/r",
     "XDG_STATE_HOME": f"{_HOME.name}/s",
-    "XDG_CACHE_HOME": os.devnull,  # where nothing can be kept, so that each test proves by itself
+    "XDG_CACHE_HOME": f"{_HOME.name}/c",
     "MPLCONFIGDIR": f"{_HOME.name}/m",
 }
+
+_CACHE = Path(_HOME.name, "c", "colony")
+"""The user's cache: it keeps the tables of the grammar alone, so that each test proves by itself."""
+_CACHE.mkdir(mode=0o700, parents=True)
+for _folder in ("moments", "proofs"):
+    (_CACHE / _folder).touch()
+for _file in ("watch-token", "watch.html"):
+    (_CACHE / _file).mkdir()
 
 set_hypothesis_home_dir(f"{_HOME.name}/h")
 

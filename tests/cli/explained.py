@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -46,6 +47,7 @@ def readings(t_ns: int) -> dict[str, object]:
     }
 
 
+@cache
 def recorded(write: Callable[..., Kept] = as_mcap, begin_ns: int = 0) -> bytes:
     """Return the recording of a run of five seconds, in which clients are late and an operator drives.
 

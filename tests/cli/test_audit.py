@@ -23,14 +23,27 @@ from tests.cli.run.test_run import MAP, ROAM
 from tests.paths import ROOT
 
 
+@pytest.fixture(scope="module")
+def kept() -> dict[tuple[str, ...], tuple[Ran, bytes]]:
+    """What runs said and recorded, by program, kind of recording and duration."""
+    return {}
+
+
 @pytest.fixture
-def recorded(colony: Colony, tmp_path: Path) -> Callable[..., Ran]:
+def recorded(
+    colony: Colony, tmp_path: Path, kept: dict[tuple[str, ...], tuple[Ran, bytes]]
+) -> Callable[..., Ran]:
     """Records a run of `roam.colony` into a file of this name; gives what was said."""
     (tmp_path / "roam.colony").write_text(ROAM)
 
     def record(name: str = "run.mcap", file: str = "roam.colony", duration: str = "3") -> Ran:
-        ran = colony("run", file, "--map", MAP, "--no-picture", "--duration", duration, "--record", name)
-        assert ran.code == 0
+        of = (file, Path(file).read_text(), name, duration)
+        if of not in kept:
+            ran = colony("run", file, "--map", MAP, "--no-picture", "--duration", duration, "--record", name)
+            assert ran.code == 0
+            kept[of] = ran, Path(name).read_bytes()
+        ran, data = kept[of]
+        Path(name).write_bytes(data)
         return ran
 
     return record
@@ -293,12 +306,6 @@ def test_mcap_is_input_of_trace(colony: Colony, recorded: Callable[..., Ran]) ->
     assert len(one.out.splitlines()) == 60
 
 
-def test_the_same_seed_gives_the_same_recording(recorded: Callable[..., Ran]) -> None:
-    for name in ("a.mcap", "b.mcap"):
-        recorded(name)
-    assert Path("a.mcap").read_bytes() == Path("b.mcap").read_bytes()
-
-
 def test_texts_are_those_that_were_run(colony: Colony, behavior: Path) -> None:
     """A file that is saved after it was checked, and before the recording begins, is not recorded."""
     text, program = behavior.read_text(), load_file(behavior)
@@ -440,16 +447,9 @@ def test_progress_on_what_takes_long(
 def test_of_behaviors_that_come_with_the_project(colony: Colony) -> None:
     for name, building in (("hallway", "hallway"), ("allen", "loop"), ("teleop", "loop")):
         file, plan = ROOT / "behaviors" / f"{name}.colony", ROOT / "maps" / f"{building}.stickrep"
-        ran = colony("run", file, "--map", plan, "--no-picture", "--duration", "5", "--record", "run.mcap")
+        ran = colony("run", file, "--map", plan, "--no-picture", "--duration", "1", "--record", "run.mcap")
         assert ran.code == 0, name
         result = colony("audit", "run.mcap")
         assert result.code == 0, name
         assert all(line.endswith(" %") for line in result.err.splitlines()), name
-        assert "100 frames" in result.out
-
-
-def test_help_says_that_nothing_is_run(colony: Colony) -> None:
-    result = colony("audit", "--help")
-    assert result.code == 0
-    assert "Modules in Python are not run" in " ".join(result.out.split())
-    assert "colony audit run.mcap" in result.out
+        assert "20 frames" in result.out

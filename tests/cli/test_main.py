@@ -41,10 +41,6 @@ def test_each_command_has_help_with_an_example(colony: Colony, name: str) -> Non
         (("check",), "Missing argument"),
         (("trace", "x.colony"), "Missing option '--input'"),
         (("compile", "x.colony", "--format", "xml"), "'xml' is not one of"),
-        (("trace", "x.colony", "--input", "f", "--backend", "c++"), "'c++' is not one of"),
-        (("run",), "Missing"),
-        (("map",), "Missing"),
-        (("run", "x", "--start"), "colony run: error: Option '--start' requires an argument"),
         (("sim", "hold", "x", "--for"), "colony sim hold: error: Option '--for' requires an argument"),
         (("stop", "--robot", "nobody"), "no process of `nobody` runs on this machine (running robots: "),
     ],
@@ -63,7 +59,7 @@ def test_a_reader_that_goes_away_is_no_error(behavior: Path) -> None:
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("arguments", ["--help", "check --help", "compile --no-proof FILE", "check FILE"])
+@pytest.mark.parametrize("arguments", ["--help", "compile --no-proof FILE", "check FILE"])
 def test_a_reader_that_never_came_is_no_error(arguments: str) -> None:
     arguments = arguments.replace("FILE", "wander")
     command = f"set -o pipefail; {sys.executable} -m colony.cli.main {arguments} | true"
@@ -72,31 +68,12 @@ def test_a_reader_that_never_came_is_no_error(arguments: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("redirection", "code", "said"),
-    [
-        ("> /dev/full", 2, "colony: error: standard output: cannot write: No space left on device\n"),
-        (">&-", 2, "colony: error: standard output: cannot write: Bad file descriptor\n"),
-        ("2>&-", 0, ""),
-        ("2> /dev/full", 0, ""),
-    ],
+    "arguments", ["check nowhere 2> /dev/full", "check --nope 2>&-", "trace wander --input nowhere 2>&-"]
 )
-def test_streams_that_take_nothing(redirection: str, code: int, said: str) -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full")
-    command = f"{sys.executable} -m colony.cli.main check wander {redirection}"
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (code, said)
-
-
-@pytest.mark.parametrize("redirection", ["2>&-", "2> /dev/full"])
-def test_misuse_that_nobody_hears_is_still_exit_code_2(behavior: Path, redirection: str) -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full")
-    for arguments in ("check nowhere", "check --nope", "map nowhere", f"trace {behavior} --input nowhere"):
-        command = f"{sys.executable} -m colony.cli.main {arguments} {redirection}"
-        environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-        done = subprocess.run(["bash", "-c", command], env=environment)
-        assert done.returncode == 2, arguments
+def test_misuse_that_nobody_hears_is_still_exit_code_2(arguments: str) -> None:
+    command = f"{sys.executable} -m colony.cli.main {arguments}"
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    assert subprocess.run(["bash", "-c", command], env=environment).returncode == 2
 
 
 def test_letters_that_the_encoding_lacks_become_escapes(behavior: Path) -> None:

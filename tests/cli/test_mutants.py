@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.mutants import cases, try_mutant
+from tests.cli.mutants import Case, cases, try_mutant
 from tests.sampling import long
 
 NAMES = [
@@ -15,16 +15,21 @@ NAMES = [
 ]
 
 
-@pytest.mark.parametrize("seed", [1, long(2), long(3)])
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Case]:
+    return cases(tmp_path_factory.mktemp("cases"))
+
+
+@pytest.mark.parametrize("seed", [1, *map(long, range(2, 7))])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_changed_file_is_read_or_refused(
-    name: str, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    made: dict[str, Case], name: str, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("tests.cli.mutants.PATIENCE_S", float("inf"))
     monkeypatch.setattr("sys.argv", ["colony"])
-    case, codes = cases(tmp_path)[name], set()
-    for i in range(40):
+    case, codes = made[name], set()
+    for i in range(20):
         code, wrong = try_mutant(name, case, f"{seed}-{i}", tmp_path)
         codes.add(code)
         assert wrong is None, wrong

@@ -35,6 +35,10 @@ def test_a_project_passes_its_own_tests(colony: Colony, tmp_path: Path) -> None:
     assert {path.name for path in project.iterdir()} == names
     for path in project.iterdir():
         assert "NAME" not in path.read_text()
+    (project / "conftest.py").write_text(
+        "from hypothesis import settings\n"
+        "settings.register_profile('few', max_examples=5)\nsettings.load_profile('few')\n"
+    )
     tested = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"],
         cwd=project,

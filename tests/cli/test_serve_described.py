@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 from pathlib import Path
@@ -44,17 +43,6 @@ def served(machine: Machine) -> Started:
     until(lambda: started.ended() or set(machine.directory.running()) >= SERVERS, "all servers run")
     assert not started.ended(), started.err
     return started
-
-
-def test_a_run_in_processes_reads_and_commands_every_device(machine: Machine, lifting: Path) -> None:
-    run = machine.run(
-        *("run", str(lifting), "--robot", "amr", "--map", MAP, "--processes", "--duration", "6"),
-        *("--no-picture", "--format", "json"),
-    )
-    assert run.process.returncode == 0, run.err
-    summary = json.loads(run.out)
-    assert summary["robot"] == "amr"
-    assert summary["distance_mm"] > 100.0  # only once the lift is up, which takes more than 2 s at 50 mm/s
 
 
 def test_a_served_robot_takes_programs_and_stops_with_all_its_actuators(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import sys
 import threading
 import tty
 from collections.abc import Iterator
@@ -246,11 +247,19 @@ def test_drivers_that_fail_end_no_other_server(
     assert _commands(tmp_path / "Good")[-1] == "False"
 
 
-def test_one_server_with_its_driver_says_what_is_wrong(machine: Machine, lab: Path) -> None:
-    for server, reason in (("Late", "cannot be made"), ("Broken", "cannot be imported")):
-        started = machine.run("serve", server, "--robot", f"{ROBOT}={lab}", "--hardware")
-        assert started.process.returncode == 1
-        assert reason in started.err
-    absent = machine.run("serve", "Absent", "--robot", f"{ROBOT}={lab}", "--hardware")
-    assert absent.process.returncode == 2
-    assert "--hardware: the body names no driver for Absent" in absent.err
+@pytest.mark.parametrize(
+    ("server", "code", "reason"),
+    [
+        ("Late", 1, "cannot be made"),
+        ("Broken", 1, "cannot be imported"),
+        ("Absent", 2, "--hardware: the body names no driver for Absent"),
+    ],
+)
+@pytest.mark.usefixtures("machine")
+def test_one_server_with_its_driver_says_what_is_wrong(
+    colony: Colony, lab: Path, monkeypatch: pytest.MonkeyPatch, server: str, code: int, reason: str
+) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    ran = colony("serve", server, "--robot", f"{ROBOT}={lab}", "--hardware")
+    assert ran.code == code
+    assert reason in ran.err

@@ -19,7 +19,7 @@ from mcap.writer import Writer
 from colony.dsl.files import read_source
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
-from tests.cli.mutants import TEXTS, cases, read
+from tests.cli.mutants import TEXTS, Case, cases, read
 from tests.runtime.recordings.mcap_files import trace
 from tests.verify.audit.recorded_runs import as_mcap, logs
 
@@ -105,20 +105,28 @@ COMMANDS = {
 }
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Case]]:
+    """The recordings, and the folder of their behaviors."""
+    folder = tmp_path_factory.mktemp("recordings")
+    return folder, cases(folder)
+
+
 @pytest.fixture
-def recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> bytes:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    return cases(tmp_path)["b.mcap"].content
+def recordings(made: tuple[Path, dict[str, Case]], monkeypatch: pytest.MonkeyPatch) -> dict[str, Case]:
+    folder, recordings = made
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
+    return recordings
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("change", MCAP)
 def test_a_recording_that_another_tool_touched_is_read_or_named(
-    recording: bytes, change: str, command: str
+    recordings: dict[str, Case], change: str, command: str
 ) -> None:
     changed, said, is_read = MCAP[change]
-    Path("x.mcap").write_bytes(changed(recording))
+    Path("x.mcap").write_bytes(changed(recordings["b.mcap"].content))
     code, text = read(COMMANDS[command], Path("x.mcap"))
     assert said is None or said in text
     is_shown_later = command == "watch" and change == "topic after topic"  # the page says it
@@ -130,9 +138,9 @@ def test_a_recording_that_another_tool_touched_is_read_or_named(
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_lines_cut_at_their_beginning_are_read_from_the_recorded_memory_on(
-    recording: bytes, tmp_path: Path, command: str
+    recordings: dict[str, Case], command: str
 ) -> None:
-    data = cases(tmp_path)["m.jsonl"].content
+    data = recordings["m.jsonl"].content
     Path("x.jsonl").write_bytes(b"".join(data.splitlines(keepends=True)[5:]))
     code, text = read(
         tuple(part.replace("b.colony", "m.colony") for part in COMMANDS[command]), Path("x.jsonl")
@@ -144,8 +152,9 @@ def test_lines_cut_at_their_beginning_are_read_from_the_recorded_memory_on(
 
 @pytest.mark.parametrize("path", ["/proc/self/environ", "{folder}/secret.colony", "../../secret.colony"])
 def test_a_recorded_program_opens_no_file_outside_itself(
-    recording: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "secret.colony").write_text("let x = 1\n")
     opened: list[str] = []
 

@@ -56,7 +56,7 @@ def test_a_recording_is_that_of_the_robot_of_its_run(
     colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    run = ("run", "wander", "--map", "loop", "--duration", "0.2", "--no-picture", "--record", "run.mcap")
+    run = ("run", "wander", "--map", "loop", "--duration", "0.1", "--no-picture", "--record", "run.mcap")
     for name, description in (("h2=amr", "amr"), ("amr", "amr")):
         assert colony(*run, "--robot", name).code == 0
         with click.Context(command), ExitStack() as resources:

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import json
 import re
-import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.cli.conftest import Colony
-from tests.cli.machine import ROBOT, Machine
 from tests.nav.maps.grid.small_grids import written
-from tests.waiting import until
 
-RUN = ("run", "wander", "--robot", "amr", "--map", "office", "--duration", "5")
+RUN = ("run", "wander", "--robot", "amr", "--map", "office", "--duration", "2")
 
 
 def test_a_robot_drives_in_a_grid_and_its_path_is_drawn(colony: Colony, tmp_path: Path) -> None:
     result = colony(*RUN, "--format", "json")
     assert result.code == 0
-    assert json.loads(result.out)["distance_mm"] > 500.0
+    assert json.loads(result.out)["distance_mm"] > 200.0
     assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -45,9 +42,7 @@ def test_a_run_off_the_map_says_when_it_left(colony: Colony, tmp_path: Path) -> 
     ]
 
 
-def test_a_start_from_where_a_robot_gets_nowhere_is_reported(
-    colony: Colony, machine: Machine, tmp_path: Path
-) -> None:
+def test_a_start_from_where_a_robot_gets_nowhere_is_reported(colony: Colony, tmp_path: Path) -> None:
     shades = np.full((80, 120), 254, dtype=np.uint8)
     shades[:, 24:30] = shades[:50, :24] = 0
     path = written(tmp_path, shades, origin="[0.0, 0.0, 0.0]")
@@ -57,23 +52,10 @@ def test_a_start_from_where_a_robot_gets_nowhere_is_reported(
     assert code == 0
     assert "can get from (0.60 m, 0.70 m) to 7.9 % of the free cells" in err
     assert json.loads(colony("map", path, "--no-picture", "--format", "json").out)["reachable"] > 0.85
-    served = machine.start("serve", "all", "--robot", f"{ROBOT}=amr", "--map", path, "--start", "600,700,0")
-    until(lambda: served.ended() or "Ctrl-C ends them" in served.err, "it is served")
+    security = ("--listen", "tls/localhost:0", "--security", "/dev/zero")  # which is refused afterwards
+    served = colony("serve", "all", "--robot", "amr", "--map", path, "--start", "600,700,0", *security)
+    assert served.code == 2
     assert "can get from (0.60 m, 0.70 m) to 7.9 % of the free cells" in served.err
-    served.tell(signal.SIGINT)
-    assert served.wait() == 0
-
-
-def test_processes_drive_in_a_grid_from_the_start_that_is_chosen(machine: Machine) -> None:
-    where = ("--robot", f"{ROBOT}=amr", "--map", "office", "--start", "5m, 0, 90")
-    run = machine.start("run", "wander", *where, "--processes", "--no-picture", "--duration", "1000")
-    until(lambda: run.ended() or machine.truth(), "the robot is simulated")
-    truth = machine.truth()
-    assert truth is not None, run.err
-    assert truth.y == pytest.approx(0.0, abs=900.0)
-    assert truth.x == pytest.approx(5000.0, abs=900.0)
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130
 
 
 @pytest.mark.parametrize(

@@ -13,16 +13,14 @@ import pytest
 from colony.runtime.library.leader import ClientStanding, RunStatus
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, contracts_held, lives, status
-from tests.sampling import long
 from tests.waiting import until
 
 SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")
 CLIENTS = ("drive/back_off", "drive/avoid", "drive/keep_middle", "drive/cruise", "drive/.bounds")
 
 
-def start(machine: Machine, *options: str, duration: str = "1000", seed: str = "1") -> Started:
-    print(f"seed {seed}")
-    arguments = ("--map", MAP, "--processes", "--duration", duration, "--seed", seed, *options)
+def start(machine: Machine, *options: str, duration: str = "1000") -> Started:
+    arguments = ("--map", MAP, "--processes", "--duration", duration, "--seed", "1", *options)
     return machine.start("run", WANDER, *arguments)
 
 
@@ -39,13 +37,13 @@ def audit(colony: Colony, recording: Path) -> None:
     assert result.code == 0, result.out + result.err
 
 
-@pytest.mark.parametrize(("options", "of_clients"), [((), 1), long(("--isolate",), len(CLIENTS))])
-def test_a_run_decides_as_the_interpreter_does_and_leaves_nothing_behind(
-    machine: Machine, colony: Colony, options: tuple[str, ...], of_clients: int
+@pytest.mark.long
+def test_a_run_of_isolated_clients_decides_as_the_interpreter_does_and_leaves_nothing_behind(
+    machine: Machine, colony: Colony
 ) -> None:
-    run = start(machine, "--record", "run.mcap", "--format", "json", *options, duration="3")
+    run = start(machine, "--record", "run.mcap", "--format", "json", "--isolate", duration="3")
     processes = driving(machine, run)
-    assert len(processes) == len(SERVERS) + of_clients
+    assert len(processes) == len(SERVERS) + len(CLIENTS)
     assert run.wait() == 0, run.err
     assert not any(map(lives, processes))
     assert machine.directory.running() == {}
@@ -58,16 +56,25 @@ def test_a_run_decides_as_the_interpreter_does_and_leaves_nothing_behind(
     audit(colony, run.folder / "run.mcap")
 
 
-def test_ctrl_c_stops_the_robot_and_keeps_the_recording(machine: Machine, colony: Colony) -> None:
-    run = start(machine, "--record", "run.mcap", "--no-picture")
+def test_ps_shows_the_processes_and_ctrl_c_keeps_the_recording(machine: Machine, colony: Colony) -> None:
+    run = start(machine, "--record", "run.mcap")
     processes = driving(machine, run)
     with machine.session() as session:
         until(lambda: (found := status(session)) is not None and found.frames > 10, "it has heard of frames")
+    (state,) = json.loads(colony("ps", "--format", "json").out)
+    shown = state["run"]["processes"]
+    assert {*shown} == {*SERVERS, "clients"}
+    assert {*shown.values()} == {*children_of(run.pid)}
+    printed = colony("ps", "--robot", ROBOT).out
+    assert f"      process  id\n      clients  {shown['clients']}\n" in printed
+    assert f"  Simulator  up, process {shown['Simulator']}\n" in printed
     run.tell(signal.SIGINT)
     assert run.wait() == 130
     assert "interrupted" in run.out
     assert contracts_held(run.out), run.out
     assert not any(map(lives, processes))
+    assert machine.directory.running() == {}
+    assert (run.folder / "run.png").read_bytes().startswith(b"\x89PNG")
     audit(colony, run.folder / "run.mcap")
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from colony.robots.simulated import SUPERVISOR
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROBOT, Machine, Started
+from tests.cli.machine import MAP, ROBOT, Machine, Started, children_of, lives
 from tests.waiting import until
 
 AMR = f"{ROBOT}=amr"
@@ -73,8 +73,20 @@ def check(run: Started) -> None:
     assert all(frame["goal_number"] == 7.0 for frame in frames if frame["drive"]["by"] == "cruise")
 
 
-def test_a_run_by_processes_plays_a_scenario(machine: Machine, pressed: Path) -> None:
-    check(machine.run(*arguments(pressed), "--robot", AMR, "--map", MAP, "--processes"))
+def test_a_run_by_processes_in_a_grid_plays_a_scenario_from_the_start_that_is_chosen(
+    machine: Machine, pressed: Path
+) -> None:
+    where = ("--robot", AMR, "--map", "office", "--start", "5m, 0, 90")
+    run = machine.start(*arguments(pressed), *where, "--processes")
+    until(lambda: run.ended() or machine.truth(), "the robot is simulated")
+    truth = machine.truth()
+    assert truth is not None, run.err
+    assert (truth.x, truth.y) == (pytest.approx(5000.0, abs=900.0), pytest.approx(0.0, abs=900.0))
+    processes = children_of(run.pid)
+    run.wait()
+    check(run)
+    assert not any(map(lives, processes))
+    assert machine.directory.running() == {}
 
 
 def test_a_run_waits_for_a_simulator_that_is_being_started(machine: Machine, pressed: Path) -> None:
@@ -111,8 +123,8 @@ def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
         return machine.moves()
 
     until(is_started, "the robot drives again")
-    held = machine.start("sim", "hold", "Panel.estop=missing", "Lift.load=2 kg", "--for", "0.2")
-    assert held.wait() == 0
+    held = colony("sim", "hold", "Panel.estop=missing", "Lift.load=2 kg", "--for", "0.2")
+    assert held.code == 0
     assert held.err == f"{ROBOT}: Panel.estop=missing, Lift.load=2 kg; ends after 200 ms\n"
     for text, problem in NOT_HELD:
         refused = colony("sim", "hold", text, "--robot", ROBOT)
