@@ -45,7 +45,9 @@ a_small_map = pytest.mark.parametrize(
     "building", [m if m.stem == "loop" else long(m) for m in SMALL], ids=lambda path: path.stem
 )
 every_map = pytest.mark.parametrize(
-    "building", [m if m in SMALL else long(m) for m in MAPS], ids=lambda path: path.stem
+    "building",
+    [m if m.stem == "loop" else pytest.param(m, marks=pytest.mark.thorough) for m in MAPS],
+    ids=lambda path: path.stem,
 )
 
 
@@ -291,7 +293,13 @@ def test_the_warehouse_robot_stands_after_a_stop_until_it_is_started(run: Run, t
     assert seconds_by(report, None) == pytest.approx(3.0, abs=0.1)
 
 
-@pytest.mark.parametrize("start", ["4m,0,90", "2m,600mm,200", "11.5m,-12.5m,130"])
+@pytest.mark.parametrize(
+    "start",
+    [
+        "4m,0,90",
+        *(pytest.param(at, marks=pytest.mark.thorough) for at in ("2m,600mm,200", "11.5m,-12.5m,130")),
+    ],
+)
 def test_recharge_stands_at_a_dock_until_it_is_nearly_full(start: str, run: Run, tmp_path: Path) -> None:
     (tmp_path / "charge.scenario").write_text("at 0 s battery = 15 percent\nat 40 s battery = 90 percent\n")
     arguments = ("--start", start, "--scenario", str(tmp_path / "charge.scenario"))

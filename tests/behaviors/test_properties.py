@@ -61,6 +61,10 @@ def test_a_first_frame_never_drives_backward_without_a_bump(frame: Frame) -> Non
 # --- what a property is worth ------------------------------------------------------------------------
 
 
+SEEDS = pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(n, marks=pytest.mark.thorough) for n in range(1, 5))]
+)
+
 CARELESS = """
 robot r {
   sensor near : m range 0 .. 10 from PServer.near
@@ -88,7 +92,7 @@ contract keeps_side:
 """
 
 
-@pytest.mark.parametrize("seed", range(5))
+@SEEDS
 def test_a_module_that_changes_sides_is_found_in_60_draws_and_shrunk_in_few(seed: int) -> None:
     fickle, runs = load_text(FICKLE, robot="rome"), list[Trace]()
 
@@ -107,7 +111,7 @@ def test_a_module_that_changes_sides_is_found_in_60_draws_and_shrunk_in_few(seed
     assert len(runs) < 200
 
 
-@pytest.mark.parametrize("seed", range(5))
+@SEEDS
 def test_a_property_that_does_not_hold_is_refuted_by_little(seed: int) -> None:
     careless = load_text(CARELESS)
 

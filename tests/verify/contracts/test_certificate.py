@@ -164,6 +164,7 @@ def test_a_contract_that_helps_is_proved_as_well() -> None:
     assert not unproved(found)
 
 
+@pytest.mark.thorough
 def test_a_range_that_follows_from_the_longest_run_is_named_as_an_assumption() -> None:
     made = load_text(REGULAR)
     found = certificates(made)[-1]
