@@ -141,7 +141,7 @@ def test_numbers_that_are_small_under_a_condition_are_whole() -> None:
     "unrelated",
     [
         "",
-        "state q = 0  next q = q * 0.5 + 1\ncontract d: q < 2",
+        pytest.param("state q = 0  next q = q * 0.5 + 1\ncontract d: q < 2", marks=pytest.mark.thorough),
         "let far_off = far > 7.25 m\ncontract d: x + 0.1 >= x",
         'test "t" { at 0 s given x = 4 expect not (cruise is active) }',
     ],
