@@ -10,6 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.cli.experiment.options import (
+    audit_option,
+    engine_of,
+    engine_option,
+    results_option,
+    workers_option,
+)
 from colony.cli.reporting import report, say
 from colony.cli.shipped_files import map_option
 
@@ -19,13 +26,6 @@ if TYPE_CHECKING:
     from studies.catalog import Study
     from studies.conduct import Experiment
     from studies.outputs import ExperimentOutcome
-
-
-def _fraction(context: click.Context, option: click.Parameter, value: float) -> float:
-    """Return a fraction from 0 to 1; a click range would let NaN through."""
-    if not 0.0 <= value <= 1.0:
-        raise click.BadParameter(f"`{value:g}`; expected a fraction of the runs, from 0 to 1")
-    return value
 
 
 @click.command("studies")
@@ -77,34 +77,10 @@ def _fraction(context: click.Context, option: click.Parameter, value: float) -> 
     is_flag=True,
     help="Give the robot a camera that finds door plates, which correct its pose.",
 )
-@click.option(
-    "--audit",
-    type=float,
-    callback=_fraction,
-    default=0.0,
-    metavar="FRACTION",
-    help="Compare this fraction of the runs, 0 to 1, with the reference interpreter.",
-)
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="The number of processes. [default: one per core]",
-)
-@click.option(
-    "--engine",
-    default="pool",
-    show_default=True,
-    metavar="WHERE",
-    help="pool, serial, dask or dask=tcp://HOST:PORT.",
-)
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="PATH",
-    help="The file of results (SQLite); runs that it already contains are not repeated.",
-)
+@audit_option
+@workers_option
+@engine_option
+@results_option
 @click.option(
     "--plot",
     type=click.Path(file_okay=False, path_type=Path),
@@ -217,20 +193,12 @@ def _check(study: Study[Any], experiment: Experiment, audit: float, plot: Path |
 
 
 def _engine(text: str, workers: int | None) -> Engine:
-    from colony.experiment.dask_engine import DaskEngine
-    from colony.experiment.parallel import PoolEngine, SerialEngine
     from studies.request import MisuseError
 
-    name, _, address = text.partition("=")
-    match name:
-        case "pool" if not address:
-            return PoolEngine(workers)
-        case "serial" if not address:
-            return SerialEngine()
-        case "dask":
-            return DaskEngine(address, workers)
-        case _:
-            raise MisuseError(f"unknown engine `{text}`; expected pool, serial, dask or dask=tcp://HOST:PORT")
+    try:
+        return engine_of(text, workers)
+    except ValueError as problem:
+        raise MisuseError(f"unknown engine {problem}") from None
 
 
 def _carry_out(

@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from colony.nav.maps.stickrep.model import Map
 from colony.view.map_picture import draw_map, encode_picture
 from colony.view.palette import BAD, GOOD, INK, PAPER
+from colony.view.runs_picture import remove_legend
 
 _BIN_MM = 20.0
 _DPI = 150
@@ -31,9 +32,7 @@ def draw_paths(map_: Map, drives: Sequence[DrivenPath], title: str) -> Figure:
     """Draw a map with the paths of many runs: failed ones on top, each ending in a cross."""
     figure = draw_map(map_, [np.empty((0, 2))], title, ["runs"])
     axes = figure.axes[0]
-    for legend in [axes.get_legend(), *figure.legends]:
-        if legend is not None:
-            legend.remove()
+    remove_legend(figure)
     for reached, color, width, alpha in ((True, GOOD, 1.2, 0.6), (False, BAD, 1.8, 0.9)):
         paths = [np.array(d.path, dtype=float) for d in drives if d.reached is reached and len(d.path) > 1]
         axes.add_collection(

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.dsl.descriptions import RobotChoice
-from colony.dsl.site import SiteParams
+from colony.experiment.programs import ProgramChoice
 from colony.experiment.results import RunKey
 from colony.nav.maps.free_space import FreeSpace
 from colony.nav.maps.world_map import WorldMap
@@ -70,15 +69,6 @@ def range_of(text: str) -> Range:
         raise ValueError(f"found `{text}`; expected a lower end below the upper one")
     is_whole = not unit and low.lstrip("+-").isdigit() and high.lstrip("+-").isdigit()
     return Range(float(low), float(high), unit, is_whole)
-
-
-class ProgramChoice(NamedTuple):
-    """A behavior: its name in results, its file, the description of its robot, and the params of a site."""
-
-    label: str
-    file: str
-    robot: RobotChoice | None
-    site: SiteParams | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
-from colony.dsl.load import load_file
-from colony.dsl.site import SiteParams
-from colony.dsl.site_reading import params_from_values
 from colony.execute.compiled import Compiled
 from colony.execute.needs import needs_of_clients
-from colony.experiment.design import ProgramChoice, Trial
+from colony.experiment.design import Trial
+from colony.experiment.programs import compiled_of
 from colony.experiment.results import KEY_COLUMNS, RunKey, Table
 from colony.experiment.rows import Points
 from colony.ir.program import Program
 from colony.robots.building_run import run_in_building
-from colony.robots.compiled_program import compiled_with_sources
-from colony.robots.described import DescribedRobot, described_robot
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.recordings.opening import open_recording, read_recording
@@ -35,14 +28,6 @@ STUCK_S = 30.0
 
 PATH_SPACING = 25
 """Every so many points of a path are kept in results."""
-
-
-class Start(NamedTuple):
-    """The start of a run, x and y in mm and the heading in degrees."""
-
-    x_mm: float
-    y_mm: float
-    heading: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,46 +94,8 @@ TRIALS = Table(
 """The table of these results."""
 
 
-def program_of(choice: ProgramChoice, params: tuple[tuple[str, str], ...] = ()) -> Program:
-    """Load a behavior with values of params, which replace those of its site.
-
-    Raises:
-        DiagnosticError: it has errors.
-    """
-    folder = str(Path(choice.file).resolve().parent)
-    sys.path += [path for path in (folder, os.curdir) if path not in sys.path]  # of modules in Python
-    return load_file(choice.file, robot=choice.robot, params=_with_values(choice.site, params))
-
-
 class TrialError(Exception):
     """A run cannot be made; the message has its number and the reason."""
-
-
-@lru_cache(maxsize=4)
-def compiled_of(
-    choice: ProgramChoice, params: tuple[tuple[str, str], ...] = ()
-) -> tuple[Program, Compiled, DescribedRobot]:
-    """Return a program, compiled, and its robot.
-
-    Raises:
-        DiagnosticError: the program has errors, or does not fit its robot.
-    """
-    program = program_of(choice, params)
-    return (
-        program,
-        compiled_with_sources(program, lambda warning: None).compiled,
-        described_robot(program.robot),
-    )
-
-
-def _with_values(site: SiteParams | None, params: tuple[tuple[str, str], ...]) -> SiteParams | None:
-    if not params:
-        return site
-    drawn = params_from_values(dict(params), "<drawn params>")
-    if site is None:
-        return drawn
-    kept = (value for value in site.values if value.name not in dict(params))
-    return replace(site, values=(*kept, *drawn.values))
 
 
 def run_trial(trial: Trial, record: str | None = None) -> TrialResult:

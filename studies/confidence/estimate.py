@@ -12,12 +12,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from statistics import NormalDist
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from colony.experiment import statistics
 from studies.confidence.automaton import ALL_ARCS, PUBLISHED_ARCS, Arcs, Automaton, Event, powers_of
 
 
@@ -117,18 +117,10 @@ class Interval(NamedTuple):
     high: float
 
 
-def wilson(count: Count, level: float = 0.95) -> Interval:
-    """Return Wilson's score interval for the probability of an event; [0, 1] if it was never tried."""
-    successes, n = count
-    if n == 0:
-        return Interval(0.0, 1.0)
-    z = NormalDist().inv_cdf(0.5 + level / 2)
-    frequency, square = successes / n, z * z / n
-    center = (frequency + square / 2) / (1 + square)
-    half = z / (1 + square) * math.sqrt(frequency * (1 - frequency) / n + square / (4 * n))
-    # With all or no successes the bound is exactly 1 or 0, which rounding would miss.
-    low = 0.0 if successes == 0 else center - half
-    return Interval(low, 1.0 if successes == n else center + half)
+def wilson(count: Count) -> Interval:
+    """Return Wilson's score interval of 95 % for an event's probability; [0, 1] if it was never tried."""
+    found = statistics.wilson(count.successes, count.trials)
+    return Interval(found.low, found.high)
 
 
 def clopper_pearson(count: Count, level: float = 0.95) -> Interval:

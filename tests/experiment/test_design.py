@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from colony.experiment.design import Experiment, ProgramChoice, Range, range_of
+from colony.experiment.design import Experiment, Range, range_of
+from colony.experiment.programs import ProgramChoice
 from colony.nav.maps.world_map import load_world
 from colony.robots.request import RunRequest
 from tests.paths import MAPS

@@ -16,7 +16,7 @@ from colony.experiment.statistics import Mean, Proportion, Z, mean_of, wilson
         (1, 10, 0.0179, 0.4042),
         (10, 10, 0.7225, 1.0),
         (50, 1000, 0.0381, 0.0653),
-    ],  # as binom.test of statsmodels' proportion_confint(method="wilson") gives them
+    ],
 )
 def test_wilson_interval_of_known_cases_agrees(cases: int, total: int, low: float, high: float) -> None:
     found = wilson(cases, total)

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.cli.experiment.options import (
+    audit_option,
+    engine_of,
+    engine_option,
+    results_option,
+    workers_option,
+)
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import report, say
@@ -22,17 +30,12 @@ from colony.extras import expect_extras
 from colony.robots.request import MisuseError, RunRequest
 
 if TYPE_CHECKING:
-    from colony.experiment.design import Experiment, ProgramChoice, Range, Trial
+    from colony.experiment.design import Experiment, Range, Trial
     from colony.experiment.parallel import Engine
+    from colony.experiment.programs import ProgramChoice
     from colony.experiment.trial import TrialResult
+    from colony.ir.program import Robot
     from colony.nav.maps.world_map import WorldMap
-
-
-def _fraction(context: click.Context, option: click.Parameter, value: float) -> float:
-    """Return a fraction from 0 to 1; a click range would let NaN through."""
-    if not 0.0 <= value <= 1.0:
-        raise click.BadParameter(f"`{value:g}`; expected a fraction of the runs, from 0 to 1")
-    return value
 
 
 @click.command("experiment", short_help="simulate many runs of a behavior, and report statistics")
@@ -105,34 +108,10 @@ def _fraction(context: click.Context, option: click.Parameter, value: float) -> 
     metavar="N",
     help="Only record run number N into run-N.mcap, for `colony watch` and `colony explain`.",
 )
-@click.option(
-    "--audit",
-    type=float,
-    callback=_fraction,
-    default=0.0,
-    metavar="FRACTION",
-    help="Compare this fraction of the runs, 0 to 1, with the reference interpreter.",
-)
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="The number of processes. [default: one per core]",
-)
-@click.option(
-    "--engine",
-    default="pool",
-    show_default=True,
-    metavar="WHERE",
-    help="pool, serial, dask or dask=tcp://HOST:PORT.",
-)
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="PATH",
-    help="The file of results (SQLite); runs that it already contains are not repeated.",
-)
+@audit_option
+@workers_option
+@engine_option
+@results_option
 @click.option("--picture", metavar="PATH", help="Draw all paths and contacts over the map, as PNG or SVG.")
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(
@@ -171,29 +150,37 @@ def command(
     """
     expect_extras("sim", *(["vision"] if options["goal"] is not None else []))
     with _reporting_errors():
+        chosen_engine = _engine(engine, workers)
         floor = _floor(options["map_path"])
-        programs, request, ranges = _requested(options)
+        experiment = _experiment(options, floor)
         if output is not None:
-            check_output(output, [program.file for program in programs])
+            check_output(output, [program.file for program in experiment.programs])
         if picture is not None:
             _check_picture(picture, floor)
         from colony.sim.compiling import announcing_compilation
 
         with announcing_compilation(say):
-            from colony.experiment import trial
-        experiment = _experiment(programs, request, ranges, floor, options)
+            import_module("colony.experiment.trial")  # with the simulator
         from colony.body.footprint import radius_mm
+        from colony.experiment.programs import compiled_of
 
-        radius = radius_mm(trial.compiled_of(programs[0])[2].body)
+        radius = radius_mm(compiled_of(experiment.programs[0]).described.body)
         if replay is not None:
             _replay(experiment.trials(floor, radius, [replay]), replay)
             return
         trials = experiment.trials(floor, radius, range(1, experiment.runs + 1))
-        results, interrupted = _carry_out(experiment, trials, output, _engine(engine, workers))
+        results, interrupted = _carry_out(experiment, trials, output, chosen_engine)
     _print(experiment, results, interrupted=interrupted, as_json=format_ == "json")
     if picture is not None and results:
         _draw(floor, results, picture)
-    _exit(experiment, results, interrupted=interrupted)
+    _exit(results, interrupted=interrupted)
+
+
+def _engine(text: str, workers: int | None) -> Engine:
+    try:
+        return engine_of(text, workers)
+    except ValueError as problem:
+        raise OptionError(f"--engine: found {problem}") from None
 
 
 @contextmanager
@@ -201,6 +188,7 @@ def _reporting_errors() -> Iterator[None]:
     """Report an error that prevents the experiment, and exit."""
     from colony.experiment.parallel import WorkersLostError
     from colony.experiment.results import ResultsError
+    from colony.nav.maps.free_space import NoRoomError
     from colony.text.diagnostics import DiagnosticError
 
     try:
@@ -214,7 +202,7 @@ def _reporting_errors() -> Iterator[None]:
     except MisuseError as problem:
         say(str(problem))
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-    except (ResultsError, WorkersLostError) as problem:
+    except (ResultsError, WorkersLostError, NoRoomError) as problem:
         say(f"error: {problem}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
 
@@ -231,12 +219,34 @@ def _floor(path: str | None) -> WorldMap:
     return load_world(path)
 
 
-def _requested(
-    options: dict[str, Any],
-) -> tuple[tuple[ProgramChoice, ...], RunRequest, dict[str, Range]]:
-    """Return the behaviors, the run, and the ranges of params and of the number of people ("")."""
-    from colony.experiment.design import ProgramChoice, range_of
+def _experiment(options: dict[str, Any], floor: WorldMap) -> Experiment:
+    """Return the requested experiment; its behaviors compile, also with both ends of the ranges of params."""
+    from colony.experiment.design import Experiment
+    from colony.experiment.digest import digest_of
+    from colony.experiment.programs import compiled_of
 
+    _expect_one_start(options)
+    programs, params = _programs(options), _params(options["ranges"])
+    movers = _movers(options["movers"])
+    compiled = [compiled_of(program) for program in programs]
+    for program in programs:
+        for end in ("low", "high") if params else ():
+            compiled_of(program, tuple((name, values.text(getattr(values, end))) for name, values in params))
+    return Experiment(
+        name=f"on {compiled[0].compiled.name} in {floor.name}",
+        programs=programs,
+        request=_request(compiled[0].program.robot, options, movers),
+        runs=options["runs"],
+        varies_start="start" in options["vary"],
+        movers=None if isinstance(movers, int) else movers,
+        params=params,
+        audit=options["audit"],
+        digest=digest_of([each.compiled for each in compiled], floor.files),
+    )
+
+
+def _expect_one_start(options: dict[str, Any]) -> None:
+    """Refuse options that give a run several starts, or half of a route."""
     origin, goal, varies_start = options["origin"], options["goal"], "start" in options["vary"]
     if (origin is None) != (goal is None):
         raise OptionError("--from and --to belong together; expected --from ROOM --to ROOM")
@@ -246,8 +256,27 @@ def _requested(
         raise OptionError("--start and --vary start exclude each other")
     if options["hazards"] and goal is None:
         raise OptionError("--hazards requires --from and --to")
+
+
+def _programs(options: dict[str, Any]) -> tuple[ProgramChoice, ...]:
+    from colony.experiment.programs import ProgramChoice
+
+    files = [options["file"], *([options["versus"]] if options["versus"] is not None else [])]
+    if len(set(files)) < len(files):
+        raise OptionError("--versus: found the same file twice; expected another behavior")
+    stems = [Path(file).stem for file in files]
+    labels = stems if len(set(stems)) == len(stems) else files
+    return tuple(
+        ProgramChoice(label, file, chosen_robot(), chosen_params())
+        for label, file in zip(labels, files, strict=True)
+    )
+
+
+def _params(texts: Sequence[str]) -> tuple[tuple[str, Range], ...]:
+    from colony.experiment.design import range_of
+
     ranges: dict[str, Range] = {}
-    for text in options["ranges"]:
+    for text in texts:
         name, equals, values = text.partition("=")
         if not (name and equals) or name in ranges:
             raise OptionError(f"--param: found `{text}`; expected each param once, as NAME=LOW..HIGH")
@@ -255,43 +284,28 @@ def _requested(
             ranges[name] = range_of(values)
         except ValueError as problem:
             raise OptionError(f"--param {name}: {problem}") from None
-    movers = _movers(options["movers"])
-    if not isinstance(movers, int):
-        ranges[""] = movers
-    files = [options["file"], *([options["versus"]] if options["versus"] is not None else [])]
-    stems = [Path(file).stem for file in files]
-    labels = stems if len(set(stems)) == len(stems) else files
-    if len(set(files)) < len(files):
-        raise OptionError("--versus: found the same file twice; expected another behavior")
-    programs = tuple(
-        ProgramChoice(label, file, chosen_robot(), chosen_params())
-        for label, file in zip(labels, files, strict=True)
-    )
-    return programs, _request(programs[0], options, 0 if not isinstance(movers, int) else movers), ranges
+    return tuple(ranges.items())
 
 
 def _movers(text: str) -> int | Range:
     from colony.experiment.design import range_of
 
-    try:
-        found = int(text) if ".." not in text else range_of(text)
-    except ValueError:
-        found = -1
-    is_whole = isinstance(found, int) or found.is_whole
-    low, high = (found, found) if isinstance(found, int) else (found.low, found.high)
-    if not is_whole or not 0 <= low <= high <= MAX_MOVERS:
-        raise OptionError(f"--movers: found `{text}`; expected a number up to {MAX_MOVERS}, or two: 0..5")
-    return found
+    with suppress(ValueError):
+        if ".." not in text:
+            if 0 <= int(text) <= MAX_MOVERS:
+                return int(text)
+        else:
+            found = range_of(text)
+            if found.is_whole and found.low >= 0 and found.high <= MAX_MOVERS:
+                return found
+    raise OptionError(f"--movers: found `{text}`; expected a number up to {MAX_MOVERS}, or two: 0..5")
 
 
-def _request(program: ProgramChoice, options: dict[str, Any], movers: int) -> RunRequest:
-    from colony.experiment.trial import program_of
-
-    robot = program_of(program).robot
+def _request(robot: Robot, options: dict[str, Any], movers: int | Range) -> RunRequest:
     pinned, given = held(robot, options["settings"])
     duration = options["duration"] or (None if options["goal"] is not None else DURATION)
     return RunRequest(
-        file=program.file,
+        file=options["file"],
         map_path=options["map_path"],
         seed=options["seed"],
         length_ns=None if duration is None else duration_ns(duration),
@@ -302,56 +316,8 @@ def _request(program: ProgramChoice, options: dict[str, Any], movers: int) -> Ru
         goal=options["goal"],
         hazards=0 if options["hazards"] else None,
         start=None if options["start"] is None else start_pose(options["start"]),
-        movers=movers,
+        movers=movers if isinstance(movers, int) else 0,
     )
-
-
-def _experiment(
-    programs: tuple[ProgramChoice, ...],
-    request: RunRequest,
-    ranges: dict[str, Range],
-    floor: WorldMap,
-    options: dict[str, Any],
-) -> Experiment:
-    """Return the experiment; both ends of the ranges of params are checked."""
-    from colony.experiment.design import Experiment
-    from colony.experiment.digest import digest_of
-    from colony.experiment.trial import compiled_of
-
-    params = tuple((name, values) for name, values in ranges.items() if name)
-    for program in programs:
-        for end in ("low", "high") if params else ():
-            compiled_of(program, tuple((name, values.text(getattr(values, end))) for name, values in params))
-    compiled = [compiled_of(program)[1] for program in programs]
-    return Experiment(
-        name=f"on {compiled[0].name} in {floor.name}",
-        programs=programs,
-        request=request,
-        runs=options["runs"],
-        varies_start="start" in options["vary"],
-        movers=ranges.get(""),
-        params=params,
-        audit=options["audit"],
-        digest=digest_of(compiled, floor.files),
-    )
-
-
-def _engine(text: str, workers: int | None) -> Engine:
-    from colony.experiment.dask_engine import DaskEngine
-    from colony.experiment.parallel import PoolEngine, SerialEngine
-
-    name, _, address = text.partition("=")
-    match name:
-        case "pool" if not address:
-            return PoolEngine(workers)
-        case "serial" if not address:
-            return SerialEngine()
-        case "dask":
-            return DaskEngine(address, workers)
-        case _:
-            raise OptionError(
-                f"--engine: found `{text}`; expected pool, serial, dask or dask=tcp://HOST:PORT"
-            )
 
 
 # --- the work ------------------------------------------------------------------------------------
@@ -463,7 +429,7 @@ def _draw(floor: WorldMap, results: Sequence[TrialResult], path: str) -> None:
     say(f"wrote {path}")
 
 
-def _exit(experiment: Experiment, results: Sequence[TrialResult], *, interrupted: bool) -> None:
+def _exit(results: Sequence[TrialResult], *, interrupted: bool) -> None:
     if any(r.breaches or r.difference for r in results):
         raise click.exceptions.Exit(EXIT_ERRORS)
     if interrupted:

@@ -77,8 +77,7 @@ class FreeSpace:
             end = self._random_end(leg[1], radius_mm, rng)
             leg = leg[::-1] if end is None else (leg[1], end)
         if leg[0] == leg[1]:
-            at = f"({start[0]:.0f}, {start[1]:.0f})"
-            raise NoRoomError(f"nothing with a radius of {radius_mm:.0f} mm can move away from {at}")
+            raise _no_room(start, radius_mm)
         return leg
 
     def random_place(self, start: Place, radius_mm: float, rng: np.random.Generator) -> Place:
@@ -89,8 +88,7 @@ class FreeSpace:
         """
         places = self._reached(start, radius_mm)
         if not len(places):
-            at = f"({start[0]:.0f}, {start[1]:.0f})"
-            raise NoRoomError(f"nothing with a radius of {radius_mm:.0f} mm can move away from {at}")
+            raise _no_room(start, radius_mm)
         x, y = places[rng.integers(len(places))].tolist()
         return x, y
 
@@ -142,6 +140,11 @@ class FreeSpace:
                 if self.is_free(start, end, radius_mm):
                     return end
         return None
+
+
+def _no_room(start: Place, radius_mm: float) -> NoRoomError:
+    at = f"({start[0]:.0f}, {start[1]:.0f})"
+    return NoRoomError(f"nothing with a radius of {radius_mm:.0f} mm can move away from {at}")
 
 
 def _distances(walls: NDArray[np.float64], start: Place, end: Place) -> NDArray[np.float64]:
