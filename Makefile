@@ -14,6 +14,9 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
+# Tests start many processes; without bytecode each of them would compile all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test test-long test-thorough browser check format bench soak stops loss agreement angles attack wheel mutants clean
 
 run: $(SIM)

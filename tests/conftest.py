@@ -19,7 +19,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
-from hypothesis.configuration import set_hypothesis_home_dir
 
 from tests.paths import ROOT
 
@@ -48,8 +47,6 @@ for _folder in ("moments", "proofs"):
 for _file in ("watch-token", "watch.html"):
     (_CACHE / _file).mkdir()
 
-set_hypothesis_home_dir(f"{_HOME.name}/h")
-
 _COMMON = settings(
     deadline=None,  # machines differ
     database=None,  # what was drawn once must not change what is drawn next
@@ -57,7 +54,7 @@ _COMMON = settings(
     phases=[Phase.explicit, Phase.generate, Phase.shrink],  # not `explain`, which is slow
     suppress_health_check=[HealthCheck.too_slow],
 )
-settings.register_profile("dev", _COMMON, derandomize=True, max_examples=60)
+settings.register_profile("dev", _COMMON, derandomize=True, max_examples=20)
 settings.register_profile("ci", _COMMON, derandomize=True, max_examples=1000)
 settings.register_profile("explore", _COMMON, derandomize=False, max_examples=2000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))

@@ -52,6 +52,7 @@ def test_its_examples_hold(behavior: str, robot: str) -> None:
     assert failures_as_diagnostics(results) == ()
 
 
+@pytest.mark.long
 @each_pair
 def test_its_contracts_are_proved_and_nothing_is_said_of_its_modules(behavior: str, robot: str) -> None:
     program = program_of(behavior, robot)

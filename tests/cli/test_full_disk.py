@@ -72,6 +72,7 @@ def test_a_run_directory_that_is_full_is_said_before_anything_begins(
     assert directory(disk).running() == {}
 
 
+@pytest.mark.long
 def test_a_run_goes_on_when_its_run_directory_gets_full(cramped: Machine, disk: SmallDisk) -> None:
     run = cramped.start(*RUN, "--processes", "--no-picture", "--duration", "6", "--format", "json")
     until(lambda: run.ended() or "10 %" in run.err, "the robot drives")

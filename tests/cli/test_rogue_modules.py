@@ -71,6 +71,7 @@ def standing_of(run: RunStatus, address: str) -> str:
     return next(client.standing for client in run.clients if client.address == address)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("crime", sampled(tuple(CRIMES), every=len(CRIMES), thorough=True))
 def test_nothing_else_is_harmed(machine: Machine, colony: Colony, tmp_path: Path, crime: str) -> None:
     (tmp_path / "rogue.py").write_text(ROGUE.replace("CRIME", CRIMES[crime]))

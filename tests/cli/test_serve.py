@@ -82,6 +82,7 @@ def _ps(colony: Colony) -> dict[str, object]:
     return found  # type: ignore[no-any-return]
 
 
+@pytest.mark.long
 def test_a_killed_leader_leaves_the_robot_standing_and_a_run_outlives_a_killed_robot(
     machine: Machine, served: Started
 ) -> None:

@@ -202,6 +202,7 @@ def lab(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_drivers_that_fail_end_no_other_server(
     machine: Machine, colony: Colony, lab: Path, tmp_path: Path
 ) -> None:

@@ -17,6 +17,7 @@ from tests.pages import write_files
 from tests.waiting import until
 
 
+@pytest.mark.long
 def test_the_robot_of_the_page(machine: Machine, tmp_path: Path) -> None:
     write_files("drivers.md", tmp_path)
     drivers = tmp_path / "robots" / "rover" / "rover_drivers.py"

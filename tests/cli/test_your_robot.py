@@ -36,6 +36,7 @@ def test_without_failsafe_the_robot_drives_though_its_hitch_is_silent(
     assert "REFUTED  waits_for_hitch" in typed("colony verify tow.colony", monkeypatch).out
 
 
+@pytest.mark.long
 def test_the_robot_drives_with_its_drivers(machine: Machine, tmp_path: Path) -> None:
     _write(tmp_path, real=True)
     robot = f"t1={tmp_path / 'robots' / 'tugger' / 'tugger.colony'}"

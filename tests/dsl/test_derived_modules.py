@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from colony.ir import expression as e
 from colony.ir.program import Module, PythonModule
 from tests.dsl.texts import findings, messages, named, program
@@ -112,6 +114,7 @@ def test_a_param_of_the_wrong_type_is_told_at_its_value() -> None:
     assert findings(text) == ["2:18 E404", "3:18 E404", "3:23 E404"]
 
 
+@pytest.mark.long
 def test_a_long_chain() -> None:
     text = (
         BASE + "".join(f"module m{i} = m{i + 1}(near = {i} m)\n" for i in range(2000)) + "module m2000 = base"

@@ -15,6 +15,7 @@ from colony.ir.program import Contract, Module
 from colony.verify.reference.interpreter import Interpreter
 from tests.dsl.test_imports import Files
 from tests.dsl.texts import ROBOT, expression, findings, messages, named, program
+from tests.sampling import long
 
 NEAR = "let near(r : mm, d : mm = 900 mm) = recently(r < d, 1 s)"
 
@@ -306,7 +307,11 @@ def chain(links: int, body: str, call: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "body", ["f(x) + f(x)", "f(f(x))", "f(x + x)", "f(previous(x, 0) + x)", "min(f(x), f(x), f(x))"]
+    "body",
+    [
+        "f(x) + f(x)",
+        *map(long, ["f(f(x))", "f(x + x)", "f(previous(x, 0) + x)", "min(f(x), f(x), f(x))"]),
+    ],
 )
 def test_functions_that_double_end_with_one_error(body: str) -> None:
     shown = messages(chain(60, body, "f(docked_at)"))
@@ -321,6 +326,7 @@ def test_a_program_is_too_large_once() -> None:
     assert [f.split()[1] for f in findings(f"{text}\n{calls}")] == ["E012"]
 
 
+@pytest.mark.thorough
 def test_templates_do_not_count() -> None:
     text = chain(12, "f(x) + f(x)", "f(docked_at)")
     modules = "\n".join(f"module m{i} {{ input n : number when f11(n) > 0 }}" for i in range(30))

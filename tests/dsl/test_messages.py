@@ -275,6 +275,7 @@ test "f" { at 0 s given eleven = 1 expect twelve, thirteen }"""
     assert len(findings(text)) == 13
 
 
+@pytest.mark.long
 def test_a_message_is_never_endless() -> None:
     assert len(messages("let a = " + "b" * 100_000)) < 2000
     assert len(messages("let a = sonar" + ".b" * 100_000)) < 2000

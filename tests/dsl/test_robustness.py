@@ -12,8 +12,8 @@ from colony.dsl.load import Checked, check_file, check_text
 from colony.text.diagnostics import headline, render
 from tests.dsl.texts import MODULES, ROBOT, findings, messages
 
-MANY = 20_000
-LARGE = 2_000_000
+MANY = 5_000
+LARGE = 500_000
 """Characters of the large texts here; ten times as many take ten times as long, a few seconds."""
 
 
@@ -90,6 +90,7 @@ def test_garbage() -> None:
     assert codes(check_text(garbage))
 
 
+@pytest.mark.long
 def test_programs_of_thousands_of_parts() -> None:
     chain = f"{MODULES}module m0 = avoid\n" + "".join(f"module m{i + 1} = m{i}\n" for i in range(2000))
     assert findings(chain) == []
@@ -100,6 +101,7 @@ def test_programs_of_thousands_of_parts() -> None:
     assert found.endswith("E502")
 
 
+@pytest.mark.long
 def test_thousands_of_errors() -> None:
     assert len(findings("".join(f"let a{i} = nobody{i}\n" for i in range(2000)))) == 2000
     assert len(findings("let a = 3\n" * 2000)) == 1999

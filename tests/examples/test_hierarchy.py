@@ -27,6 +27,7 @@ WITHIN_S = 0.3
 BRAKING_MM = FASTEST_MM_S**2 / (2 * 800.0)
 
 
+@pytest.mark.long
 def test_the_mission_completes_and_a_dead_task_layer_is_a_robot_that_stands() -> None:
     with machine() as on:
         on.start(SERVE)

@@ -14,7 +14,7 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.cli.programs import compile_file
@@ -65,7 +65,6 @@ def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
 
 
 @given(data=st.data())
-@settings(max_examples=60, deadline=None)
 def test_a_program_that_was_sent_does_what_the_reference_does(data: st.DataObject) -> None:
     program = data.draw(programs())
     executors = {

@@ -39,8 +39,9 @@ def ring(start: float, step: float | None, size: int) -> Bearings:
 
 
 def distance(bearing: float, angle: float) -> Fraction:
-    """The angle between two directions; the angle is at most a few turns."""
-    return min(abs(Fraction(bearing) - Fraction(angle) + turn) for turn in TURNS)
+    """The angle between two directions."""
+    apart = abs(Fraction(bearing) - Fraction(angle)) % 360
+    return min(apart, 360 - apart)
 
 
 def closest(angles: Sequence[float], angle: float) -> int:

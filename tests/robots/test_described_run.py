@@ -90,6 +90,7 @@ def test_a_robot_with_a_lift_drives_and_commands_it() -> None:
     assert summary.troubles == ()
 
 
+@pytest.mark.long
 def test_a_scenario_presses_a_button() -> None:
     compiled = compiled_for("warehouse", "amr")
     pressed = setting(compiled.robot, "estop = true")._replace(t_ns=5_000_000_000)
@@ -127,6 +128,7 @@ def test_a_robot_stops_at_a_hole_that_is_on_its_map(tmp_path: Path) -> None:
     assert report.summary.bumps == 0
 
 
+@pytest.mark.long
 def test_mujoco_moves_a_robot_as_ours_does() -> None:
     pytest.importorskip("mujoco", reason="extra mujoco not installed")
     compiled = compiled_for("wander", "amr")
@@ -158,6 +160,7 @@ network { drive = blind suppresses go }
 """
 
 
+@pytest.mark.thorough
 def test_within_sees_the_faults_of_a_device(tender: Path) -> None:
     """Readings that are frozen for 2 s are missing for 1.7 s where they are read within 300 ms."""
 

@@ -14,6 +14,7 @@ from tools.soak import soak
 SEED = 1994
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("seconds", "isolate"),
     [

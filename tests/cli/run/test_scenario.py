@@ -73,6 +73,7 @@ def check(run: Started) -> None:
     assert all(frame["goal_number"] == 7.0 for frame in frames if frame["drive"]["by"] == "cruise")
 
 
+@pytest.mark.long
 def test_a_run_by_processes_in_a_grid_plays_a_scenario_from_the_start_that_is_chosen(
     machine: Machine, pressed: Path
 ) -> None:
@@ -99,6 +100,7 @@ def test_a_run_waits_for_a_simulator_that_is_being_started(machine: Machine, pre
         assert run.wait() == 130
 
 
+@pytest.mark.long
 def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
     machine: Machine, colony: Colony, pressed: Path
 ) -> None:

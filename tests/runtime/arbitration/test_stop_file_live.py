@@ -63,6 +63,7 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
         machine.close()
 
 
+@pytest.mark.long
 def test_a_stop_is_kept_on_a_disk_that_became_full(robot: Robot) -> None:
     first = robot.start()
     robot.disk.fill()
@@ -79,6 +80,7 @@ def test_a_stop_is_kept_on_a_disk_that_became_full(robot: Robot) -> None:
     assert (found.stopped, found.trouble) == (None, None)
 
 
+@pytest.mark.long
 def test_a_clock_that_has_no_room_for_a_stop_says_so_and_keeps_trying(robot: Robot) -> None:
     robot.disk.fill()
     first = robot.start()

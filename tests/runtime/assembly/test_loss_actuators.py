@@ -70,6 +70,7 @@ def leases_without_end(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(OutsideCommands, "on_lost", lambda self, caller: None)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "bug", [limits_ignored, never_made_safe, long(stops_ignored), long(leases_without_end)]
 )

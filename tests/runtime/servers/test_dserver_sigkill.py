@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import pytest
 
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
@@ -114,6 +115,7 @@ def call(connection: str, number: int, ask: Ask[Any]) -> Call:
     return Call(connection=connection, number=number, method=ask.method, arguments=raw, right=ask.right)
 
 
+@pytest.mark.long
 def test_sigkill_loses_nothing_and_does_nothing_twice(tmp_path: Path) -> None:
     draw = random.Random(SEED)
     print(f"seed {SEED}")

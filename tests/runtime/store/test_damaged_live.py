@@ -86,7 +86,7 @@ def test_a_damaged_store_is_kept_aside_and_everybody_is_told(
 
 
 @pytest.mark.parametrize("name", ["DServer.sqlite", "DServer.sqlite-wal"])
-@pytest.mark.parametrize("kind", ["a pipe", "a device", "a folder"])
+@pytest.mark.parametrize("kind", ["a pipe", long("a device"), long("a folder")])
 def test_what_is_no_file_is_refused_with_a_line(machine: Machine, name: str, kind: str) -> None:
     path = state(machine) / name
     path.parent.mkdir(parents=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,7 +20,6 @@ from tests.buildings import HALLWAY, LOOP, MSU
 
 RUNS = 400
 PREMISES = premises_of(MSU)
-SCENERIES = [draw(Hazards(), MSU, seed) for seed in range(RUNS)]
 
 PARTS = {
     Hazard.SLIP: ("joints", "slip"),
@@ -36,13 +36,18 @@ PARTS = {
 """What of a scenery comes from which hazard."""
 
 
+@cache
+def sceneries() -> list[Scenery]:
+    return [draw(Hazards(), MSU, seed) for seed in range(RUNS)]
+
+
 def assert_rate(found: int, trials: int, rate: float) -> None:
     """Within four standard deviations of a binomial."""
     assert abs(found - trials * rate) <= 4.0 * math.sqrt(trials * rate * (1.0 - rate)), (found, trials, rate)
 
 
 def count(of: str) -> int:
-    return sum(len(getattr(scenery, of)) for scenery in SCENERIES)
+    return sum(len(getattr(scenery, of)) for scenery in sceneries())
 
 
 def same(one: Scenery, other: Scenery, part: str) -> bool:
@@ -54,7 +59,7 @@ def same(one: Scenery, other: Scenery, part: str) -> bool:
 
 def test_doors_stand_open_at_their_rate_and_at_all_angles() -> None:
     assert_rate(count("doors"), RUNS * len(PREMISES.rooms), 0.12)
-    angles = [door.angle_deg for scenery in SCENERIES for door in scenery.doors]
+    angles = [door.angle_deg for scenery in sceneries() for door in scenery.doors]
     assert 30.0 <= min(angles) < 31.0
     assert 89.0 < max(angles) <= 90.0
 
@@ -67,13 +72,13 @@ def test_most_doors_of_the_building_can_be_opened() -> None:
 def test_glass_is_silent_at_its_rate_and_nothing_else_is() -> None:
     assert PREMISES.glass
     assert_rate(count("glass"), RUNS * len(PREMISES.glass), 0.8)
-    for scenery in SCENERIES:
+    for scenery in sceneries():
         assert scenery.silent.sum() == len(scenery.glass)
         assert not {door.edge for door in scenery.doors} & set(PREMISES.glass)
 
 
 def test_lights_are_out_or_dim_at_their_rates() -> None:
-    brightness = [light.brightness for scenery in SCENERIES for light in scenery.lights]
+    brightness = [light.brightness for scenery in sceneries() for light in scenery.lights]
     assert set(brightness) == {0.0, 1.0 / 3.0, 1.0}
     assert_rate(brightness.count(0.0), len(brightness), 0.05)
     assert_rate(brightness.count(1.0 / 3.0), len(brightness), 0.05)
@@ -82,7 +87,7 @@ def test_lights_are_out_or_dim_at_their_rates() -> None:
 def test_corridors_are_sunlit_at_their_rate() -> None:
     lengths = {round(track.length_mm, 3) for track in PREMISES.tracks}
     assert len(lengths) == len(PREMISES.tracks)  # so that a corridor is known by its length
-    lit = sum(round(band.length_mm, 3) in lengths for scenery in SCENERIES for band in scenery.sun)
+    lit = sum(round(band.length_mm, 3) in lengths for scenery in sceneries() for band in scenery.sun)
     assert_rate(lit, RUNS * len(PREMISES.tracks), 0.1)
 
 
@@ -90,7 +95,7 @@ def test_there_is_a_person_for_every_forty_meters_of_corridor() -> None:
     meters = sum(track.length_mm for track in PREMISES.tracks) / 1000.0
     expected = RUNS * meters / 40.0
     assert abs(count("people") - expected) < 4.0 * math.sqrt(expected)
-    people = [person for scenery in SCENERIES for person in scenery.people]
+    people = [person for scenery in sceneries() for person in scenery.people]
     assert min(person.speed_mm_s for person in people) >= 600.0
     assert max(person.speed_mm_s for person in people) <= 1400.0
     assert 0.45 < sum(person.forward for person in people) / len(people) < 0.55
@@ -99,14 +104,14 @@ def test_there_is_a_person_for_every_forty_meters_of_corridor() -> None:
 def test_joints_are_where_wings_meet_and_one_for_every_sixty_meters() -> None:
     meters = sum(track.length_mm for track in PREMISES.tracks) / 1000.0
     assert len(PREMISES.wing_joints) >= 2
-    for scenery in SCENERIES[:20]:
+    for scenery in sceneries()[:20]:
         assert scenery.joints[: len(PREMISES.wing_joints)] == PREMISES.wing_joints
         assert abs(len(scenery.joints) - len(PREMISES.wing_joints) - meters / 60.0) <= 1.0
     assert premises_of(LOOP).wing_joints == ()
 
 
 def test_encoder_scales_have_a_standard_deviation_of_one_percent() -> None:
-    errors = np.array([scenery.encoder_scale - 1.0 for scenery in SCENERIES])
+    errors = np.array([scenery.encoder_scale - 1.0 for scenery in sceneries()])
     assert abs(errors.mean()) < 4.0 * 0.01 / math.sqrt(RUNS)
     assert abs(errors.std() - 0.01) < 4.0 * 0.01 / math.sqrt(2 * RUNS)
 

@@ -275,6 +275,7 @@ def test_each_of_two_transitions_to_one_phase() -> None:
     assert messages(half + text) == ["with `bumper` missing, `m` cannot leave `go`, and `move` drives"]
 
 
+@pytest.mark.long
 def test_what_is_too_far_away_is_said_to_be_undecided() -> None:
     late = "state n : number = 0\nnext n = if rising(level > 50) then n + 1 else n\n" + go(
         "cruise", "n > 1000"

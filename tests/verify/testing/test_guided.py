@@ -6,6 +6,8 @@ from collections.abc import Callable, Hashable, Sequence
 from itertools import pairwise
 from random import Random
 
+import pytest
+
 from colony.dsl.load import load_text
 from colony.ir.expression import StateValue
 from colony.ir.frame import Frame
@@ -46,6 +48,7 @@ def steps_to_open(draw: Callable[[int], tuple[Frame, ...]], learn: Learn, most: 
     return None
 
 
+@pytest.mark.long
 def test_a_lock_opens_and_only_to_who_remembers_how_far_it_was() -> None:
     of = program(LOCK)
     guide = Guide(of, 6)

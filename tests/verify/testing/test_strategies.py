@@ -101,6 +101,7 @@ def test_programs_use_the_whole_language() -> None:
     assert [word for word in words if found[word] < 3] == []
 
 
+@pytest.mark.long
 def test_outcomes_are_varied() -> None:
     found: Counter[str] = Counter()
     for seed in range(150):
@@ -179,6 +180,7 @@ def test_a_failing_trace_shrinks_to_the_frames_and_readings_that_matter(
     assert [(f.t_ns, {name: x for name, x in f.readings.items() if x is not None}) for f in found] == expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["wander", "herbert"])
 def test_traces_of_a_behavior_reach_its_modules(name: str) -> None:
     of = load_file(ROOT / "behaviors" / f"{name}.colony")

@@ -102,6 +102,7 @@ def _near(lamp: CeilingLight, x: float, y: float) -> bool:
     return math.hypot(lamp.x_mm - x, lamp.y_mm - y) < NEAR_MM
 
 
+@pytest.mark.long
 def test_lights_that_are_on_are_seen_when_passing_and_nothing_else_is() -> None:
     seeds = range(50)
     print(f"seeds {seeds}")

@@ -224,6 +224,7 @@ def test_the_simulators_markers_are_found() -> None:
         assert [box.code for box in find_markers(image)] == [marker.code], (number, ahead, aside, turned)
 
 
+@pytest.mark.long
 def test_there_is_no_marker_where_none_hangs() -> None:
     """500 pictures of corridors with people, posters, glass bricks, open doors and plates."""
     floor = load_map(MAP)

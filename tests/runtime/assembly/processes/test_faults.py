@@ -199,7 +199,7 @@ def test_no_acknowledged_write_is_lost_when_dserver_is_killed(run: Run, session:
         assert acknowledged <= reader.do(data.get(COUNTER, type=int)) <= acknowledged + 1
 
 
-@pytest.mark.parametrize("name", ["Clock", "RServer", "PServer", "DServer", "client"])
+@pytest.mark.parametrize("name", ["Clock", *map(long, ["RServer", "PServer", "DServer", "client"])])
 def test_all_is_back_within_two_seconds_of_a_restart(run: Run, name: str) -> None:
     def measure() -> int:
         run.goes_on()
