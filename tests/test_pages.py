@@ -34,7 +34,7 @@ from tests.pages import (
 from tests.paths import ROOT
 
 BLOCKS = [block for page in PAGES for block in blocks(page)]
-SLOW = ("explain.md", "verification.md")
+SLOW = ("experiments.md", "explain.md", "recordings.md", "robots.md", "verification.md", "your-robot.md")
 
 
 @pytest.mark.parametrize("page", PAGES.values(), ids=PAGES)

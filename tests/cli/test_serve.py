@@ -111,6 +111,7 @@ def _has_begun(machine: Machine, run: Started) -> None:
     assert not run.ended(), run.err
 
 
+@pytest.mark.long
 def test_a_run_ends_when_the_whole_robot_stays_away(
     machine: Machine, served: Started, tmp_path: Path
 ) -> None:

@@ -45,6 +45,7 @@ def served(machine: Machine) -> Started:
     return started
 
 
+@pytest.mark.long
 def test_a_served_robot_takes_programs_and_stops_with_all_its_actuators(
     machine: Machine, served: Started, colony: Colony, lifting: Path
 ) -> None:

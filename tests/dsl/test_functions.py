@@ -319,6 +319,7 @@ def test_functions_that_double_end_with_one_error(body: str) -> None:
     assert "error[E012]: with the functions called here, the program has more than 100,000" in shown
 
 
+@pytest.mark.long
 def test_a_program_is_too_large_once() -> None:
     text = chain(12, "f(x) + f(x)", "f(docked_at)")
     assert findings(text) == []

@@ -34,6 +34,7 @@ from colony.verify.testing.agreement import disagreement
 from colony.verify.testing.strategies import traces
 from tests.drawn.strategies import programs
 from tests.paths import BEHAVIORS, ROOT
+from tests.sampling import sampled
 
 HEAD = len(b"colonyc") + 2 + 32
 
@@ -52,7 +53,7 @@ def signed(body: bytes) -> bytes:
     return b"colonyc" + bytes([VERSION, SEMANTICS]) + sha256(body).digest() + body
 
 
-@pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sampled(BEHAVIORS, every=4), ids=lambda path: path.stem)
 def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
     compiled = compile_program(load_file(path)).compiled
     back = decode(encode(compiled), "p.colonyc")

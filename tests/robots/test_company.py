@@ -70,6 +70,7 @@ def driven(robot: str, asked: RunRequest, text: str | None = None) -> RunReport:
     return run_in_building(compiled, described_robot(compiled.robot), asked, Watcher(10**6).ui)
 
 
+@pytest.mark.long
 def test_a_robot_wanders_among_others_and_people_without_a_bump() -> None:
     asked = request(other("rome", "rome"), other("rome", "rome_2"), seconds=20.0, movers=5)
     report = driven("amr", asked)

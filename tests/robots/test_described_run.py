@@ -117,6 +117,7 @@ def test_only_rome_is_led_from_room_to_room(tender: Path) -> None:
         drive(compiled, replace(REQUEST, origin="201", goal="203"))
 
 
+@pytest.mark.long
 def test_a_robot_stops_at_a_hole_that_is_on_its_map(tmp_path: Path) -> None:
     """The robot starts in the south corridor, 50 inches from its south wall, looking east."""
     loop = (MAPS / "loop.stickrep").read_text(encoding="utf-8")

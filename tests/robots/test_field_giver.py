@@ -38,6 +38,7 @@ def plant(address: Local) -> Iterator[PlantProcess]:
         yield running
 
 
+@pytest.mark.long
 def test_what_is_given_at_0_holds_until_the_run_has_begun_and_times_count_from_there(
     address: Local, plant: PlantProcess
 ) -> None:

@@ -88,6 +88,7 @@ def test_the_way_of_a_plant_that_was_frozen_is_counted_once(
     assert {floor: path[-1] for floor, path in log.paths.items()} == {"hallway": (log.last.x, log.last.y)}
 
 
+@pytest.mark.long
 def test_the_way_of_a_plant_that_died_is_added_to_that_of_the_next(
     robot_address: Local, plant: PlantProcess
 ) -> None:

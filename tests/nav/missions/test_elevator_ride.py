@@ -33,6 +33,7 @@ from colony.vision.markers.finder import marker_finder
 from tests.experiment.loops import loop_of
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
+from tests.sampling import long
 from tests.sim.robots import FRONT_CAMERA
 
 NAVIGATOR = ROOT / "behaviors" / "navigator.colony"
@@ -111,7 +112,7 @@ def test_the_robot_rides_to_another_floor_and_goes_on_there(tmp_path: Path) -> N
     assert math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm) < 300.0
 
 
-@pytest.mark.parametrize(("seed", "aside_mm"), [(1, 350.0), (2, -350.0)])
+@pytest.mark.parametrize(("seed", "aside_mm"), [(1, 350.0), long(2, -350.0)])
 def test_a_robot_that_is_aside_of_the_doors_goes_in_by_their_marker(
     seed: int, aside_mm: float, tmp_path: Path
 ) -> None:

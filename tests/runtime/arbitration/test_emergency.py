@@ -176,6 +176,7 @@ def serving(machine: Machine, *servers: str) -> None:
         until(lambda: awaited <= set(session.servers()), f"{awaited} are there")
 
 
+@pytest.mark.long
 def test_a_button_stops_all_and_tells_who_acknowledged(machine: Machine) -> None:
     serving(machine, "all")
     run = machine.start("run", WANDER, "--connect", "--set", "DockedAt=0")

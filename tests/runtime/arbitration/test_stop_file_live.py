@@ -13,6 +13,7 @@ from colony.runtime.library import clock
 from colony.runtime.library.clock import Participants
 from colony.runtime.protocol.topics import CLOCK
 from tests.cli.machine import ROBOT, Machine, Started
+from tests.sampling import long
 from tests.small_disk import SmallDisk, small_disk
 from tests.waiting import until
 
@@ -103,7 +104,7 @@ def test_a_clock_that_has_no_room_for_a_stop_says_so_and_keeps_trying(robot: Rob
     assert again.stopped == found.stopped
 
 
-@pytest.mark.parametrize("has_file", [False, True], ids=["no file", "a file"])
+@pytest.mark.parametrize("has_file", [False, long(True)], ids=["no file", "a file"])
 def test_a_stop_on_a_disk_that_may_only_be_read_is_refused_as_not_kept(robot: Robot, has_file: bool) -> None:
     if has_file:
         robot.kill(robot.start())

@@ -28,7 +28,7 @@ def test_outside(group: int) -> None:
     assert totals["commands from outside"] > 5
 
 
-@pytest.mark.parametrize("number", range(VARIANTS))
+@pytest.mark.parametrize("number", sampled(range(VARIANTS), every=4))
 def test_what_must_hold_is_proved_with_operators(number: int) -> None:
     program = variant(number, 100)
     safe = {c.name for c in program.contracts if c.name.startswith("safe")}

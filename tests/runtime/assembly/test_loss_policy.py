@@ -39,6 +39,7 @@ def test_degrade(group: int) -> None:
     assert totals["commands"] > 100
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("degrade", [False, True])
 def test_the_clock_fails_most_often(degrade: bool) -> None:
     totals = Counter[str]()

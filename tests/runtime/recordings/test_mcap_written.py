@@ -20,6 +20,7 @@ from tests.runtime.recordings.mcap_files import (
     lenient,
     trace,
 )
+from tests.sampling import sampled
 from tests.verify.audit.recorded_runs import Kept, as_mcap, logs, mcap_to, read_mcap, run_info, written
 
 
@@ -78,6 +79,7 @@ from colony.files import open_exclusive
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.mcap_files import PROGRAM, SOURCES, trace
 from tests.verify.audit.recorded_runs import logs, mcap_to
+from tests.sampling import sampled
 
 recording = mcap_to(open_exclusive(sys.argv[1]), PROGRAM, *SOURCES)
 [log] = logs(PROGRAM, trace(1))
@@ -89,7 +91,7 @@ for k in count():
 """
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", sampled(range(3), every=3))
 def test_a_killed_process_leaves_every_frame_that_it_had_written(seed: int, tmp_path: Path) -> None:
     """Killed at a moment of chance: all but the last chunk can be read, by both readers."""
     path = tmp_path / "run.mcap"

@@ -201,5 +201,5 @@ class DServerMachine(RuleBasedStateMachine):
         return self.observer.result(ask, self.stage.server.handle(message, self.stage.now))
 
 
-DServerMachine.TestCase.settings = settings(settings(), stateful_step_count=60)
+DServerMachine.TestCase.settings = settings(settings(), stateful_step_count=40)
 TestDServer = DServerMachine.TestCase

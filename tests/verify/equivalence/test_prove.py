@@ -16,6 +16,7 @@ from colony.verify.testing.agreement import EXECUTORS, disagreement
 from tests.drawn.strategies import run_of_seed
 from tests.networks import chain, ladder, random_program
 from tests.paths import BEHAVIORS
+from tests.sampling import sampled
 from tests.verify.testing.bugs_in_passes import lists
 from tests.verify.testing.seeded_bugs import BUGS, Bug
 
@@ -23,7 +24,7 @@ NOT_OF_THE_COMPILER = {"windows that include their end"}  # a mistake in what an
 PASSES = [bug for bug in BUGS if bug.network and bug.name not in NOT_OF_THE_COMPILER]
 
 
-@pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sampled(BEHAVIORS, every=4), ids=lambda path: path.stem)
 def test_shipped_behaviors_are_proved(path: Path) -> None:
     program = load_file(path)
     assert isinstance(prove(program, compile_program(program)), Proved)

@@ -19,6 +19,7 @@ from colony.verify.symbolic.system import Inexact, Number, System, Term
 from colony.verify.symbolic.unrolling import Unrolling
 from tests.drawn.strategies import run_of_seed
 from tests.paths import BEHAVIORS as SHIPPED
+from tests.sampling import long
 from tests.verify.symbolic.programs import broken, claim_of, program
 
 BEHAVIORS = {path.stem: path for path in SHIPPED}
@@ -80,7 +81,7 @@ def test_frames_with_nan_are_frames_of_it(close: bool) -> None:
     assert broken(generalize(encode(program(text)), close=close), "c").check() == z3.sat
 
 
-@pytest.mark.parametrize("name", ["rome", "wander", "herbert", "hallway"])
+@pytest.mark.parametrize("name", ["rome", "wander", "herbert", long("hallway")])
 def test_shipped_contracts_hold_bit_for_bit(name: str) -> None:
     general = generalize(encode(load_file(BEHAVIORS[name])))
     for contract in ("brakes_in_time", "never_rams", "stands_blind"):

@@ -80,6 +80,7 @@ def best(measure: Callable[[], int], most_ns: int, what: str) -> None:
 # --- clients ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [KILL, STOP])
 def test_a_client_that_is_killed_or_frozen_is_silent_from_the_next_frame(
     run: Run, number: signal.Signals
@@ -177,6 +178,7 @@ def test_the_base_stops_within_two_frames_of_the_last_valid_command(
     best(measure, most_ns + SLACK_NS, f"the base brakes after {server} got {number.name}")
 
 
+@pytest.mark.long
 def test_no_acknowledged_write_is_lost_when_dserver_is_killed(run: Run, session: Session) -> None:
     acknowledged = 0
     with session.connect("DServer", name="reader", timeout_s=20.0) as reader:
