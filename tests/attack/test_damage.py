@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.sampling import long
+from tests.sampling import long, thorough
 from tools.attack.damage import costs, flips, record
 
 TRIALS = 15
 
 
 @pytest.mark.parametrize("name", ["run.mcap", long("run.jsonl")])
-@pytest.mark.parametrize("killed", [long(False), True], ids=["whole", "killed"])
+@pytest.mark.parametrize("killed", [thorough(False), True], ids=["whole", "killed"])
 def test_what_is_damaged_is_never_compared(name: str, killed: bool, tmp_path: Path) -> None:
     came = flips(record(tmp_path / name, seconds=3.0, killed=killed), name, trials=TRIALS, seed=2)
     assert came.wrong == ()

@@ -36,7 +36,7 @@ def _losses(lab: Lab) -> Iterator[list[str]]:
         yield lost
 
 
-@pytest.mark.parametrize("kind", sampled(KINDS, every=4))
+@pytest.mark.parametrize("kind", sampled(KINDS, every=4, thorough=True))
 def test_a_stop_gets_through(kind: Kind, lab: Lab) -> None:
     with (
         lab.session("guard") as guard,

@@ -31,7 +31,9 @@ WATCH_S = 1.5
 """Gossip took less than a second to have local processes dial an address."""
 
 
-@pytest.mark.parametrize("intruder", sampled(SAMPLE, every=3), ids=lambda i: f"{i.mode}-{i.certificate}")
+@pytest.mark.parametrize(
+    "intruder", sampled(SAMPLE, every=3, thorough=True), ids=lambda i: f"{i.mode}-{i.certificate}"
+)
 def test_nobody_gets_beyond_the_right(intruder: Intruder, lab: Lab, folder: Path) -> None:
     outcome = attempt(intruder, lab, folder, watch_s=WATCH_S)
     assert outcome.failed, outcome
@@ -44,7 +46,7 @@ def test_nobody_gets_beyond_the_right(intruder: Intruder, lab: Lab, folder: Path
     assert (outcome.within > 0) == has_a_right, "else the witness would be deaf"
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.parametrize("mode", MODES)
 def test_nobody_passes_for_a_process_of_the_robot(mode: str, lab: Lab, folder: Path) -> None:
     """Two links of one id are one to zenoh, and the first one's rights would be those of both."""

@@ -117,7 +117,7 @@ def test_a_run_whose_recording_breaks_off_tells_what_it_was(
         assert "truncated" in result.out
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["run.mcap", "run.jsonl"])
 def test_a_recording_that_cannot_begin_is_misuse(machine: Machine, disk: SmallDisk, name: str) -> None:
     disk.fill()
@@ -128,7 +128,7 @@ def test_a_recording_that_cannot_begin_is_misuse(machine: Machine, disk: SmallDi
     assert run.out == ""
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_picture_that_cannot_be_written_leaves_the_summary(machine: Machine, disk: SmallDisk) -> None:
     disk.fill()
     picture = disk.path / "run.png"
@@ -183,7 +183,7 @@ def test_dserver_refuses_what_must_be_kept_and_lives(machine: Machine, disk: Sma
         server.close()
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_dserver_that_can_make_no_store_lives_in_memory(machine: Machine, disk: SmallDisk) -> None:
     (disk.seen / "s").mkdir(mode=0o700)
     disk.fill()
@@ -208,7 +208,7 @@ def test_a_dserver_that_can_make_no_store_lives_in_memory(machine: Machine, disk
         server.close()
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_nothing_is_lost_where_even_the_reserve_is_too_small(machine: Machine, disk: SmallDisk) -> None:
     """Values of a megabyte at one moment: the server may have to end before it answers."""
     served = serve(machine, disk)

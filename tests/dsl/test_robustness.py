@@ -101,7 +101,7 @@ def test_programs_of_thousands_of_parts() -> None:
     assert found.endswith("E502")
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_thousands_of_errors() -> None:
     assert len(findings("".join(f"let a{i} = nobody{i}\n" for i in range(2000)))) == 2000
     assert len(findings("let a = 3\n" * 2000)) == 1999

@@ -125,7 +125,7 @@ def test_the_situations_are_such_that_limits_hold() -> None:
     assert any(limits_are_obeyed(seed) for seed in range(3))
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_what_the_limits_forbid_is_never_sent_in_many_situations() -> None:
     assert sum(map(limits_are_obeyed, range(1000, 1120))) > 120
 

@@ -33,7 +33,7 @@ def rounds(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_published_runs_beside_ours(studies: Studies) -> None:
     result = studies(*QUICK)
     assert result.code == 0
@@ -47,7 +47,7 @@ def test_published_runs_beside_ours(studies: Studies) -> None:
     assert "100 %: 1 of 1 run, 0 bad" in result.err
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_results_are_kept_and_not_made_again(studies: Studies, rounds: Path, tmp_path: Path) -> None:
     kept = tmp_path / "r.sqlite"
     arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "-o", str(kept))
@@ -66,7 +66,7 @@ def test_results_are_kept_and_not_made_again(studies: Studies, rounds: Path, tmp
     assert count == 2
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_pictures_and_a_page(studies: Studies, rounds: Path, tmp_path: Path) -> None:
     page, pictures = tmp_path / "page.md", tmp_path / "pictures"
     arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "--write", str(page))
@@ -94,7 +94,7 @@ def test_pictures_and_a_page(studies: Studies, rounds: Path, tmp_path: Path) -> 
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures.iterdir())
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_ways_are_drawn_on_their_floor_and_none_on_two(studies: Studies, tmp_path: Path) -> None:
     two_floors(tmp_path)
     ways, pictures = tmp_path / "ways.csv", tmp_path / "pictures"
@@ -123,7 +123,7 @@ def test_pages_that_cannot_be_filled_are_told_before_the_runs(studies: Studies, 
     )
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_random_pairs(studies: Studies) -> None:
     arguments = ("random", "--map", str(ROOT / "maps" / "loop.stickrep"), "--pairs", "2", "--seed", "3")
     result = studies(*arguments, "--engine", "serial", "--format", "json")
@@ -133,7 +133,7 @@ def test_random_pairs(studies: Studies) -> None:
     assert len(told["results"]) == 2
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_an_audit_says_what_it_compared(studies: Studies, rounds: Path) -> None:
     arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "--runs", "1")
     result = studies(*arguments, "--audit", "0.0001")
@@ -183,7 +183,7 @@ def test_misuse_is_one_line_and_2(studies: Studies, arguments: tuple[str, ...], 
     assert "Traceback" not in result.err
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.skipif(os.name != "posix", reason="there is no SIGINT to send")
 def test_ctrl_c_keeps_what_is_finished(tmp_path: Path) -> None:
     kept = tmp_path / "r.sqlite"

@@ -17,7 +17,7 @@ from tests.studies.conftest import Studies
 QUICK = ("lights", "--runs", "29", "--seeds", "2", "--no-hazards", "--engine", "serial")
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_lights_are_counted_kept_and_put_into_a_page(studies: Studies, tmp_path: Path) -> None:
     kept, page = tmp_path / "r.sqlite", tmp_path / "page.md"
     name = "lights ours/no-hazards"
@@ -66,7 +66,7 @@ def test_what_makes_no_sense_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_ctrl_c_loses_no_run_that_was_finished(
     studies: Studies, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -25,7 +25,7 @@ def specified(folder: Path) -> RunSpec:
     )
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_run_to_another_floor_reaches_its_goal_there(tmp_path: Path) -> None:
     run = Run(specified(tmp_path))
     while run.step():

@@ -61,7 +61,7 @@ def test_a_list_that_cannot_be_read(tmp_path: Path) -> None:
         csv_list(tmp_path / "none.csv", BUILDING)
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_random_pairs_are_the_same_for_a_seed_and_can_be_driven() -> None:
     runs = random_list(FLOOR, 30, 1)
     assert runs == random_list(FLOOR, 30, 1)
@@ -72,7 +72,7 @@ def test_random_pairs_are_the_same_for_a_seed_and_can_be_driven() -> None:
         assert plan(FLOOR, run.origin, run.goal).segments
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_random_pairs_of_rooms_on_different_floors() -> None:
     runs = floors_list(BUILDING, 40, 1)
     assert runs == floors_list(BUILDING, 40, 1)

@@ -73,7 +73,7 @@ def test_a_run_around_a_corner_in_a_quiet_building(quiet: RunResult) -> None:
     assert max(steps) < 520.0
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_run_is_the_same_again_and_another_with_another_seed(quiet: RunResult) -> None:
     assert run(_spec()) == quiet
     assert run(_spec(seed=2)).path != quiet.path
@@ -126,7 +126,7 @@ def _idle() -> Script:
         yield from sleep(1.0)
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_robot_that_nobody_sends_anywhere_is_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
     _with_scripts(monkeypatch, planner=_idle())
     found = run(_spec())
@@ -146,7 +146,7 @@ def test_a_planner_that_ends_too_soon_leaves_the_robot_astray(monkeypatch: pytes
     assert found.goal_error_mm > 10_000.0
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_robot_whose_position_keeps_being_moved_takes_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
     def backward() -> Script:
         while True:
@@ -176,7 +176,7 @@ def test_a_script_that_raises_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 # --- audits -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_the_interpreter_decides_alike_in_every_frame() -> None:
     found, driven = audit(_short()), run(_short())
     assert found.difference == ""
@@ -220,7 +220,7 @@ def _experiment(seeds: int = 2) -> Experiment:
     )
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_results_do_not_depend_on_where_the_work_is_done(tmp_path: Path) -> None:
     asked = _experiment()
     assert asked.label == "ours/no-people"
@@ -245,7 +245,7 @@ def test_what_is_there_is_not_run_again(tmp_path: Path) -> None:
     assert told == [(1, 2), (2, 2), (3, 4), (4, 4)]
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_an_audit_of_an_experiment_is_of_one_run_at_least() -> None:
     [one] = conduct_audit(_experiment(1), SerialEngine(), 0.000001)
     assert (one.key.number, one.difference) == (1, "")

@@ -20,7 +20,7 @@ SEED = 1994
     [
         pytest.param(6.0, False, id="6 s, together"),
         pytest.param(30.0, False, id="30 s, together", marks=pytest.mark.thorough),
-        pytest.param(30.0, True, id="30 s, alone", marks=pytest.mark.long),
+        pytest.param(30.0, True, id="30 s, alone", marks=pytest.mark.thorough),
     ],
 )
 def test_processes_keep_their_memory_and_decisions_are_the_interpreters(

@@ -59,7 +59,7 @@ def test_names_do_not_lie_on_each_other(name: str) -> None:
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_everything_is_inside_the_picture() -> None:
     for name in ("hallway", "loop", "atrium", "msu_engineering_3"):
         figure = draw_map(load_map(MAPS / f"{name}.stickrep"), [WAY] * 8)

@@ -112,7 +112,7 @@ def test_dead_reckoning_follows_the_robot_beyond_the_wrap(turn: float) -> None:
     assert line.base.turn_rate == pytest.approx(turn, abs=4.0)
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.parametrize("speed", [500.0, -500.0])
 def test_a_long_way_wraps_the_encoders_again_and_again(speed: float) -> None:
     """Encoders of 16 bits: 29.1 m."""

@@ -152,7 +152,7 @@ def test_dead_reckoning_follows_the_robot(model: str) -> None:
 
 
 @pytest.mark.parametrize(("model", "speed"), [("p3dx-sh", 1500), ("p2dx", -1200)])
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_long_way_wraps_the_registers_again_and_again(model: str, speed: int) -> None:
     """Registers of 15 bits: 32.8 m of a p3dx-sh, 27.5 m of a p2dx."""
     line = Line(Pioneer(model), Firmware(MODELS[model]))

@@ -60,7 +60,7 @@ def test_whatever_comes_no_server_fails_and_every_caller_is_answered(name: str) 
     assert malformed > ROUNDS * EACH // 50
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sampled(tuple(BUILD), every=len(BUILD), thorough=True))
 def test_a_servers_memory_does_not_grow(name: str) -> None:
     print(f"seed {SEED}")

@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="extra mujoco not installed")
 
+from tests.sampling import sampled
 from tests.sim.mujoco.agreement import (
     SLANTED,
     both,
@@ -48,7 +49,7 @@ def test_where_they_differ_at_walls() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("seed", sampled(range(1, 6), every=5, thorough=True))
 def test_a_minute(seed: int) -> None:
     found = compared_drive(seed, seconds=60.0)
     print(found)

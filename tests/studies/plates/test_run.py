@@ -22,7 +22,7 @@ SPEC = RunSpec(
     hazards=Hazards.none(),
 )
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.thorough
 
 
 @pytest.fixture(scope="module")

@@ -58,7 +58,7 @@ def test_an_estimate_is_held_against_the_true_pose_of_its_moment() -> None:
     assert errors == pytest.approx((2, 2_600.0, 4.25, 50.0, 1))
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_short_run_is_driven_with_each_choice(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = RunSpec(
         key=KEY, map_path=PUBLISHED_MAP, origin="A339L", goal="A338R", hazards=Hazards.none(),

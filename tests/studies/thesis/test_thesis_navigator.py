@@ -18,7 +18,7 @@ def test_the_printed_navigator_checks_and_its_examples_hold() -> None:
     assert failures_as_diagnostics(results) == ()
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_the_contracts_of_the_printed_navigator_are_proved() -> None:
     results = tuple(prove_contracts(load_file(THESIS_NAVIGATOR)))
     assert len(results) == 13

@@ -32,7 +32,7 @@ def _square(*corners: Corner) -> PlateBox:
     return PlateBox((a, b, c, d), 1.0)
 
 
-@pytest.mark.parametrize("font", sampled(UNSEEN, every=9), ids=lambda font: font.stem)
+@pytest.mark.parametrize("font", sampled(UNSEEN, every=9, thorough=True), ids=lambda font: font.stem)
 @pytest.mark.parametrize(("height_px", "least"), [(10.0, 27), (14.0, 35), (20.0, 36), (40.0, 36)])
 def test_single_looks_at_fonts_that_were_never_learned(font: Path, height_px: float, least: int) -> None:
     random = np.random.default_rng(5)
@@ -40,7 +40,7 @@ def test_single_looks_at_fonts_that_were_never_learned(font: Path, height_px: fl
     assert sum(_read(look).text == look.text for look in looks) >= least
 
 
-@pytest.mark.parametrize("font", sampled(UNSEEN, every=9), ids=lambda font: font.stem)
+@pytest.mark.parametrize("font", sampled(UNSEEN, every=9, thorough=True), ids=lambda font: font.stem)
 def test_looks_of_a_pass_together_are_better_than_one(font: Path) -> None:
     random = np.random.default_rng(6)
     right, single = 0, 0

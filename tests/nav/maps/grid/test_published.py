@@ -70,7 +70,7 @@ def test_every_cell_is_what_map_server_says(path: Path) -> None:
     assert grid.cells.tolist() == [[int(by_shade[shade]) for shade in row] for row in reversed(rows)]
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @EACH
 def test_every_cell_is_where_map_server_says(path: Path) -> None:
     keys, grid = keys_of(path), load_grid(path)

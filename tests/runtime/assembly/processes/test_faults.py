@@ -22,7 +22,7 @@ from colony.sim.plant.hardware import WATCHDOG_NS
 from tests.cli.machine import Machine
 from tests.runtime.assembly.processes.fault_child import COUNTER, HELD, PRIORITY, QUEUE
 from tests.runtime.assembly.processes.fault_stage import FRAME_NS, UNHEARD, Run, Speed, child
-from tests.sampling import long
+from tests.sampling import long, thorough
 from tests.waiting import until
 
 SEED = 1994
@@ -37,7 +37,7 @@ SLACK_NS = 30_000_000
 """From a command to the plant's next step and the reading of it."""
 
 
-@pytest.fixture(scope="module", params=[long(True), False], ids=["alone", "together"])
+@pytest.fixture(scope="module", params=[thorough(True), False], ids=["alone", "together"])
 def run(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[Run]:
     """A run in which each client is a process of its own, and one in which they share one."""
     print(f"seed {SEED}")
