@@ -112,8 +112,12 @@ class Refuter:
         if exact[-1].t_ns >= MAX_TIME_NS:
             return
         yield exact
+        tried = [exact]
         for digits in (12, 6, 3, 1):
-            yield tuple(self._rounded(s, digits) for s in exact)
+            variant = tuple(self._rounded(s, digits) for s in exact)
+            if variant not in tried:
+                tried.append(variant)
+                yield variant
 
     def _rounded(self, snapshot: Snapshot, digits: int) -> Snapshot:
         readings = {
@@ -140,5 +144,6 @@ def _rounded(value: Value, sensor: Sensor, digits: int) -> Value:
     if isinstance(element_type(sensor.type), Bool | Enum):
         return value
     if isinstance(value, tuple):
-        return tuple(rounded(x, sensor, digits) for x in value)
+        shorter = {x: rounded(x, sensor, digits) for x in dict.fromkeys(value)}
+        return tuple(shorter[x] for x in value)
     return rounded(value, sensor, digits)
