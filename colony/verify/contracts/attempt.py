@@ -191,7 +191,9 @@ class Attempt:
             if self._refuter is None:
                 self._has_given_up = True
                 return None
+            spent = self._budget.deadline.spent
             trace = self._refuter.confirm(candidate, self._search)
+            self._budget.charge_since(spent)
             if trace is not None and candidate.without_python:
                 return trace
             if trace is not None:
