@@ -127,7 +127,11 @@ class Work:
         options = Options.within(seconds, depth=self.depth, in_all=self.timeout is not None)
         names = [c.name for c in program.contracts if not self.names or c.name in self.names]
         cache = ProofCache(cache_folder(os.environ), program, options, names)
-        proofs = _Proofs(program, names, options, cache, Deadline(options.total))
+
+        def on_stage(stage: str) -> None:
+            on_progress(len(verified.results), len(names), stage)
+
+        proofs = _Proofs(program, names, options, cache, Deadline(options.total, on_stage))
         yield from self._contracts(verified, proofs, on_progress)
         self._lints(verified, verified.program, proofs, on_progress)
         if self.examples:
@@ -139,7 +143,7 @@ class Work:
         from colony.verify.contracts.disturbances import with_operator_runs
         from colony.verify.contracts.prove import results
         from colony.verify.contracts.report import finding
-        from colony.verify.contracts.results import Proved
+        from colony.verify.contracts.results import Proved, Refuted
 
         program, names = proofs.program, proofs.names
         on_progress(0, len(names), names[0] if names else "")
@@ -152,11 +156,11 @@ class Work:
             verified.results.append(result)
             diagnostic = finding(result, verified.suggested_file)
             verified.diagnostics += [diagnostic] if diagnostic else []
+            if verified.writes_tests and isinstance(result, Refuted):
+                append_tests(verified.file, program, [result])
             yield result
             count = len(verified.results)
             on_progress(count, len(names), names[count] if count < len(names) else "what can never act")
-        if verified.writes_tests:
-            append_tests(verified.file, program, verified.refuted)
 
     def _lints(
         self, verified: Verified, program: Program, proofs: _Proofs, on_progress: ReportProgress

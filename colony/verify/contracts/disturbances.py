@@ -40,6 +40,8 @@ _SHARES = {Disturbance.LATE: 0.5, Disturbance.OPERATORS: 0.25}
 _FLOAT_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
 
+_STAGES = {Disturbance.LATE: "while clients are late", Disturbance.OPERATORS: "while operators command"}
+
 _QUICK_SHARE = 0.03
 """Share of a full query's resources for a proof in one frame: there is one at once, or seldom at all."""
 
@@ -70,7 +72,7 @@ class Confirmer:
         self._program = program
         self._usual = usual
         self._options = options
-        self._deadline = deadline
+        self._deadline = Deadline() if deadline is None else deadline
         self._over_reals: dict[str, Rounding] = {}  # of all claims that are proved, by name
         self._inexact: dict[tuple[int, str], tuple[Reason, ...]] = {}  # by context and claim
 
@@ -203,6 +205,7 @@ class Confirmer:
 
         Only for late clients is a counterexample searched for.
         """
+        self._deadline.begin_stage(_STAGES[disturbance])
         name = claim_name(contract.name, disturbance)
         context, budget = self._context, self._budget(_SHARES[disturbance])
         refuter = self._refuter(contract, name) if disturbance is Disturbance.LATE else None

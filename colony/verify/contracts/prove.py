@@ -114,7 +114,7 @@ def results(
     open_results: list[tuple[int, Result]] = []
     for number, contract in enumerate(asked):
         is_known = contract.name in known
-        deadline.begin_part(len(asked) - number + 1)
+        deadline.begin_part(len(asked) - number + 1, contract.name)
         result = known[contract.name] if is_known else prover.prove_disturbed(contract)
         if is_known:
             prover.know(result)
@@ -123,7 +123,7 @@ def results(
         else:
             yield result if is_known else found(result)
     for number, (proofs_before, result) in enumerate(open_results):
-        deadline.begin_part(len(open_results) - number + 1)
+        deadline.begin_part(len(open_results) - number + 1, result.contract.name)
         if result.contract.name in known:
             yield result
         else:
@@ -170,7 +170,7 @@ class Prover:
 
     @cached_property
     def _usual(self) -> ProofContext:
-        self._charge_encoding()
+        self._begin_encoding("encoding the program")
         system = encode(self._encoded, known=self._known or {}, guess=self._shapes)
         self._shapes |= {} if self._known else system.shapes
         context = ProofContext(system)
@@ -183,6 +183,7 @@ class Prover:
         """The prover with more numbers known to be whole and bounded; None if there are no more."""
         if self._known is not None or self._deadline.is_over():
             return None
+        self._deadline.begin_stage("whole numbers in memory")
         found = whole_numbers(self._encoded, self._usual.system, self._options, self._deadline)
         if not found:
             return None
@@ -192,20 +193,21 @@ class Prover:
 
     @cached_property
     def _precise(self) -> ProofContext:
-        self._charge_encoding()
+        self._begin_encoding("encoding products and quotients exactly")
         return ProofContext(encode(self._encoded, precise=True, known=self._usual.system.shapes))
 
     @cached_property
     def _general(self) -> ProofContext:
-        self._charge_encoding()
+        self._begin_encoding("encoding any rounding")
         return ProofContext(generalize(self._usual.system))
 
     @cached_property
     def _close(self) -> ProofContext:
-        self._charge_encoding()
+        self._begin_encoding("encoding close rounding")
         return ProofContext(generalize(self._usual.system, close=True))
 
-    def _charge_encoding(self) -> None:
+    def _begin_encoding(self, stage: str) -> None:
+        self._deadline.begin_stage(stage)
         self._deadline.charge(_COST_OF_ENCODING * evaluations(self._encoded))
 
     @cached_property
@@ -374,6 +376,7 @@ class Prover:
             frames = min(options.max_frames, _CLOSE_DEPTH)
             general = self._close
             options = replace(options, depth=min(options.depth, _CLOSE_DEPTH), max_frames=frames)
+        self._deadline.begin_stage("a proof for floats")
         budget = Budget(options, self._deadline, _GENERAL_SHARE)
         known = self._hold_in_floats(contract, used) if used else ()
         attempt = Attempt(general, contract.name, budget, known_invariants=known, asks_spacer=not close)

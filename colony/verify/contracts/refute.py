@@ -91,11 +91,13 @@ class Refuter:
         replay = self._replay_without_python
         if self._deadline.is_over():
             return None
+        self._deadline.begin_stage("trying tests and long runs")
         if self._long_runs is not None and disturbance is None:
             broken = self._long_runs.breaking(self._contract.name)
             found = tuple(_within(snapshot, self._slice) for snapshot in broken or ())
             if replay.breaks(found):
                 return self._minimal(replay, found)
+        self._deadline.begin_stage("drawing runs")
         drawn = drawn_counterexample(self._slice, self._sliced(replay), disturbance)
         return self._minimal(replay, drawn) if drawn is not None and replay.breaks(drawn) else None
 
@@ -108,6 +110,7 @@ class Refuter:
         return Replay(self._slice, self._contract.name, uncalled, self._deadline)
 
     def _minimal(self, replay: Replay, snapshots: tuple[Snapshot, ...]) -> Trace:
+        self._deadline.begin_stage("shortening a run that breaks it")
         within, sliced = tuple(_within(s, self._slice) for s in snapshots), self._sliced(replay)
         if sliced.breaks(within) and replay.breaks(within):
             return minimize(replay, within, sliced=sliced)

@@ -146,13 +146,14 @@ def reason_text(reason: Reason) -> str:
     return f"{_location(reason)}: {reason.text}" if reason.span.source.text else reason.text
 
 
-def finding(result: Result, file: str | None) -> Diagnostic | None:
+def finding(result: Result, file: str | None, *, is_shown: bool = False) -> Diagnostic | None:
     """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
     It is the other way round for a reach, of which the run is what was asked for.
     For one that is proved only while every client is in time, or only over real numbers, it is a note.
 
-    The hint suggests adding the run to `file` as a test; `file` is None if the run is added anyway.
+    The hint suggests adding the run to `file` as a test; `file` is None if the run is added anyway. With
+    `is_shown`, the message leaves out what the lines of the result say.
     """
     contract = result.contract
     kind = "reach" if contract.reach else "contract"
@@ -171,7 +172,7 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             return None
         case Refuted(trace=trace):
             time = time_of_breach(trace)
-            found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
+            found = f"; found: {'; '.join(trace.found)}" if trace.found and not is_shown else ""
             length = counted(len(trace.snapshots), "frame")
             how = _broken(trace)
             message = f"contract `{contract.name}` {how} at {time} of a run of {length}{found}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum, auto, unique
 
 import z3
@@ -31,20 +31,29 @@ class Deadline:
     """A limit on all work together, of z3 and in Python, in z3's resource units; None for no limit. Stateful.
 
     Work in Python is charged by what it does, not by a clock: the same work costs the same on every machine.
+    `on_stage` receives what is being done.
     """
 
-    def __init__(self, resources: int | None = None) -> None:
+    def __init__(self, resources: int | None = None, on_stage: Callable[[str], None] | None = None) -> None:
+        self._on_stage = on_stage
+        self._part = ""
         self._left = math.inf if resources is None else resources
         self._kept = 0.0
         self.spent = 0
+
+    def begin_stage(self, text: str) -> None:
+        """Report what is being done, after the name of the part."""
+        if self._on_stage is not None:
+            self._on_stage(f"{self._part}: {text}")
 
     @property
     def left(self) -> float:
         """Resources left of the present part."""
         return self._left - self._kept
 
-    def begin_part(self, parts: int) -> None:
+    def begin_part(self, parts: int, name: str = "") -> None:
         """Begin the first of so many parts: keep an equal share of what is left for each of the others."""
+        self._part = name
         self._kept = 0.0 if math.isinf(self._left) else max(0.0, self._left * (1 - 1 / parts))
 
     def charge(self, resources: int) -> None:
