@@ -161,7 +161,9 @@ def finding(result: Result, file: str | None, *, is_shown: bool = False) -> Diag
         case Proved():
             return never_reached(result) if contract.reach else None
         case ProvedInTime():
-            return note("V012", contract.span, _in_time_message(result), _in_time_hint(result))
+            return note(
+                "V012", contract.span, _in_time_message(result, is_shown=is_shown), _in_time_hint(result)
+            )
         case OverReals(proof=proof, in_time=in_time):
             only = " and only while every client is in time" if isinstance(proof, ProvedInTime) else ""
             where = locations(in_time.over_reals)
@@ -183,20 +185,21 @@ def finding(result: Result, file: str | None, *, is_shown: bool = False) -> Diag
                 if contract.reach
                 else "is neither proved nor refuted"
             )
-            message = f"{kind} `{contract.name}` {found}: {_on_one_line(because)}"
+            message = f"{kind} `{contract.name}` {found}"
+            message += "" if is_shown else f": {_on_one_line(because)}"
             return warning("V011", contract.span, message, hint)
         case _:
             assert_never(result)
 
 
-def _in_time_message(result: ProvedInTime) -> str:
+def _in_time_message(result: ProvedInTime, *, is_shown: bool) -> str:
     start = f"contract `{result.contract.name}` is {_IN_TIME.replace('while', 'only while')};"
     trace = result.trace
     if trace is None:
-        return f"{start} {_OPEN}: {_on_one_line(result.because)}"
+        return f"{start} {_OPEN}" + ("" if is_shown else f": {_on_one_line(result.because)}")
     how = _broken(trace)
     length = counted(len(trace.snapshots), "frame")
-    found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
+    found = f"; found: {'; '.join(trace.found)}" if trace.found and not is_shown else ""
     time = time_of_breach(trace)
     return f"{start} it {how} at {time} of a run of {length} in which {_disturbance(trace)}{found}"
 

@@ -45,27 +45,27 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
             ]
         )
     heading, *frames = rows
-    return (*aligned([heading, *_folded(frames)]), *_notes(program, trace, len(sensors), actuators))
+    return (*aligned([heading, *folded(frames)]), *_notes(program, trace, len(sensors), actuators))
 
 
 _MAX_ROWS = 40
 """Number of rows of a long run that are shown, half of them from its beginning."""
 
 
-def _folded(rows: list[list[str]]) -> list[list[str]]:
+def folded(rows: list[list[str]]) -> list[list[str]]:
     """Return the rows with `...` in place of several between equal ones, which differ in their time alone."""
-    folded, hidden = list[list[str]](), list[list[str]]()
+    shown, hidden = list[list[str]](), list[list[str]]()
     for i, row in enumerate(rows):
         if 0 < i < len(rows) - 1 and rows[i - 1][1:] == row[1:] == rows[i + 1][1:]:
             hidden.append(row)
             continue
-        folded += hidden if len(hidden) == 1 else [_omitted(row)] if hidden else []
-        folded.append(row)
+        shown += hidden if len(hidden) == 1 else [_omitted(row)] if hidden else []
+        shown.append(row)
         hidden = []
-    if len(folded) <= _MAX_ROWS:
-        return folded
+    if len(shown) <= _MAX_ROWS:
+        return shown
     half = _MAX_ROWS // 2
-    return [*folded[:half], _omitted(rows[0]), *folded[-half:]]
+    return [*shown[:half], _omitted(rows[0]), *shown[-half:]]
 
 
 def _omitted(row: list[str]) -> list[str]:
