@@ -150,7 +150,10 @@ class Work:
         folder = self.certificates
         certify = None if folder is None else partial(write_certificate, folder, proofs.options)
         cache = proofs.cache if certify is None else None  # it has results without their proofs
-        for result in results(program, names, proofs.options, proofs.shapes, cache, certify, proofs.deadline):
+        parts_after = 0 if self.names else 1  # for what can never act
+        for result in results(
+            program, names, proofs.options, proofs.shapes, cache, certify, proofs.deadline, parts_after
+        ):
             if isinstance(result, Proved) and not result.operators and result.contract.name in self.why:
                 result = with_operator_runs(program, result)
             verified.results.append(result)

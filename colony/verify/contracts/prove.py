@@ -87,6 +87,7 @@ def results(
     cache: ProofCache | None = None,
     on_result: OnResult | None = None,
     deadline: Deadline | None = None,
+    parts_after: int = 0,
 ) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known.
 
@@ -95,7 +96,7 @@ def results(
 
     Proved contracts help to prove the others: one that stays unknown is tried again at the end if others were
     proved after it, so the order in which contracts are written matters little. Each may use an equal share
-    of what `deadline` has left, of which one more is kept for what follows.
+    of what `deadline` has left, of which `parts_after` shares are kept for what follows.
     """
     program = without_assumed(program)
     asked = [c for c in program.contracts if c.name in names]
@@ -114,7 +115,7 @@ def results(
     open_results: list[tuple[int, Result]] = []
     for number, contract in enumerate(asked):
         is_known = contract.name in known
-        deadline.begin_part(len(asked) - number + 1, contract.name)
+        deadline.begin_part(len(asked) - number + parts_after, contract.name)
         result = known[contract.name] if is_known else prover.prove_disturbed(contract)
         if is_known:
             prover.know(result)
@@ -123,7 +124,7 @@ def results(
         else:
             yield result if is_known else found(result)
     for number, (proofs_before, result) in enumerate(open_results):
-        deadline.begin_part(len(open_results) - number + 1, result.contract.name)
+        deadline.begin_part(len(open_results) - number + parts_after, result.contract.name)
         if result.contract.name in known:
             yield result
         else:
