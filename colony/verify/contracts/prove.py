@@ -52,7 +52,7 @@ from colony.verify.symbolic.system import Claim, Disturbance, Operation, Reason,
 _GENERAL_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
 
-_COST_OF_ENCODING = RESOURCES_PER_SECOND // 2500
+_COST_OF_ENCODING = RESOURCES_PER_SECOND // 7500
 """Cost of an expression that is encoded, in z3's resource units."""
 
 _MAX_GUESSES = 300
@@ -171,7 +171,7 @@ class Prover:
 
     @cached_property
     def _usual(self) -> ProofContext:
-        self._begin_encoding("encoding the program")
+        self._deadline.begin_stage("encoding the program")  # which counts as loading
         system = encode(self._encoded, known=self._known or {}, guess=self._shapes)
         self._shapes |= {} if self._known else system.shapes
         context = ProofContext(system)
@@ -209,7 +209,7 @@ class Prover:
 
     def _begin_encoding(self, stage: str) -> None:
         self._deadline.begin_stage(stage)
-        self._deadline.charge(_COST_OF_ENCODING * evaluations(self._encoded))
+        self._deadline.charge_all(_COST_OF_ENCODING * evaluations(self._encoded))
 
     @cached_property
     def _confirmer(self) -> Confirmer:

@@ -61,6 +61,13 @@ class Deadline:
         self._left -= resources
         self.spent += resources
 
+    def charge_all(self, resources: int) -> None:
+        """Subtract the cost of work for all parts from each, in proportion to what it has."""
+        before = self._left
+        self.charge(resources)
+        if before > 0 and math.isfinite(before):
+            self._kept *= max(0.0, self._left) / before
+
     def is_over(self) -> bool:
         """Return True if the present part has nothing left."""
         return self.left <= 0
