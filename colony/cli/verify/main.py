@@ -16,7 +16,7 @@ from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.certificates import make_folder
 from colony.cli.verify.output import finish_output, show_rest, show_result
 from colony.cli.verify.progress import progress
-from colony.cli.verify.prover_options import DEFAULT_SECONDS, depth_option, timeout_option
+from colony.cli.verify.prover_options import COUNTED, DEFAULT_SECONDS, ProverSeconds, depth_option
 from colony.cli.verify.tests import check_writable
 from colony.cli.verify.work import Verified, Work, load
 from colony.extras import expect_extras
@@ -43,7 +43,13 @@ from colony.verify.interruption import reliable_interrupts
     "command from outside the network breaks it. May be repeated.",
 )
 @depth_option("counterexamples")
-@timeout_option(DEFAULT_SECONDS, each="attempt at a contract (a difficult one takes several)")
+@click.option(
+    "--timeout",
+    type=ProverSeconds(),
+    metavar="SECONDS",
+    help=f"The approximate time limit for each FILE, shared by what is to be decided. {COUNTED} Without it, "
+    f"each attempt at a contract (a difficult one takes several) has {DEFAULT_SECONDS:g} s.",
+)
 @click.option(
     "--write-test",
     is_flag=True,
@@ -79,7 +85,7 @@ def command(
     names: tuple[str, ...],
     why: tuple[str, ...],
     depth: int,
-    timeout: float,
+    timeout: float | None,
     write_test: bool,
     certificates: Path | None,
     examples: int,

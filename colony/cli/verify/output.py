@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
@@ -55,7 +56,24 @@ def show_rest(verified: Verified) -> None:
             click.echo(f"{verified.file}: {line}" if not line.startswith(" ") else f"  {line}")
     if verified.undecided_questions:
         click.echo(f"{verified.file}: {_undecided_text(verified)}")
-    report(verified.diagnostics)
+    report(_without_repetition(verified))
+
+
+def _without_repetition(verified: Verified) -> list[Diagnostic]:
+    """Return the diagnostics without what is printed above them: facts of runs, and hints given before."""
+    from colony.verify.contracts.report import finding
+
+    short = {
+        finding(r, verified.suggested_file): finding(r, verified.suggested_file, is_shown=True)
+        for r in verified.results
+    }
+    diagnostics: list[Diagnostic] = []
+    hints = set[str | None]()
+    for diagnostic in verified.diagnostics:
+        shown = short.get(diagnostic) or diagnostic
+        diagnostics.append(replace(shown, hint=None) if shown.hint in hints else shown)
+        hints.add(shown.hint)
+    return diagnostics
 
 
 def _undecided_text(verified: Verified) -> str:

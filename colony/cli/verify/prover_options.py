@@ -31,15 +31,15 @@ def depth_option(runs: str) -> Callable[[_Command], _Command]:
     )
 
 
-def timeout_option(default: float, each: str = "") -> Callable[[_Command], _Command]:
-    """Return the option `--timeout`, in seconds; `each` names the items that it applies to one by one."""
+def timeout_option(default: float) -> Callable[[_Command], _Command]:
+    """Return the option `--timeout`, in seconds."""
     return click.option(
         "--timeout",
         type=ProverSeconds(),
         default=default,
         show_default=True,
         metavar="SECONDS",
-        help=f"The approximate time limit{f' per {each}' if each else ''}. {COUNTED}",
+        help=f"The approximate time limit. {COUNTED}",
     )
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from colony.cli.reporting import check_to_run
 from colony.cli.verify.certificates import write_certificate
 from colony.cli.verify.progress import ReportProgress
+from colony.cli.verify.prover_options import DEFAULT_SECONDS
 from colony.cli.verify.tests import append_tests
 from colony.text.diagnostics import DiagnosticError
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from colony.text.diagnostics import Diagnostic
     from colony.verify.contracts.proof_cache import ProofCache
     from colony.verify.contracts.results import Options, Refuted, Result
+    from colony.verify.contracts.solver import Deadline
     from colony.verify.lints.finding import Finding
     from colony.verify.symbolic.system import Shape
     from colony.verify.testing.differential import Report
@@ -95,6 +97,7 @@ class _Proofs:
     names: list[str]
     options: Options
     cache: ProofCache
+    deadline: Deadline
     shapes: dict[str, Shape] = field(default_factory=dict)
 
 
@@ -105,7 +108,7 @@ class Work:
     names: tuple[str, ...]
     why: tuple[str, ...]
     depth: int
-    timeout: float
+    timeout: float | None
     certificates: Path | None
     examples: int
     seed: int
@@ -118,11 +121,17 @@ class Work:
         from colony.verify.contracts.proof_cache import ProofCache, cache_folder
         from colony.verify.contracts.reach import with_reaches
         from colony.verify.contracts.results import Options
+        from colony.verify.contracts.solver import Deadline
 
-        program, options = with_reaches(verified.program), Options.within(self.timeout, depth=self.depth)
+        program, seconds = with_reaches(verified.program), self.timeout or DEFAULT_SECONDS
+        options = Options.within(seconds, depth=self.depth, in_all=self.timeout is not None)
         names = [c.name for c in program.contracts if not self.names or c.name in self.names]
         cache = ProofCache(cache_folder(os.environ), program, options, names)
-        proofs = _Proofs(program, names, options, cache)
+
+        def on_stage(stage: str) -> None:
+            on_progress(len(verified.results), len(names), stage)
+
+        proofs = _Proofs(program, names, options, cache, Deadline(options.total, on_stage))
         yield from self._contracts(verified, proofs, on_progress)
         self._lints(verified, verified.program, proofs, on_progress)
         if self.examples:
@@ -134,31 +143,33 @@ class Work:
         from colony.verify.contracts.disturbances import with_operator_runs
         from colony.verify.contracts.prove import results
         from colony.verify.contracts.report import finding
-        from colony.verify.contracts.results import Proved
+        from colony.verify.contracts.results import Proved, Refuted
 
         program, names = proofs.program, proofs.names
         on_progress(0, len(names), names[0] if names else "")
         folder = self.certificates
         certify = None if folder is None else partial(write_certificate, folder, proofs.options)
         cache = proofs.cache if certify is None else None  # it has results without their proofs
-        for result in results(program, names, proofs.options, proofs.shapes, cache, certify):
+        parts_after = 0 if self.names else 1  # for what can never act
+        for result in results(
+            program, names, proofs.options, proofs.shapes, cache, certify, proofs.deadline, parts_after
+        ):
             if isinstance(result, Proved) and not result.operators and result.contract.name in self.why:
                 result = with_operator_runs(program, result)
             verified.results.append(result)
             diagnostic = finding(result, verified.suggested_file)
             verified.diagnostics += [diagnostic] if diagnostic else []
+            if verified.writes_tests and isinstance(result, Refuted):
+                append_tests(verified.file, program, [result])
             yield result
             count = len(verified.results)
             on_progress(count, len(names), names[count] if count < len(names) else "what can never act")
-        if verified.writes_tests:
-            append_tests(verified.file, program, verified.refuted)
 
     def _lints(
         self, verified: Verified, program: Program, proofs: _Proofs, on_progress: ReportProgress
     ) -> None:
         if self.names:
             return
-        from colony.verify.contracts.results import RESOURCES_PER_SECOND
         from colony.verify.lints import Effort, lint
 
         done = len(verified.results)
@@ -168,7 +179,9 @@ class Work:
 
         known = proofs.cache.found("lints", tuple)
         if known is None:
-            effort = Effort(round(_LINT_FACTOR * self.timeout * RESOURCES_PER_SECOND), on_question)
+            proofs.deadline.begin_part(1)
+            limit = _LINT_FACTOR * proofs.options.resources
+            effort = Effort(round(min(limit, max(0, proofs.deadline.left))), on_question)
             known = lint(program, effort, proofs.shapes), effort.questions_skipped
             proofs.cache.keep_found("lints", known)
         findings, verified.undecided_questions = known

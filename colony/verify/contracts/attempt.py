@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
+from colony.text.wording import counted
 from colony.verify.contracts import spacer
 from colony.verify.contracts.candidates import Candidate
 from colony.verify.contracts.houdini import invariants
@@ -105,6 +106,7 @@ class Attempt:
 
         It may use `share` of a full query's resources.
         """
+        self._budget.deadline.begin_stage("a proof in one frame")
         frames, known = self._context.single_frames, self._known_conditions
         answer, used = frames.breaks(self._claim, known, self._budget, share)
         return Proof(0, used) if answer is Answer.UNSAT else None
@@ -121,6 +123,7 @@ class Attempt:
 
     def _prove_with_invariants(self) -> Proof | None:
         """Return a proof in a single frame from invariants that are guessed from templates."""
+        self._budget.deadline.begin_stage("guessing invariants")
         self._know(self._context.invariants(self._cone, self._budget))
         return self.prove_in_one_frame()
 
@@ -128,6 +131,7 @@ class Attempt:
         """Return a proof by Spacer's invariant, or a trace of the length that it gives."""
         if not self._asks_spacer:
             return None
+        self._budget.deadline.begin_stage("asking Spacer for an invariant")
         lemmas = [lemma.holds for lemma in self.lemmas]
         match spacer.solve(self._cone.system, self._claim, lemmas, self._budget, share, guided=guided):
             case spacer.Safe(guesses=guesses):
@@ -156,6 +160,7 @@ class Attempt:
         """Run k-induction up to the maximum k, alternating with the search, which is its base case."""
         induction = Induction(self._cone, self._claim, self._known_conditions, self._budget)
         for k in range(1, self._budget.options.depth + 1):
+            self._budget.deadline.begin_stage(f"induction over {counted(k, 'frame')}")
             used = induction.prove_next_k()
             if used is not None and self._search.safe_length >= k:
                 return Proof(k, used)
@@ -187,11 +192,15 @@ class Attempt:
 
     def _search_longer(self) -> Trace | None:
         """Search for a counterexample one frame longer; return None if none is found."""
+        length = counted(self._search.length + 1, "frame")
+        self._budget.deadline.begin_stage(f"searching runs of {length}")
         for candidate in self._search.search_next_length(allow_python=self.python_trace is None):
             if self._refuter is None:
                 self._has_given_up = True
                 return None
+            spent = self._budget.deadline.spent
             trace = self._refuter.confirm(candidate, self._search)
+            self._budget.charge_since(spent)
             if trace is not None and candidate.without_python:
                 return trace
             if trace is not None:

@@ -47,7 +47,7 @@ def drawn_counterexample(
     command actuators in others.
     """
     guide = Guide(program, _FRAMES)
-    for seed in range(replay.affordable_runs(_TRACES)):
+    for seed in range(replay.affordable_runs(_TRACES, _FRAMES)):
         trace = guide.draw(Choices(Random(seed)))
         snapshots = tuple(snapshot_of(program, frame) for frame in trace)
         if disturbance is not None:

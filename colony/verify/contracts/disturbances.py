@@ -25,7 +25,7 @@ from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Options, OverReals, Proved, ProvedInTime, Trace, Unknown
 from colony.verify.contracts.search import called_modules
-from colony.verify.contracts.solver import Budget, OnCharge
+from colony.verify.contracts.solver import Budget, Deadline
 from colony.verify.symbolic.disturbing import claim_name, encode_disturbed
 from colony.verify.symbolic.generalization import generalized
 from colony.verify.symbolic.reasons import reasons_of
@@ -39,6 +39,8 @@ _SHARES = {Disturbance.LATE: 0.5, Disturbance.OPERATORS: 0.25}
 
 _FLOAT_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
+
+_STAGES = {Disturbance.LATE: "while clients are late", Disturbance.OPERATORS: "while operators command"}
 
 _QUICK_SHARE = 0.03
 """Share of a full query's resources for a proof in one frame: there is one at once, or seldom at all."""
@@ -65,12 +67,12 @@ class Confirmer:
     """
 
     def __init__(
-        self, program: Program, usual: ProofContext, options: Options, on_charge: OnCharge | None = None
+        self, program: Program, usual: ProofContext, options: Options, deadline: Deadline | None = None
     ) -> None:
         self._program = program
         self._usual = usual
         self._options = options
-        self._on_charge = on_charge
+        self._deadline = Deadline() if deadline is None else deadline
         self._over_reals: dict[str, Rounding] = {}  # of all claims that are proved, by name
         self._inexact: dict[tuple[int, str], tuple[Reason, ...]] = {}  # by context and claim
 
@@ -203,6 +205,7 @@ class Confirmer:
 
         Only for late clients is a counterexample searched for.
         """
+        self._deadline.begin_stage(_STAGES[disturbance])
         name = claim_name(contract.name, disturbance)
         context, budget = self._context, self._budget(_SHARES[disturbance])
         refuter = self._refuter(contract, name) if disturbance is Disturbance.LATE else None
@@ -257,10 +260,12 @@ class Confirmer:
     def _refuter(self, contract: Contract, name: str) -> Refuter:
         context = self._context
         late = context.system.disturbances[Disturbance.LATE]
-        return Refuter(self._program, contract.name, called_modules(context.cones[name]), late)
+        return Refuter(
+            self._program, contract.name, called_modules(context.cones[name]), late, deadline=self._deadline
+        )
 
     def _budget(self, share: float) -> Budget:
-        return Budget(self._options, self._on_charge, share)
+        return Budget(self._options, self._deadline, share)
 
 
 def _with_over_reals(proved: Proved, over_reals: Rounding, *, operators: bool) -> Proved:

@@ -42,6 +42,8 @@ def explain_unknown(
             else "it is broken if modules in Python answer as below, and the prover must assume that they can"
         )
         because += _reason_lines(python)
+    elif budget.deadline.is_over():
+        because.append("the time limit was reached")
     elif spurious_models and abstracted:
         because.append("only bounds and signs of the following are known, which is not enough:")
         because += _reason_lines(abstracted)
@@ -83,7 +85,7 @@ def _location(reason: Reason) -> str:
 def _hint(budget: Budget, abstracted: Sequence[Reason], spurious_models: int, trace: Trace | None) -> str:
     if trace is not None:
         return "bound the module's command with a `limit` or a `range`, or test its class"
-    if spurious_models and abstracted:
+    if spurious_models and abstracted and not budget.deadline.is_over():
         return (
             "state what the contract needs to know about them as a condition in it, or test it with "
             "`--examples 10000`"

@@ -51,6 +51,7 @@ def minimize(
     robot, broken = sliced.program.robot, tuple(snapshots)[: len(sliced.run(snapshots))]
     if patience is None:
         patience = max(sliced.affordable_runs(_PATIENCE), _PASSES * len(broken))
+        patience = min(patience, sliced.affordable_frames)
     shrinker = Shrinker(robot, broken, sliced.breach, _SimplerReadings(), patience)
     shrinker.run()
     shrinker.take(tuple(s._replace(restarted=False) for s in shrinker.trace))

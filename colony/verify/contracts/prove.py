@@ -28,7 +28,9 @@ from colony.verify.contracts.houdini import invariants
 from colony.verify.contracts.proof_cache import ProofCache
 from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
+from colony.verify.contracts.replay import evaluations
 from colony.verify.contracts.results import (
+    RESOURCES_PER_SECOND,
     Options,
     OverReals,
     Proved,
@@ -40,7 +42,7 @@ from colony.verify.contracts.results import (
 )
 from colony.verify.contracts.search import called_modules
 from colony.verify.contracts.slicing import slice_of
-from colony.verify.contracts.solver import Budget, OnCharge
+from colony.verify.contracts.solver import Budget, Deadline
 from colony.verify.contracts.whole import whole_numbers
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
@@ -49,6 +51,9 @@ from colony.verify.symbolic.system import Claim, Disturbance, Operation, Reason,
 
 _GENERAL_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""
+
+_COST_OF_ENCODING = RESOURCES_PER_SECOND // 7500
+"""Cost of an expression that is encoded, in z3's resource units."""
 
 _MAX_GUESSES = 300
 """Maximum number of invariants that are guessed for floats."""
@@ -81,6 +86,8 @@ def results(
     shapes: dict[str, Shape] | None = None,
     cache: ProofCache | None = None,
     on_result: OnResult | None = None,
+    deadline: Deadline | None = None,
+    parts_after: int = 0,
 ) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known.
 
@@ -88,12 +95,15 @@ def results(
     receives all other results.
 
     Proved contracts help to prove the others: one that stays unknown is tried again at the end if others were
-    proved after it, so the order in which contracts are written matters little.
+    proved after it, so the order in which contracts are written matters little. Each may use an equal share
+    of what `deadline` has left, of which `parts_after` shares are kept for what follows.
     """
     program = without_assumed(program)
     asked = [c for c in program.contracts if c.name in names]
     known = {} if cache is None else cache.known(asked)
-    prover = Prover(program, options or Options(), shapes=shapes, encoded=slice_of(program, *asked))
+    deadline = Deadline() if deadline is None else deadline
+    encoded = slice_of(program, *asked)
+    prover = Prover(program, options or Options(), deadline, shapes=shapes, encoded=encoded)
 
     def found(result: Result) -> Result:
         if cache is not None:
@@ -103,8 +113,9 @@ def results(
         return result
 
     open_results: list[tuple[int, Result]] = []
-    for contract in asked:
+    for number, contract in enumerate(asked):
         is_known = contract.name in known
+        deadline.begin_part(len(asked) - number + parts_after, contract.name)
         result = known[contract.name] if is_known else prover.prove_disturbed(contract)
         if is_known:
             prover.know(result)
@@ -112,7 +123,8 @@ def results(
             open_results.append((0 if is_known else prover.proofs, result))
         else:
             yield result if is_known else found(result)
-    for proofs_before, result in open_results:
+    for number, (proofs_before, result) in enumerate(open_results):
+        deadline.begin_part(len(open_results) - number + parts_after, result.contract.name)
         if result.contract.name in known:
             yield result
         else:
@@ -129,7 +141,7 @@ def _is_open(result: Result) -> bool:
 class Prover:
     """Proves one program's contracts one after the other. Stateful: remembers the contracts proved so far.
 
-    `on_charge` receives the cost of each query. `known` are proved shapes of numbers in memory, `long_runs`
+    `deadline` limits all of the work. `known` are proved shapes of numbers in memory, `long_runs`
     those of the program, if another prover has them. `shapes` are those found for programs with the same
     memory; what is found is added. `encoded` is the part of the program that the contracts to be proved
     depend on.
@@ -139,7 +151,7 @@ class Prover:
         self,
         program: Program,
         options: Options,
-        on_charge: OnCharge | None = None,
+        deadline: Deadline | None = None,
         known: Mapping[str, Shape] | None = None,
         long_runs: LongRuns | None = None,
         shapes: dict[str, Shape] | None = None,
@@ -151,7 +163,7 @@ class Prover:
         self._shapes = {} if shapes is None else shapes
         self._program = program
         self._options = options
-        self._on_charge = on_charge
+        self._deadline = Deadline() if deadline is None else deadline
         self._results: dict[str, Proved] = {}
         self._over_reals: dict[str, tuple[Reason, ...]] = {}
         self._exact: set[str] = set()  # contracts that are proved with more whole numbers
@@ -159,6 +171,7 @@ class Prover:
 
     @cached_property
     def _usual(self) -> ProofContext:
+        self._deadline.begin_stage("encoding the program")  # which counts as loading
         system = encode(self._encoded, known=self._known or {}, guess=self._shapes)
         self._shapes |= {} if self._known else system.shapes
         context = ProofContext(system)
@@ -169,30 +182,38 @@ class Prover:
     @cached_property
     def _with_whole_numbers(self) -> Prover | None:
         """The prover with more numbers known to be whole and bounded; None if there are no more."""
-        if self._known is not None:
+        if self._known is not None or self._deadline.is_over():
             return None
-        found = whole_numbers(self._encoded, self._usual.system, self._options, self._on_charge)
+        self._deadline.begin_stage("whole numbers in memory")
+        found = whole_numbers(self._encoded, self._usual.system, self._options, self._deadline)
         if not found:
             return None
         return Prover(
-            self._program, self._options, self._on_charge, found, self._long_runs, encoded=self._encoded
+            self._program, self._options, self._deadline, found, self._long_runs, encoded=self._encoded
         )
 
     @cached_property
     def _precise(self) -> ProofContext:
+        self._begin_encoding("encoding products and quotients exactly")
         return ProofContext(encode(self._encoded, precise=True, known=self._usual.system.shapes))
 
     @cached_property
     def _general(self) -> ProofContext:
+        self._begin_encoding("encoding any rounding")
         return ProofContext(generalize(self._usual.system))
 
     @cached_property
     def _close(self) -> ProofContext:
+        self._begin_encoding("encoding close rounding")
         return ProofContext(generalize(self._usual.system, close=True))
+
+    def _begin_encoding(self, stage: str) -> None:
+        self._deadline.begin_stage(stage)
+        self._deadline.charge_all(_COST_OF_ENCODING * evaluations(self._encoded))
 
     @cached_property
     def _confirmer(self) -> Confirmer:
-        confirmer = Confirmer(self._program, self._usual, self._options, self._on_charge)
+        confirmer = Confirmer(self._program, self._usual, self._options, self._deadline)
         for result in self._known_results:
             confirmer.know(result)
         return confirmer
@@ -241,13 +262,16 @@ class Prover:
         )
         if float_proof is not None:
             return self._record_proved(contract, self._usual, *float_proof)
-        budget = Budget(self._options, self._on_charge)
+        budget = Budget(self._options, self._deadline)
         called = called_modules(self._usual.cones[contract.name])
-        refuter = Refuter(self._program, contract.name, called, long_runs=self._long_runs)
+        refuter = Refuter(
+            self._program, contract.name, called, long_runs=self._long_runs, deadline=self._deadline
+        )
         attempt = Attempt(self._usual, contract.name, budget, refuter)
         context, found = self._usual, attempt.run()
         frames_searched = attempt.frames_searched
-        if found is None and attempt.python_trace is None and self._is_nonlinear(contract.name):
+        is_open = found is None and attempt.python_trace is None and not self._deadline.is_over()
+        if is_open and self._is_nonlinear(contract.name):
             attempt = Attempt(self._precise, contract.name, budget.scaled(), refuter)
             context, found = self._precise, attempt.run()
             frames_searched = max(frames_searched, attempt.frames_searched)
@@ -346,12 +370,15 @@ class Prover:
         With `one_frame_only`, try only a proof in a single frame; with `close`, one in the close system.
         `used` are the invariants of a proof over reals.
         """
+        if self._deadline.is_over():
+            return None
         general, options = self._general, self._options
         if close:
             frames = min(options.max_frames, _CLOSE_DEPTH)
             general = self._close
             options = replace(options, depth=min(options.depth, _CLOSE_DEPTH), max_frames=frames)
-        budget = Budget(options, self._on_charge, _GENERAL_SHARE)
+        self._deadline.begin_stage("a proof for floats")
+        budget = Budget(options, self._deadline, _GENERAL_SHARE)
         known = self._hold_in_floats(contract, used) if used else ()
         attempt = Attempt(general, contract.name, budget, known_invariants=known, asks_spacer=not close)
         proof = attempt.prove_in_one_frame() if one_frame_only else attempt.run()
@@ -364,7 +391,7 @@ class Prover:
         """Return invariants that hold for any rounding, from those of a proof over reals."""
         cone = self._general.cones[contract.name]
         lemmas = [c.holds for c in self._general.lemmas(cone)]
-        budget = Budget(self._options, self._on_charge, _GENERAL_SHARE)
+        budget = Budget(self._options, self._deadline, _GENERAL_SHARE)
         found = invariants(cone, for_floats(cone, used)[:_MAX_GUESSES], (), lemmas, budget).conditions
         self._general.record_invariants(cone, found)
         return found

@@ -11,14 +11,15 @@ from functools import cached_property
 
 from colony.execute.validity import MAX_TIME_NS
 from colony.ir.program import Program, PythonModule, Sensor
-from colony.ir.types import Bool, Enum, Value, element_type
+from colony.ir.types import Array, Bool, Enum, Value, element_type
 from colony.verify.contracts.concrete_runs import LongRuns, drawn_counterexample
 from colony.verify.contracts.decimals import rounded
 from colony.verify.contracts.minimize import minimize
 from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Trace
+from colony.verify.contracts.results import RESOURCES_PER_SECOND, Trace
 from colony.verify.contracts.search import CandidateTrace, Search
 from colony.verify.contracts.slicing import slice_of
+from colony.verify.contracts.solver import Deadline
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Disturbance, DisturbanceInputs
 from colony.verify.symbolic.unrolling import Unrolling
@@ -26,6 +27,9 @@ from colony.verify.symbolic.witness import snapshots
 
 _MODELS_PER_LENGTH = 4
 _MAX_MODELS = 16
+
+_COST_OF_ELEMENT = RESOURCES_PER_SECOND // 20_000
+"""Cost of an element of a sensor in a frame of a model, in z3's resource units."""
 
 
 class Refuter:
@@ -35,6 +39,7 @@ class Refuter:
     those in the contract's cone (`search.called_modules`), by default all. `spurious_models` is the number of
     models that do not break the contract in the interpreter. With `late`, models are of a system in which
     these inputs say what is late. `long_runs` are those of the program, if they are to be tried.
+    `deadline` limits the runs.
     """
 
     def __init__(
@@ -44,16 +49,19 @@ class Refuter:
         uncalled: Collection[str] | None = None,
         late: DisturbanceInputs | None = None,
         long_runs: LongRuns | None = None,
+        deadline: Deadline | None = None,
     ) -> None:
+        self._deadline = Deadline() if deadline is None else deadline
         self._late = late
         self._long_runs = long_runs
         self._contract = next(c for c in program.contracts if c.name == contract)
         self._program = program
-        self._replay = Replay(program, contract)
+        self._replay = Replay(program, contract, deadline=self._deadline)
         if uncalled is None:
             uncalled = [m.name for m in program.modules if isinstance(m, PythonModule)]
-        self._replay_without_python = Replay(program, contract, uncalled)
+        self._replay_without_python = Replay(program, contract, uncalled, self._deadline)
         self._sensors = {s.name: s for s in program.robot.sensors}
+        self._elements = sum(s.type.size if isinstance(s.type, Array) else 1 for s in program.robot.sensors)
         self._models_tried: dict[int, int] = {}
         self.spurious_models = 0
 
@@ -64,8 +72,11 @@ class Refuter:
     def confirm_in(self, unrolling: Unrolling, candidate: CandidateTrace) -> Trace | None:
         """Return a minimal trace from a model of these frames, None if the model is spurious."""
         replay = self._replay_without_python if candidate.without_python else self._replay
+        self._deadline.charge(candidate.frames * self._elements * _COST_OF_ELEMENT)
         exact = snapshots(candidate.model, unrolling, candidate.frames, self._late)
         for variant in self._variants(exact):
+            if self._deadline.is_over():
+                break
             if replay.breaks(variant):
                 return self._minimal(replay, variant)
         self.spurious_models += 1
@@ -78,11 +89,15 @@ class Refuter:
         Long runs and tests are tried first, unless there is a disturbance.
         """
         replay = self._replay_without_python
+        if self._deadline.is_over():
+            return None
+        self._deadline.begin_stage("trying tests and long runs")
         if self._long_runs is not None and disturbance is None:
             broken = self._long_runs.breaking(self._contract.name)
             found = tuple(_within(snapshot, self._slice) for snapshot in broken or ())
             if replay.breaks(found):
                 return self._minimal(replay, found)
+        self._deadline.begin_stage("drawing runs")
         drawn = drawn_counterexample(self._slice, self._sliced(replay), disturbance)
         return self._minimal(replay, drawn) if drawn is not None and replay.breaks(drawn) else None
 
@@ -92,9 +107,10 @@ class Refuter:
 
     def _sliced(self, replay: Replay) -> Replay:
         uncalled = [m.name for m in self._slice.modules if m.name in replay.uncalled]
-        return Replay(self._slice, self._contract.name, uncalled)
+        return Replay(self._slice, self._contract.name, uncalled, self._deadline)
 
     def _minimal(self, replay: Replay, snapshots: tuple[Snapshot, ...]) -> Trace:
+        self._deadline.begin_stage("shortening a run that breaks it")
         within, sliced = tuple(_within(s, self._slice) for s in snapshots), self._sliced(replay)
         if sliced.breaks(within) and replay.breaks(within):
             return minimize(replay, within, sliced=sliced)
@@ -112,8 +128,12 @@ class Refuter:
         if exact[-1].t_ns >= MAX_TIME_NS:
             return
         yield exact
+        tried = [exact]
         for digits in (12, 6, 3, 1):
-            yield tuple(self._rounded(s, digits) for s in exact)
+            variant = tuple(self._rounded(s, digits) for s in exact)
+            if variant not in tried:
+                tried.append(variant)
+                yield variant
 
     def _rounded(self, snapshot: Snapshot, digits: int) -> Snapshot:
         readings = {
@@ -140,5 +160,6 @@ def _rounded(value: Value, sensor: Sensor, digits: int) -> Value:
     if isinstance(element_type(sensor.type), Bool | Enum):
         return value
     if isinstance(value, tuple):
-        return tuple(rounded(x, sensor, digits) for x in value)
+        shorter = {x: rounded(x, sensor, digits) for x in dict.fromkeys(value)}
+        return tuple(shorter[x] for x in value)
     return rounded(value, sensor, digits)

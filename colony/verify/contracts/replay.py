@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
-from colony.ir.expression import SensorValue
+from colony.ir.expression import Reduce, SensorValue, children
 from colony.ir.frame import Given, Outcome
 from colony.ir.program import (
     ActuatorField,
@@ -22,7 +22,10 @@ from colony.ir.program import (
     Sensor,
     is_regular,
 )
-from colony.ir.types import BOOL, Value, any_value
+from colony.ir.types import BOOL, Array, Value, any_value
+from colony.ir.walk import expressions
+from colony.verify.contracts.results import RESOURCES_PER_SECOND
+from colony.verify.contracts.solver import Deadline
 from colony.verify.explain.runs import explain_breach
 from colony.verify.explain.text import short
 from colony.verify.reference.interpreter import Interpreter
@@ -32,29 +35,49 @@ from colony.verify.testing.examples import BreachFacts, facts_of_breach
 _SMALL_PROGRAM = 60
 """Maximum number of declarations of a small program."""
 
+_COST_OF_EVALUATION = RESOURCES_PER_SECOND // 200_000
+"""Cost of an expression that the interpreter evaluates, in z3's resource units."""
+
+_MAX_COST = 3 * RESOURCES_PER_SECOND
+"""Cost of all frames that are computed for one trace, at most."""
+
 
 class Replay:
     """Replays traces of `program` for one of its contracts.
 
     A trace breaks the contract only if its frames are as regular as the robot says, none of the modules in
     Python `uncalled` is called in any frame, and commands from outside the network are within the bounds of
-    their frames.
+    their frames. Each frame is charged to `deadline`.
     """
 
-    def __init__(self, program: Program, contract: str, uncalled: Collection[str] = ()) -> None:
+    def __init__(
+        self,
+        program: Program,
+        contract: str,
+        uncalled: Collection[str] = (),
+        deadline: Deadline | None = None,
+    ) -> None:
         self._contract, self.uncalled = contract, uncalled
         self.program = replace(
             with_stand_ins(program), contracts=tuple(c for c in program.contracts if c.name == contract)
         )
+        self._deadline = Deadline() if deadline is None else deadline
+        self._cost = _COST_OF_EVALUATION * evaluations(self.program)
         self._fields = {
             m.name: _command_fields(program, m) for m in program.modules if isinstance(m, PythonModule)
         }
 
-    def affordable_runs(self, max_runs: int) -> int:
+    @property
+    def affordable_frames(self) -> int:
+        """Number of frames to afford before the deadline, and for one trace."""
+        return int(max(0, min(_MAX_COST, self._deadline.left) // self._cost))
+
+    def affordable_runs(self, max_runs: int, frames: int = 1) -> int:
         """Return the number of runs to afford: `max_runs` for a small program, fewer for a large one."""
         program = self.program
         size = len(program.modules) + len(program.derived) + len(program.wires) + len(program.robot.sensors)
-        return max_runs if size <= _SMALL_PROGRAM else max_runs * _SMALL_PROGRAM // size
+        affordable = max_runs if size <= _SMALL_PROGRAM else max_runs * _SMALL_PROGRAM // size
+        return min(affordable, self.affordable_frames // frames)
 
     def run(self, snapshots: Sequence[Snapshot]) -> tuple[Outcome, ...]:
         """Return the interpreter's outcomes from its initial memory, up to the contract's first breach."""
@@ -95,6 +118,7 @@ class Replay:
         is_possible = is_regular(self.program.robot, (s.t_ns for s in snapshots))
         for snapshot, (outcome, interpreter) in zip(snapshots, self.frames(snapshots), strict=False):
             outcomes.append(outcome)
+            self._deadline.charge(self._cost)
             is_possible = (
                 is_possible
                 and not any(interpreter.is_active(m) and not interpreter.is_blind(m) for m in self.uncalled)
@@ -138,6 +162,17 @@ class Replay:
                     any_value(field.type) if answer is None else answer[i]
                 )
         return readings
+
+
+def evaluations(program: Program) -> int:
+    """Return about how many expressions a frame of a program evaluates, those of each round of reductions."""
+    work, total = [(e, 1) for e in expressions(program)], 1
+    while work:
+        node, times = work.pop()
+        total += times
+        rounds = node.high - node.low + 1 if isinstance(node, Reduce) else 1
+        work += [(child, times * max(rounds, 1)) for child in children(node)]
+    return total + sum(s.type.size for s in program.robot.sensors if isinstance(s.type, Array)) // 10
 
 
 def is_stand_in(sensor: Sensor) -> bool:

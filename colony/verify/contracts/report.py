@@ -146,13 +146,14 @@ def reason_text(reason: Reason) -> str:
     return f"{_location(reason)}: {reason.text}" if reason.span.source.text else reason.text
 
 
-def finding(result: Result, file: str | None) -> Diagnostic | None:
+def finding(result: Result, file: str | None, *, is_shown: bool = False) -> Diagnostic | None:
     """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
     It is the other way round for a reach, of which the run is what was asked for.
     For one that is proved only while every client is in time, or only over real numbers, it is a note.
 
-    The hint suggests adding the run to `file` as a test; `file` is None if the run is added anyway.
+    The hint suggests adding the run to `file` as a test; `file` is None if the run is added anyway. With
+    `is_shown`, the message leaves out what the lines of the result say.
     """
     contract = result.contract
     kind = "reach" if contract.reach else "contract"
@@ -160,7 +161,9 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
         case Proved():
             return never_reached(result) if contract.reach else None
         case ProvedInTime():
-            return note("V012", contract.span, _in_time_message(result), _in_time_hint(result))
+            return note(
+                "V012", contract.span, _in_time_message(result, is_shown=is_shown), _in_time_hint(result)
+            )
         case OverReals(proof=proof, in_time=in_time):
             only = " and only while every client is in time" if isinstance(proof, ProvedInTime) else ""
             where = locations(in_time.over_reals)
@@ -171,7 +174,7 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
             return None
         case Refuted(trace=trace):
             time = time_of_breach(trace)
-            found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
+            found = f"; found: {'; '.join(trace.found)}" if trace.found and not is_shown else ""
             length = counted(len(trace.snapshots), "frame")
             how = _broken(trace)
             message = f"contract `{contract.name}` {how} at {time} of a run of {length}{found}"
@@ -182,20 +185,21 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
                 if contract.reach
                 else "is neither proved nor refuted"
             )
-            message = f"{kind} `{contract.name}` {found}: {_on_one_line(because)}"
+            message = f"{kind} `{contract.name}` {found}"
+            message += "" if is_shown else f": {_on_one_line(because)}"
             return warning("V011", contract.span, message, hint)
         case _:
             assert_never(result)
 
 
-def _in_time_message(result: ProvedInTime) -> str:
+def _in_time_message(result: ProvedInTime, *, is_shown: bool) -> str:
     start = f"contract `{result.contract.name}` is {_IN_TIME.replace('while', 'only while')};"
     trace = result.trace
     if trace is None:
-        return f"{start} {_OPEN}: {_on_one_line(result.because)}"
+        return f"{start} {_OPEN}" + ("" if is_shown else f": {_on_one_line(result.because)}")
     how = _broken(trace)
     length = counted(len(trace.snapshots), "frame")
-    found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
+    found = f"; found: {'; '.join(trace.found)}" if trace.found and not is_shown else ""
     time = time_of_breach(trace)
     return f"{start} it {how} at {time} of a run of {length} in which {_disturbance(trace)}{found}"
 

@@ -30,19 +30,26 @@ class Options:
         depth: Maximum k of k-induction.
         max_frames: Maximum length of a counterexample.
         resources: Limit on the work of z3 in its own units, which do not depend on the machine.
+        total: Limit on all work on all contracts and lints, in the same units; None for no limit.
     """
 
     depth: int = 4
     max_frames: int = 24
     resources: int = 10 * RESOURCES_PER_SECOND
+    total: int | None = None
 
     @classmethod
-    def within(cls, seconds: float, *, depth: int) -> Self:
-        """Return options for about `seconds` of work, with `max_frames` in proportion to `depth`."""
+    def within(cls, seconds: float, *, depth: int, in_all: bool = False) -> Self:
+        """Return options for about `seconds` of work, with `max_frames` in proportion to `depth`.
+
+        The seconds are for each attempt at a contract, and with `in_all` also for all contracts together.
+        """
+        resources = max(1, round(seconds * RESOURCES_PER_SECOND))
         return cls(
             depth=depth,
             max_frames=max(_FRAMES_PER_DEPTH * depth, 2),
-            resources=max(1, round(seconds * RESOURCES_PER_SECOND)),
+            resources=resources,
+            total=resources if in_all else None,
         )
 
 

@@ -8,13 +8,15 @@ former refute the contract.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from fractions import Fraction
+from typing import NamedTuple, cast
 
 import z3
 
 from colony.verify.contracts.cone import facts, within
 from colony.verify.contracts.solver import Answer, Budget, Solver
 from colony.verify.symbolic.cones import Cone
+from colony.verify.symbolic.logic import real
 from colony.verify.symbolic.system import Claim, Number
 from colony.verify.symbolic.unrolling import Unrolling
 
@@ -151,5 +153,9 @@ def _differs(
     value = model.eval(constant, model_completion=True)
     if not z3.is_arith(value):
         return [constant != value]
-    margin = z3.If(value < 0, -value, value) / 100 + z3.Q(1, 1000)
-    return [z3.Or(constant > value + margin, constant < value - margin)]
+    if not isinstance(value, z3.RatNumRef):
+        margin = z3.If(value < 0, -value, value) / 100 + z3.Q(1, 1000)
+        return [z3.Or(constant > value + margin, constant < value - margin)]
+    exact = value.as_fraction()
+    off = abs(exact) / 100 + Fraction(1, 1000)
+    return [cast(z3.BoolRef, constant > real(exact + off)), cast(z3.BoolRef, constant < real(exact - off))]

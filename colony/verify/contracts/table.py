@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 
-from colony.ir.frame import Decision, Given
+from colony.ir.frame import Decision, Given, Record
 from colony.ir.in_time import actuators_named
 from colony.ir.program import Actuator, Contract, Program, Sensor, in_declared_units
 from colony.ir.types import Bool, Enum, Scalar, ScalarValue, Value, element_type
@@ -36,34 +37,40 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
                 f"{seconds(snapshot.t_ns)}{', restarted' if snapshot.restarted else ''}",
                 *(reading_cell(s, snapshot) for s in sensors),
                 *(_answer_text(program, m, snapshot) for m in modules),
-                *(decision_text(a, decisions[n], snapshot.given.get(n)) for n, a in actuators.items()),
+                *(
+                    decision_text(a, decisions[n], snapshot.given.get(n), outcome.records)
+                    for n, a in actuators.items()
+                ),
                 *([", ".join(sorted(snapshot.lost)) or "none"] if some_lost else []),
             ]
         )
     heading, *frames = rows
-    return (*aligned([heading, *_folded(frames)]), *_notes(program, trace, len(sensors)))
+    return (*aligned([heading, *folded(frames)]), *_notes(program, trace, len(sensors), actuators))
 
 
 _MAX_ROWS = 40
 """Number of rows of a long run that are shown, half of them from its beginning."""
 
 
-def _folded(rows: list[list[str]]) -> list[list[str]]:
-    """Return the rows with `...` in place of those between equal ones, which differ in their time alone."""
-    folded = list[list[str]]()
+def folded(rows: list[list[str]]) -> list[list[str]]:
+    """Return the rows with `...` in place of several between equal ones, which differ in their time alone."""
+    shown, hidden = list[list[str]](), list[list[str]]()
     for i, row in enumerate(rows):
         if 0 < i < len(rows) - 1 and rows[i - 1][1:] == row[1:] == rows[i + 1][1:]:
-            if folded[-1][0] != _OMITTED:
-                folded.append([_OMITTED, *("" for _ in row[1:])])
-        else:
-            folded.append(row)
-    if len(folded) <= _MAX_ROWS:
-        return folded
+            hidden.append(row)
+            continue
+        shown += hidden if len(hidden) == 1 else [_omitted(row)] if hidden else []
+        shown.append(row)
+        hidden = []
+    if len(shown) <= _MAX_ROWS:
+        return shown
     half = _MAX_ROWS // 2
-    return [*folded[:half], [_OMITTED, *("" for _ in rows[0][1:])], *folded[-half:]]
+    return [*shown[:half], _omitted(rows[0]), *shown[-half:]]
 
 
-_OMITTED = "..."
+def _omitted(row: list[str]) -> list[str]:
+    return ["...", *("" for _ in row[1:])]
+
 
 _MAX_NAMES = 8
 """Maximum number of missing sensors in a line."""
@@ -92,12 +99,15 @@ def missing_lines(
         yield f"{which}: missing (their readings make no difference)"
 
 
-def _notes(program: Program, trace: Trace, sensors_shown: int) -> Iterator[str]:
+def _notes(program: Program, trace: Trace, sensors_shown: int, actuators: Iterable[str]) -> Iterator[str]:
+    """Yield notes on a run; what actuators were sent in the last frame is in the table."""
     yield from missing_lines(
         sensors_shown, trace.needed_missing, trace.could_change, len(program.robot.sensors)
     )
-    if trace.found:
-        yield f"in the last frame: {'; '.join(trace.found)}"
+    in_table = tuple(f"{name} {how}" for name in actuators for how in ("by ", "is idle"))
+    found = [fact for fact in trace.found if not fact.startswith(in_table)]
+    if found:
+        yield f"in the last frame: {'; '.join(found)}"
     if trace.cause:
         yield f"because: {trace.cause}"
 
@@ -144,10 +154,13 @@ def _value_text(value: ScalarValue, type_: Scalar, number: str) -> str:
     return next((f"{type_}.{name}" for name, n in members if n == value), number)
 
 
-def decision_text(actuator: Actuator, decision: Decision, given: Given | None = None) -> str:
+def decision_text(
+    actuator: Actuator, decision: Decision, given: Given | None = None, records: Sequence[Record] = ()
+) -> str:
     """Return a decision as text: `by avoid: velocity = 150 mm/s, turn = 45 deg/s`.
 
-    `given` is what the actuator was given whatever the network decided, if anything.
+    `given` is what the actuator was given whatever the network decided, if anything. `records` of the frame
+    say which fields were cut: `velocity = 600 mm/s (cut to its range)`.
     """
     winner = "idle" if decision.by is None else f"by {decision.by}"
     if given is not None:
@@ -155,15 +168,22 @@ def decision_text(actuator: Actuator, decision: Decision, given: Given | None = 
     fault = f" ({decision.fault})" if decision.fault else ""
     if decision.values is None:
         return f"{winner}{fault}: nothing is sent"
-    return f"{winner}{fault}: {_fields_text(actuator, decision.values)}"
+    cut = {r.subject: _CUT[r.kind] for r in records if r.kind in _CUT}
+    return f"{winner}{fault}: {_fields_text(actuator, decision.values, cut)}"
 
 
-def _fields_text(actuator: Actuator, values: Sequence[ScalarValue]) -> str:
+_CUT = {"command clamped": " (cut to its range)", "limited": " (cut by a limit)"}
+
+
+def _fields_text(
+    actuator: Actuator, values: Sequence[ScalarValue], cut: Mapping[str, str] = MappingProxyType({})
+) -> str:
     """Return values in declared units."""
     units = (f" {f.unit}" if f.unit else "" for f in actuator.fields)
+    names = (f"{actuator.name}.{f.name}" for f in actuator.fields)
     return ", ".join(
-        f"{f.name} = {_value_text(value, f.type, f'{value:.9g}{unit}')}"
-        for f, value, unit in zip(actuator.fields, values, units, strict=True)
+        f"{f.name} = {_value_text(value, f.type, f'{value:.9g}{unit}')}{cut.get(name, '')}"
+        for f, value, unit, name in zip(actuator.fields, values, units, names, strict=True)
     )
 
 

@@ -20,7 +20,7 @@ from colony.verify.contracts.candidates import Candidate, candidates, numeral, n
 from colony.verify.contracts.cone import cone_of
 from colony.verify.contracts.houdini import Invariants, invariants
 from colony.verify.contracts.results import Options
-from colony.verify.contracts.solver import Budget, OnCharge
+from colony.verify.contracts.solver import Budget, Deadline
 from colony.verify.symbolic import cones
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.numbers import EXACT_WHOLE, finite
@@ -42,7 +42,7 @@ _GUESS = Shape(nan=False, infinite=False, bounds=Bounds(-EXACT_WHOLE / 2, EXACT_
 
 
 def whole_numbers(
-    program: Program, system: System, options: Options, on_charge: OnCharge | None
+    program: Program, system: System, options: Options, deadline: Deadline | None
 ) -> dict[str, Shape]:
     """Return proved shapes of cells that stay whole and bounded, which `system`, of `program`, does not know.
 
@@ -53,7 +53,7 @@ def whole_numbers(
         trial = encode(program, known=guessed)
         kept = {name: _GUESS for name in guessed if trial.shapes.get(name) == _GUESS}
         if len(kept) == len(guessed):  # nothing is written to them that is not whole
-            kept = _proved(trial, kept, options, on_charge)
+            kept = _proved(trial, kept, options, deadline)
             if len(kept) == len(guessed):
                 return kept
         guessed = dict.fromkeys(kept, _GUESS)
@@ -81,13 +81,13 @@ def _is_small(shape: Shape) -> bool:
 
 
 def _proved(
-    system: System, names: Collection[str], options: Options, on_charge: OnCharge | None
+    system: System, names: Collection[str], options: Options, deadline: Deadline | None
 ) -> dict[str, Shape]:
     """Return the shapes of the cells that are proved to stay whole and bounded, given all of `names`."""
     found = {}
     for cell in system.cells:
         if cell.name in names:
-            bounds = _bounds(system, cell, Budget(options, on_charge, _SHARE))
+            bounds = _bounds(system, cell, Budget(options, deadline, _SHARE))
             if bounds is not None:
                 found[cell.name] = Shape(nan=False, infinite=False, bounds=bounds)
     return found

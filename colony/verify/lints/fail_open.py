@@ -164,7 +164,7 @@ def findings(case: Case, prover: Prover, runs: GeneratedRuns | None) -> Iterator
     readings = _Readings(case, prover, runs)
     needed = _Needed(case)
     for module, actuator in drivers(case):
-        if prover.effort.is_spent():
+        if prover.effort.is_over():
             beyond = needed.beyond(module)
             if not any(prover.knows(open_name(module, s)) for s in beyond):
                 prover.effort.questions_skipped += len(beyond)

@@ -43,7 +43,7 @@ def findings(case: Case, effort: Effort, shapes: dict[str, Shape]) -> Iterator[F
     instrumented, found = accesses(case.program)
     if not found:
         return
-    prover, reported = Prover(instrumented, OPTIONS, effort.charge, shapes=shapes), set[tuple[Span, ...]]()
+    prover, reported = Prover(instrumented, OPTIONS, effort, shapes=shapes), set[tuple[Span, ...]]()
     for access in sorted(found, key=lambda access: not access.decides):
         place = (access.place.span, *_arguments(access.place, access.place.span))
         if place in reported or not effort.allows_question():

@@ -7,7 +7,6 @@ Only what it leaves open takes an attempt of its own (`contracts/attempt.py`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from enum import Enum, auto, unique
@@ -26,7 +25,7 @@ from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, Options, Trace
 from colony.verify.contracts.search import CandidateTrace, called_modules
-from colony.verify.contracts.solver import Answer, Budget
+from colony.verify.contracts.solver import Answer, Budget, Deadline
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.encode import OpenEncoding, encode
 from colony.verify.symbolic.logic import is_false, is_true
@@ -47,8 +46,8 @@ QUESTION_RESOURCES = RESOURCES_PER_SECOND // 20
 """Resources that a question is charged besides those of z3, for its encoding and the runs that are drawn."""
 
 
-class Effort:
-    """A limit on z3's resources for all questions about a program together; unlimited if it is None.
+class Effort(Deadline):
+    """A deadline of all questions about a program together.
 
     `on_question` receives the number of questions asked so far, before each.
 
@@ -58,22 +57,14 @@ class Effort:
     def __init__(
         self, resources: int | None = None, on_question: Callable[[int], None] | None = None
     ) -> None:
-        self._left = math.inf if resources is None else resources
+        super().__init__(resources)
         self._on_question = on_question
         self.questions_asked = 0
         self.questions_skipped = 0
 
-    def charge(self, resources: int) -> None:
-        """Subtract the cost of a query."""
-        self._left -= resources
-
-    def is_spent(self) -> bool:
-        """Return True if no further question may be asked."""
-        return self._left <= 0
-
     def allows_question(self) -> bool:
         """Return True if another question may be asked, and charge it; otherwise count it as skipped."""
-        if self.is_spent():
+        if self.is_over():
             self.questions_skipped += 1
             return False
         self.questions_asked += 1
@@ -149,7 +140,7 @@ class Prover:
         """Return True if a claim is proved over the reals, that is, without rounding."""
         name = question.name
         if name not in self._answers:
-            if self.effort.is_spent():
+            if self.effort.is_over():
                 self.effort.questions_skipped += 1
                 return False
             context = self._context(question)
@@ -164,7 +155,7 @@ class Prover:
         quick, _ = self._quick_answer(name, context)
         if quick is not _Quick.OPEN:
             return quick is _Quick.HOLDS
-        return isinstance(Attempt(context, name, Budget(OPTIONS, self.effort.charge)).run(), Proof)
+        return isinstance(Attempt(context, name, Budget(OPTIONS, self.effort)).run(), Proof)
 
     def constant(self, question: Question) -> bool | None:
         """Return the truth of a claim if its formula is a constant, None otherwise."""
@@ -190,7 +181,7 @@ class Prover:
         """Return the answer about a claim, with a model of a first frame that breaks it."""
         if is_true(claim.holds):
             return _Quick.HOLDS, None
-        frames, budget = self._shared.single_frames, Budget(OPTIONS, self.effort.charge, _ALL_QUESTIONS)
+        frames, budget = self._shared.single_frames, Budget(OPTIONS, self.effort, _ALL_QUESTIONS)
         answer, model = frames.breaks_first(claim, budget)
         if answer is Answer.SAT:
             return _Quick.BROKEN, model
@@ -244,14 +235,14 @@ class Prover:
         if quick is _Quick.HOLDS:
             return
         program = replace(self._program, contracts=(self._contracts[name],))
-        refuter = Refuter(program, name, called)
+        refuter = Refuter(program, name, called, deadline=self.effort)
         first = None
         if model is not None:
             frame = OneFrame(context.system, context.cones[name])
             first = refuter.confirm_in(frame, CandidateTrace(model, 1, without_python=True))
         if first is not None:
             yield first
-        budget = Budget(OPTIONS, self.effort.charge)
+        budget = Budget(OPTIONS, self.effort)
         attempt = Attempt(context, name, budget, refuter, asks_first_frame=False)
         found = attempt.run()
         if isinstance(found, Proof):

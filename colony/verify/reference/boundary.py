@@ -9,7 +9,7 @@ from typing import Any
 
 from colony.ir.frame import Answer, Frame, Reading, Record, RecordKind
 from colony.ir.program import Actuator, PythonModule, Sensor
-from colony.ir.types import Array, Bool, Enum, Scalar, ScalarValue, Value
+from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.text.diagnostics import DiagnosticError, error
 
 
@@ -59,6 +59,10 @@ def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
         return typed_scalar(sensor.type, reading, factor)
     if not isinstance(reading, list | tuple) or len(reading) != sensor.type.size:
         raise InvalidValueError
+    if isinstance(sensor.type.element, Quantity) and all(type(x) is float and x == x for x in reading):
+        return tuple(
+            x * factor for x in reading
+        )  # the usual case of hundreds of beams, in a tenth of the time
     return tuple(typed_scalar(sensor.type.element, x, factor) for x in reading)
 
 
@@ -95,6 +99,9 @@ def number(x: object) -> float:
 def clamped(value: Value, sensor: Sensor) -> Value:
     """Return `value` within the sensor's range, element by element."""
     if isinstance(value, tuple):
+        low, high = min(value), max(value)  # no reading is NaN
+        if clamp(low, sensor.low, sensor.high) == low and clamp(high, sensor.low, sensor.high) == high:
+            return value
         return tuple(clamp(x, sensor.low, sensor.high) for x in value)
     return clamp(value, sensor.low, sensor.high)
 

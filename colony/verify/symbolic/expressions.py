@@ -18,6 +18,7 @@ from colony.verify.symbolic.arithmetic import Arithmetic
 from colony.verify.symbolic.bearings import nearest
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import by_cases, constant, whole_of
+from colony.verify.symbolic.extremes import extreme_at
 from colony.verify.symbolic.frame_values import FrameValues, evaluation_condition, missing
 from colony.verify.symbolic.functions import apply, binary, boolean, index_of, number, reduction, unary
 from colony.verify.symbolic.logic import FALSE, TRUE, any_of, both, either, is_false, negation, truth
@@ -223,7 +224,9 @@ class Expressions:
             case ir.Slice(indices=indices):
                 return tuple(array[i] for i in indices)
             case ir.Element(index=index):
-                return element_of(array, self._positions(index, len(array), e), 0)
+                x = self.number(index)
+                best = extreme_at(array, x, self.builder)
+                return element_of(array, self.positions(x, index, len(array), e), 0) if best is None else best
             case ir.Window(center=center, reach=reach):
                 positions = self._positions(center, len(array), e)
                 return tuple(element_of(array, positions, j) for j in range(-reach, reach + 1))
@@ -276,14 +279,14 @@ class Expressions:
 
     def _call(self, e: ir.Call, arithmetic: Arithmetic) -> Term:
         if e.function in ir.INDEX_FUNCTIONS:
-            return self._index_function(e.function, e.arguments[0])
+            return self._index_function(e.function, e.arguments[0], arithmetic)
         values = [self.value(a) for a in e.arguments]
         if e.function in ir.REDUCTIONS:
             flat = [x for v in values for x in (v if isinstance(v, tuple) else (v,))]
             return apply(e.function, flat, arithmetic)
         return each(lambda *x: apply(e.function, x, arithmetic), *values)
 
-    def _index_function(self, function: ir.Function, e: ir.Expression) -> Number:
+    def _index_function(self, function: ir.Function, e: ir.Expression, arithmetic: Arithmetic) -> Number:
         """Return the index of the least or greatest element; for a slice or window, in the whole array."""
         match e:
             case ir.Slice(indices=sliced):
@@ -295,7 +298,7 @@ class Expressions:
             case _:
                 values = elements(self.value(e))
                 indices = [constant(float(i)) for i in range(len(values))]
-        return index_of(function, [number(x) for x in values], indices)
+        return index_of(function, [number(x) for x in values], indices, arithmetic)
 
     def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Scalar:
         items = []

@@ -10,7 +10,8 @@ import z3
 
 from colony.ir.expression import REDUCTIONS, Binary, Function, Unary
 from colony.verify.symbolic.arithmetic import Arithmetic
-from colony.verify.symbolic.cases import by_cases, constant
+from colony.verify.symbolic.cases import by_cases, constant, constant_of
+from colony.verify.symbolic.extremes import are_many, extreme_of_included, index_of_extreme
 from colony.verify.symbolic.logic import (
     FALSE,
     TRUE,
@@ -109,7 +110,8 @@ def apply(function: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Sc
         case Function.ANGLE_DIFFERENCE:
             return arithmetic.angle_difference(number(x[0]), number(x[1]))
         case Function.INDEX_OF_MIN | Function.INDEX_OF_MAX:
-            return index_of(function, [number(v) for v in x], [constant(float(i)) for i in range(len(x))])
+            numbers = [number(v) for v in x]
+            return index_of(function, numbers, [constant(float(i)) for i in range(len(x))], arithmetic)
         case _ if function in REDUCTIONS:
             return reduction(function, [(v, TRUE) for v in x], arithmetic)
         case _:
@@ -157,7 +159,7 @@ def reduction(function: Function, items: Sequence[ReductionItem], arithmetic: Ar
             numbers = [(number(x), c) for x, c in included]
             return arithmetic.divide(_total(numbers, arithmetic), count([c for _, c in included], arithmetic))
         case Function.MIN | Function.MAX:
-            return _best(function, [(number(x), c) for x, c in included])
+            return _best(function, [(number(x), c) for x, c in included], arithmetic)
         case _:
             raise AssertionError(f"{function.value} is not a reduction")
 
@@ -181,8 +183,10 @@ def _total(items: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -
     return select_number(any_of(condition for _, condition in items), total, constant(0.0))
 
 
-def _best(function: Function, items: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
+def _best(function: Function, items: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -> Number:
     """Return the least or greatest value; NaN if any is NaN, or there is none."""
+    if are_many([x for x, _ in items]):
+        return extreme_of_included(items, arithmetic.builder, least=function is Function.MIN)
     choose = least if function is Function.MIN else greatest
     best, any_included = constant(math.nan), FALSE
     for x, condition in items:
@@ -192,8 +196,14 @@ def _best(function: Function, items: Sequence[tuple[Number, z3.BoolRef]]) -> Num
     return best
 
 
-def index_of(function: Function, values: Sequence[Number], indices: Sequence[Number]) -> Number:
+def index_of(
+    function: Function, values: Sequence[Number], indices: Sequence[Number], arithmetic: Arithmetic
+) -> Number:
     """Return the index of the least or greatest value, the first among equals; any number beats NaN."""
+    constants = [int(c) for x in indices if (c := constant_of(x)) is not None]
+    if are_many(values) and len(constants) == len(indices) and all(is_false(x.nan) for x in values):
+        is_least = function is Function.INDEX_OF_MIN
+        return index_of_extreme(values, constants, arithmetic.builder, least=is_least)
     best, index = values[0], indices[0]
     for x, i in zip(values[1:], indices[1:], strict=True):
         beats = compared(x, best, "<") if function is Function.INDEX_OF_MIN else compared(best, x, "<")

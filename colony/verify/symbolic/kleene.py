@@ -125,14 +125,14 @@ class ContractEncoder:
 
     def _call(self, e: ir.Call, arithmetic: Arithmetic) -> KnownTerm:
         if e.function in ir.INDEX_FUNCTIONS:
-            return self._index_function(e.function, e.arguments[0])
+            return self._index_function(e.function, e.arguments[0], arithmetic)
         values = [self._value(a) for a in e.arguments]
         if e.function in ir.REDUCTIONS:
             flat = [x for v in values for x in (v if isinstance(v, tuple) else (v,))]
             return _reduction(e.function, [(_ALWAYS, x) for x in flat], arithmetic)
         return _each(lambda *x: _strict(lambda *v: apply(e.function, v, arithmetic), *x), *values)
 
-    def _index_function(self, function: Function, e: ir.Expression) -> Known:
+    def _index_function(self, function: Function, e: ir.Expression, arithmetic: Arithmetic) -> Known:
         """Return the index of the least or greatest element; for a slice or window, in the whole array."""
         match e:
             case ir.Slice(indices=sliced):
@@ -146,7 +146,7 @@ class ContractEncoder:
             case _:
                 values = elements(self._value(e))
                 indices = [constant(float(i)) for i in range(len(values))]
-        index = index_of(function, [number(x.value) for x in values], indices)
+        index = index_of(function, [number(x.value) for x in values], indices, arithmetic)
         return Known(index, all_of(x.known for x in values))
 
     def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Known:

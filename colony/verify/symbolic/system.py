@@ -155,14 +155,21 @@ class Operation(Enum):
     FLOOR = auto()
     ROUND = auto()
     OVERFLOW = auto()
+    LEAST = auto()
+    GREATEST = auto()
+    LEAST_IS_INFINITE = auto()
+    GREATEST_IS_INFINITE = auto()
+    INDEX_OF_LEAST = auto()
+    INDEX_OF_GREATEST = auto()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Auxiliary:
     """The constant for the result of `operation` on `operands`, constrained by assumptions and definitions.
 
-    FLOOR and ROUND are of sort Int and exact. OVERFLOW is a bool: the program's float is infinite though the
-    operand is not; it is false for reals. The others are abstracted (PRODUCT and QUOTIENT unless `precise`).
+    FLOOR, ROUND, extremes and their indices (of sort Int, but for extremes) are exact. OVERFLOW is a bool:
+    the program's float is infinite though the operand is not; it is false for reals. The others are
+    abstracted (PRODUCT and QUOTIENT unless `precise`).
     """
 
     constant: z3.ArithRef | z3.BoolRef

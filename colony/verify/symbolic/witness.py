@@ -14,6 +14,7 @@ from colony.ir.types import Array, Bool, Enum, ScalarValue, Value, element_type
 from colony.ir.types import Scalar as ScalarType
 from colony.verify.reference.boundary import clamp
 from colony.verify.snapshot import Snapshot
+from colony.verify.symbolic.logic import is_false
 from colony.verify.symbolic.system import DisturbanceInputs, Number, Scalar, SensorInput
 from colony.verify.symbolic.unrolling import Unrolling
 
@@ -95,7 +96,10 @@ def _reading(
     model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, sensor_input: SensorInput
 ) -> Value:
     type_ = element_type(sensor.type)
-    values = [_valid_value(value_in(model, unrolling, i, x), type_, sensor) for x in sensor_input.elements]
+    known: dict[int, tuple[z3.ExprRef, float]] = {}
+    values = [
+        _valid_value(value_in(model, unrolling, i, x, known), type_, sensor) for x in sensor_input.elements
+    ]
     return tuple(values) if isinstance(sensor.type, Array) else values[0]
 
 
@@ -110,16 +114,29 @@ def _valid_value(x: ScalarValue, type_: ScalarType, sensor: Sensor) -> ScalarVal
 # --- values --------------------------------------------------------------------------------------
 
 
-def value_in(model: z3.ModelRef, unrolling: Unrolling, i: int, x: Scalar) -> ScalarValue:
-    """Return the value of a scalar of the system in frame i of a model, as the nearest float."""
+def value_in(
+    model: z3.ModelRef,
+    unrolling: Unrolling,
+    i: int,
+    x: Scalar,
+    known: dict[int, tuple[z3.ExprRef, float]] | None = None,
+) -> ScalarValue:
+    """Return the value of a scalar of the system in frame i of a model, as the nearest float.
+
+    `known` keeps numerals and their floats by id: most of the elements of an array are equal.
+    """
     if not isinstance(x, Number):
         return _truth(model, unrolling.at(i, x))
-    if _truth(model, unrolling.at(i, x.nan)):
+    if not is_false(x.nan) and _truth(model, unrolling.at(i, x.nan)):
         return math.nan
-    value = _rational(_evaluated(model, unrolling.at(i, x.value)))
-    if _truth(model, unrolling.at(i, x.infinite)):
-        return math.inf if value > 0 else -math.inf
-    return _nearest_float(value)
+    numeral = _evaluated(model, unrolling.at(i, x.value))
+    if not is_false(x.infinite) and _truth(model, unrolling.at(i, x.infinite)):
+        return math.inf if _rational(numeral) > 0 else -math.inf
+    known = {} if known is None else known
+    key = numeral.get_id()
+    if key not in known:
+        known[key] = numeral, _nearest_float(_rational(numeral))
+    return known[key][1]
 
 
 def _evaluated(model: z3.ModelRef, term: z3.ExprRef) -> z3.ExprRef:

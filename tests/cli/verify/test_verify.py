@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import z3
 
+from colony.cli.verify.work import Work, load
 from colony.verify.contracts import certificate
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
@@ -24,7 +25,7 @@ TRUE = "contract backs: drive by back implies drive.velocity <= 0\n"
 FALSE = "contract quick: drive.velocity > -100 mm/s\n"
 LONG = "contract lasts: drive by back implies bumper\n"
 OPEN = "state n = 0  next n = if bumper then n + 0.5 else n - 0.5\ncontract never_quarter: n != 0.25\n"
-QUICK = ("--depth", "1", "--timeout", "0.05")
+QUICK = ("--depth", "1", "--timeout", "0.3")
 
 
 def add(behavior: Path, *texts: str) -> Path:
@@ -67,6 +68,21 @@ def test_unknown_says_why_and_is_no_error(colony: Colony, behavior: Path) -> Non
     assert code == 1
 
 
+def test_nothing_is_said_twice(colony: Colony, behavior: Path) -> None:
+    far = "contract far{}: near >= 1 m\n"
+    _, out, err = colony("verify", add(behavior, far.format(1), far.format(2)))
+    assert out.count("in the last frame: ") == 2
+    assert "found:" not in err
+    assert err.count("hint: a contract must be true") == 1
+
+
+def test_a_test_is_written_as_soon_as_its_run_is_found(behavior: Path) -> None:
+    verified = load(str(add(behavior, FALSE, LONG)), write_test=True)
+    work = Work(names=(), why=(), depth=1, timeout=None, certificates=None, examples=0, seed=0, faults=False)
+    next(work.run(verified, lambda completed, total, current: None))
+    assert 'test "quick' in behavior.read_text() or "quick" in behavior.read_text().split(FALSE)[1]
+
+
 def test_values_in_percent_are_shown_in_percent(colony: Colony, tmp_path: Path) -> None:
     file = tmp_path / "gas.colony"
     file.write_text("""robot r {
@@ -79,11 +95,11 @@ network { fan = m }
 contract low: fan by m implies m.half + peak < 70 percent
 test "t" { at 0 s given gas = 80 expect m.half == 20 percent }
 """)
-    _, out, err = colony("verify", file)
+    _, out, _ = colony("verify", file)
     assert "`m.half + peak < 70 percent` fails by" in out
     assert "percent against 70 percent" in out
-    assert "m.half = 60 percent" in err
-    assert "peak = 100 percent" in err
+    assert "m.half = 60 percent" in out
+    assert "peak = 100 percent" in out
     _, out, err = colony("test", "--explain", file)
     assert "50 percent against 20 percent" in out
     assert "found: m.half = 50 percent" in err

@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 import z3
 
-from colony.verify.contracts.prove import prove_contracts
+from colony.verify.contracts.prove import prove_contracts, results
+from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.report import verdict
-from colony.verify.contracts.results import Options, OverReals, Proved
-from colony.verify.contracts.solver import Answer, Solver
+from colony.verify.contracts.results import Options, OverReals, Proved, Unknown
+from colony.verify.contracts.solver import Answer, Deadline, Solver
+from colony.verify.snapshot import Snapshot
 from tests.verify.contracts.behaviors import MEAN, ROBOT, program, proved, refuted, result, unknown
 
 COUNTER = "state n = 0  next n = if bump then (if n == 4 then 0 else n + 1) else n\n"
@@ -206,6 +208,45 @@ def test_a_solver_that_may_do_nothing_gives_up_and_says_so() -> None:
     found = unknown(COUNTER + "contract c: n <= 4", Options(resources=1))
     assert "z3 reached its limits without an answer" in found.because
     assert "--timeout" in found.hint
+
+
+def test_one_deadline_bounds_all_contracts_and_each_says_that_time_was_short() -> None:
+    made = program(COUNTER + "contract c: n <= 4\ncontract d: far <= 11 m\n")
+    deadline = Deadline(1)
+    c, d = results(made, ["c", "d"], deadline=deadline)
+    for found in (c, d):
+        assert isinstance(found, Unknown)
+        assert "the time limit was reached" in found.because
+        assert "--timeout" in found.hint
+
+
+def test_a_deadline_keeps_a_share_for_what_follows() -> None:
+    deadline = Deadline(1200)
+    deadline.begin_part(3)
+    deadline.charge(500)
+    assert deadline.is_over()
+    deadline.begin_part(2)
+    assert not deadline.is_over()
+    deadline.charge(350)
+    assert deadline.is_over()
+    deadline.begin_part(1)
+    assert deadline.left == 350
+
+
+def test_runs_of_the_interpreter_are_charged_to_the_deadline() -> None:
+    made, deadline = program("contract c: not bump"), Deadline()
+    replay = Replay(made, "c", deadline=deadline)
+    replay.breaks([Snapshot(0), Snapshot(50_000_000)])
+    assert deadline.spent > 0
+    assert Replay(made, "c", deadline=Deadline(deadline.spent)).affordable_frames < 3
+
+
+def test_stages_are_reported_with_the_name_of_their_contract() -> None:
+    stages: list[str] = []
+    made = program("state n = 0  next n = if bump then n + 0.5 else n - 0.5\ncontract c: n != 0.25")
+    options = Options(depth=2, max_frames=5, resources=500_000)
+    list(results(made, ["c"], options, deadline=Deadline(None, stages.append)))
+    assert {"c: encoding the program", "c: searching runs of 3 frames", "c: drawing runs"} <= set(stages)
 
 
 # --- what proofs rest on -------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from colony.dsl.load import load_text
 from colony.verify.contracts.prove import in_order, prove_contracts
 from colony.verify.contracts.report import finding, lines, row, verdict
 from colony.verify.contracts.results import Proved, ProvedInTime
-from colony.verify.contracts.table import reading_cell, table
+from colony.verify.contracts.table import folded, reading_cell, table
 from colony.verify.snapshot import Snapshot
 from tests.verify.contracts.behaviors import MEAN, ROBOT, program, proved, refuted, result, unknown
 
@@ -247,3 +247,23 @@ def test_missing_sensors_of_which_readings_would_end_the_breach_are_named() -> N
         "missing, where some readings would change this: far, bump",
         "all other sensors: missing (their readings make no difference)",
     )
+
+
+def test_a_value_that_is_cut_to_its_range_says_so() -> None:
+    made = load_text("""
+robot r {
+  sensor speed : mm/s range 0 .. 900 from RServer.speed
+  actuator drive { velocity : mm/s range -600 .. 600 } to RServer.drive idle drive(velocity = 0)
+}
+module go { when true do drive(velocity = speed + 200 mm/s) }
+network { drive = go }
+contract c: fresh(speed) implies drive.velocity == value_or(speed, 0) + 200 mm/s
+""")
+    [found] = prove_contracts(made)
+    assert any("velocity = 600 mm/s (cut to its range)" in line for line in lines(made, found))
+
+
+def test_a_single_hidden_row_is_shown() -> None:
+    rows = [[f"{i} s", "same"] for i in range(4)]
+    assert folded(rows[:3]) == rows[:3]
+    assert folded(rows) == [rows[0], ["...", ""], rows[3]]

@@ -253,6 +253,8 @@ class Values:
             return self._is_pole(x[0])
         if auxiliary.operation in (Operation.FLOOR, Operation.ROUND):
             return _whole(auxiliary.operation, x[0])
+        if auxiliary.operation in _EXTREMES:
+            return _extreme(auxiliary.operation, x)
         if any(math.isnan(v) if isinstance(v, float) else v.error for v in x):
             return self._inexactly(auxiliary.operation, x)
         operands = [v if isinstance(v, float) else float(v.value) for v in x]
@@ -305,6 +307,28 @@ def _whole(operation: Operation, x: Real | float) -> Real:
     if low != high:
         raise OpenTermError
     return Real(Fraction(low))
+
+
+_EXTREMES = {
+    Operation.LEAST: min,
+    Operation.LEAST_IS_INFINITE: min,
+    Operation.INDEX_OF_LEAST: min,
+    Operation.GREATEST: max,
+    Operation.GREATEST_IS_INFINITE: max,
+    Operation.INDEX_OF_GREATEST: max,
+}
+
+
+def _extreme(operation: Operation, x: list[Real | float]) -> Known:
+    if any(math.isnan(v) if isinstance(v, float) else v.error for v in x):
+        raise OpenTermError  # NaN means nothing, and rounding may choose another
+    values = [v if isinstance(v, float) else v.value for v in x]
+    best = _EXTREMES[operation](values)
+    if operation in (Operation.INDEX_OF_LEAST, Operation.INDEX_OF_GREATEST):
+        return Real(Fraction(values.index(best)))
+    if operation in (Operation.LEAST_IS_INFINITE, Operation.GREATEST_IS_INFINITE):
+        return isinstance(best, float)
+    return Real(Fraction((1 if best > 0 else -1) if isinstance(best, float) else best))
 
 
 _FUNCTIONS = {

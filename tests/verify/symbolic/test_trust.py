@@ -236,6 +236,41 @@ def test_expressions(expression: str) -> None:
     assert tally.exact + tally.within > tally.open
 
 
+BEAMS = """
+robot scanner {
+  sensor s[30] : mm range 0 .. 9000 from DServer.s
+  sensor u[30] : number             from DServer.u
+  sensor r[36] : mm bearing -180 deg range 0 .. 9000 from DServer.r
+  actuator drive { v : mm/s } to RServer.drive idle drive(v = 0)
+}
+"""
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "min(s)",
+        "max(u)",
+        "min(x for x in s if x > 1 m)",
+        "max(x for x in u if x < s[3] / 1 mm)",
+        "min(abs(x) for x in u)",
+        "index_of_min(s)",
+        "index_of_max(u)",
+        "index_of_min(r[170 deg .. 110 deg])",
+        "s[index_of_max(s)]",
+        "r[index_of_min(r[170 deg .. 110 deg])]",
+        "s[index_of_min(s) + 1]",
+    ],
+)
+def test_extremes_of_many_are_exact_without_a_chain_of_choices(expression: str) -> None:
+    program = load_text(BEAMS + f"let v = {expression}\n")
+    tally = tally_of(program, range(3))
+    assert not tally.differences
+    assert tally.exact > tally.open
+    system = encode(program)
+    assert any(a.operation.name.endswith(("LEAST", "GREATEST")) for a in system.auxiliaries)
+
+
 @pytest.mark.parametrize("expression", EXACT)
 def test_what_copies_and_compares_is_exact(expression: str) -> None:
     assert not _reasons(expression)
