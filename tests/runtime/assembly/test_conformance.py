@@ -16,7 +16,7 @@ from colony.runtime.protocol.messages import Message, Wake
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import traces
 from tests.drawn.strategies import networks, programs
-from tests.runtime.stage import play
+from tests.kit.trace import play
 
 QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
 

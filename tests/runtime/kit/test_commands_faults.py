@@ -11,7 +11,8 @@ import pytest
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Message
 from colony.runtime.transport.faults import FaultRates, Faults
-from tests.runtime.kit.lift_stage import FRAME_NS, IDLE, Robot
+from tests.kit.lift import IDLE, Robot
+from tests.kit.node_stage import FRAME_NS
 from tests.sampling import sampled
 
 FAULTY, QUIET, RIGHT = 40, 80, 20

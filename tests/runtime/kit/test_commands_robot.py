@@ -6,8 +6,8 @@ import pytest
 
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
-from tests.runtime.calling import opening
-from tests.runtime.kit.lift_stage import DOWN, IDLE, UP, Robot
+from tests.kit.calling import opening
+from tests.kit.lift import DOWN, IDLE, UP, Robot
 
 
 def test_a_program_drives_a_lift() -> None:

@@ -28,7 +28,7 @@ from colony.runtime.protocol.calls import Status
 from colony.runtime.protocol.messages import Reply, Sample, Send, Tick, Wake, WakeAt
 from colony.runtime.servers.drivers import MAX_PROBLEM_LENGTH, Drivers, Reading, problems_of
 from colony.runtime.transport.virtual import VirtualClock
-from tests.runtime.calling import call_of, opening
+from tests.kit.calling import call_of, opening
 from tests.runtime.scripted import Log
 
 MS = 1_000_000

@@ -14,8 +14,8 @@ import pytest
 
 from colony.runtime.store.reserve import RESERVE_BYTES
 from colony.runtime.store.store import Journal, Key, PendingStore, StoreFullError
+from tests.kit.data import Cramped
 from tests.paths import ROOT
-from tests.runtime.servers.data_stage import Cramped
 from tests.small_disk import SmallDisk, small_disk
 
 X, Y, Z = (Key("value", name) for name in "XYZ")

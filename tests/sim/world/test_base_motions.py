@@ -16,7 +16,7 @@ from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.config import RobotConfig
 from colony.sim.drivers import Plant, SimulatedBase
 from colony.sim.world.world import World
-from tests.runtime.servers.base_stage import Stage
+from tests.kit.base import Stage
 from tests.sim.robots import IDEAL, ROME
 
 WALLS = [[-60_000.0, 4000.0, 5000.0, 4000.0]]

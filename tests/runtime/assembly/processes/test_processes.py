@@ -47,9 +47,9 @@ from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.messages import Fate, Reply, Send, Tick, Verdict
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
+from tests.kit.calling import call_of, opening
 from tests.robot_servers import ROME_SERVERS
 from tests.runtime.assembly.test_virtual import pulsing
-from tests.runtime.calling import call_of, opening
 from tests.runtime.programs import roam
 from tests.runtime.scripted import LIMITS, Log
 

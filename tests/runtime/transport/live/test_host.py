@@ -27,7 +27,7 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.message_queue import MAX_CALLS_PER_CONNECTION
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_time import learned_time
-from tests.runtime.calling import plain_call
+from tests.kit.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
 from tests.runtime.transport.live.stage import Recorder, hosted, robot_address, running
 from tests.waiting import until

@@ -26,7 +26,7 @@ from colony.runtime.transport.live.message_queue import MAX_CALLS_PER_CONNECTION
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import declare_publisher
 from colony.runtime.transport.live.sender import MAX_DROPPABLE_BYTES
-from tests.runtime.calling import plain_call
+from tests.kit.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, robot_address, running
 from tests.waiting import until
