@@ -54,8 +54,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
 def _every_decision_was_the_interpreters(run: Run) -> None:
     """End the run, and hold its recording to the interpreter: all that the tests did to it is in there."""
     run.goes_on()
-    run.started.tell(signal.SIGINT)
-    assert run.started.wait() == 130
+    assert run.started.interrupt() == 130
     assert json.loads(run.started.out)["disagreements"] == []
     audit = run.machine.run("audit", str(run.started.folder / "run.mcap"))
     assert audit.process.returncode == 0, audit.out + audit.err
