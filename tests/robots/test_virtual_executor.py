@@ -17,7 +17,6 @@ from colony.ir.frame import Frame
 from colony.robots.faults import with_faults
 from colony.robots.virtual_executor import VirtualExecutor
 from colony.runtime.arbitration.arbiter import Arbiter
-from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler
 from colony.verify.testing.agreement import disagreement, reference
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
@@ -25,7 +24,7 @@ from colony.verify.testing.frames import draw_trace
 from tests.drawn.strategies import run_of_seed
 from tests.paths import ROOT
 from tests.programs import program
-from tests.runtime.assembly.test_loss_policy import frames_invented
+from tests.runtime.assembly.test_loss import epochs_ignored, frames_invented, frames_skipped
 from tests.sampling import long, thorough
 
 RUNTIME = {"runtime": VirtualExecutor}
@@ -183,25 +182,6 @@ def test_what_nobody_can_tell_of_modules_in_python_is_not_judged(number: int) ->
     of = replace(of, robot=replace(of.robot, actuators=actuators))
     found = with_faults(compile_program(of), trace, number * 7)
     assert found is None, str(found)
-
-
-def epochs_ignored(patch: pytest.MonkeyPatch) -> None:
-    """Memory goes on where it should begin anew."""
-    patch.setattr(AssembledFrame, "restart", property(lambda self: False))
-
-
-def frames_skipped(patch: pytest.MonkeyPatch) -> None:
-    """A reader that is behind leaves frames out."""
-    take = FrameAssembler.take
-
-    def wrong(self: FrameAssembler, message: object) -> object:
-        effects = take(self, message)  # type: ignore[arg-type]
-        if self.latest - self.next >= 3:
-            self.skip()
-            self._next = self.latest
-        return effects
-
-    patch.setattr(FrameAssembler, "take", wrong)
 
 
 @pytest.mark.parametrize("bug", [epochs_ignored, frames_skipped, frames_invented])

@@ -30,7 +30,7 @@ RUNTIME_TESTS = (
     *("frames/test_membership", "clients/test_client", "clients/test_memory"),
     *("arbitration/test_arbiter", "arbitration/test_arbiter_bounds", "arbitration/test_promises"),
     *("arbitration/test_outside", "arbitration/test_locks", "arbitration/test_stop_latch"),
-    *("assembly/test_conformance", "assembly/test_loss_policy"),
+    *("assembly/test_conformance", "assembly/test_loss"),
     *("observe/test_observer", "observe/test_monitor", "transport/test_virtual"),
     *("assembly/test_virtual", "assembly/test_virtual_faults", "kit/test_own_servers"),
     *("servers/test_rserver", "servers/test_rserver_calls", "servers/test_rserver_faults"),
