@@ -191,7 +191,6 @@ def test_bumpers_that_are_not_there_are_not_pressed() -> None:
     for segments, pressed in ((0, False), (5, True)):
         dialect = Pioneer("p2dx", front_bumpers=segments, rear_bumpers=segments)
         base = dialect.read(recorded, 0).base
-        assert base is not None
         assert (base.front_bumper, base.rear_bumper) == (pressed, pressed)
     readings = dialect.read(recorded, 0)
     assert readings.elements["sonar"] == {4: math.inf, 7: math.inf}

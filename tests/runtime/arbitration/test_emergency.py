@@ -106,7 +106,6 @@ def lit() -> DataStage:
 
 def lamp(stage: DataStage) -> bool:
     found = stage.node._variables.current("Lamp")
-    assert found is not None
     return bool(msgspec.msgpack.decode(found.data))
 
 

@@ -256,7 +256,6 @@ def test_what_is_wrong_is_said_to_whom_it_concerns() -> None:
     assert "drive" in unknown.message
     stage.handle(Malformed(topic="RServer/call", connection="op/1", reason="found version 9"))
     problem = stage.replies["op/1", 0].problem
-    assert problem is not None
     assert problem.message == "RServer: found version 9"
 
 

@@ -119,7 +119,6 @@ def test_a_stop_that_cannot_be_kept_stops_and_says_so(tmp_path: Path) -> None:
     stage = Stage(stop_path=tmp_path / "no folder" / "stop")
     ann = Leader(stage, "ann/1")
     problem = ann.ask(emergency.stop()).problem
-    assert problem is not None
     assert problem.code == "not kept"
     assert "No such file or directory" in problem.message
     assert last(stage).stopped is not None

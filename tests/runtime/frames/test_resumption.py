@@ -219,7 +219,6 @@ def test_progress_is_told_of_the_newest_ticks(reader: FrameAssembler) -> None:
     for k in range(2, 300):
         reader.take(tick(k))
     told = reader.progress
-    assert told is not None
     assert [t.k for t in told.ticks] == list(range(300 - MAX_REPORTED_TICKS, 300))
     reader.take(tick(300, lost=("x",) * (MAX_REPORTED_NAMES + 1)))
     assert reader.progress is None

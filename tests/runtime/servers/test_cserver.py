@@ -91,7 +91,6 @@ def test_who_waits_for_the_lock_gets_it_with_a_new_image() -> None:
     later(2 * PERIOD, ann, bob)
     assert bob.last is None
     ann.do(camera.unlock())
-    assert bob.last is not None
     assert bob.last.problem is None
     assert number(ann) == 2
     later(4 * PERIOD, ann, bob)
@@ -108,8 +107,6 @@ def test_who_does_not_wait_or_not_long_enough_is_refused() -> None:
     later(299 * MS, ann, bob)
     assert bob.last is None
     later(300 * MS, ann, bob)
-    assert bob.last is not None
-    assert bob.last.problem is not None
     assert "ann holds the lock" in bob.last.problem.message
     assert bob.refusal(camera.unlock()) == "unlocked"
 

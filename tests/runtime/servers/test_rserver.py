@@ -155,7 +155,6 @@ def test_in_frames_of_another_run_the_base_stands_and_nobody_is_told_anything(st
     assert len(stage.base.stops) == 1 + 3
     stage.run = "r1"
     verdict = stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
-    assert verdict is not None
     assert (verdict.k, verdict.by) == (4, "cruise")
 
 
@@ -380,7 +379,6 @@ def test_a_stop_that_does_not_reach_the_base_is_refused_after_150_ms_and_holds()
     assert ("eve/1", number) not in stage.replies
     stage.pass_time(1 * MS)
     problem = stage.replies["eve/1", number].problem
-    assert problem is not None
     assert (problem.code, "/dev/ttyUSB0" in problem.message) == ("not reached", True)
     assert stage.base.stops
     stage.tick()

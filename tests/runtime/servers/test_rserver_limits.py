@@ -112,7 +112,6 @@ def test_a_move_that_limits_held_ends_with_the_run(ignoring: bool) -> None:
         return
     assert frames(stage) == (0.0, 0.0)
     problem = stage.replies["ann/1", number].problem
-    assert problem is not None
     assert (problem.code, problem.message) == ("limits", "the run whose limits held this command ended")
 
 
@@ -149,7 +148,6 @@ def test_it_takes_the_right_to_ignore_limits(right: Right) -> None:
     call = call_of(robot.ignore_limits(), "ann/1", 50, 9)
     stage.handle(msgspec.structs.replace(call, right=right))
     problem = stage.replies["ann/1", 50].problem
-    assert problem is not None
     assert problem.code == "right"
     assert problem.message == f"RServer.ignore_limits needs the right to ignore limits, not to {right}"
 
@@ -187,7 +185,6 @@ def test_a_move_whose_limits_nobody_knows_ends_and_says_so() -> None:
     number = stage.send("ann/1", robot.move(200.0, velocity=300.0))
     frames(stage, *silent(), count=45)
     problem = stage.replies["ann/1", number].problem
-    assert problem is not None
     assert (problem.code, problem.message) == (
         "limits",
         "the program's limits were unknown for 2 s, after 0 mm: its clients are late or lost",
@@ -203,7 +200,6 @@ def test_a_base_that_is_blocked_is_not_held_by_limits_that_only_slow_it_down(mot
     number = stage.send("ann/1", motion)
     frames(stage, bounds(low=(-100.0, -20.0), high=(100.0, 20.0)), *silent(), count=45)
     problem = stage.replies["ann/1", number].problem
-    assert problem is not None
     assert problem.code == "stalled"
     assert problem.message.startswith("no progress for 2 s, after 0 ")
 
@@ -220,5 +216,4 @@ def test_a_motion_that_limits_keep_at_rest_ends_with_the_code_limits(
     number = stage.send("ann/1", motion)
     frames(stage, bounds(high=high), *silent(), count=45)
     problem = stage.replies["ann/1", number].problem
-    assert problem is not None
     assert problem.code == "limits"

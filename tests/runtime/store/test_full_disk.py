@@ -44,7 +44,6 @@ class StoreProcess:
 
     def ask(self, *command: Any) -> dict[str, Any]:
         """What came of a command: its answer, whether the store is full, and what was wrong."""
-        assert self.process.stdin is not None
         assert self.process.stdout is not None
         self.process.stdin.write(json.dumps(command) + "\n")
         self.process.stdin.flush()

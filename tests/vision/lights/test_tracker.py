@@ -147,7 +147,6 @@ def test_a_fix_is_of_one_image_and_says_where_the_robot_was_then() -> None:
         ceiling(), Robot(tilt_deg=4.0, believed_deg=4.0, off_mm=250.0), alone=True, goals=(PLACES[:1],)
     )
     fix = fix_of(stage.variable(LIGHT_FIX))
-    assert fix is not None
     along, heading = fix.rows
     then_mm = 300.0 * fix.t_ns / 1e9
     assert along[:3] == pytest.approx((0.0, 1.0, 0.0))

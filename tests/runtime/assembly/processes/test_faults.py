@@ -115,7 +115,6 @@ def test_locks_and_places_in_queues_are_free_within_a_second(
 
         def measure() -> int:
             with child(run.machine, "hold") as victim:
-                assert victim.stdout is not None
                 assert victim.stdout.readline() == "holds\n"
                 until(lambda: variables.do(data.semaphore(QUEUE)).waiting, "it waits in a queue")
                 lock, held = base.send(robot.lock()), variables.send(data.wait(HELD, timeout_s=20.0))

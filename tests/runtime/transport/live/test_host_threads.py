@@ -124,7 +124,6 @@ def test_a_direct_host_sends_what_must_not_be_dropped_in_a_thread_of_its_own(
     node = Recorder(SERVER, CALLS, on=answer)
     outside.hear(topics.replies(SERVER, "u/a"))
     with Host.open(robot_address(environment), [node], serves=True, handle_directly=True) as host:
-        assert host._blocking_outbox is not None
         send_all = host._blocking_outbox.send_all
 
         def waits_for_room(sends: Iterable[Send], now_ns: int) -> None:
