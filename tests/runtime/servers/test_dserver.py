@@ -32,7 +32,7 @@ from colony.runtime.servers.dserver import DServer
 from colony.runtime.store.sqlite import SqliteStore
 from colony.runtime.store.store import Key, MemoryStore, StoreError
 from tests.kit.data import DataStage
-from tests.kit.node_stage import MS, Caller, CallError, S
+from tests.kit.node_stage import MS, Caller, CallError, S, messages
 
 
 def field(name: str, kind: Any = "number") -> ActuatorFieldSpec:
@@ -86,7 +86,7 @@ def request(k: int, actuator: str, *values: float | bool) -> Request:
 
 
 def verdicts(effects: list[Effect]) -> list[Verdict]:
-    return [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, Verdict)]
+    return messages(effects, Verdict)
 
 
 def tick(stage: DataStage, k: int, run: str = "run") -> list[Effect]:
@@ -95,7 +95,7 @@ def tick(stage: DataStage, k: int, run: str = "run") -> list[Effect]:
 
 def last(effects: list[Effect]) -> dict[str, object]:
     """What the frame among these effects says was sent before."""
-    (frame,) = [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, ServerFrame)]
+    (frame,) = messages(effects, ServerFrame)
     fields = frame.fields
     return {name: sample and sample.value for name, sample in fields.items() if name.startswith("last.")}
 
