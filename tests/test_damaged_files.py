@@ -157,7 +157,6 @@ def users(path: Path) -> bool:
 
 def project(path: Path) -> bool:
     found = find_project(path.parent)
-    assert found is not None
     return found.problem is not None
 
 

@@ -181,7 +181,6 @@ def test_a_ring_that_a_hint_proposes_closes_or_fits() -> None:
             else:
                 assert "drop it" in hint
                 dropped = uniform(0.0, step, int(re.findall(r"declare (\d+)", hint)[0]))
-                assert dropped is not None
                 assert dropped.closes
 
 

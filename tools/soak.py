@@ -16,7 +16,6 @@ import argparse
 import json
 import os
 import re
-import signal
 import sys
 import tempfile
 import time
@@ -231,8 +230,7 @@ def soak(folder: Path, *, seconds: float, seed: int, isolate: bool) -> Figures:
         )
         try:
             _soak(run, figures, seed)
-            run.started.tell(signal.SIGINT)
-            assert run.started.wait() == 130, run.started.err
+            assert run.started.interrupt() == 130, run.started.err
         finally:
             run.close()
         figures.strange = tuple(_STRANGE.findall(run.started.err))

@@ -24,15 +24,15 @@ class VirtualExecutor:
 
     One run of the robot executes all traces. Each trace is an epoch that begins with a reset of all memory,
     as after a loss during a run. Messages at the same time arrive in an order drawn from `seed`, which must
-    not affect the outcome. Mutable.
+    not affect the outcome; with `isolate` each client is a process of its own. Mutable.
 
     Raises:
         DiagnosticError: a Python module cannot be imported or built.
         DecisionError: in `step`, if the runtime does not decide a frame, or its monitor reports a violation.
     """
 
-    def __init__(self, compilation: Compilation, *, seed: int = 0) -> None:
-        self._compiled, self._seed = compilation.compiled, seed
+    def __init__(self, compilation: Compilation, *, seed: int = 0, isolate: bool = False) -> None:
+        self._compiled, self._seed, self._isolate = compilation.compiled, seed, isolate
         self._actuators = tuple(a.name for a in self._compiled.robot.actuators)
         self._begin()
 
@@ -45,6 +45,7 @@ class VirtualExecutor:
             clock=self._clock,
             seed=self._seed,
             ticking=False,
+            isolate=self._isolate,
         )
         self._transport = self._robot.transport
         self._robot.start()

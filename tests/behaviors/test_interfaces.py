@@ -112,7 +112,6 @@ def driven(program: Program, seconds: float) -> Track:
 def rays(walls: Floats, x: float, y: float, heading: float, sensor: Sensor) -> Floats:
     """The ranges along the sensor's bearings, in its unit, from the middle of the robot."""
     assert isinstance(sensor.type, Array)
-    assert sensor.type.bearings is not None
     assert sensor.high is not None
     angles = np.radians(heading + np.array(sensor.type.bearings.angles))
     ray_x, ray_y = -np.sin(angles)[:, None], np.cos(angles)[:, None]

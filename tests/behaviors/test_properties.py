@@ -26,7 +26,6 @@ Trace = tuple[Frame, ...]
 
 
 def velocity(decision: Decision) -> float:
-    assert decision.values is not None
     return decision.values[0]
 
 

@@ -70,7 +70,6 @@ def test_values_are_in_base_units() -> None:
     assert (lidar.fields["scan"].no_echo_mm, lidar.fields["scan"].invalid) == (12_000.0, "hold")
     assert isinstance(lidar.simulated, Lidar)
     assert lidar.simulated.pose == Pose(50.0, 0.0, 90.0)
-    assert lidar.hardware is not None
     assert lidar.hardware.driver == "colony.drivers.ldlidar:LD06"
     assert lidar.hardware.options == {"port": "/dev/ttyUSB1", "baud": 230400, "inverted": True}
 
@@ -95,7 +94,6 @@ def test_a_footprint_may_be_a_polygon() -> None:
 def test_bodies_that_come_with_colony(path: Path) -> None:
     found = read_body(path.with_suffix(".toml"))
     assert found.diagnostics == ()
-    assert found.body is not None
     assert found.body.robot.name == path.stem
 
 
@@ -274,7 +272,6 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 def test_a_header_that_continues_a_table_in_braces_has_a_hint(text: str, is_continued: bool) -> None:
     [problem] = body_of_text(text, "small.toml").diagnostics
     assert problem.code == "B002"
-    assert problem.hint is not None
     assert problem.hint.startswith("an inline table `{ }` cannot be continued") == is_continued
 
 

@@ -99,6 +99,11 @@ class Started:
         assert "Traceback" not in self.err, self.err
         return code
 
+    def interrupt(self) -> int:
+        """End it as Ctrl-C does; gives its exit code."""
+        self.tell(signal.SIGINT)
+        return self.wait()
+
     def ended(self) -> bool:
         return self.process.poll() is not None
 

@@ -262,7 +262,6 @@ def test_a_recording_that_is_damaged(colony: Colony, recorded: Callable[..., Ran
     told = re.search(
         r"^  damaged from ([\d.]+) s to (?:([\d.]+) s|its end): left out$", result.out, re.MULTILINE
     )
-    assert told is not None
     assert float(told[2] or 2.95) - float(told[1]) <= 0.5
     assert result.out.endswith("is the interpreter's, as far as the recording is not damaged\n")
     row = json.loads(colony("audit", name, "roam.colony", "--format", "json").out)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 from pathlib import Path
 
 import pytest
@@ -59,8 +58,7 @@ def test_a_robot_of_another_kind_drives_and_decides_as_the_interpreter_does(
 
     until(lambda: run.ended() or is_far_enough(), "the robot has driven")
     assert not run.ended(), run.err
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130, run.err
+    assert run.interrupt() == 130, run.err
     audited = colony("audit", run.folder / "run.mcap", "--format", "json")
     assert audited.code == 0, audited.out + audited.err
     assert json.loads(audited.out)["agrees"] is True

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 
 from colony.runtime.library import data
 from tests.cli.conftest import Colony
@@ -42,8 +41,7 @@ def test_variables_are_set_shown_listed_and_deleted(machine: Machine, colony: Co
             server.do(data.set_many({f"V{i:04}": i for i in range(begin, begin + 500)}))
     assert colony("data", "get", "Bytes") == (0, '"AP8="\n', "")
     assert colony("data", "list", "V").out.split() == [f"V{i:04}" for i in range(2500)]
-    served.tell(signal.SIGINT)
-    assert served.wait() == 0
+    assert served.interrupt() == 0
 
 
 def test_misuse_is_one_line(machine: Machine, colony: Colony) -> None:

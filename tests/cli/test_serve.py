@@ -67,11 +67,9 @@ def test_programs_come_and_go_and_anyone_can_stop_the_robot(
         until(machine.moves, "the robot drives again")
         with session.connect("DServer", name="test") as variables:
             assert variables.do(data.get("DockedAt")) == 0
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130
+    assert run.interrupt() == 130
     until(machine.stands, "the robot stands")
-    served.tell(signal.SIGINT)
-    assert served.wait() == 0
+    assert served.interrupt() == 0
     assert colony("ps").code == 1
 
 
@@ -143,8 +141,7 @@ def test_a_run_goes_on_when_the_robot_comes_back(machine: Machine, served: Start
     until(lambda: machine.moves() or run.ended(), "the robot drives again")
     assert not run.ended(), run.err
     for one, code in ((run, 130), (again, 0)):
-        one.tell(signal.SIGINT)
-        assert one.wait() == code
+        assert one.interrupt() == code
 
 
 def reports(base: Connection) -> bool:
@@ -179,8 +176,7 @@ def test_one_server_at_a_time(machine: Machine, colony: Colony) -> None:
         until(machine.stands, "the base was stopped")
     for one in (*started.values(), limits, simulator):
         if not one.ended():
-            one.tell(signal.SIGINT)
-            assert one.wait() == 0
+            assert one.interrupt() == 0
 
 
 def test_stop_passes_over_a_shared_data_server_and_trouble_with_another_robot(
@@ -215,8 +211,7 @@ def test_stop_passes_over_a_shared_data_server_and_trouble_with_another_robot(
     assert trouble.out.startswith(f"{ROBOT}: stopped by ")
     assert "arezzo is open to others" in trouble.err
     for one in (fleet, base, clock, other):
-        one.tell(signal.SIGINT)
-        assert one.wait() == 0
+        assert one.interrupt() == 0
 
 
 SERVE_ALL = ("serve", "all", "--robot", "r", "--map", MAP)

@@ -65,10 +65,8 @@ def test_a_served_robot_takes_programs_and_stops_with_all_its_actuators(
         _kill(machine, server)
     until(machine.moves, "the robot drives again")
     assert not run.ended(), run.err
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130
-    served.tell(signal.SIGINT)
-    assert served.wait() == 0
+    assert run.interrupt() == 130
+    assert served.interrupt() == 0
     assert "Lidar was killed by SIGKILL; it is restarted" in served.err
 
 
@@ -94,5 +92,4 @@ def test_a_server_that_is_not_there_is_down_and_another_process_may_serve_it(
     with Session.open(ROBOT, environment=machine.environment) as session:
         assert "Lift" in session.servers()
     for one in started:
-        one.tell(signal.SIGINT)
-        assert one.wait() == 0
+        assert one.interrupt() == 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import signal
 import sys
 import threading
 import tty
@@ -105,10 +104,8 @@ def test_the_scout_of_the_page_drives_by_its_drivers_and_stands_when_its_scanner
         until(lambda: _commands(commands)[-1] != "300", "it stands")
         lidar.on = True
         until(lambda: "300" in _commands(commands)[-1:] or failed(served, run), "it drives again")
-        run.tell(signal.SIGINT)
-        assert run.wait() == 130
-        served.tell(signal.SIGINT)
-        assert served.wait() == 0
+        assert run.interrupt() == 130
+        assert served.interrupt() == 0
         assert _commands(commands)[-1] == "stop"
     assert f"{ROBOT}: Clock, RServer, Lidar, DServer, Limits; Ctrl-C ends them" in served.err
 
@@ -241,8 +238,7 @@ def test_drivers_that_fail_end_no_other_server(
     )
     assert not run.ended()
     for one in (run, served):
-        one.tell(signal.SIGINT)
-        one.wait()
+        one.interrupt()
     assert f"\n  Raising failed: {failure}\n" in run.out
     assert "\n  Good failed" not in run.out
     assert _commands(tmp_path / "Good")[-1] == "False"

@@ -26,7 +26,6 @@ def create2(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 def leader(base: Served) -> int:
-    assert base.leader is not None
     return base.leader.pid
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from contextlib import closing
 
 import pytest
@@ -45,10 +44,8 @@ def test_wander_drives_until_the_stop_button_is_pressed(machine: Machine) -> Non
         robot.stop_button = True
         until(lambda: robot.speed == 0.0 and robot.set_points == (0.0, 0.0), "it stands, and is told to")
         robot.stop_button = False
-        run.tell(signal.SIGINT)
-        assert run.wait() == 130
+        assert run.interrupt() == 130
         assert audited(machine, run)
-        served.tell(signal.SIGINT)
-        assert served.wait() == 0
+        assert served.interrupt() == 0
         until(lambda: not robot.is_open, "the session has ended")
     assert "pioneer: Clock, RServer, Sonar, Panel, Battery, DServer, Limits" in served.err

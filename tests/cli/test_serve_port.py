@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import os
 import signal
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from colony.drivers.create2.firmware import Firmware, World
+from colony.drivers.create2.sensors import Mode
+from colony.drivers.emulator import Emulator
+from colony.drivers.surroundings import room
 from tests.cli.conftest import Colony
-from tests.cli.machine import Machine
+from tests.cli.machine import Machine, audited, failed
 from tests.drivers.test_guard import guard_pid, guard_runs
 from tests.drivers.tiny import GOODBYE, SPEEDS, Tiny
 from tests.drivers.tiny_robot import TinyRobot
 from tests.pages import write_files
+from tests.paths import ROOT
 from tests.waiting import until
 
 
@@ -57,10 +63,8 @@ def test_the_robot_of_the_page(machine: Machine, tmp_path: Path) -> None:
         assert machine.start("stop", "--robot", "rome", "--release").wait() == 0
         until(lambda: moves() or served.ended(), "it drives again")
         assert "nothing stops `RServer`" in served.err
-        run.tell(signal.SIGINT)
-        assert run.wait() == 130
-        served.tell(signal.SIGINT)
-        assert served.wait() == 0
+        assert run.interrupt() == 130
+        assert served.interrupt() == 0
         until(lambda: rover.heard[-1][0][0] == GOODBYE, "the guard says goodbye")
         assert [data for data, _ in rover.heard if data[0] == SPEEDS][-1] == stop
     finally:
@@ -96,3 +100,29 @@ def test_ports_that_differ(colony: Colony, tmp_path: Path, monkeypatch: pytest.M
     text = "has the ports /dev/ttyUSB0, /dev/ttyUSB1: write there which driver has which"
     assert ran.code == 2
     assert text in " ".join(ran.err.split())
+
+
+# --- `colony serve all --robot create2 --port` ---
+
+
+LEFT_SAFE_MODE = "left safe mode (a wheel hangs)"
+
+
+@pytest.mark.long
+def test_bounce_drives_until_the_robot_is_lifted(machine: Machine) -> None:
+    robot = Firmware(World(range=room(3000.0, 2000.0)))
+    with closing(Emulator(robot, baud=115_200)) as emulator:
+        emulator.start()
+        served = machine.start("serve", "all", "--robot", "create2", "--port", emulator.port)
+        until(lambda: robot.mode == Mode.SAFE or failed(served), "the robot is ready")
+        bounce = str(ROOT / "behaviors" / "bounce.colony")
+        run = machine.start("run", bounce, "--robot", "create2", "--connect", "--record", "run.mcap")
+        until(lambda: robot.pose[0] > 300.0 or failed(served, run), "bounce drives")
+        robot.drops = (True, True)
+        until(lambda: robot.wheels == (0.0, 0.0), "it stands")
+        until(lambda: LEFT_SAFE_MODE in served.err or failed(served, run), "the driver reports it")
+        assert run.interrupt() == 130
+        assert audited(machine, run)
+        assert served.interrupt() == 0
+    assert LEFT_SAFE_MODE in served.err
+    assert "nothing stops `RServer` when its computer fails" in served.err

@@ -48,13 +48,11 @@ def test_a_create_never_moves(machine: Machine, colony: Colony) -> None:
         until(lambda: lines(shadow) >= shown + 3 or failed(served, shadow), "it would go on")
         assert robot.pose == (0.0, 0.0, 0.0)
         assert robot.wheels == (0.0, 0.0)
-        shadow.tell(signal.SIGINT)
-        assert shadow.wait() == 130
+        assert shadow.interrupt() == 130
         assert "SHADOW: this is what it would have sent; it commanded nothing" in shadow.out
         assert audited(colony, shadow.folder / "shadow.mcap")["shadow"] is True
         assert robot.pose == (0.0, 0.0, 0.0)
-        served.tell(signal.SIGINT)
-        assert served.wait() == 0
+        assert served.interrupt() == 0
 
 
 @pytest.mark.long
@@ -72,10 +70,8 @@ def test_whoever_drives_never_notices(machine: Machine, colony: Colony) -> None:
         shadow.process.wait()
         goes_on(machine, session, "wander drives after a killed shadow", served, run)
     assert "Shadow" not in server_states(colony)
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130
-    served.tell(signal.SIGINT)
-    assert served.wait() == 0
+    assert run.interrupt() == 130
+    assert served.interrupt() == 0
     assert audited(colony, run.folder / "run.mcap")["shadow"] is False
     result = colony("audit", shadow.folder / "shadow.jsonl", TELEOP)
     assert result.code == 0, result.out + result.err
@@ -101,8 +97,7 @@ def test_behind_a_gateway_the_right_to_read_is_enough(
     assert shadow.wait() == 0, shadow.err
     assert lines(shadow)
     assert audited(colony, shadow.folder / "s.mcap")["shadow"] is True
-    served.tell(signal.SIGINT)
-    assert served.wait() == 0
+    assert served.interrupt() == 0
 
 
 def goes_on(machine: Machine, session: Session, what: str, *started: Started) -> None:

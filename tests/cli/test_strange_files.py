@@ -163,7 +163,6 @@ def test_standard_input_is_read_as_it_comes_and_only_its_lines_are_bounded(tmp_p
         subprocess.Popen(endless, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as source,
         subprocess.Popen(command, stdin=source.stdout, stderr=subprocess.PIPE, cwd=ROOT) as trace,
     ):
-        assert source.stdout is not None
         source.stdout.close()
         _, said = trace.communicate(timeout=PATIENCE_S)
     assert said == b"<stdin>:1:1: error[F008]: cannot read the frames: line 1 is longer than 4 MiB\n"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -115,12 +114,10 @@ def test_a_robot_is_watched_before_a_program_after_it_and_restarted(machine: Mac
     run = machine.start("run", WANDER, "--connect", "--robot", ROBOT)
     until(lambda: run.ended() or "cruise" in shown_scene(watcher)["modules"], "the program is shown")
     assert not run.ended(), run.err
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130
+    assert run.interrupt() == 130
     until(lambda: shown_scene(watcher)["is_idle"], "the robot is shown without it")
 
-    servers.tell(signal.SIGINT)
-    assert servers.wait() == 0
+    assert servers.interrupt() == 0
     with opened(watcher) as shown:
         shown.until(lambda m: (m.get("problem") or "").startswith("no frames come from rome"))
         servers = machine.start(*serve)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import signal
 from pathlib import Path
 
 import pytest
@@ -49,10 +48,8 @@ def test_the_robot_drives_with_its_drivers(machine: Machine, tmp_path: Path) -> 
     assert _text(hitch).startswith("safe\nclose\n")
     (tmp_path / "go").unlink()
     until(lambda: "open\n" in _text(hitch) or failed(served, run), "it opens the hitch")
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130
-    served.tell(signal.SIGINT)
-    assert served.wait() == 0
+    assert run.interrupt() == 130
+    assert served.interrupt() == 0
     assert _text(hitch).endswith("safe\n")
     names = re.findall(r"^\| (?:a server|`(\w+)`)", PAGE, re.MULTILINE)
     assert set(filter(None, names)) == {"Clock", "DServer", "Limits", "Simulator"}

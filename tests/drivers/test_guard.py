@@ -325,7 +325,6 @@ def test_two_drivers_have_one_guard(robot: TinyRobot) -> None:
         wait_for(lambda: listener.fields()["level"])
         wait_for(driver.state)
         reading = listener.fields()["level"]
-        assert reading is not None
         assert reading.value == 12.4
         assert reading.age_ns >= Tiny.delay_ns
         assert listener.problem is driver.problem is None
@@ -354,7 +353,6 @@ def test_drivers_of_one_dialect_share_a_line_until_the_last_is_closed(robot: Tin
         driver.close()
         others[1].close()
         level = others[0].fields()["level"]
-        assert level is not None
         later_ns = time.monotonic_ns() - level.age_ns + 10_000_000
         wait_for(
             lambda: (newer := others[0].fields()["level"]) and time.monotonic_ns() - newer.age_ns > later_ns

@@ -74,7 +74,6 @@ class Simulated:
     @property
     def base(self) -> BaseState:
         """What its base says."""
-        assert self.drivers.base is not None
         state = self.drivers.base.state()
         assert state is not None
         return state
@@ -82,14 +81,12 @@ class Simulated:
     def read(self, server: str, field: str) -> tuple[float, ...]:
         """Return what a device says."""
         reading = self.drivers.devices[server].fields()[field]
-        assert reading is not None
         return as_ranges(reading.value)
 
 
 def emulated_pioneer() -> Bench[bytes]:
     """Return a Pioneer behind its driver, set as its body says."""
     server = shipped_body("pioneer").servers["RServer"]
-    assert server.hardware is not None
     options: dict[str, Any] = {
         name: value for name, value in server.hardware.options.items() if name != "port"
     }

@@ -137,5 +137,4 @@ def test_the_grammar_knows_every_word_as_a_name() -> None:
     terminals = {terminal for terminal, _ in CONTEXTUAL} - {"ANY"}
     assert terminals == KEYWORDS
     listed = re.search(r"^\?word: (.*?)\n\n", GRAMMAR.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    assert listed is not None
     assert set(re.findall(r"[A-Z_]+", listed[1])) == {"NAME", *terminals}

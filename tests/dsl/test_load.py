@@ -183,7 +183,6 @@ def test_a_module() -> None:
     [state] = module.states
     assert (state.name, state.initial) == ("avoid.bumps", 0.0)
     assert state.next is not None
-    assert module.command is not None
     assert module.command.actuator == module.actuator == "drive"
     assert module.command.fields[0] == e.Constant(type=SPEED, value=80.0)  # in the order of the actuator
     assert module.command.fields[1].type == TURN

@@ -49,7 +49,6 @@ def codes(checked: Checked) -> list[str]:
 
 
 def robot_of(program: Program | None) -> str:
-    assert program is not None
     return program.robot.name
 
 

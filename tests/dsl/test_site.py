@@ -135,7 +135,6 @@ def test_params_of_derived_modules(folder: Path) -> None:
 
 def test_values_are_texts_numbers_bools_and_members(folder: Path) -> None:
     found = program('count = 4\non = false\nstep = "fast"\nlow = "30 percent"\nfirst = 1').site
-    assert found is not None
     assert dict(found.values) == {
         "count": "4",
         "on": "false",
@@ -160,9 +159,6 @@ def test_a_mapping_and_a_recorded_site_give_the_same(folder: Path) -> None:
     by_mapping = check_file("main.colony", params=params_from_values(mapping, "<params>")).program
     by_record = check_file("main.colony", params=params_of(by_file.site)).program
     assert by_file == by_mapping == by_record
-    assert by_file.site is not None
-    assert by_mapping is not None
-    assert by_mapping.site is not None
     assert by_file.site.hash == by_mapping.site.hash
 
 
@@ -223,7 +219,6 @@ def test_a_declared_name_is_not_taken_for_a_misspelled_param(folder: Path) -> No
     file = folder / "main.colony"
     file.write_text(file.read_text() + "param nears = 1\n")
     [found] = errors("near = true")
-    assert found.hint is not None
     assert found.hint.startswith("its params are ")
 
 

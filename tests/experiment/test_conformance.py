@@ -87,8 +87,6 @@ def _looker(log: Log) -> Script:
         scan = yield from do("PServer", proximity.sonar())
         seen = yield from do("PServer", proximity.infrared())
         image = yield from do(CAMERA, camera.grab_rows(1, 1))
-        assert scan is not None
-        assert seen is not None
         log.append((frame_of(now_ns), scan.ranges, seen.seen, image.pixels, frame_of(image.t_ns)))
 
 

@@ -80,7 +80,6 @@ def test_workers_end_with_a_parent_that_is_killed() -> None:
         cwd=ROOT,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     ) as parent:
-        assert parent.stdout is not None
         worker = int(parent.stdout.readline())
         parent.kill()
     until(lambda: not _lives(worker), "the worker ends")

@@ -83,7 +83,6 @@ def test_the_way_of_a_plant_that_was_frozen_is_counted_once(
     seen(log, second)
     log.close()
     assert log.travel == second
-    assert log.last is not None
     assert log.last.floor == "hallway"
     assert {floor: path[-1] for floor, path in log.paths.items()} == {"hallway": (log.last.x, log.last.y)}
 

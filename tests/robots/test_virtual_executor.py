@@ -17,15 +17,15 @@ from colony.ir.frame import Frame
 from colony.robots.faults import with_faults
 from colony.robots.virtual_executor import VirtualExecutor
 from colony.runtime.arbitration.arbiter import Arbiter
-from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler
 from colony.verify.testing.agreement import disagreement, reference
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
 from colony.verify.testing.frames import draw_trace
 from tests.drawn.strategies import run_of_seed
+from tests.found_seeds import find_seed
 from tests.paths import ROOT
 from tests.programs import program
-from tests.runtime.assembly.test_loss_policy import frames_invented
+from tests.runtime.assembly.test_loss import epochs_ignored, frames_invented, frames_skipped
 from tests.sampling import long, thorough
 
 RUNTIME = {"runtime": VirtualExecutor}
@@ -95,7 +95,6 @@ def test_traces_may_take_centuries_together() -> None:
 def test_a_frame_that_is_not_decided_is_a_disagreement(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Arbiter, "receive", lambda *_: ())
     found = disagreement(compilation("wander").program, trace_of("wander", 1), RUNTIME)
-    assert found is not None
     assert "DecisionError" in str(found.found)
 
 
@@ -171,9 +170,14 @@ def test_neither_in_behaviors_bound_to_each_robot(name: str, robot: str, seeds: 
 @pytest.mark.long
 def test_a_known_bug_is_found_in_a_behavior_on_amr(monkeypatch: pytest.MonkeyPatch) -> None:
     frames_skipped(monkeypatch)
-    said = next(filter(None, (fault_in_examples("warehouse", "amr", seed) for seed in range(60))), None)
-    assert said is not None
-    assert "with faults: drive: " in said
+    shown = find_seed("runtime on amr: frames_skipped", range(60), shows_a_fault)
+    assert shown is not None
+
+
+def shows_a_fault(seed: int) -> bool:
+    said = fault_in_examples("warehouse", "amr", seed)
+    assert said is None or "with faults: drive: " in said
+    return said is not None
 
 
 @pytest.mark.parametrize("number", [3, 223])
@@ -184,25 +188,6 @@ def test_what_nobody_can_tell_of_modules_in_python_is_not_judged(number: int) ->
     of = replace(of, robot=replace(of.robot, actuators=actuators))
     found = with_faults(compile_program(of), trace, number * 7)
     assert found is None, str(found)
-
-
-def epochs_ignored(patch: pytest.MonkeyPatch) -> None:
-    """Memory goes on where it should begin anew."""
-    patch.setattr(AssembledFrame, "restart", property(lambda self: False))
-
-
-def frames_skipped(patch: pytest.MonkeyPatch) -> None:
-    """A reader that is behind leaves frames out."""
-    take = FrameAssembler.take
-
-    def wrong(self: FrameAssembler, message: object) -> object:
-        effects = take(self, message)  # type: ignore[arg-type]
-        if self.latest - self.next >= 3:
-            self.skip()
-            self._next = self.latest
-        return effects
-
-    patch.setattr(FrameAssembler, "take", wrong)
 
 
 @pytest.mark.parametrize("bug", [epochs_ignored, frames_skipped, frames_invented])

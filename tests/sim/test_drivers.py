@@ -32,7 +32,6 @@ def test_time_passes_when_a_device_is_used() -> None:
     base.drive(200.0, 0.0)
     clock.now_ns = 25 * S
     state = base.state()
-    assert state is not None
     assert state.t_ns == 25 * S
     assert state.front_bumper
     assert not state.rear_bumper
@@ -46,7 +45,6 @@ def test_speeds_are_measured() -> None:
     base.drive(-100.0, 45.0)
     clock.now_ns = 1 * S
     state = base.state()
-    assert state is not None
     assert (state.speed, state.turn_rate) == (-100.0, 45.0)
     wheel = 45.0 * 3.141592653589793 / 180 * IDEAL.wheel_base_mm / 2
     assert state.wheel_speed == pytest.approx((abs(-100 - wheel) + abs(-100 + wheel)) / 2)
@@ -54,7 +52,6 @@ def test_speeds_are_measured() -> None:
     base.stop()
     clock.now_ns = 3 * S
     stopped = base.state()
-    assert stopped is not None
     assert (stopped.speed, stopped.turn_rate, stopped.wheel_speed) == (0.0, 0.0, 0.0)
 
 
@@ -65,14 +62,12 @@ def test_a_base_that_drives_sideways_is_commanded_and_measured_so() -> None:
     base.drive(0.0, 0.0, 200.0)
     clock.now_ns = 2 * S
     state = base.state()
-    assert state is not None
     assert (state.speed, state.sideways_speed, state.wheel_speed) == (0.0, 200.0, 200.0)
     assert state.x == pytest.approx(-350.0, abs=5.0)
     assert state.y == 0.0
     base.stop()
     clock.now_ns = 3 * S
     stopped = base.state()
-    assert stopped is not None
     assert stopped.sideways_speed == 0.0
 
 
@@ -81,8 +76,6 @@ def test_rings_are_plain_values_with_their_time() -> None:
     proximity = simulated_drivers(plant(clock)).proximity
     clock.now_ns = 50_000_007
     sonar, infrared = proximity.sonar(), proximity.infrared()
-    assert sonar is not None
-    assert infrared is not None
     assert sonar.t_ns == infrared.t_ns == 50_000_007
     assert isinstance(sonar.value, tuple)
     assert isinstance(infrared.value, tuple)
@@ -114,8 +107,6 @@ def test_robots_of_one_world_share_its_time() -> None:
     second.drive(100.0, 0.0)
     clock.now_ns = 2 * S
     one, other = first.state(), second.state()
-    assert one is not None
-    assert other is not None
     assert one.y == pytest.approx(-other.y)
     assert one.y > 100.0
 
@@ -138,7 +129,6 @@ def test_devices_are_read_and_commanded_at_the_present_of_the_clock() -> None:
     lift.command("move", {"position": 2.0})
     clock.now_ns = 5 + S
     position = lift.fields()["position"]
-    assert position is not None
     assert (position.value, position.age_ns) == (pytest.approx(50.0), 0)
     lift.safe()
     clock.now_ns = 5 + 2 * S + 30_000_000
@@ -146,7 +136,6 @@ def test_devices_are_read_and_commanded_at_the_present_of_the_clock() -> None:
     scan = lidar.fields()["scan"]
     clock.now_ns += 20_000_000
     later = lidar.fields()["scan"]
-    assert scan is not None
     assert later == Reading(scan.value, scan.age_ns + 20_000_000)
     assert set(scan.value) == {math.inf}
     lift.close()
@@ -168,9 +157,7 @@ class Recorder:
         self.seen: list[tuple[int, float]] = []
 
     def run_frame(self) -> None:
-        assert self.base is not None
         state = self.base.state()
-        assert state is not None
         self.seen.append((state.t_ns, state.y))
         self.base.drive(200.0, 0.0)
         self.due_ns += self.period_ns
@@ -183,12 +170,10 @@ def test_companions_run_at_their_own_frames_in_the_world_of_that_time() -> None:
     fast, slow = Recorder(together, 1), Recorder(together, 2, 70_000_000)
     together.join(fast)
     together.join(slow)
-    assert own is not None
     own.drive(100.0, 0.0)
     assert fast.seen == []
     clock.now_ns = 200_000_000
     state = own.state()
-    assert state is not None
     assert state.t_ns == 200_000_000
     assert [t for t, _ in fast.seen] == [30_000_000 * k for k in range(7)]
     assert [t for t, _ in slow.seen] == [0, 70_000_000, 140_000_000]

@@ -61,7 +61,6 @@ def test_many_runs() -> None:
     short, long = [float(i % 12) for i in range(24)], [float(i // 2) for i in range(360)]
     assert written(None, short) is None
     shown = written(RING, long)
-    assert shown is not None
     assert shown.startswith("all 0 m, [-178 deg .. -177 deg] 1 m, ")
     assert shown.endswith(", and 155 more ranges")
     assert sparse(tuple(long), RING) is None
@@ -69,11 +68,9 @@ def test_many_runs() -> None:
 
 def test_the_angles_of_a_run_select_exactly_its_elements() -> None:
     for bearings in (RING, CLOCKWISE):
-        assert bearings is not None
         size = len(bearings.angles)
         for first, last in ((0, 5), (17, 17 + size // 2), (size - 4, size - 1)):
             found = sparse(tuple(with_run(size, (first, last, 0.4))), bearings)
-            assert found is not None
             [run] = found.differing
             angles = run_angles(bearings, run)
             assert angles is not None

@@ -24,7 +24,6 @@ def test_a_picture_names_corners_and_doors_and_explains_its_marks() -> None:
     texts = {text.get_text() for text in axes.texts}
     assert {"A", "B", "C", "D", "201", "lift", "5 m", "a run"} <= texts
     legend = axes.get_legend()
-    assert legend is not None
     labels = [text.get_text() for text in legend.get_texts()]
     marks = ["wall", "door", "elevator", "link", "ceiling light", "light of a turning space"]
     assert labels == [*marks, "robot (○ start, ■ end)"]
@@ -32,13 +31,11 @@ def test_a_picture_names_corners_and_doors_and_explains_its_marks() -> None:
 
 def test_a_map_alone_shows_its_start() -> None:
     legend = draw_map(LOOP).axes[0].get_legend()
-    assert legend is not None
     assert legend.get_texts()[-1].get_text() == "start"
 
 
 def test_only_what_is_there_is_explained() -> None:
     legend = draw_map(load_map(MAPS / "hallway.stickrep")).axes[0].get_legend()
-    assert legend is not None
     labels = [text.get_text() for text in legend.get_texts()]
     assert labels == ["wall", "door", "elevator", "ceiling light", "start"]
 
@@ -111,7 +108,6 @@ def test_docks_are_drawn_and_explained_once() -> None:
     drawn = [np.array(line.get_xydata()).tolist() for line in lines]
     assert drawn == [[[1000.0, 2000.0]], [[3000.0, 1000.0]]]
     legend = figure.axes[0].get_legend()
-    assert legend is not None
     assert [text.get_text() for text in legend.get_texts()].count("dock") == 1
 
 
@@ -121,5 +117,4 @@ def test_holes_are_drawn_and_explained_once() -> None:
     drawn = [patch.get_xy()[:-1].tolist() for patch in figure.axes[0].patches if isinstance(patch, Polygon)]
     assert drawn == [[list(corner) for corner in hole.corners()] for hole in holes]
     legend = figure.axes[0].get_legend()
-    assert legend is not None
     assert [text.get_text() for text in legend.get_texts()].count("hole") == 1

@@ -215,7 +215,6 @@ def test_its_camera_is_a_level_camera() -> None:
     view = View("level", (1.8, 0.0, 1.35), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (240, 120), 0.0, 0.0, 1.8)
     camera = AHEAD
     seen = _seen_at(np.array([0.0, 0.5, 1.4]), view)
-    assert seen is not None
     assert seen[0] == pytest.approx(camera.column_of(-np.degrees(np.arctan2(0.5, 1.8))))
     assert seen[1] == pytest.approx(camera.row_of(1400.0, 1800.0))
 

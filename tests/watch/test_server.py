@@ -96,7 +96,6 @@ def test_a_binary_message_closes_the_page_that_sent_it(server: PageServer) -> No
         opened.send(b'{"do": "pause"}')
         with pytest.raises(ConnectionClosed) as closed:
             opened.until(lambda m: False)
-    assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == UNSUPPORTED
 
 
@@ -111,7 +110,6 @@ def test_other_origins_are_refused(server: PageServer, origin: str) -> None:
 def test_wrong_tokens_are_refused(server: PageServer, token: str) -> None:
     with page(server.host, token=token) as opened, pytest.raises(ConnectionClosed) as closed:
         opened.until(lambda m: True)
-    assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == REFUSED
 
 
@@ -123,7 +121,6 @@ def test_what_is_no_proof_is_refused(server: PageServer, reply: str | bytes) -> 
         socket.send(reply)
         with pytest.raises(ConnectionClosed) as closed:
             socket.recv(timeout=60)
-    assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == REFUSED
 
 
@@ -248,7 +245,6 @@ def test_pages_come_back_for_the_run_that_follows() -> None:
             server.show(replace(second, scene=scene("the second")))
             with pytest.raises(ConnectionClosed) as closed:
                 opened.until(lambda m: False)
-            assert closed.value.rcvd is not None
             assert closed.value.rcvd.code == REPLACED
         with page(server.host) as opened:
             assert opened.until(lambda m: "scene" in m)["scene"]["title"] == "the second"

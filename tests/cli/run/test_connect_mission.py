@@ -3,7 +3,6 @@ terminal is asked to press the buttons of elevators."""
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
 import pytest
@@ -44,8 +43,7 @@ def test_the_robot_is_led_to_the_elevator_and_somebody_is_asked_to_press_its_but
     with machine.session() as session, session.connect("DServer", name="test") as store:
         told = store.do(data.get_many((FLOOR, FLOOR_REACHED, GOAL_TYPE)))
         assert told == {FLOOR: "ground", FLOOR_REACHED: 1, GOAL_TYPE: GoalKind.ELEVATOR}
-        run.tell(signal.SIGINT)
-        assert run.wait() == 130
+        assert run.interrupt() == 130
         assert store.do(data.get(GOAL_TYPE)) == GoalKind.NONE
     assert "from liftR to liftR of upper (dvd): not done after" in run.out
     until(machine.stands, "the robot stands")

@@ -213,7 +213,6 @@ def test_ctrl_c_ends_the_proof(tmp_path: Path) -> None:
         text=True,
     )
     with process:
-        assert process.stderr is not None
         assert process.stderr.readline() == "proving contracts with the params of site.toml\n"
         process.send_signal(signal.SIGINT)
         assert "Traceback" not in process.stderr.read()

@@ -68,8 +68,7 @@ def test_ps_shows_the_processes_and_ctrl_c_keeps_the_recording(machine: Machine,
     printed = colony("ps", "--robot", ROBOT).out
     assert f"      process  id\n      clients  {shown['clients']}\n" in printed
     assert f"  Simulator  up, process {shown['Simulator']}\n" in printed
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130
+    assert run.interrupt() == 130
     assert "interrupted" in run.out
     assert contracts_held(run.out), run.out
     assert not any(map(lives, processes))

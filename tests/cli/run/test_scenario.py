@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 from itertools import cycle
 from pathlib import Path
 
@@ -96,8 +95,7 @@ def test_a_run_waits_for_a_simulator_that_is_being_started(machine: Machine, pre
         run = machine.start("run", str(pressed), "--robot", AMR, "--connect", "--set", "estop=true")
         until(lambda: run.ended() or f"waiting for the Simulator of {ROBOT}" in run.err, "it waits")
         assert not run.ended(), run.err
-        run.tell(signal.SIGINT)
-        assert run.wait() == 130
+        assert run.interrupt() == 130
 
 
 @pytest.mark.long
@@ -115,8 +113,7 @@ def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
     until(lambda: held.ended() or "Ctrl-C ends it" in held.err, "the button is held")
     until(machine.stands, "the button is pressed, and the robot stands")
     assert not held.ended(), held.err
-    held.tell(signal.SIGINT)
-    assert held.wait() == 0
+    assert held.interrupt() == 0
     assert machine.stands()  # until somebody starts it
     presses = cycle(["true", "false"])  # only a press after the release counts
 
@@ -133,10 +130,8 @@ def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
         assert refused.code == 2, text
         assert problem in refused.err
     assert colony("sim", "hold", "Panel.estop=true", "--for", "0").code == 2
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130
-    served.tell(signal.SIGINT)
-    assert served.wait() == 0
+    assert run.interrupt() == 130
+    assert served.interrupt() == 0
 
 
 NOT_HELD = [

@@ -215,7 +215,6 @@ def _plus_one(expression: Expression) -> Expression:
 def _sent(program: Program) -> float:
     executor = ProgramExecutor(compile_program(program).compiled)
     (decision,) = executor.step(Frame(0, {"x": 1.0})).decisions
-    assert decision.values is not None
     return decision.values[0]
 
 

@@ -121,7 +121,6 @@ def test_the_command_pulls_its_cable_at_signals(tmp_path: Path) -> None:
         text=True,
     )
     with killed_in_the_end(process):
-        assert process.stdout is not None
         assert process.stdout.readline() == f"{link}\n"
         process.send_signal(signal.SIGUSR1)
         until(lambda: not link.is_symlink(), "the cable is out")
@@ -153,6 +152,5 @@ def test_the_driver_drives_it_and_the_guard_stops_it(tmp_path: Path, monkeypatch
             driver.stop()
             until(lambda: robot.speed == 0.0, "it stands")
             state = driver.state()
-            assert state is not None
             assert state.y > 0.0
         until(lambda: not robot.is_open, "the guard has ended the session")

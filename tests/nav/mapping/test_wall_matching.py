@@ -53,7 +53,6 @@ def test_a_line_in_the_building() -> None:
 
 def test_a_wall_on_the_left_and_in_pieces_on_the_right() -> None:
     left, right = match(line(0.0, 1_150.0)), match(line(0.0, -1_230.0))
-    assert left is not None
     assert right is not None
     assert (left.turn_deg, left.shift_mm) == pytest.approx((0.0, -50.0))
     assert (left.normal_x, left.normal_y) == pytest.approx((1.0, 0.0))
@@ -65,7 +64,6 @@ def test_a_wall_on_the_left_and_in_pieces_on_the_right() -> None:
 def test_a_heading_that_is_off(error: float) -> None:
     """The robot looks to the left by `error`, and does not know: the walls seem to be turned to the right."""
     turned = match(line(-error, 1_200.0))
-    assert turned is not None
     assert turned.turn_deg == pytest.approx(error)
     assert turned.shift_mm == pytest.approx(0.0, abs=1e-6)
 
@@ -101,7 +99,6 @@ def test_no_walls_and_no_length() -> None:
 def test_side_walls_leave_the_place_along_the_hallway() -> None:
     sides = tuple(m for m in (match(line(-4.0, 1_150.0)), match(line(-4.0, -1_230.0))) if m is not None)
     fix = combine_matches(sides)
-    assert fix is not None
     assert fix.heading_deg == pytest.approx(4.0)
     assert (fix.x_mm, fix.y_mm) == pytest.approx((-40.0, 0.0), abs=0.5)
     assert fix.heading_sd_deg < sides[0].turn_sd_deg
@@ -112,7 +109,6 @@ def test_a_wall_ahead_gives_it() -> None:
     ahead = match(line(-90.0, -5_800.0, -1_000.0, 1_000.0)) or match(line(-90.0, 5_800.0, -1_000.0, 1_000.0))
     assert ahead is not None
     fix = combine_matches(tuple(m for m in (match(line(0.0, 1_200.0)), ahead) if m is not None))
-    assert fix is not None
     assert (fix.x_mm, fix.y_mm) == pytest.approx((0.0, 200.0), abs=1e-6)
 
 

@@ -231,7 +231,6 @@ def test_sonars_that_have_nothing_to_say_are_done_without() -> None:
     assert robot.answer(None) == Do("RServer", robot_asks.position())
     assert robot.answer(EAST_POSE) == Sleep(0.1)
     pose = pose_of(robot.variables["Pose"])
-    assert pose is not None
     assert pose[:4] == (1, 6_000.0, SOUTH, 270.0)
 
 
@@ -403,8 +402,6 @@ def test_on_another_floor_the_walls_of_that_floor_count() -> None:
     robot.frame(0.0, 0.0)
     robot.frame(0.0, 0.0)
     after = pose_of(robot.variable("Pose"))
-    assert before is not None
-    assert after is not None
     assert after.xx > 4.0 * before.xx
     drive(robot, [(12_000.0, SOUTH)])
     assert robot.position_error_mm[1] == pytest.approx(500.0, abs=30.0)
@@ -433,7 +430,6 @@ def told_twice(fixes: list[object]) -> tuple[float, float]:
         if step != Sleep(0.1):
             assert robot.refuse(ConnectionLostError("lost")) == Sleep(0.1)  # uncorrected, it stays wrong
     pose = pose_of(robot.variables["Pose"])
-    assert pose is not None
     return pose.x_mm, pose.y_mm
 
 

@@ -21,10 +21,11 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Call, Stopped, Tick
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release
-from tests.runtime.calling import call_of, opening
+from tests.kit.calling import call_of, opening
+from tests.kit.data import DataStage
+from tests.kit.node_stage import MS, Caller
 from tests.runtime.programs import roam
 from tests.runtime.scripted import Log, Script, session
-from tests.runtime.servers.data_stage import MS, Connection, DataStage
 from tests.runtime.servers.test_dserver import LAMP, deploy, field, program, request, table, tick
 from tests.waiting import until
 
@@ -104,8 +105,7 @@ def lit() -> DataStage:
 
 
 def lamp(stage: DataStage) -> bool:
-    found = stage.server._variables.current("Lamp")
-    assert found is not None
+    found = stage.node._variables.current("Lamp")
     return bool(msgspec.msgpack.decode(found.data))
 
 
@@ -129,14 +129,14 @@ def test_variables_become_idle_when_the_run_ends(lit: DataStage) -> None:
 
 
 def test_variables_become_idle_when_another_run_begins(lit: DataStage) -> None:
-    leader = Connection(lit, "ada/leader", 0)
+    leader = Caller(lit, "ada/leader", 0)
     leader.number = 10  # calls with the numbers before were made already
     leader.do(deploy(program("next", structs.replace(IDLE_LAMP, command="Other"))))
     assert not lamp(lit)
 
 
 def test_an_old_tick_does_not_bring_back_a_stop(lit: DataStage) -> None:
-    stopped, now = Stopped(by="ann/1", t_ns=lit.now), lit.now
+    stopped, now = Stopped(by="ann/1", t_ns=lit.now_ns), lit.now_ns
     lit.handle(Tick(k=2, t_ns=now, run="run", stopped=stopped))
     lit.handle(Tick(k=3, t_ns=now, run="run", released_ns=now))
     lit.handle(Tick(k=2, t_ns=now, run="run", stopped=stopped))

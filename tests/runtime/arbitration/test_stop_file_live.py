@@ -77,7 +77,6 @@ def test_a_stop_is_kept_on_a_disk_that_became_full(robot: Robot) -> None:
     robot.kill(second)
     robot.start()
     found = robot.who()
-    assert found is not None
     assert (found.stopped, found.trouble) == (None, None)
 
 
@@ -93,14 +92,12 @@ def test_a_clock_that_has_no_room_for_a_stop_says_so_and_keeps_trying(robot: Rob
     assert code == 1
     assert "stopped, but a restart of the Clock may lose the stop: " in said
     found = robot.who()
-    assert found is not None
     assert found.stopped is not None, "the robot is stopped all the same"
     robot.disk.clear()
     until(lambda: (w := robot.who()) and w.trouble is None, "the stop is kept")
     robot.kill(first)
     robot.start()
     again = robot.who()
-    assert again is not None
     assert again.stopped == found.stopped
 
 
@@ -112,7 +109,6 @@ def test_a_stop_on_a_disk_that_may_only_be_read_is_refused_as_not_kept(robot: Ro
     started = robot.start()
     assert "an emergency stop cannot be saved: " in started.err
     before = robot.who()
-    assert before is not None
     assert before.stopped is None, "what the file says is known"
     code, said = robot.run("stop")
     assert code == 1

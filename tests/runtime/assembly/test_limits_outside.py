@@ -110,7 +110,6 @@ def test_limits_that_tighten_in_the_middle_of_a_motion_hold_in_that_frame() -> N
         verdict = log.verdicts["drive"]
         if verdict.outside is not None:
             ahead = log.frame.readings["sonar"][0]  # type: ignore[index]
-            assert verdict.values is not None
             assert verdict.values[0] <= ahead / 10.0
     assert len({v for v, _ in run.sent_outside()}) > 40
     assert run.report().agrees
@@ -256,5 +255,4 @@ def test_the_audit_finds_a_command_from_outside_that_the_limits_forbid() -> None
     start = "a command from outside is beyond the limits"
     assert first.message == f"{start}: found velocity = 200.5 mm/s; allowed: at most 200 mm/s"
     said = audit(PROGRAM, changed(run.log.frames, at, values=(200.5, 0.0), unlimited=True)).first
-    assert said is not None
     assert said.message == "broken contracts: recorded none; in the interpreter slow"

@@ -31,8 +31,8 @@ from colony.runtime.protocol.deployment import LIMITS_RUN, client_addresses
 from colony.runtime.protocol.messages import Node, Sample, Verdict
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
+from tests.kit.calling import call_of, opening
 from tests.runtime.assembly.resident_stage import MS, Robot, S, description
-from tests.runtime.calling import call_of, opening
 from tests.runtime.scripted import Script
 
 WANDER = """

@@ -12,7 +12,7 @@ from colony.execute.executor import ClientMemory
 from colony.ir.program import Program
 from colony.runtime.assembly.nodes import build_clients
 from colony.runtime.clients.client import RECALL_NS, ClientNode
-from colony.runtime.clients.memory import encode_memory
+from colony.runtime.clients.memory import MemoryFormatError, decode_memory, encode_memory
 from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.frames.membership import READY_INTERVAL_NS
 from colony.runtime.protocol.bindings import bind
@@ -32,7 +32,8 @@ from colony.runtime.protocol.messages import (
     Tick,
 )
 from tests.robot_servers import ROME_SERVERS
-from tests.runtime.assembly.test_virtual import pulsing
+from tests.runtime.assembly.test_virtual import counting, pulsing
+from tests.runtime.assembly.test_virtual_faults import latching
 from tests.runtime.programs import roam
 
 MS = 1_000_000
@@ -221,3 +222,170 @@ def test_the_client_of_a_module_in_python_takes_answers_and_has_memory_as_any_ot
         answer = ServerFrame(server="DServer/activity/pulse", k=k, fields={"command": command})
         (request,) = only(Request, take(node, tick(k), answer))
         assert (request.bid, request.values) == (("command", (50.0, 0.0)) if command else ("silent", None))
+
+
+# --- a client and its memory at the edges ---
+
+
+def memory(k: int) -> Checkpoint:
+    return Checkpoint(client=ADDRESS, k=k, start=0, memory=saved().memory)
+
+
+def test_memory_that_was_not_asked_for_is_none(node: ClientNode) -> None:
+    take(node, tick(3))
+    assert take(node, memory(2)) == []
+    assert node.frontier == (0, -1)
+
+
+def test_memory_after_the_newest_frame_will_do(node: ClientNode) -> None:
+    assert take(node, tick(60)) == [Recall(client=ADDRESS)]
+    assert take(node, memory(60)) == []
+    assert node.frontier == (0, 60)
+    assert len(only(Request, take(node, tick(61), base(61)))) == 1
+
+
+def test_memory_after_the_first_frame_will_do_where_the_rest_is_to_be_had(node: ClientNode) -> None:
+    assert take(node, tick(KEPT)) == [Recall(client=ADDRESS)]
+    got = take(node, memory(0))
+    assert {m.k for m in got if isinstance(m, Fetch)} == {*range(1, KEPT)}
+    assert node.frontier == (0, 0)
+
+
+def test_with_memory_it_goes_on_at_once_and_says_that_it_lives() -> None:
+    node, now = back_off(), 60 * FRAME
+    assert take(node, tick(60), now_ns=now) == [Recall(client=ADDRESS)]
+    take(node, base(60), now_ns=now)
+    got = take(node, memory(59), now_ns=now)
+    assert [m.k for m in got if isinstance(m, Request)] == [60]
+    assert only(Ready, got) == [Ready(client=ADDRESS, run="run", k=60)]
+    assert not only(Ready, take(node, tick(61), base(61), now_ns=now + 10 * MS))
+
+
+def test_what_is_no_memory_says_what_is_wrong_with_it() -> None:
+    for data, text in (
+        (b"", "truncated"),
+        (b"\x01", "Expected `array`"),
+        (b"\x92\xa1x\x80", "Expected `int | null`"),
+    ):
+        with pytest.raises(MemoryFormatError, match=text):
+            decode_memory(data)
+    assert encode_memory(ClientMemory(5, {"a": 1.0})) == b"\x92\x05\x81\xa1a\xcb?\xf0\x00\x00\x00\x00\x00\x00"
+
+
+def test_an_epoch_is_begun_once(node: ClientNode) -> None:
+    for start, first in ((0, 0), (7, 7)):
+        for k in range(first, first + 7):
+            got = take(node, tick(k, start=start), base(k))
+            assert len(only(Request, got)) == 1
+        assert node.frontier == (start, first + 6)
+
+
+def test_within_an_epoch_memory_is_given_away_and_after_its_end_no_more(node: ClientNode) -> None:
+    got = [m for k in range(11) for m in take(node, tick(k), base(k), now_ns=k * FRAME)]
+    assert [m.k for m in got if isinstance(m, Checkpoint)] == [10]
+    got = [m for k in range(11, 21) for m in take(node, tick(k, start=11), base(k), now_ns=k * FRAME)]
+    assert not only(Checkpoint, got), "the new epoch is not half a second old"
+
+
+# --- clients that read the same servers share a node ---
+
+
+SEEN, CRUISE = BOTH = ("drive/seen", "drive/cruise")
+NOW = 62
+"""The frame in which a new process comes, of an epoch too old to be stepped through."""
+
+
+def shared() -> ClientNode:
+    """`seen`, active from the frame after the bumper was pressed, and `cruise` below it."""
+    program = latching()
+    clients = [("drive", "seen"), ("drive", "cruise")]
+    (node,) = build_clients(
+        compile_program(program).compiled, bind(program.robot, ROME_SERVERS), clients, "run"
+    )
+    return node
+
+
+@pytest.fixture
+def both() -> ClientNode:
+    return shared()
+
+
+def shared_bids(messages: Iterable[SentMessage]) -> list[tuple[int, str, str]]:
+    return [(m.k, m.client, m.bid) for m in messages if isinstance(m, Request)]
+
+
+def shared_saved() -> dict[tuple[str, int], Checkpoint]:
+    """The checkpoints of a process that died, by client and frame; the bumper was pressed in frame 45."""
+    return {(m.client, m.k): m for m in run(shared(), range(60), pressed=45) if isinstance(m, Checkpoint)}
+
+
+def test_each_asks_and_lives_for_itself(both: ClientNode) -> None:
+    assert both.address == SEEN
+    assert list(both.start(0)) == [Send("Clock/ready", Ready(client=c, run="run")) for c in BOTH]
+    got = run(both, range(5))
+    silent, active = ("inactive", "command"), ("command", "suppressed")
+    assert shared_bids(got) == [
+        (k, client, bid)
+        for k, all_bids in enumerate((silent, silent, silent, silent, active))
+        for client, bid in zip(("seen", "cruise"), all_bids, strict=True)
+    ]
+    assert only(Ready, got) == [Ready(client=c, run="run", k=k) for k in (0, 2, 4) for c in BOTH]
+
+
+def test_each_asks_the_server_of_its_actuator() -> None:
+    program = counting()
+    clients = [("say", "counter"), ("drive", "drive_to")]
+    (node,) = build_clients(
+        compile_program(program).compiled, bind(program.robot, ROME_SERVERS), clients, "run"
+    )
+    variables = ServerFrame(server="DServer", k=0, fields={"Goal": Sample(1.0, 0)})
+    sends = [e for m in (tick(0), variables) for e in node.handle(m, 0) if isinstance(e, Send)]
+    asked = [(s.topic, s.message.client) for s in sends if isinstance(s.message, Request)]
+    assert asked == [("DServer/requests", "counter"), ("RServer/requests", "drive_to")]
+
+
+def test_there_is_a_checkpoint_of_each_and_all_are_of_one_frame() -> None:
+    found = shared_saved()
+    assert list(found) == [(client, k) for k in (10, 20, 30, 40, 50) for client in BOTH]
+    alone = next(iter(decode_memory(found[SEEN, 40].memory).cells))
+    assert [decode_memory(found[SEEN, k].memory).cells[alone] for k in (40, 50)] == [False, True]
+
+
+def test_it_goes_on_when_the_memories_of_all_are_there_and_not_before(both: ClientNode) -> None:
+    known = shared_saved()
+    assert take(both, tick(NOW)) == [Recall(client=client) for client in BOTH]
+    assert take(both, known[CRUISE, 50]) == []
+    assert both.frontier == (0, -1)
+    assert take(both, tick(NOW + 1)) == [Recall(client=SEEN)], "only for what did not come"
+    assert take(both, known[CRUISE, 50]) == []  # twice
+    assert both.frontier == (0, -1)
+    assert {m.k for m in take(both, known[SEEN, 50]) if isinstance(m, Fetch)} == {*range(51, NOW + 1)}
+    assert both.frontier == (0, 50)
+    missed = [message for k in range(51, NOW + 1) for message in (tick(k), base(k))]
+    got = take(both, *missed, base(NOW + 1))
+    assert shared_bids(got) == [(NOW + 1, "seen", "command"), (NOW + 1, "cruise", "suppressed")]
+
+
+@pytest.mark.parametrize("first", BOTH)
+@pytest.mark.parametrize("k", [40, -1])
+def test_from_memories_of_different_frames_it_does_not_go_on_and_asks_for_a_new_epoch(
+    both: ClientNode, first: str, k: int
+) -> None:
+    (other,) = {*BOTH} - {first}
+    older = shared_saved().get((other, k), Checkpoint(client=other, k=-1, start=-1, memory=b""))
+    take(both, tick(NOW))
+    assert take(both, shared_saved()[first, 50], older) == []
+    assert both.frontier == (0, -1)
+    assert take(both, tick(NOW + 1)) == [Restart(client=SEEN, start=0)]
+    assert take(both, shared_saved()[other, 50]) == [], "it is too late for that"
+    got = take(both, tick(NOW + 2, start=NOW + 2), base(NOW + 2))
+    assert shared_bids(got) == [(NOW + 2, "seen", "inactive"), (NOW + 2, "cruise", "command")]
+
+
+def test_memory_of_another_epoch_is_none(both: ClientNode) -> None:
+    take(both, tick(NOW))
+    known = shared_saved()
+    for client in BOTH:
+        take(both, Checkpoint(client=client, k=55, start=9, memory=known[client, 50].memory))
+    assert both.frontier == (0, -1)
+    assert take(both, tick(NOW + 1)) == [Restart(client=SEEN, start=0)]

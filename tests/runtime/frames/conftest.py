@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.runtime.frames.clock_stage import Stage
+from tests.kit.clock import Stage
 
 
 @pytest.fixture

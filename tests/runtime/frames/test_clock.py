@@ -23,7 +23,8 @@ from colony.runtime.protocol.messages import (
     ServerFrame,
     Wake,
 )
-from tests.runtime.frames.clock_stage import CLIENTS, MS, Leader, S, Stage, deployed, verdict
+from tests.kit.clock import CLIENTS, Leader, Stage, deployed, verdict
+from tests.kit.node_stage import MS, S, messages
 from tests.runtime.programs import roam
 
 # --- a robot without a program -----------------------------------------------------------------------
@@ -53,14 +54,14 @@ def test_ticks_are_at_whole_periods_even_when_woken_late() -> None:
     stage = Stage(now_ns=1000)
     stage.until(2000)
     stage.now_ns = 1000 + 50 * MS + 7777
-    stage.take(Wake())
+    stage.handle(Wake())
     assert [t.t_ns for t in stage.ticks] == [1000, 1000 + 50 * MS]
 
 
 def test_a_clock_that_was_stopped_leaves_out_what_it_missed_and_blames_nobody(stage: Stage) -> None:
     stage.until(100 * MS)
     stage.now_ns = 5 * S + 10 * MS
-    stage.take(Wake())
+    stage.handle(Wake())
     stage.until(5 * S + 60 * MS)
     assert [(t.k, t.t_ns) for t in stage.ticks[2:]] == [(2, 100 * MS), (3, 5 * S), (4, 5 * S + 50 * MS)]
     assert stage.ticks[3].down == ()
@@ -92,9 +93,9 @@ def test_a_frame_that_was_not_heard_of_is_asked_for_again(stage: Stage) -> None:
     stage.until(50 * MS)
     stage.until(100 * MS, answering=("RServer",))
     stage.until(200 * MS)
-    asked = [s for s in stage.sent if isinstance(s.message, Fetch)]
+    asked = [Send("PServer/fetches", fetch) for fetch in messages(stage.effects, Fetch)]
     assert asked == [Send("PServer/fetches", Fetch(server="PServer", k=2))]
-    stage.take(ServerFrame(server="PServer", k=2, fields={}))
+    stage.handle(ServerFrame(server="PServer", k=2, fields={}))
     stage.until(600 * MS, answering=("RServer",))
     assert not any(("PServer", 2) in t.void for t in stage.ticks)
 
@@ -103,7 +104,7 @@ def test_what_a_server_did_not_answer_before_it_was_started_anew_is_void_at_once
     stage.until(100 * MS)
     stage.until(150 * MS, answering=("RServer",))
     stage.until(200 * MS, answering=("RServer",))
-    stage.take(ServerFrame(server="PServer", k=4, fields={}, since=4))
+    stage.handle(ServerFrame(server="PServer", k=4, fields={}, since=4))
     stage.until(250 * MS)
     assert stage.ticks[5].void == (("PServer", 3),)
     assert stage.ticks[5].down == ()
@@ -114,14 +115,14 @@ def test_clients_live_as_long_as_they_say_that_they_send_requests() -> None:
     stage.ready()
     stage.until(100 * MS)
     for k in range(3, 13):
-        stage.take(Ready(client="drive/avoid", run="run", k=k - 1))
+        stage.handle(Ready(client="drive/avoid", run="run", k=k - 1))
         stage.ready(clients=("drive/cruise",))  # that it listens is no request
-        stage.take(Ready(client="drive/back_off", run="another run", k=k - 1))
+        stage.handle(Ready(client="drive/back_off", run="another run", k=k - 1))
         stage.until(k * 50 * MS)
     assert stage.ticks[4].lost == ()
     assert stage.ticks[-1].lost == ("drive/back_off", "drive/cruise")
-    stage.take(Ready(client="drive/cruise", run="run", k=stage.ticks[-1].k))
-    stage.until(stage.now_ns + 50 * MS)
+    stage.handle(Ready(client="drive/cruise", run="run", k=stage.ticks[-1].k))
+    stage.pass_time(50 * MS)
     assert stage.ticks[-1].lost == ("drive/back_off",)
 
 
@@ -177,16 +178,16 @@ def test_a_run_ends_with_its_leader() -> None:
         leader.deploy(deployed(program=roam(robot=replace(roam().robot, frame_ns=20 * MS))))
         stage.ready()
         for _ in range(10):
-            stage.until(stage.now_ns + 100 * MS)
+            stage.pass_time(100 * MS)
             leader.alive()
         assert stage.ticks[-1].run == "run"
         if silently:
-            stage.until(stage.now_ns + LEADER_LEASE_NS - 100 * MS)
+            stage.pass_time(LEADER_LEASE_NS - 100 * MS)
             assert stage.ticks[-1].run == "run"
-            stage.until(stage.now_ns + 200 * MS)
+            stage.pass_time(200 * MS)
         else:
             leader.close()
-            stage.until(stage.now_ns + 200 * MS)
+            stage.pass_time(200 * MS)
         a, b = stage.ticks[-2:]
         assert (a.run, b.run, b.t_ns - a.t_ns) == ("", "", IDLE_FRAME_NS)
         assert a.start == b.start > next(t for t in stage.ticks if t.run == "run").k
@@ -233,10 +234,10 @@ def running() -> Stage:
 
 def test_who_lost_its_memory_makes_everyone_begin_anew_once() -> None:
     stage = running()
-    stage.take(*(Restart(client=c, start=0) for c in CLIENTS))
-    stage.take(Restart(client=CLIENTS[0], start=0))
+    stage.handle(*(Restart(client=c, start=0) for c in CLIENTS))
+    stage.handle(Restart(client=CLIENTS[0], start=0))
     stage.until(150 * MS)
-    stage.take(*(Restart(client=c, start=0) for c in CLIENTS))
+    stage.handle(*(Restart(client=c, start=0) for c in CLIENTS))
     stage.until(250 * MS)
     assert [(t.k, t.start) for t in stage.ticks] == [(0, 0), (1, 0), (2, 0), (3, 3), (4, 3), (5, 3)]
     assert [t.t_ns for t in stage.ticks] == [k * 50 * MS for k in range(6)]
@@ -245,19 +246,19 @@ def test_who_lost_its_memory_makes_everyone_begin_anew_once() -> None:
 @pytest.mark.parametrize("start", [-1, 1, 99])
 def test_of_another_epoch_or_from_a_stranger_it_is_ignored(start: int) -> None:
     stage = running()
-    stage.take(Restart(client=CLIENTS[0], start=start), Restart(client="drive/nobody", start=0))
+    stage.handle(Restart(client=CLIENTS[0], start=start), Restart(client="drive/nobody", start=0))
     stage.until(300 * MS)
     assert {t.start for t in stage.ticks} == {0}
 
 
 def test_the_observer_may_ask_for_a_new_epoch_of_a_run_that_goes_on() -> None:
     stage = running()
-    stage.take(Restart(client="Observer", start=0))
+    stage.handle(Restart(client="Observer", start=0))
     stage.until(200 * MS)
     assert [(t.k, t.start) for t in stage.ticks] == [(0, 0), (1, 0), (2, 0), (3, 3), (4, 3)]
     idle = Stage()
     idle.until(100 * MS)
-    idle.take(Restart(client="Observer", start=0))
+    idle.handle(Restart(client="Observer", start=0))
     idle.until(200 * MS)
     assert {t.start for t in idle.ticks} == {0}
 
@@ -270,8 +271,8 @@ def test_in_lockstep_a_frame_follows_as_soon_as_the_one_before_is_decided() -> N
     stage.ready()
     for k in range(100):
         stage.now_ns += 1 * MS
-        stage.take(verdict(k))
-        stage.take(verdict(k))
+        stage.handle(verdict(k))
+        stage.handle(verdict(k))
     assert [(t.k, t.t_ns) for t in stage.ticks] == [(k, k * 50 * MS) for k in range(101)]
 
 
@@ -279,7 +280,7 @@ def test_in_lockstep_nobody_is_waited_for_longer_than_a_period() -> None:
     stage = Stage(deployed(lockstep=True))
     stage.ready()
     stage.now_ns = 10 * MS
-    stage.take(verdict(0))
+    stage.handle(verdict(0))
     stage.until(59 * MS)
     assert len(stage.ticks) == 2
     stage.until(60 * MS)
@@ -299,10 +300,10 @@ def test_who_takes_part(stage: Stage) -> None:
     stage.ready()
     stage.until(100 * MS, answering=("RServer",))
     tick = stage.ticks[-1]
-    stage.take(Ready(client=CLIENTS[1], run="run", k=tick.k))
-    stage.take(verdict(tick.k - 1, ("back_off", "lost"), ("avoid", "late"), ("u/1", "won")))
-    stage.take(verdict(tick.k, ("back_off", "lost"), ("avoid", "won"), ("u/1", "overridden")))
-    stage.take(Restart(client=CLIENTS[0], start=tick.start))
+    stage.handle(Ready(client=CLIENTS[1], run="run", k=tick.k))
+    stage.handle(verdict(tick.k - 1, ("back_off", "lost"), ("avoid", "late"), ("u/1", "won")))
+    stage.handle(verdict(tick.k, ("back_off", "lost"), ("avoid", "won"), ("u/1", "overridden")))
+    stage.handle(Restart(client=CLIENTS[0], start=tick.start))
     stage.until(300 * MS, answering=("RServer",))
     after = leader.who()
     assert (after.begun, after.restarts, after.frame_ns) == (True, 1, 50 * MS)
@@ -320,12 +321,12 @@ def test_modules_in_python_are_watched_by_what_they_announce() -> None:
     stage.ready(clients=("DServer/activity/pulse",))
     assert [t.run for t in stage.ticks] == ["run"]
     for k in range(3):
-        stage.take(Announcement(k=k, module="pulse", answer=Answer((300.0, 5.0))))
+        stage.handle(Announcement(k=k, module="pulse", answer=Answer((300.0, 5.0))))
         stage.until(k * 50 * MS + 50 * MS)
     stage.until(500 * MS)
     assert stage.ticks[5].down == ()
     assert stage.ticks[9].down == ("DServer/activity/pulse",)
-    assert Send("DServer/fetches", Fetch(server="DServer/activity/pulse", k=3)) in stage.sent
+    assert Send("DServer/fetches", Fetch(server="DServer/activity/pulse", k=3)) in stage.effects
 
 
 # --- liveness ----------------------------------------------------------------------------------------
@@ -381,7 +382,7 @@ def test_a_tick_is_given_once_more_to_all_who_ask_between_two_ticks(stage: Stage
     assert [tick.k for tick in stage.fetched(k)] == [k]
     assert stage.fetched(k) == []
     assert sum(len(stage.fetched(k - back)) for back in range(1, 200)) < 100
-    stage.until(stage.now_ns + 50 * MS)
+    stage.pass_time(50 * MS)
     assert [tick.k for tick in stage.fetched(k)] == [k]
 
 

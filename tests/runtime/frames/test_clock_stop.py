@@ -13,8 +13,9 @@ from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
 from colony.runtime.protocol.messages import ServerFrame, Stopped, Tick, Wake, WakeAt
 from colony.runtime.protocol.plausibility import check_plausible
-from tests.runtime.calling import call_of
-from tests.runtime.frames.clock_stage import MS, Leader, S, Stage
+from tests.kit.calling import call_of
+from tests.kit.clock import Leader, Stage
+from tests.kit.node_stage import MS, Caller, S
 
 
 @pytest.fixture
@@ -24,7 +25,7 @@ def stage() -> Stage:
 
 def last(stage: Stage) -> Tick:
     """The newest tick, after some frames."""
-    stage.until(stage.now_ns + 200 * MS)
+    stage.pass_time(200 * MS)
     return stage.ticks[-1]
 
 
@@ -51,28 +52,24 @@ def test_a_release_is_answered_once_all_servers_that_answer_ticks_know_it(
     ann.ask(emergency.stop())
     last(stage)
     ann.alive()
-    stage.take(Wake())
-    ann.send(clock_library.release())
+    stage.handle(Wake())
+    ann.begin(clock_library.release())
     released_ns = stage.now_ns
-    while not ann.is_answered:
+    while ("ann/1", ann.number) not in stage.replies:
         stage.until(stage.now_ns + 10 * MS, answering=() if answers != "at once" else ("PServer", "RServer"))
         if answers == "a frame late":
             k = stage.ticks[-2].k
-            stage.take(*(ServerFrame(server=server, k=k, fields={}) for server in ("PServer", "RServer")))
+            stage.handle(*(ServerFrame(server=server, k=k, fields={}) for server in ("PServer", "RServer")))
     assert abs(stage.now_ns - released_ns - at_ms * MS) <= 10 * MS
 
 
 def test_a_stop_needs_no_connection_and_more_than_the_right_to_read(stage: Stage) -> None:
-    nobody = Leader.__new__(Leader)
-    nobody.__dict__.update(_stage=stage, _connection="nobody/1", _number=0)
-    problem = nobody.ask(emergency.stop()._replace(right="read")).problem
-    assert problem is not None
-    assert problem.code == "right"
+    nobody = Caller(stage, "nobody/1")
+    assert nobody.refusal(emergency.stop()._replace(right="read")) == "right"
     assert last(stage).stopped is None
-    assert nobody.ask(emergency.stop()).problem is None
+    nobody.do(emergency.stop())
     assert last(stage).stopped is not None
-    released = nobody.ask(clock_library.release()).problem
-    assert released is not None, "to release, somebody is known by a connection"
+    assert nobody.refusal(clock_library.release()), "to release, somebody is known by a connection"
     assert last(stage).stopped is not None
 
 
@@ -80,11 +77,11 @@ def test_a_stop_that_only_a_server_heard_is_latched(stage: Stage) -> None:
     ann = Leader(stage, "ann/1")
     stop = Stopped(by="bob/1", t_ns=stage.now_ns)
     k = last(stage).k
-    stage.take(ServerFrame(server="RServer", k=k, fields={}, stopped=stop))
+    stage.handle(ServerFrame(server="RServer", k=k, fields={}, stopped=stop))
     assert last(stage).stopped == stop
     ann.alive()
     ann.ask(clock_library.release())
-    stage.take(ServerFrame(server="RServer", k=k + 1, fields={}, stopped=stop))
+    stage.handle(ServerFrame(server="RServer", k=k + 1, fields={}, stopped=stop))
     assert last(stage).stopped is None, "that stop is over"
 
 
@@ -122,7 +119,6 @@ def test_a_stop_that_cannot_be_kept_stops_and_says_so(tmp_path: Path) -> None:
     stage = Stage(stop_path=tmp_path / "no folder" / "stop")
     ann = Leader(stage, "ann/1")
     problem = ann.ask(emergency.stop()).problem
-    assert problem is not None
     assert problem.code == "not kept"
     assert "No such file or directory" in problem.message
     assert last(stage).stopped is not None
@@ -142,14 +138,14 @@ def test_a_stop_that_was_not_kept_is_no_second_stop_when_it_arrives_again(tmp_pa
     first = ann.ask(emergency.stop())
     ann.ask(clock_library.release())
     assert last(stage).stopped is None
-    stage.take(call_of(emergency.stop(), "ann/1", first.number))
-    assert stage.sent[-1].message == first
+    stage.handle(call_of(emergency.stop(), "ann/1", first.number))
+    assert stage.effects[-1].message == first
     assert last(stage).stopped is None
 
 
 def test_the_clock_numbers_on_above_a_frame_that_somebody_else_invented(stage: Stage) -> None:
     before = last(stage)
-    stage.take(ServerFrame(server="RServer", k=before.k + 1000, fields={}))
+    stage.handle(ServerFrame(server="RServer", k=before.k + 1000, fields={}))
     after = last(stage)
     assert after.k > before.k + 1000
     assert after.start > before.k + 1000, "memory begins anew: the frames between never were"

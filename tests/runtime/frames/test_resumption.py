@@ -11,7 +11,8 @@ from colony.runtime.frames.membership import READY_INTERVAL_NS, Membership
 from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import Fetch, Progress, Ready, Restart, Send, ServerFrame, Tick
 from colony.runtime.protocol.plausibility import MAX_GAPS, check_plausible
-from tests.runtime.frames.clock_stage import CLIENTS, MS, Leader, S, Stage, deployed
+from tests.kit.clock import CLIENTS, Leader, Stage, deployed
+from tests.kit.node_stage import MS, S, messages
 from tests.runtime.frames.test_assembler import BUMPER, base, frames, tick
 
 
@@ -25,7 +26,7 @@ def again(*reports: Progress | None, now_ns: int = 10 * S, by: str = CLIENTS[0],
     stage = Stage(deployed(**options), now_ns=now_ns)  # type: ignore[arg-type]
     stage.until(now_ns + 60 * MS)
     for client, report in zip((by, *CLIENTS[1:]), reports, strict=False):
-        stage.take(Ready(client=client, run="run", progress=report))
+        stage.handle(Ready(client=client, run="run", progress=report))
     stage.ready()
     stage.until(now_ns + 300 * MS)
     return stage
@@ -52,9 +53,9 @@ def test_who_is_behind_gets_the_ticks_of_the_clock_before() -> None:
     stage = again(progress(60, 59, 60, 61), progress(58, 57, 58))
     assert [t.k for t in stage.fetched(59)] == [59]
     assert stage.fetched(61) == []
-    asked = {s.message.k for s in stage.sent if isinstance(s.message, Fetch)}
-    stage.until(stage.now_ns + 100 * MS)
-    asked |= {s.message.k for s in stage.sent if isinstance(s.message, Fetch)}
+    asked = {fetch.k for fetch in messages(stage.effects, Fetch)}
+    stage.pass_time(100 * MS)
+    asked |= {fetch.k for fetch in messages(stage.effects, Fetch)}
     assert {59, 60} <= asked
 
 
@@ -73,7 +74,7 @@ def test_a_clock_that_dies_twice_tells_of_both_gaps() -> None:
 
 def test_gaps_are_told_as_long_as_anybody_may_be_behind() -> None:
     stage = again(progress(60, 60))
-    stage.until(stage.now_ns + 3 * S)
+    stage.pass_time(3 * S)
     told = [bool(t.gaps) for t in ours(stage)]
     assert told == sorted(told, reverse=True)
     assert told.count(True) == 40
@@ -104,8 +105,8 @@ def test_a_fresh_run_was_not_restarted() -> None:
 
 def test_after_a_new_epoch_of_a_run_the_program_knows() -> None:
     stage = again(None)
-    stage.take(Restart(client=CLIENTS[0], start=ours(stage)[0].k))
-    stage.until(stage.now_ns + 100 * MS)
+    stage.handle(Restart(client=CLIENTS[0], start=ours(stage)[0].k))
+    stage.pass_time(100 * MS)
     assert [t.restarted for t in ours(stage)] == [t.k == t.start and i > 0 for i, t in enumerate(ours(stage))]
     assert any(t.restarted for t in ours(stage))
 
@@ -117,10 +118,10 @@ def test_strangers_tell_nothing_and_the_observer_does() -> None:
 
 def test_what_the_observer_tells_counts_before_the_program_is_deployed_again() -> None:
     stage = Stage(now_ns=10 * S)
-    stage.take(Ready(client="Observer", run="run", progress=progress(60, 60)))
+    stage.handle(Ready(client="Observer", run="run", progress=progress(60, 60)))
     Leader(stage, "me/1").deploy(deployed())
     stage.ready()
-    stage.until(stage.now_ns + 100 * MS)
+    stage.pass_time(100 * MS)
     assert ours(stage)[0].previous == 60
 
 
@@ -145,7 +146,7 @@ def test_a_run_whose_leader_was_away_goes_on() -> None:
     stage.until(400 * MS)
     Leader(stage, "me/2").deploy(deployed())
     told = Progress(start=last.start, stepped=last.k, ticks=(last,))
-    stage.take(Ready(client=CLIENTS[0], run="run", progress=told))
+    stage.handle(Ready(client=CLIENTS[0], run="run", progress=told))
     stage.ready()
     stage.until(600 * MS)
     assert {t.start for t in ours(stage)} == {last.start}
@@ -218,7 +219,6 @@ def test_progress_is_told_of_the_newest_ticks(reader: FrameAssembler) -> None:
     for k in range(2, 300):
         reader.take(tick(k))
     told = reader.progress
-    assert told is not None
     assert [t.k for t in told.ticks] == list(range(300 - MAX_REPORTED_TICKS, 300))
     reader.take(tick(300, lost=("x",) * (MAX_REPORTED_NAMES + 1)))
     assert reader.progress is None

@@ -10,7 +10,7 @@ import pytest
 from colony.runtime.kit.commands import command, parameter
 from colony.runtime.kit.fields import FieldReader
 from colony.runtime.kit.service import Service
-from tests.runtime.kit.command_stage import Lift
+from tests.kit.lift import Lift
 
 MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"name": "two words"}, "expected a name"),

@@ -13,8 +13,8 @@ from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorSpec
 from colony.runtime.protocol.messages import Bounds, Effect, Malformed, Reply, Send, Stopped
-from tests.runtime.calling import CLOSE, call_of
-from tests.runtime.kit.command_stage import (
+from tests.kit.calling import call_of
+from tests.kit.lift import (
     FAST,
     HEIGHT,
     HOLDING,
@@ -23,10 +23,9 @@ from tests.runtime.kit.command_stage import (
     Stage,
     frames,
     program,
-    replies,
     verdicts,
 )
-from tests.runtime.kit.lift_stage import FRAME_NS, MS
+from tests.kit.node_stage import FRAME_NS, MS, messages
 
 # --- frames ----------------------------------------------------------------------------------------------
 
@@ -80,7 +79,7 @@ def test_the_next_frame_has_what_was_given_last() -> None:
     assert last(stage.decide(1, 300.0, True)) == [None, None, 7.0]
     assert last(stage.decide(2)) == [300.0, True, 7.0]
     assert last(stage.decide(3)) == [0.0, False, 7.0]
-    answers = [e.message for e in stage.sent if isinstance(e, Send) and e.topic == topics.ANSWERS]
+    answers = [e.message for e in stage.effects if isinstance(e, Send) and e.topic == topics.ANSWERS]
     assert [(frame.k, dict(frame.fields)) for frame in answers] == [(1, {}), (2, {}), (3, {})]  # type: ignore[union-attr]
 
 
@@ -111,12 +110,12 @@ STOP = call_of(emergency.stop(), "eve/1")
 
 
 def stop_by_call(stage: Stage) -> None:
-    [reply] = [e.message for e in stage.handle(STOP) if isinstance(e, Send) and isinstance(e.message, Reply)]
+    [reply] = messages(stage.handle(STOP), Reply)
     assert reply.problem is None
 
 
 def stop_by_tick(stage: Stage) -> None:
-    stage.tick(2, stopped=Stopped(by="eve/1", t_ns=stage.now))
+    stage.tick(2, stopped=Stopped(by="eve/1", t_ns=stage.now_ns))
 
 
 def silence(stage: Stage) -> None:
@@ -124,7 +123,7 @@ def silence(stage: Stage) -> None:
 
 
 def end(stage: Stage) -> None:
-    stage.service.close()
+    stage.node.close()
 
 
 STOPS = [stop_by_call, stop_by_tick, silence, end]
@@ -160,7 +159,7 @@ def test_it_stays_stopped_until_the_clock_releases_it(stopping: Callable[[Stage]
     [frame] = frames(effects)
     assert frame.stopped is not None
     assert verdicts(effects)[-1].hold == "stopped"
-    stage.tick(4, released_ns=stage.now)
+    stage.tick(4, released_ns=stage.now_ns)
     stage.bid(4, 300.0, True)
     assert stage.take()[-1] == (300.0, True)
 
@@ -190,7 +189,7 @@ def test_a_tick_that_comes_too_late_moves_nothing() -> None:
     for actuator, instead in ((LIFT, (0.0, False)), (HOLDING, "safe")):
         stage = Stage(program("run", actuator))
         stage.tick(1)
-        stage.now += 101 * MS
+        stage.now_ns += 101 * MS
         stage.bid(1, 300.0, True)
         assert set(stage.take()) == {instead}
         [verdict] = verdicts(stage.bid(1, client="down"))
@@ -201,7 +200,7 @@ def test_a_verdict_that_is_made_with_its_command_says_that_it_was_not_sent() -> 
     stage = Stage(program())
     stage.tick(1)
     stage.bid(1, client="down")
-    stage.now += 101 * MS
+    stage.now_ns += 101 * MS
     [verdict] = verdicts(stage.bid(1, 300.0, True))
     assert verdict.notes == ("frame 1: no command was sent, as the tick came too late",)
     [verdict] = verdicts(stage.decide(2, 300.0, True))
@@ -225,14 +224,14 @@ def test_two_runs_after_each_other() -> None:
     other = structs.replace(LIFT, name="arm", clients=(("reach", 1),))
     stage = Stage(program())
     stage.decide(1, 300.0, True)
-    assert stage.do(deploy(program("next", other))).problem is None
+    stage.leader.do(deploy(program("next", other)))
     assert stage.take() == [(300.0, True), (0.0, False)]
     stage.tick(2, run="next")
     stage.bid(2, 300.0, True)
     assert stage.take() == [], "which is a request of the run before"
     stage.bid(2, 100.0, True, actuator="arm", client="reach")
     assert stage.take() == [(100.0, True)]
-    assert stage.do(deploy(program("next", other))).problem is None, "again, as after a lost connection"
+    stage.leader.do(deploy(program("next", other)))
     stage.tick(3, run="next")
     stage.bid(3, 120.0, True, actuator="arm", client="reach")
     assert stage.take() == [(120.0, True)]
@@ -240,14 +239,10 @@ def test_two_runs_after_each_other() -> None:
 
 def test_nobody_else_deploys_while_the_leader_is_there() -> None:
     stage = Stage(program())
-    stage.open("bob/1")
-    problem = stage.do(deploy(program("other")), "bob/1").problem
-    assert problem is not None
-    assert problem.code == "busy"
-    stage.calls = 10
-    stage.do(CLOSE)
-    stage.calls = 10
-    assert stage.do(deploy(program("other")), "bob/1").problem is None
+    bob = stage.connect("bob/1")
+    assert bob.refusal(deploy(program("other"))) == "busy"
+    stage.leader.close()
+    bob.do(deploy(program("other")))
 
 
 WRONG = [
@@ -266,18 +261,16 @@ WRONG = [
 @pytest.mark.parametrize(("actuator", "reason"), WRONG)
 def test_a_program_that_does_not_fit_is_refused(actuator: ActuatorSpec, reason: str) -> None:
     stage = Stage()
-    stage.open()
-    problem = stage.do(deploy(program("run", actuator))).problem
-    assert problem is not None
+    stage.leader.open("leader")
+    problem = stage.leader.problem(deploy(program("run", actuator)))
     assert problem.code == "deployment"
     assert reason in problem.message
 
 
 def test_two_actuators_of_one_command_are_refused() -> None:
     stage = Stage()
-    stage.open()
-    problem = stage.do(deploy(program("run", LIFT, structs.replace(LIFT, name="arm")))).problem
-    assert problem is not None
+    stage.leader.open("leader")
+    problem = stage.leader.problem(deploy(program("run", LIFT, structs.replace(LIFT, name="arm"))))
     assert "`lift` and `arm` command Lift.move" in problem.message
 
 
@@ -335,14 +328,13 @@ def test_a_safe_that_fails_ends_nothing() -> None:
             raise OSError("cable")
 
     stage = Stage(program("run", HOLDING), lift=Broken())
-    assert replies(stage.handle(STOP), "eve/1") == []
+    assert messages(stage.handle(STOP), Reply) == []
     assert stage.take() == ["safe"]
-    [reply] = replies(stage.pass_time(150 * MS), "eve/1")
-    assert reply.problem is not None
+    [reply] = messages(stage.pass_time(150 * MS), Reply)
     assert reply.problem.code == "not reached"
     assert reply.problem.message.endswith("its device: safe of Lift.move failed: OSError: cable")
     stage.take()
-    stage.tick(1, released_ns=stage.now)
+    stage.tick(1, released_ns=stage.now_ns)
     stage.bid(1, 300.0, True)
     assert stage.take() == ["safe", (300.0, True)]  # tried again, until a command is performed
     assert stage.reports == ["safe of Lift.move failed: OSError: cable"]

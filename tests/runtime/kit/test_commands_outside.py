@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import msgspec
 import pytest
 from msgspec import structs
 
@@ -18,21 +17,19 @@ from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Bounds, Effect, Stopped
 from colony.runtime.servers.outside_control import CLOCK_GRACE_NS
-from tests.runtime.calling import call_of
-from tests.runtime.kit.command_stage import (
+from tests.kit.calling import call_of
+from tests.kit.lift import (
     FAST,
     HEIGHT,
     HOLDING,
     LIFT,
-    Caller,
     Lift,
     Stage,
     frames,
     program,
-    replies,
     verdicts,
 )
-from tests.runtime.kit.lift_stage import FRAME_NS, MS
+from tests.kit.node_stage import FRAME_NS, MS, Caller
 
 LIMITED = structs.replace(LIFT, limited=True)
 
@@ -51,8 +48,8 @@ def bounds(k: int, low: float = 0.0, high: float = 250.0, **options: Any) -> Bou
 def test_a_connection_above_the_modules_commands_in_their_place_and_one_below_while_they_are_idle() -> None:
     for priority, decided in ((50, (100.0, True)), (0, (300.0, True))):
         stage = Stage(program())
-        eve = Caller(stage, "eve", priority)
-        assert eve.do(to(100.0)) is None
+        eve = stage.connect("eve/1", priority)
+        eve.do(to(100.0))
         [verdict] = verdicts(stage.decide(1, 300.0, True))
         assert stage.take() == [decided]
         outside = priority == 50
@@ -71,7 +68,7 @@ def test_a_connection_above_the_modules_commands_in_their_place_and_one_below_wh
 
 def test_what_a_connection_commanded_is_last_in_the_next_frame() -> None:
     stage = Stage(program())
-    Caller(stage, "eve", 50).do(to(100.0))
+    stage.connect("eve/1", 50).do(to(100.0))
     stage.decide(1, 300.0, True)
     [frame] = frames(stage.tick(2))
     sent = {name: sample and sample.value for name, sample in frame.fields.items()}
@@ -80,21 +77,20 @@ def test_what_a_connection_commanded_is_last_in_the_next_frame() -> None:
 
 def test_nobody_commands_with_the_priority_of_somebody_else() -> None:
     stage = Stage(program())
-    eve, bob, up = Caller(stage, "eve", 50), Caller(stage, "bob", 50), Caller(stage, "joe", 2)
-    assert eve.do(to(100.0)) is None
-    assert bob.refusal(to(100.0)).startswith("priority 50 is taken: eve (eve/1) commands with it")
-    assert up.refusal(to(100.0)).startswith("priority 2 is taken: `up`, a client of the program,")
-    eve.end()
-    assert bob.do(to(100.0)) is None
+    eve, bob, up = stage.connect("eve/1", 50), stage.connect("bob/1", 50), stage.connect("joe/1", 2)
+    eve.do(to(100.0))
+    assert bob.problem(to(100.0)).message.startswith("priority 50 is taken: eve (eve/1) commands with it")
+    assert up.problem(to(100.0)).message.startswith("priority 2 is taken: `up`, a client of the program,")
+    eve.close()
+    bob.do(to(100.0))
 
 
 def test_a_program_with_the_priority_of_a_connection_is_refused() -> None:
     stage = Stage()
-    stage.open()
+    stage.leader.open("leader")
     stage.tick(1, run="")
-    assert Caller(stage, "eve", 2).do(to(100.0)) is None
-    problem = stage.do(deploy(program())).problem
-    assert problem is not None
+    stage.connect("eve/1", 2).do(to(100.0))
+    problem = stage.leader.problem(deploy(program()))
     assert (problem.code, problem.message) == (
         "tie",
         "Lift.deploy: `up` has priority 2, with which eve (eve/1) commands",
@@ -106,7 +102,7 @@ def test_a_program_with_the_priority_of_a_connection_is_refused() -> None:
 
 def test_a_command_ends_with_its_lease_unless_it_is_repeated() -> None:
     stage = Stage(program())
-    eve = Caller(stage, "eve", 50)
+    eve = stage.connect("eve/1", 50)
     eve.do(to(100.0, lease=0.12))
     for k in range(1, 5):
         stage.decide(k)
@@ -122,12 +118,12 @@ def test_a_command_ends_with_its_lease_unless_it_is_repeated() -> None:
 
 def test_a_command_ends_with_its_connection() -> None:
     stage = Stage(program())
-    eve = Caller(stage, "eve", 50)
+    eve = stage.connect("eve/1", 50)
     eve.do(to(100.0))
     stage.decide(1)
-    eve.end()
+    eve.close()
     stage.decide(2)
-    eve = Caller(stage, "eva", 50)
+    eve = stage.connect("eva/1", 50)
     eve.do(to(120.0))
     stage.decide(3)
     stage.pass_time(800 * MS)  # without a sign of life
@@ -141,10 +137,10 @@ def test_where_the_program_holds_the_device_is_made_safe_when_a_command_of_a_con
     stage.decide(1, 300.0, True)
     stage.decide(2)
     assert stage.take() == [(300.0, True)], "what the program commanded holds"
-    eve = Caller(stage, "eve", 50)
+    eve = stage.connect("eve/1", 50)
     eve.do(to(100.0))
     stage.decide(3)
-    eve.end()
+    eve.close()
     stage.decide(4)
     stage.decide(5)
     assert stage.take() == [(100.0, True), "safe"]
@@ -152,8 +148,8 @@ def test_where_the_program_holds_the_device_is_made_safe_when_a_command_of_a_con
 
 @pytest.mark.parametrize("lease", [0.0, -1.0, math.nan, MAX_LEASE_S + 1.0])
 def test_a_lease_is_positive_and_finite(lease: float) -> None:
-    eve = Caller(Stage(program()), "eve", 50)
-    assert eve.do(to(100.0, lease=lease)) == "arguments"
+    eve = Stage(program()).connect("eve/1", 50)
+    assert eve.refusal(to(100.0, lease=lease)) == "arguments"
 
 
 # --- locks -----------------------------------------------------------------------------------------------
@@ -161,41 +157,40 @@ def test_a_lease_is_positive_and_finite(lease: float) -> None:
 
 def test_the_holder_of_the_lock_alone_commands() -> None:
     stage = Stage(program())
-    eve, bob = Caller(stage, "eve", 50), Caller(stage, "bob", 60)
+    eve, bob = stage.connect("eve/1", 50), stage.connect("bob/1", 60)
     bob.do(to(200.0))
-    assert eve.do(actuator.lock()) is None
-    assert bob.do(to(200.0)) == "locked"
+    eve.do(actuator.lock())
+    assert bob.refusal(to(200.0)) == "locked"
     [verdict] = verdicts(stage.decide(1, 300.0, True))
     assert stage.take() == [(0.0, False)]
     assert (verdict.hold, verdict.fates) == ("locked", (("up", "locked out"), ("down", "inactive")))
     eve.do(to(100.0))
     stage.decide(2, 300.0, True)
     assert stage.take() == [(100.0, True)]
-    assert bob.do(actuator.unlock()) == "unlocked"
-    assert bob.send(actuator.lock()) == [], "it waits"
-    eve.end()
-    assert bob.do(to(200.0)) is None, "it has the lock now"
-    assert bob.do(actuator.unlock()) is None
-    bob.end()
+    assert bob.refusal(actuator.unlock()) == "unlocked"
+    assert bob.replies(bob.begin(actuator.lock())) == [], "it waits"
+    eve.close()
+    bob.do(to(200.0))
+    bob.do(actuator.unlock())
+    bob.close()
     stage.decide(3, 300.0, True)
     assert stage.take() == [(300.0, True)]
 
 
 def test_a_call_that_waits_for_the_lock_in_vain_is_refused() -> None:
     stage = Stage(program())
-    eve, bob = Caller(stage, "eve", 50), Caller(stage, "bob", 60)
+    eve, bob = stage.connect("eve/1", 50), stage.connect("bob/1", 60)
     eve.do(actuator.lock())
-    assert bob.do(actuator.lock(wait=False)) == "locked"
-    assert bob.send(actuator.lock(wait_s=0.2)) == []
-    [reply] = replies(stage.pass_time(250 * MS), "bob/1")
-    assert reply.problem is not None
+    assert bob.refusal(actuator.lock(wait=False)) == "locked"
+    assert bob.replies(bob.begin(actuator.lock(wait_s=0.2))) == []
+    [reply] = bob.replies(stage.pass_time(250 * MS))
     assert reply.problem.code == "locked"
 
 
 def test_a_lock_makes_the_device_of_a_program_that_holds_safe() -> None:
     stage = Stage(program("run", HOLDING))
     stage.decide(1, 300.0, True)
-    Caller(stage, "eve", 50).do(actuator.lock())
+    stage.connect("eve/1", 50).do(actuator.lock())
     stage.decide(2, 310.0, True)
     stage.decide(3, 320.0, True)
     assert stage.take() == [(300.0, True), "safe"]
@@ -206,7 +201,7 @@ def test_a_lock_makes_the_device_of_a_program_that_holds_safe() -> None:
 
 def limited(actuator_spec: Any = LIMITED, priority: int = 50) -> tuple[Stage, Caller]:
     stage = Stage(program("run", actuator_spec))
-    eve = Caller(stage, "eve", priority)
+    eve = stage.connect("eve/1", priority)
     eve.do(to(400.0))
     return stage, eve
 
@@ -236,12 +231,12 @@ def test_where_the_bounds_do_not_come_the_actuator_is_idle_or_safe() -> None:
 
 def test_a_connection_may_ignore_the_limits_but_not_the_ranges() -> None:
     stage, eve = limited()
-    assert eve.do(actuator.ignore_limits()) is None
+    eve.do(actuator.ignore_limits())
     [verdict] = verdicts(stage.decide(1))
     assert stage.take() == [(400.0, True)]
     assert verdict.unlimited
-    assert eve.do(to(401.0)) == "arguments"
-    assert eve.do(actuator.ignore_limits(False)) is None
+    assert eve.refusal(to(401.0)) == "arguments"
+    eve.do(actuator.ignore_limits(False))
     bounded(stage, 2, bounds(2))
     assert stage.take() == [(250.0, True)]
 
@@ -251,19 +246,15 @@ def test_the_command_ends_with_the_run_whose_limits_held_it() -> None:
         stage, _ = limited()
         bounded(stage, 1, bounds(1))
         if end == "leader":
-            stage.do(actuator_close())
+            stage.leader.close()
             stage.tick(2)
         elif end == "clock":
             stage.tick(2, run="")
         else:
-            assert stage.do(deploy(program("next"))).problem is None
+            stage.leader.do(deploy(program("next")))
             stage.tick(2, run="next")
         stage.pass_time(40 * MS)
         assert set(stage.take()[1:]) == {(0.0, False)}, end
-
-
-def actuator_close() -> Ask[None]:
-    return Ask("close", NoArguments(), None, "read")
 
 
 # --- without a program -----------------------------------------------------------------------------------
@@ -271,13 +262,13 @@ def actuator_close() -> Ask[None]:
 
 def test_without_a_program_a_connection_commands_within_the_range_of_the_command() -> None:
     stage = Stage()
-    eve = Caller(stage, "eve", 0)
-    assert eve.do(to(100.0, lease=0.12)) is None
+    eve = stage.connect("eve/1", 0)
+    eve.do(to(100.0, lease=0.12))
     effects = stage.tick(1, run="")
     assert stage.take() == [(100.0, True)]
     [verdict] = verdicts(effects)
     assert (verdict.actuator, verdict.outside, verdict.values) == ("move", "eve/1", (100.0, True))
-    assert eve.do(to(401.0)) == "arguments"
+    assert eve.refusal(to(401.0)) == "arguments"
     stage.tick(2, run="")
     stage.tick(3, run="")
     stage.tick(4, run="")
@@ -286,25 +277,25 @@ def test_without_a_program_a_connection_commands_within_the_range_of_the_command
 
 def test_the_run_begins_and_ends_while_a_connection_commands() -> None:
     stage = Stage()
-    eve = Caller(stage, "eve", 50)
+    eve = stage.connect("eve/1", 50)
     eve.do(to(100.0))
     stage.tick(1, run="")
-    stage.open()
-    assert stage.do(deploy(program())).problem is None
+    stage.leader.open("leader")
+    stage.leader.do(deploy(program()))
     stage.tick(2, run="")
     assert stage.take() == [(100.0, True), "safe"], "as the program is deployed, and has not begun"
     stage.decide(3, 300.0, True)
     assert stage.take() == [(100.0, True)]
-    stage.do(actuator_close())
+    stage.leader.close()
     stage.tick(4, run="")
     assert stage.take() == [(0.0, False), (100.0, True)]
 
 
 def test_a_program_forgets_what_it_sent_before_a_connection_commanded_without_it() -> None:
     stage = Stage(program())
-    eve = Caller(stage, "eve", 50)
+    eve = stage.connect("eve/1", 50)
     stage.decide(1, 300.0, True)
-    stage.do(actuator_close())
+    stage.leader.close()
     stage.tick(2, run="")
     eve.do(to(100.0, lease=0.06))
     stage.tick(3, run="")
@@ -316,7 +307,7 @@ def test_a_program_forgets_what_it_sent_before_a_connection_commanded_without_it
 
 def test_in_frames_of_another_run_nobody_commands() -> None:
     stage = Stage()
-    eve = Caller(stage, "eve", 50)
+    eve = stage.connect("eve/1", 50)
     eve.do(to(100.0))
     stage.tick(1, run="")
     stage.tick(2, run="another")
@@ -326,7 +317,7 @@ def test_in_frames_of_another_run_nobody_commands() -> None:
 
 def test_commands_for_which_the_program_has_no_actuator_are_free() -> None:
     stage = Stage(program("run", structs.replace(LIFT, server="Other")))
-    Caller(stage, "eve", 50).do(to(100.0))
+    stage.connect("eve/1", 50).do(to(100.0))
     assert verdicts(stage.tick(1)) == []
     assert stage.take() == [(100.0, True)]
 
@@ -334,10 +325,10 @@ def test_commands_for_which_the_program_has_no_actuator_are_free() -> None:
 def test_a_command_that_the_range_of_a_program_narrows_is_held_to_it() -> None:
     narrow = structs.replace(LIFT, fields=(structs.replace(HEIGHT, high=200.0), FAST))
     stage = Stage()
-    Caller(stage, "eve", 50).do(to(300.0))
+    stage.connect("eve/1", 50).do(to(300.0))
     stage.tick(1, run="")
-    stage.open()
-    stage.do(deploy(program("run", narrow)))
+    stage.leader.open("leader")
+    stage.leader.do(deploy(program("run", narrow)))
     stage.decide(2)
     assert stage.take() == [(300.0, True), (200.0, True)]
 
@@ -357,21 +348,21 @@ WRONG: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("values", "reason"), WRONG)
 def test_values_that_are_no_command_are_refused(values: dict[str, Any], reason: str) -> None:
     for deployed in ((), (program(),)):
-        eve = Caller(Stage(*deployed), "eve", 50)
-        assert reason in eve.refusal(actuator.command("move", values))
+        eve = Stage(*deployed).connect("eve/1", 50)
+        assert reason in eve.problem(actuator.command("move", values)).message
 
 
 def test_other_commands_are_refused() -> None:
-    eve = Caller(Stage(), "eve", 50)
-    assert eve.refusal(actuator.command("mvoe", {})) == "Lift has no command `mvoe`; it has move"
+    eve = Stage().connect("eve/1", 50)
+    assert eve.problem(actuator.command("mvoe", {})).message == "Lift has no command `mvoe`; it has move"
 
 
 def test_a_field_that_the_actuator_does_not_declare_may_be_left_out() -> None:
     alone = structs.replace(LIFT, fields=(HEIGHT,), field_indices=(0, None), idle=(5.0,), reported=())
     stage = Stage(program("run", alone))
-    eve = Caller(stage, "eve", 50)
-    assert "the actuator `lift` has no such field" in eve.refusal(to(100.0))
-    assert eve.do(actuator.command("move", {"height": 100.0})) is None
+    eve = stage.connect("eve/1", 50)
+    assert "the actuator `lift` has no such field" in eve.problem(to(100.0)).message
+    eve.do(actuator.command("move", {"height": 100.0}))
     [verdict] = verdicts(stage.decide(1))
     assert stage.take() == [(100.0, False)]
     assert verdict.values == (100.0,)
@@ -379,7 +370,7 @@ def test_a_field_that_the_actuator_does_not_declare_may_be_left_out() -> None:
 
 def test_a_number_may_be_whole() -> None:
     stage = Stage(program())
-    Caller(stage, "eve", 50).do(actuator.command("move", {"height": 100, "fast": True}))
+    stage.connect("eve/1", 50).do(actuator.command("move", {"height": 100, "fast": True}))
     stage.decide(1)
     assert repr(stage.take()) == "[(100.0, True)]"
 
@@ -391,41 +382,41 @@ def test_a_number_may_be_whole() -> None:
 @pytest.mark.parametrize("by_tick", [False, True])
 def test_an_emergency_stop_beats_all(deployed: tuple[Any, ...], by_tick: bool) -> None:
     stage, run = Stage(*deployed), "run" if deployed else ""
-    eve = Caller(stage, "eve", 50)
+    eve = stage.connect("eve/1", 50)
     eve.do(actuator.lock())
     eve.do(to(100.0))
     stage.tick(1, run=run)
     assert stage.take() == [(100.0, True)]
     if by_tick:
-        stage.tick(2, run=run, stopped=Stopped(by="bob/1", t_ns=stage.now))
+        stage.tick(2, run=run, stopped=Stopped(by="bob/1", t_ns=stage.now_ns))
     else:
         stage.handle(call_of(emergency.stop(), "bob/1"))
     stopped = (0.0, False) if deployed and deployed[0].actuators[0].idle else "safe"
     assert set(stage.take()) == {stopped}
-    assert eve.do(to(100.0)) == "stopped"
+    assert eve.refusal(to(100.0)) == "stopped"
     stage.tick(3, run=run)
     assert set(stage.take()) <= {stopped}
-    stage.tick(4, run=run, released_ns=stage.now)
+    stage.tick(4, run=run, released_ns=stage.now_ns)
     stage.bid(4)
     stage.bid(4, client="down")
     assert (100.0, True) not in stage.take(), "the command is over"
-    assert eve.do(to(100.0)) is None
+    eve.do(to(100.0))
     stage.tick(5, run=run)
     assert stage.take()[-1] == (100.0, True)
 
 
 def test_a_silent_clock_stops_it_and_refuses_commands() -> None:
     stage = Stage()
-    eve = Caller(stage, "eve", 50)
+    eve = stage.connect("eve/1", 50)
     eve.do(to(100.0, lease=60.0))
     stage.tick(1, run="")
     stage.take()
     stage.pass_time(3 * FRAME_NS)
     assert stage.take() == ["safe"]
-    eve = Caller(stage, "eva", 51)
-    stage.now += CLOCK_GRACE_NS
-    assert eve.do(to(100.0)) in ("clock", "closed")
-    assert Caller(stage, "ann", 52).do(to(100.0)) == "clock"
+    eve = stage.connect("eva/1", 51)
+    stage.now_ns += CLOCK_GRACE_NS
+    assert eve.refusal(to(100.0)) in ("clock", "closed")
+    assert stage.connect("ann/1", 52).refusal(to(100.0)) == "clock"
 
 
 # --- what is known of it -----------------------------------------------------------------------------------
@@ -433,12 +424,11 @@ def test_a_silent_clock_stops_it_and_refuses_commands() -> None:
 
 def test_the_arbitration_shows_who_commands() -> None:
     stage = Stage(program())
-    eve, bob = Caller(stage, "eve", 50), Caller(stage, "bob", 60)
+    eve, bob = stage.connect("eve/1", 50), stage.connect("bob/1", 60)
     eve.do(to(100.0, lease=1.0))
     bob.do(actuator.ignore_limits())
     stage.decide(1, 300.0, True)
-    [reply] = bob.send(actuator.arbitration())
-    found = msgspec.msgpack.decode(reply.result, type=actuator.Arbitration)
+    found = bob.do(actuator.arbitration())
     assert (found.run, found.leader, found.lock_holder, found.stopped) == ("run", "ada/1", None, None)
     [lift] = found.actuators
     assert (lift.name, lift.command, lift.acting, lift.frames) == ("lift", "move", "eve/1", 1)

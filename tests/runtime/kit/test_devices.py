@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-import msgspec
 import pytest
 
 from colony.body.servers import in_declared_units
@@ -17,18 +16,18 @@ from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterS
 from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Enum, ScalarValue
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.commands import CommandPerformer
-from colony.runtime.kit.description import Description, describe, server_spec
+from colony.runtime.kit.description import describe, server_spec
 from colony.runtime.kit.devices import NEVER_READ_NS, DeviceReader, device_commands, device_server
 from colony.runtime.kit.fields import MAX_AGE_NS
 from colony.runtime.kit.once import RECOVERED_AFTER
-from colony.runtime.kit.service import RETRY_SAFE_NS, Service
+from colony.runtime.kit.service import RETRY_SAFE_NS
 from colony.runtime.library import emergency
 from colony.runtime.library.ask import STATUS
-from colony.runtime.protocol.calls import Status
 from colony.runtime.protocol.messages import Reply, Sample, Send, Tick, Wake, WakeAt
 from colony.runtime.servers.drivers import MAX_PROBLEM_LENGTH, Drivers, Reading, problems_of
 from colony.runtime.transport.virtual import VirtualClock
-from tests.runtime.calling import call_of, opening
+from tests.kit.calling import call_of
+from tests.kit.node_stage import NodeStage
 from tests.runtime.scripted import Log
 
 MS = 1_000_000
@@ -306,14 +305,8 @@ LIFT = ServerSpec(
 
 
 def test_its_description_says_what_the_spec_says() -> None:
-    server = device_server(LIFT, Device(), print)
-    list(server.handle(call_of(opening("ada"), "ada/1"), 0))
-    [reply] = [
-        effect.message
-        for effect in server.handle(call_of(describe(), "ada/1", 2), 1)
-        if isinstance(effect, Send) and isinstance(effect.message, Reply)
-    ]
-    described = server_spec(msgspec.msgpack.decode(reply.result, type=Description))
+    ada = NodeStage(device_server(LIFT, Device(), print)).connect()
+    described = server_spec(ada.do(describe()))
     assert described.fields == LIFT.fields
     assert [(p.name, p.low, p.high) for p in described.commands[0].parameters] == [
         ("height", 0.0, 400.0),
@@ -610,38 +603,33 @@ def test_a_driver_that_exits_ends_nothing() -> None:
 # --- what fails now --------------------------------------------------------------------------------------
 
 
-def _failing(service: Service, connection: str) -> tuple[str, ...]:
+def _failing(stage: NodeStage, connection: str) -> tuple[str, ...]:
     """Return what the status of a server says that fails, over a connection of its own."""
-    list(service.handle(call_of(opening("ann"), connection, 1), 0))
-    effects = list(service.handle(call_of(STATUS, connection, 2), 0))
-    [reply] = [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, Reply)]
-    assert reply.problem is None
-    return msgspec.msgpack.decode(reply.result, type=Status).failing
+    return stage.connect(connection).do(STATUS).failing
 
 
 def test_the_status_of_the_server_says_what_fails_now() -> None:
     device = Device({"scan": Reading((1.0, 2.0, 3.0), 0)})
-    service = device_server(ServerSpec("S", fields=(scan_of(),)), device, lambda text: None)
-    ticks = iter(range(1_000))
+    stage = NodeStage(device_server(ServerSpec("S", fields=(scan_of(),)), device, lambda text: None))
 
     def frames(count: int) -> None:
         for _ in range(count):
-            k = next(ticks)
-            list(service.handle(Tick(k=k, t_ns=k * 100 * MS), k * 100 * MS))
+            stage.now_ns += 100 * MS
+            stage.handle(Tick(k=stage.now_ns // (100 * MS), t_ns=stage.now_ns))
 
     frames(1)
-    assert _failing(service, "ann/1") == ()
+    assert _failing(stage, "ann/1") == ()
     device.found = ValueError("no bus")
     frames(1)
-    assert _failing(service, "ann/2") == ("fields of S failed: ValueError: no bus",)
+    assert _failing(stage, "ann/2") == ("fields of S failed: ValueError: no bus",)
     device.found = {"scan": Reading((1.0, 2.0), 0)}
     frames(RECOVERED_AFTER + 1)
-    assert _failing(service, "ann/3") == ("S.scan has 2 elements; expected 3",)
+    assert _failing(stage, "ann/3") == ("S.scan has 2 elements; expected 3",)
     device.found = {"scan": Reading((1.0, 2.0, 3.0), 0)}
     frames(RECOVERED_AFTER + 1)
-    assert _failing(service, "ann/4") == ()
+    assert _failing(stage, "ann/4") == ()
     device.problem = "OSError: port is gone"  # type: ignore[attr-defined]  # as `Background` says it
-    assert _failing(service, "ann/5") == ("OSError: port is gone",)
+    assert _failing(stage, "ann/5") == ("OSError: port is gone",)
 
 
 def test_what_a_driver_says_of_itself_is_checked() -> None:
@@ -664,10 +652,8 @@ def test_a_device_that_cannot_be_made_safe_fails_until_it_can() -> None:
     device = Device()
     device.failing_safe = True
     spec = ServerSpec("S", commands=(CommandSpec("set", (ParameterSpec("x", DIMENSIONLESS, ""),)),))
-    service = device_server(spec, device, lambda text: None)
-    list(service.start(0))
-    assert _failing(service, "ann/1") == ("safe of S.set failed: OSError: port is gone",)
+    stage = NodeStage(device_server(spec, device, lambda text: None))
+    assert _failing(stage, "ann/1") == ("safe of S.set failed: OSError: port is gone",)
     device.failing_safe = False
-    list(service.handle(Wake(), RETRY_SAFE_NS))
-    list(service.handle(Wake(), 2 * RETRY_SAFE_NS))
-    assert _failing(service, "ann/2") == ()
+    stage.until(2 * RETRY_SAFE_NS)
+    assert _failing(stage, "ann/2") == ()

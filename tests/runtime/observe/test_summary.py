@@ -129,7 +129,6 @@ def test_a_server_without_verdicts_is_named() -> None:
     session(awake(), Script(), Deaf()).run(4 * S)
     summary = tally.summary(seed=0, duration_s=4.0, interrupted=False, travel=None)
     (drive,) = summary.actuators
-    assert drive.unheard is not None
     assert (drive.unheard.server, drive.unheard.frames, drive.unheard.percent) == ("RServer", 20, 25.0)
     assert sum(share.frames for share in drive.shares) + drive.unheard.frames == summary.frames
     assert "    cruise                      3.00 s   75.0 %\n" in render(summary)

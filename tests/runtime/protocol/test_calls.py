@@ -136,7 +136,6 @@ def result(replies: list[Any]) -> Any:
 
 def code(replies: list[Any]) -> str:
     (reply,) = replies
-    assert reply.problem is not None
     return str(reply.problem.code)
 
 
@@ -179,12 +178,10 @@ def test_large_answers_are_not_kept_for_long(sums: Sums) -> None:
 def test_problems_say_what_was_found(sums: Sums) -> None:
     (reply,) = sums.tell(call(ANN, 2, "add", {"amount": "much"}))
     assert isinstance(reply, Reply)
-    assert reply.problem is not None
     assert reply.problem.code == "arguments"
     assert reply.problem.message == "Sums.add: Expected `int`, got `str` - at `$.amount`"
     (reply,) = sums.tell(call(ANN, 3, "subtract"))
     assert isinstance(reply, Reply)
-    assert reply.problem is not None
     assert reply.problem.message.startswith("Sums has no method `subtract`; it has open, close, status, sum")
     assert code(sums.tell(call(ANN, 4, "add", Add(amount=-1)))) == "negative"
     assert sums.sum == 0
@@ -247,7 +244,6 @@ def test_who_is_not_connected(sums: Sums) -> None:
 def test_who_is_not_admitted(sums: Sums) -> None:
     sums.banned = "mallory"
     reply = sums.open(BOB, name="mallory")
-    assert reply.problem is not None
     assert reply.problem.message == "mallory may not come in"
     assert code(sums.tell(call(BOB, 2, "sum"))) == "closed"
 

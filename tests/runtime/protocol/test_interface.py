@@ -70,7 +70,6 @@ def test_a_robot_may_have_more_but_not_less() -> None:
     less = robot(("  sensor rays[3] : m from PServer.rays\n", ""))
     assert interface_problem(interface_of(less), interface_of(robot())) is None
     problem = interface_problem(interface_of(robot()), interface_of(less))
-    assert problem is not None
     assert problem.endswith(": `rays` is not there")
 
 
@@ -91,7 +90,6 @@ def test_a_long_list_of_differences_is_cut() -> None:
         return interface_of(load_text(f"robot r {{ {sensors} }}").robot)
 
     problem = interface_problem(many("mm", 9), many("m", 9))
-    assert problem is not None
     assert problem.endswith("`s3` differs (type), `s4` differs (type) and 4 more")
     large = many("mm", MAX_DIGESTS // 5)
     assert large.size == 1

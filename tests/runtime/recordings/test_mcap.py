@@ -144,7 +144,6 @@ def test_messages_are_as_their_schemas_say() -> None:
     right[0] = replace(right[0], requests=(bid,), disagreements=("x",))
     checked = 0
     for schema, channel, message in make_reader(io.BytesIO(as_mcap(PROGRAM, right).content)).iter_messages():
-        assert schema is not None
         assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
         well_formed(json.loads(schema.data))
         conforms(json.loads(message.data), json.loads(schema.data))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.runtime.servers.data_stage import Connection, DataStage
+from tests.kit.data import DataStage
+from tests.kit.node_stage import Caller
 
 
 @pytest.fixture
@@ -13,5 +14,5 @@ def stage() -> DataStage:
 
 
 @pytest.fixture
-def ada(stage: DataStage) -> Connection:
+def ada(stage: DataStage) -> Caller:
     return stage.connect()

@@ -56,7 +56,8 @@ from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
 from colony.runtime.transport.live.keys import CallKey, carries_calls, check_call
-from tests.runtime.servers.base_stage import CLIENTS, FRAME, RollingBase, deployed
+from tests.kit.base import CLIENTS, RollingBase, deployed
+from tests.kit.node_stage import FRAME_NS
 from tests.runtime.servers.nonsense import Grammar, Hints, Vandal, tree_bytes
 
 KEEP = 40
@@ -171,7 +172,7 @@ class Stage:
         if chance < 0.04:
             self.tick()
         elif chance < 0.06:
-            self.pass_time(random.choice((1, FRAME, 300_000_000, 2_000_000_000)))
+            self.pass_time(random.choice((1, FRAME_NS, 300_000_000, 2_000_000_000)))
         else:
             topic = random.choice(self._topics)
             if random.random() < 0.5:

@@ -31,7 +31,8 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.store.sqlite import SqliteStore
 from colony.runtime.store.store import Key, MemoryStore, StoreError
-from tests.runtime.servers.data_stage import MS, Connection, DataStage, S, StageError
+from tests.kit.data import DataStage
+from tests.kit.node_stage import MS, Caller, CallError, S, messages
 
 
 def field(name: str, kind: Any = "number") -> ActuatorFieldSpec:
@@ -85,16 +86,16 @@ def request(k: int, actuator: str, *values: float | bool) -> Request:
 
 
 def verdicts(effects: list[Effect]) -> list[Verdict]:
-    return [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, Verdict)]
+    return messages(effects, Verdict)
 
 
 def tick(stage: DataStage, k: int, run: str = "run") -> list[Effect]:
-    return stage.handle(Tick(k=k, t_ns=stage.now, run=run))
+    return stage.handle(Tick(k=k, t_ns=stage.now_ns, run=run))
 
 
 def last(effects: list[Effect]) -> dict[str, object]:
     """What the frame among these effects says was sent before."""
-    (frame,) = [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, ServerFrame)]
+    (frame,) = messages(effects, ServerFrame)
     fields = frame.fields
     return {name: sample and sample.value for name, sample in fields.items() if name.startswith("last.")}
 
@@ -124,8 +125,8 @@ def test_what_was_sent_survives_a_death_where_the_actuator_holds_it() -> None:
 
 
 def test_it_has_something_to_settle(stage: DataStage) -> None:
-    assert isinstance(stage.server, SettlingNode)
-    assert len(set(stage.server.listens)) == len(stage.server.listens)
+    assert isinstance(stage.node, SettlingNode)
+    assert len(set(stage.node.listens)) == len(stage.node.listens)
 
 
 # --- deployments ---------------------------------------------------------------------------------
@@ -156,7 +157,7 @@ def test_one_run_at_a_time(stage: DataStage) -> None:
     ada, bob = stage.connect("ada/1"), stage.connect("bob/1")
     ada.do(deploy(program("first", LAMP)))
     ada.do(deploy(program("first", LAMP)))
-    with pytest.raises(StageError, match="which ada/1 leads") as failed:
+    with pytest.raises(CallError, match="which ada leads") as failed:
         bob.do(deploy(program("second", POSE)))
     assert failed.value.code == "busy"
     ada.do(deploy(program("third", LAMP)))
@@ -182,7 +183,7 @@ def test_the_same_run_again_changes_nothing(stage: DataStage) -> None:
 def test_impossible_deployments_are_refused(stage: DataStage) -> None:
     leader = stage.connect()
     wrong = Deployment(run="r", program="demo", frame_ns=0, seed=1, actuators=())
-    with pytest.raises(StageError, match="0 ns"):
+    with pytest.raises(CallError, match="0 ns"):
         leader.do(deploy(wrong))
 
 
@@ -192,7 +193,7 @@ def test_in_frames_of_another_run_nothing_is_decided(stage: DataStage) -> None:
     effects = tick(stage, 2, run="")
     assert [v.k for v in verdicts(effects)] == [1]
     assert verdicts(stage.handle(request(2, "lamp", True))) == []
-    stage.now += S
+    stage.now_ns += S
     assert verdicts(stage.handle(Wake()) + tick(stage, 3, run="")) == []
     assert stage.fields(4) == {}
 
@@ -274,12 +275,12 @@ def test_checkpoints_have_an_end() -> None:
     stage.handle(checkpoint(1, memory=b"m" * (1 << 20), client="drive/0"))
     stage.handle(checkpoint(2, memory=b"m" * ((1 << 20) + 1), client="drive/0"))
     assert recalled(stage, "drive/0").k == 1
-    assert stage.server.limit_messages() == ()
+    assert stage.node.limit_messages() == ()
     for i in range(20):
         stage.handle(checkpoint(1, memory=b"m" * (1 << 20), client=f"drive/{i}"))
     kept = [i for i in range(20) if recalled(stage, f"drive/{i}").k == 1]
     assert kept == list(range(15)), "each counts for its name, too"
-    assert stage.server.limit_messages() == (
+    assert stage.node.limit_messages() == (
         "checkpoints: 15.0 MiB of 16.0 MiB are used, and there was no room for more",
     )
     stage.handle(checkpoint(3, memory=b"m" * (1 << 20), client="drive/0"))
@@ -324,11 +325,11 @@ def test_closing_commits_and_lets_go_of_the_store(tmp_path: Any) -> None:
     path = tmp_path / "state.db"
     stage = DataStage(SqliteStore(path), deployment=program("run", DRIVE))
     stage.handle(checkpoint(1))
-    list(stage.server.handle(checkpoint(2), stage.now))
-    stage.server.close()
+    list(stage.node.handle(checkpoint(2), stage.now_ns))
+    stage.node.close()
     stage = DataStage(SqliteStore(path))
     assert recalled(stage).k == 2
-    stage.server.close()
+    stage.node.close()
 
 
 def test_nothing_leaves_where_it_cannot_be_kept() -> None:
@@ -337,8 +338,8 @@ def test_nothing_leaves_where_it_cannot_be_kept() -> None:
             raise StoreError("disk full")
 
     stage = DataStage(Full())
-    ada = Connection(stage, "ada/1", 0)
+    ada = Caller(stage, "ada/1", 0)
     ada.open()
     with pytest.raises(StoreError, match="disk full"):
         ada.begin(data.set("X", 1))
-    assert ada.replies(stage.sent) == ada.replies(stage.sent)[:1]
+    assert ada.replies(stage.effects) == ada.replies(stage.effects)[:1]

@@ -14,7 +14,8 @@ from colony.runtime.servers.frame_content import (
     MAX_NAMES_PER_CONNECTION,
     MAX_NAMES_REQUESTED,
 )
-from tests.runtime.servers.data_stage import MS, Connection, DataStage, S
+from tests.kit.data import DataStage
+from tests.kit.node_stage import MS, Caller, S
 
 
 def program(run: str, *reads: str) -> Deployment:
@@ -25,14 +26,12 @@ def deploy(deployed: Deployment) -> Ask[None]:
     return Ask("deploy", deployed, type(None), "command")
 
 
-def test_frames_are_empty_unless_somebody_asked(stage: DataStage, ada: Connection) -> None:
+def test_frames_are_empty_unless_somebody_asked(stage: DataStage, ada: Caller) -> None:
     ada.do(data.set_many({f"V{i}": i for i in range(1000)}))
     assert stage.frame(1).fields == {}
 
 
-def test_a_program_reads_what_it_is_bound_to_in_the_frames_of_its_run(
-    stage: DataStage, ada: Connection
-) -> None:
+def test_a_program_reads_what_it_is_bound_to_in_the_frames_of_its_run(stage: DataStage, ada: Caller) -> None:
     ada.do(data.set_many({"X": 1, "Y": 2, "Z": 3}))
     ada.do(deploy(program("first", "X", "Later")))
     assert stage.fields(1) == {}
@@ -46,7 +45,7 @@ def test_a_program_reads_what_it_is_bound_to_in_the_frames_of_its_run(
 
 @pytest.mark.parametrize("value", ["200", [], {"a": 1}, [1, "a"], [[1]]])
 def test_a_value_that_frames_cannot_show_is_a_fault_where_the_program_reads_it(
-    stage: DataStage, ada: Connection, value: object
+    stage: DataStage, ada: Caller, value: object
 ) -> None:
     ada.do(deploy(program("run", "X")))
     ada.do(data.set_many({"X": value, "Y": value}))
@@ -62,7 +61,7 @@ def test_a_value_that_frames_cannot_show_is_a_fault_where_the_program_reads_it(
         assert stage.fields(k, "run") == ({} if shown is None else {"X": shown})
 
 
-def test_what_the_program_reads_survives_a_death(stage: DataStage, ada: Connection) -> None:
+def test_what_the_program_reads_survives_a_death(stage: DataStage, ada: Caller) -> None:
     ada.do(data.set("X", 1))
     ada.do(deploy(program("run", "X")))
     stage.kill_and_restart()
@@ -75,7 +74,7 @@ def test_a_program_that_is_there_from_the_beginning_reads_too() -> None:
     assert stage.fields(1, "run") == {"X": 1.0}
 
 
-def test_a_deleted_variable_is_missing_from_the_next_frame_on(stage: DataStage, ada: Connection) -> None:
+def test_a_deleted_variable_is_missing_from_the_next_frame_on(stage: DataStage, ada: Caller) -> None:
     ada.do(data.set_history("X", 3))
     ada.do(data.set_many({"X": 1}))
     ada.do(deploy(program("run", "X")))
@@ -94,7 +93,7 @@ def test_a_deleted_variable_is_missing_from_the_next_frame_on(stage: DataStage, 
     assert ada.refusal(data.get("X", -1)) == "range", "its history is gone, too"
 
 
-def test_publish_lasts_as_long_as_the_connection(stage: DataStage, ada: Connection) -> None:
+def test_publish_lasts_as_long_as_the_connection(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     ada.do(data.set_many({"X": 1, "Y": 2, "Z": 3}))
     ada.do(data.publish(["X", "X", "Never"]))
@@ -108,7 +107,7 @@ def test_publish_lasts_as_long_as_the_connection(stage: DataStage, ada: Connecti
 
 
 def test_what_a_program_and_a_connection_ask_for_stays_while_one_of_them_does(
-    stage: DataStage, ada: Connection
+    stage: DataStage, ada: Caller
 ) -> None:
     bob = stage.connect("bob/1")
     ada.do(data.set("X", 1))
@@ -119,7 +118,7 @@ def test_what_a_program_and_a_connection_ask_for_stays_while_one_of_them_does(
     assert stage.fields(3, "run") == {"X": 1.0}
 
 
-def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
+def test_publishing_has_an_end(stage: DataStage, ada: Caller) -> None:
     ada.do(data.publish([f"V{i}" for i in range(MAX_NAMES_PER_CONNECTION)]))
     ada.do(data.publish(["V1"]))
     assert ada.refusal(data.publish(["one more"])) == "full"
@@ -130,7 +129,7 @@ def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
         other.do(data.publish([f"W{number}.{i}" for i in range(MAX_NAMES_PER_CONNECTION)]))
     assert others[-1].refusal(data.publish(["one more"])) == "full"
     assert "names requested in frames: 10000 of 10000 are used, and there was no room for more" in (
-        stage.server.limit_messages()
+        stage.node.limit_messages()
     )
     ada.close()
     others[-1].do(data.publish(["one more"]))
@@ -140,9 +139,7 @@ def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
     )
 
 
-def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(
-    stage: DataStage, ada: Connection
-) -> None:
+def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(stage: DataStage, ada: Caller) -> None:
     quarter = [0.5] * (MAX_LIST_LENGTH // 4 - 10)
     ada.do(data.set_many({"A": quarter, "B": quarter, "C": quarter}))
     ada.do(data.publish(["A", "B"]))
@@ -157,11 +154,11 @@ def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(
     assert set(stage.fields(4, "run")) == {"B", "C", "P"}, "nobody takes the program's room"
     assert ada.refusal(data.set("P", [0.5] * MAX_LIST_LENGTH)) == "full"
     assert set(stage.fields(5)) == {"B", "C"}, "of another run"
-    said = {sentence.partition(":")[0] for sentence in stage.server.limit_messages()}
+    said = {sentence.partition(":")[0] for sentence in stage.node.limit_messages()}
     assert said == {"numbers in frames", "numbers in frames that no program reads"}
 
 
-def test_what_the_program_reads_without_room_is_missing(stage: DataStage, ada: Connection) -> None:
+def test_what_the_program_reads_without_room_is_missing(stage: DataStage, ada: Caller) -> None:
     ada.do(data.set_many({"Long": [0.5] * (MAX_LIST_LENGTH - 20), "Second": [0.5] * 100, "Short": 1}))
     ada.do(deploy(program("run", "Long", "Second", "Short")))
     assert set(stage.fields(1, "run")) == {"Long", "Short"}
@@ -171,14 +168,14 @@ def test_what_the_program_reads_without_room_is_missing(stage: DataStage, ada: C
     assert set(stage.fields(2, "run")) == {"Long", "Second", "Short"}
 
 
-def test_a_full_server_still_answers(stage: DataStage, ada: Connection) -> None:
+def test_a_full_server_still_answers(stage: DataStage, ada: Caller) -> None:
     for i in range(67):
         ada.do(data.set(f"Big{i:02}", b"a" * 1_000_000))
     assert ada.refusal(data.set("Big", b"a" * 1_000_000)) == "full"
     kept = ada.do(data.names())
     assert len(ada.do(data.get(kept[0], type=bytes))) == 1_000_000
     assert any(
-        said.startswith("values of variables: 63.9 MiB of 64.0 MiB") for said in stage.server.limit_messages()
+        said.startswith("values of variables: 63.9 MiB of 64.0 MiB") for said in stage.node.limit_messages()
     )
     assert ada.do(data.delete(kept[0]))
     ada.do(data.set("Big", b"a" * 1_000_000))

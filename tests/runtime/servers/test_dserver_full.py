@@ -12,7 +12,8 @@ from colony.runtime.protocol.calls import NoArguments, Status
 from colony.runtime.protocol.messages import Request, Send, Tick, Verdict
 from colony.runtime.servers.dserver import SPACE_CHECK_INTERVAL_NS
 from colony.runtime.store.store import StoreFullError
-from tests.runtime.servers.data_stage import Connection, Cramped, DataStage, S, StageError
+from tests.kit.data import Cramped, DataStage
+from tests.kit.node_stage import Caller, CallError, S
 from tests.runtime.servers.test_dserver import DRIVE, LAMP, POSE, checkpoint, deploy, program, recalled
 
 KEPT = [
@@ -43,7 +44,7 @@ def stage(store: Cramped) -> DataStage:
 
 
 @pytest.fixture
-def ada(stage: DataStage) -> Connection:
+def ada(stage: DataStage) -> Caller:
     """She has a variable and holds a semaphore; another one is free."""
     ada = stage.connect()
     for ask in (
@@ -60,7 +61,7 @@ def fill(stage: DataStage, store: Cramped) -> None:
     """Let the disk get full, as a change that nobody was promised finds out."""
     store.room = False
     stage.handle(checkpoint(1))
-    stage.handle(Tick(k=1, t_ns=stage.now, run="run"))
+    stage.handle(Tick(k=1, t_ns=stage.now_ns, run="run"))
     stage.handle(lamp(1, True))
     assert store.full == "no room"
 
@@ -71,24 +72,24 @@ def lamp(k: int, on: bool) -> Request:
 
 def lit(stage: DataStage, k: int, on: bool) -> None:
     """Have the program switch the lamp in frame k."""
-    stage.handle(Tick(k=k, t_ns=stage.now, run="run"))
+    stage.handle(Tick(k=k, t_ns=stage.now_ns, run="run"))
     sent = stage.handle(lamp(k, on))
     assert [e.message.by for e in sent if isinstance(e, Send) and isinstance(e.message, Verdict)] == [
         "counter"
     ]
 
 
-def status(connection: Connection) -> Status:
+def status(connection: Caller) -> Status:
     return connection.do(Ask("status", NoArguments(), Status, "read"))
 
 
 @pytest.mark.parametrize("ask", KEPT, ids=lambda ask: ask.method)
 def test_what_must_be_kept_is_refused_before_anything_is_changed(
-    stage: DataStage, store: Cramped, ada: Connection, ask: Ask[Any]
+    stage: DataStage, store: Cramped, ada: Caller, ask: Ask[Any]
 ) -> None:
     fill(stage, store)
     before = stage.fields(2, "run"), ada.do(data.semaphore("free")), ada.do(data.semaphore("taken"))
-    with pytest.raises(StageError, match="DServer keeps nothing new: no room") as failed:
+    with pytest.raises(CallError, match="DServer keeps nothing new: no room") as failed:
         ada.do(ask)
     assert failed.value.code == "full"
     assert before == (
@@ -100,15 +101,13 @@ def test_what_must_be_kept_is_refused_before_anything_is_changed(
     assert ada.do(data.history("X"))[0].read() == 1
 
 
-def test_calls_that_look_frames_and_actuators_go_on(
-    stage: DataStage, store: Cramped, ada: Connection
-) -> None:
+def test_calls_that_look_frames_and_actuators_go_on(stage: DataStage, store: Cramped, ada: Caller) -> None:
     fill(stage, store)
     assert ada.do(data.get("X")) == 1
     ada.do(data.publish("X"))
     ada.do(data.unwatch())
     for k in range(2, 100):
-        stage.now += S // 20
+        stage.now_ns += S // 20
         lit(stage, k, k % 2 == 0)
         assert stage.fields(k + 1, "run") == {"Lamp": k % 2 == 0, "X": 1}
         ada.do(data.get("X"))
@@ -126,12 +125,12 @@ def test_the_program_and_its_clients_find_their_memory(stage: DataStage, store: 
     assert recalled(stage).k == 7
 
 
-def test_status_tells_and_room_is_noticed(stage: DataStage, store: Cramped, ada: Connection) -> None:
+def test_status_tells_and_room_is_noticed(stage: DataStage, store: Cramped, ada: Caller) -> None:
     assert status(ada).full == ()
     fill(stage, store)
     assert status(ada).full == ("nothing new is kept: no room",)
     store.room = True
-    stage.now += SPACE_CHECK_INTERVAL_NS
+    stage.now_ns += SPACE_CHECK_INTERVAL_NS
     ada.open()
     assert status(ada).full == ()
     ada.do(data.set("X", 2))
@@ -142,7 +141,7 @@ def test_status_tells_and_room_is_noticed(stage: DataStage, store: Cramped, ada:
 
 
 def test_nothing_that_was_acknowledged_is_lost_by_a_server_that_dies(
-    stage: DataStage, store: Cramped, ada: Connection
+    stage: DataStage, store: Cramped, ada: Caller
 ) -> None:
     number = ada.number + 1
     ada.do(data.set("X", 5), number)
@@ -156,29 +155,29 @@ def test_nothing_that_was_acknowledged_is_lost_by_a_server_that_dies(
 
 
 def test_a_call_that_waits_is_not_answered_where_that_cannot_be_kept(
-    stage: DataStage, store: Cramped, ada: Connection
+    stage: DataStage, store: Cramped, ada: Caller
 ) -> None:
     bob = stage.connect("bob/1")
     assert bob.begin(data.wait("taken", hold=True)) == []
     fill(stage, store)
     with pytest.raises(StoreFullError):
         ada.close()
-    assert bob.replies(stage.sent)[-1].number == 1  # of `open`
+    assert bob.replies(stage.effects)[-1].number == 1  # of `open`
     stage.kill_and_restart()
     bob.open()
-    with pytest.raises(StageError, match="keeps nothing new") as failed:
+    with pytest.raises(CallError, match="keeps nothing new") as failed:
         bob.do(data.wait("taken", hold=True), 2)
     assert failed.value.code == "full"
 
 
 def test_a_batch_that_cannot_be_kept_ends_the_server_before_it_answers(
-    stage: DataStage, store: Cramped, ada: Connection
+    stage: DataStage, store: Cramped, ada: Caller
 ) -> None:
     store.room = False
-    sent = len(stage.sent)
+    sent = len(stage.effects)
     with pytest.raises(StoreFullError):
         ada.begin(data.set("X", 2))
-    assert stage.sent[sent:] == []
+    assert stage.effects[sent:] == []
     stage.kill_and_restart()
     ada.open()
     assert ada.do(data.get("X")) == 1

@@ -15,12 +15,13 @@ from colony.runtime.servers.call_answers import CallAnswers
 from colony.runtime.servers.names import SortedNames
 from colony.runtime.servers.notices import SLICE_BYTES, SLICE_INTERVAL_NS, SLICE_NOTICES
 from colony.runtime.store.store import Journal, MemoryStore
-from tests.runtime.servers.data_stage import Connection, DataStage
+from tests.kit.data import DataStage
+from tests.kit.node_stage import Caller
 
 # --- one call ------------------------------------------------------------------------------------
 
 
-def test_a_call_is_of_a_thousand_names_at_most(ada: Connection) -> None:
+def test_a_call_is_of_a_thousand_names_at_most(ada: Caller) -> None:
     names = [f"V{i}" for i in range(1000)]
     ada.do(data.set_many(dict.fromkeys(names, 1)))
     assert len(ada.do(data.get_many(names))) == 1000
@@ -42,7 +43,7 @@ def test_a_call_is_of_a_thousand_names_at_most(ada: Connection) -> None:
 @pytest.mark.parametrize(
     "values", [b"\xde\xff\xff" + b"\xa1a\x90" * 0xFFFF, b"\xdf\x00\x07\xff\xff" + b"\xa0\xc0" * 0x7FFFF]
 )
-def test_values_are_counted_not_only_measured(ada: Connection, values: bytes) -> None:
+def test_values_are_counted_not_only_measured(ada: Caller, values: bytes) -> None:
     """Of one name each, again and again: decoded they would be one value."""
     assert (
         ada.refusal(Ask("set_many", data.SetMany(values=msgspec.Raw(values)), type(None), "command"))
@@ -51,18 +52,18 @@ def test_values_are_counted_not_only_measured(ada: Connection, values: bytes) ->
 
 
 @pytest.mark.parametrize("values", [b"\x90", b"\xc0", b"\x81\x01\x02", b"\x81\xa1\xff\x02"])
-def test_what_is_no_mapping_of_names_is_refused(ada: Connection, values: bytes) -> None:
+def test_what_is_no_mapping_of_names_is_refused(ada: Caller, values: bytes) -> None:
     ask = Ask("set_many", data.SetMany(values=msgspec.Raw(values)), type(None), "command")
     assert ada.refusal(ask) == "arguments"
 
 
-def test_values_of_more_than_a_megabyte_are_refused_together(ada: Connection) -> None:
+def test_values_of_more_than_a_megabyte_are_refused_together(ada: Caller) -> None:
     ada.do(data.set_many({"A": b"a" * 500_000, "B": b"b" * 500_000}))
     assert ada.refusal(data.set_many({"A": b"c" * 600_000, "B": b"c" * 600_000})) == "size"
     assert ada.do(data.get("A", type=bytes))[:1] == b"a"
 
 
-def test_a_long_history_comes_in_parts(ada: Connection) -> None:
+def test_a_long_history_comes_in_parts(ada: Caller) -> None:
     ada.do(data.set_history("X", 2500))
     for x in range(2500):
         ada.do(data.set("X", x))
@@ -87,7 +88,7 @@ def test_there_are_so_many_variables(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ada.refusal(data.set_many({"B": 3, "C": 3, "D": 4})) == "full"
     assert ada.do(data.get("B")) == 2
     ada.do(data.set_history("C", 5))
-    assert stage.server.limit_messages() == ("variables: 3 of 3 are used, and there was no room for more",)
+    assert stage.node.limit_messages() == ("variables: 3 of 3 are used, and there was no room for more",)
     for ask in (data.set("D", 1), data.set_history("D", 2)):
         assert ada.refusal(ask) == "full"
     ada.do(data.set("A", 5))
@@ -108,7 +109,7 @@ def test_there_are_so_many_semaphores_holds_and_waiting_calls(monkeypatch: pytes
         bob.begin(data.wait("T"))
     assert ada.refusal(data.wait("S", hold=True)) == "full"
     assert ada.refusal(data.wait("T")) == "full"
-    assert [said.split(":")[0] for said in stage.server.limit_messages()] == [
+    assert [said.split(":")[0] for said in stage.node.limit_messages()] == [
         "semaphores",
         "holds of semaphores",
         "calls that wait for semaphores",
@@ -133,7 +134,7 @@ def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.Monkey
     assert bob.refusal(data.watch("C")) == "full"
     assert bob.refusal(data.watch(prefixes=["Q"])) == "full"
     bob.do(data.watch("A", prefixes=["P"]))
-    assert len(stage.server.limit_messages()) == 2
+    assert len(stage.node.limit_messages()) == 2
     ada.do(data.unwatch("B", prefixes=["P"]))
     bob.do(data.watch("C", prefixes=["Px"]))
     assert bob.changes(ada.begin(data.set("Pxy", 1))) == [("Pxy", 1)]
@@ -186,18 +187,18 @@ def test_names_are_found_in_order() -> None:
 # --- telling in slices ---------------------------------------------------------------------------
 
 
-def told(stage: DataStage, ada: Connection) -> list[list[tuple[str, Any]]]:
+def told(stage: DataStage, ada: Caller) -> list[list[tuple[str, Any]]]:
     """What it is told in each of the slices that follow, until there is nothing more."""
     slices = []
     while True:
-        stage.now += SLICE_INTERVAL_NS
+        stage.now_ns += SLICE_INTERVAL_NS
         changes = ada.changes(stage.handle(Wake()))
         if not changes:
             return slices
         slices.append(changes)
 
 
-def test_thousands_of_present_values_are_told_in_slices(stage: DataStage, ada: Connection) -> None:
+def test_thousands_of_present_values_are_told_in_slices(stage: DataStage, ada: Caller) -> None:
     names = [f"V{i:03}" for i in range(600)]
     ada.do(data.set_many(dict.fromkeys(names, 1)))
     first = ada.changes(ada.begin(data.watch(prefixes=["V"])))
@@ -210,7 +211,7 @@ def test_thousands_of_present_values_are_told_in_slices(stage: DataStage, ada: C
     assert ada.changes(ada.begin(data.set("V000", 3))) == [("V000", 3)]
 
 
-def test_a_reopened_connection_is_told_in_slices_too(stage: DataStage, ada: Connection) -> None:
+def test_a_reopened_connection_is_told_in_slices_too(stage: DataStage, ada: Caller) -> None:
     names = [f"V{i:03}" for i in range(SLICE_NOTICES + 10)]
     ada.do(data.set_many(dict.fromkeys(names, 1)))
     ada.do(data.watch(prefixes=[""]))
@@ -221,7 +222,7 @@ def test_a_reopened_connection_is_told_in_slices_too(stage: DataStage, ada: Conn
     assert [name for part in told(stage, ada) for name, _ in part] == names[SLICE_NOTICES:]
 
 
-def test_large_values_are_told_a_few_at_a_time(stage: DataStage, ada: Connection) -> None:
+def test_large_values_are_told_a_few_at_a_time(stage: DataStage, ada: Caller) -> None:
     size = SLICE_BYTES // 4
     for i in range(10):
         ada.do(data.set(f"V{i}", b"a" * size))
@@ -237,20 +238,20 @@ def test_everybody_who_watches_is_told_in_the_end(stage: DataStage) -> None:
     bob = stage.connect("bob/1")
     begun = bob.begin(data.set("X", 1))
     assert sum(len(w.changes(begun)) for w in watchers) == SLICE_NOTICES
-    stage.now += SLICE_INTERVAL_NS
+    stage.now_ns += SLICE_INTERVAL_NS
     later = stage.handle(Wake())
     assert [w.changes(begun + later) for w in watchers] == [[("X", 1)]] * len(watchers)
     begun = bob.begin(data.delete("X"))
-    stage.now += SLICE_INTERVAL_NS
+    stage.now_ns += SLICE_INTERVAL_NS
     later = stage.handle(Wake())
     assert [w.changes(begun + later) for w in watchers] == [[("X", ...)]] * len(watchers)
 
 
-def test_slices_are_asked_for_once(stage: DataStage, ada: Connection) -> None:
+def test_slices_are_asked_for_once(stage: DataStage, ada: Caller) -> None:
     """However many messages come meanwhile, one wake is due for the next slice."""
     ada.do(data.set_many({f"V{i:03}": 1 for i in range(900)}))
     effects = ada.begin(data.watch(prefixes=["V"]))
     for _ in range(2):
         effects += ada.begin(data.names())
-    wakes = [e for e in effects if isinstance(e, WakeAt) and e.t_ns == stage.now + SLICE_INTERVAL_NS]
+    wakes = [e for e in effects if isinstance(e, WakeAt) and e.t_ns == stage.now_ns + SLICE_INTERVAL_NS]
     assert len(wakes) == 1

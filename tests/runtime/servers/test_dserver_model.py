@@ -15,8 +15,9 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import LEASE_NS
 from colony.runtime.protocol.messages import Effect
 from colony.runtime.servers.data_calls import RECONNECT_GRACE_NS
+from tests.kit.data import DataStage
+from tests.kit.node_stage import Caller, S, result_of
 from tests.runtime.servers.data_model import CallOf, Model, Outcome
-from tests.runtime.servers.data_stage import Connection, DataStage, S
 
 CONNECTIONS = ("ada/1", "bob/1", "eve/1")
 MOST_CALLS = 50
@@ -100,10 +101,10 @@ class DServerMachine(RuleBasedStateMachine):
     def make(self, call: CallOf) -> None:
         """Make a call, perhaps again: handled, but not yet committed."""
         ask, connection = self.asked[call], self.connections[call.connection]
-        expected = self.model.call(call, ask, self.stage.now)
+        expected = self.model.call(call, ask, self.stage.now_ns)
         message = connection.call(ask, call.number)
-        effects = list(self.stage.server.handle(message, self.stage.now))
-        self.stage.sent += effects
+        effects = list(self.stage.node.handle(message, self.stage.now_ns))
+        self.stage.keep(effects)
         if expected is not None:
             self.model.answered[call] = expected
         self.compare(effects)
@@ -125,7 +126,7 @@ class DServerMachine(RuleBasedStateMachine):
 
     @rule()
     def settle(self) -> None:
-        self.stage.server.settle()
+        self.stage.node.settle()
         self.model.commit()
         self.unacknowledged = []
 
@@ -155,11 +156,11 @@ class DServerMachine(RuleBasedStateMachine):
         self.settle()
         frozen = self.connections[caller]
         there = [c for c in (*self.connections.values(), self.observer) if c is not frozen]
-        start = self.stage.now
+        start = self.stage.now_ns
         self.wait_for(S, there)
         self.model.pass_time(start + LEASE_NS)
         self.model.lose(caller)
-        self.model.pass_time(self.stage.now)
+        self.model.pass_time(self.stage.now_ns)
         self.compare(self.effects)
         self.model.commit()
         self.reopen(frozen)
@@ -168,14 +169,14 @@ class DServerMachine(RuleBasedStateMachine):
     def pass_time(self, seconds: int) -> None:
         self.settle()
         self.wait_for(seconds * S, [*self.connections.values(), self.observer])
-        self.model.pass_time(self.stage.now)
+        self.model.pass_time(self.stage.now_ns)
         self.compare(self.effects)
         self.model.commit()
 
-    def wait_for(self, ns: int, alive: list[Connection]) -> None:
+    def wait_for(self, ns: int, alive: list[Caller]) -> None:
         self.effects = self.stage.pass_time(ns, alive=alive)
 
-    def reopen(self, connection: Connection) -> None:
+    def reopen(self, connection: Caller) -> None:
         """Under the same name; its calls are numbered on."""
         connection.open()
         self.model.commit()
@@ -198,7 +199,7 @@ class DServerMachine(RuleBasedStateMachine):
     def look(self, ask: Ask[Any]) -> Any:
         """Ask without committing."""
         message = self.observer.call(ask)
-        return self.observer.result(ask, self.stage.server.handle(message, self.stage.now))
+        return result_of(ask, self.observer.reply(self.stage.node.handle(message, self.stage.now_ns)))
 
 
 DServerMachine.TestCase.settings = settings(settings(), stateful_step_count=40)

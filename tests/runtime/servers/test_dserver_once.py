@@ -10,10 +10,10 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.servers.call_answers import ANSWERS_PER_CONNECTION, MAX_CONNECTIONS, CallAnswers
 from colony.runtime.store.store import Journal, MemoryStore
-from tests.runtime.servers.data_stage import Connection, S, StageError
+from tests.kit.node_stage import Caller, CallError, S
 
 
-def again(connection: Connection) -> None:
+def again(connection: Caller) -> None:
     """The server dies, is started anew, and the connection is opened again."""
     connection.stage.kill_and_restart()
     connection.open()
@@ -34,7 +34,7 @@ def again(connection: Connection) -> None:
     ids=lambda ask: ask.method,
 )
 def test_what_was_done_is_answered_alike_and_not_done_again(
-    ada: Connection, ask: Ask[Any], other: Ask[Any], expected: Ask[Any]
+    ada: Caller, ask: Ask[Any], other: Ask[Any], expected: Ask[Any]
 ) -> None:
     ada.do(data.set_many({"X": 0}))
     ada.do(data.create_semaphore("T", 1))
@@ -49,17 +49,17 @@ def test_what_was_done_is_answered_alike_and_not_done_again(
     assert ada.do(expected) == before
 
 
-def test_a_call_that_was_not_committed_is_done_when_it_comes_again(ada: Connection) -> None:
+def test_a_call_that_was_not_committed_is_done_when_it_comes_again(ada: Caller) -> None:
     ada.do(data.create_semaphore("S", 0))
     call = ada.call(data.signal("S"))
-    list(ada.stage.server.handle(call, ada.stage.now))  # and dies before it settles
+    list(ada.stage.node.handle(call, ada.stage.now_ns))  # and dies before it settles
     again(ada)
     ada.do(data.signal("S"), call.number)
     assert ada.do(data.semaphore("S")).value == 1
 
 
-def test_a_call_refused_may_succeed_later(ada: Connection) -> None:
-    with pytest.raises(StageError):
+def test_a_call_refused_may_succeed_later(ada: Caller) -> None:
+    with pytest.raises(CallError):
         ada.do(data.signal("S"))
     number = ada.number
     ada.do(data.create_semaphore("S", 0))
@@ -68,7 +68,7 @@ def test_a_call_refused_may_succeed_later(ada: Connection) -> None:
     assert ada.do(data.semaphore("S")).value == 1
 
 
-def test_a_lost_connection_that_is_opened_again_goes_on(ada: Connection) -> None:
+def test_a_lost_connection_that_is_opened_again_goes_on(ada: Caller) -> None:
     ada.do(data.create_semaphore("S", 0))
     ada.do(data.signal("S"))
     number = ada.number
@@ -78,7 +78,7 @@ def test_a_lost_connection_that_is_opened_again_goes_on(ada: Connection) -> None
     assert ada.do(data.semaphore("S")).value == 1
 
 
-def test_connections_do_not_share_numbers(ada: Connection) -> None:
+def test_connections_do_not_share_numbers(ada: Caller) -> None:
     ada.do(data.create_semaphore("S", 0))
     bob = ada.stage.connect("bob/1")
     for connection in (ada, bob):
@@ -86,20 +86,20 @@ def test_connections_do_not_share_numbers(ada: Connection) -> None:
     assert ada.do(data.semaphore("S")).value == 2
 
 
-def test_a_call_from_too_far_back_is_refused(ada: Connection) -> None:
+def test_a_call_from_too_far_back_is_refused(ada: Caller) -> None:
     ada.do(data.set("X", 0))
     number = ada.number
     for x in range(ANSWERS_PER_CONNECTION):
         ada.do(data.set("X", x))
     again(ada)
-    with pytest.raises(StageError) as failed:
+    with pytest.raises(CallError) as failed:
         ada.do(data.set("X", "again"), number)
     assert failed.value.code == "forgotten"
     ada.do(data.set("X", "in time"), number + 1)
     assert ada.do(data.get("X")) == ANSWERS_PER_CONNECTION - 1
 
 
-def test_a_call_that_still_waits_is_never_too_far_back(ada: Connection) -> None:
+def test_a_call_that_still_waits_is_never_too_far_back(ada: Caller) -> None:
     ada.do(data.create_semaphore("S", 0))
     ada.begin(data.wait("S"))
     number = ada.number
@@ -115,7 +115,7 @@ def test_a_call_that_still_waits_is_never_too_far_back(ada: Connection) -> None:
 
 
 @pytest.mark.parametrize("number", [0, -1, 1 << 53, 1 << 63, 1 << 64 - 1])
-def test_impossible_numbers_are_refused(ada: Connection, number: int) -> None:
+def test_impossible_numbers_are_refused(ada: Caller, number: int) -> None:
     effects = ada.begin(data.set("X", 1), number)
     assert [r.problem.code for r in ada.replies(effects) if r.problem] in (["arguments"], [])
     assert ada.do(data.names()) == ()

@@ -11,26 +11,27 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.library.data import SemaphoreState
 from colony.runtime.protocol.messages import Effect
 from colony.runtime.servers.data_calls import RECONNECT_GRACE_NS
-from tests.runtime.servers.data_stage import MS, Connection, DataStage, S, StageError
+from tests.kit.data import DataStage
+from tests.kit.node_stage import MS, Caller, CallError, S, result_of
 
 
 @pytest.fixture
-def ada(stage: DataStage) -> Connection:
+def ada(stage: DataStage) -> Caller:
     found = stage.connect()
     assert found.do(data.create_semaphore("$XYZ", 1))
     return found
 
 
-def answered(connection: Connection, effects: list[Effect]) -> list[tuple[int, str | None]]:
+def answered(connection: Caller, effects: list[Effect]) -> list[tuple[int, str | None]]:
     """The numbers of the calls that were answered, each with the code where it was refused."""
     return [(r.number, r.problem.code if r.problem else None) for r in connection.replies(effects)]
 
 
-def state(connection: Connection, name: str = "$XYZ") -> SemaphoreState:
+def state(connection: Caller, name: str = "$XYZ") -> SemaphoreState:
     return connection.do(data.semaphore(name))
 
 
-def test_a_semaphore_is_made_once(ada: Connection) -> None:
+def test_a_semaphore_is_made_once(ada: Caller) -> None:
     assert not ada.do(data.create_semaphore("$XYZ", 5))
     assert state(ada) == SemaphoreState(value=1, waiting=(), holding=())
     assert ada.do(data.semaphores()) == ("$XYZ",)
@@ -39,7 +40,7 @@ def test_a_semaphore_is_made_once(ada: Connection) -> None:
     assert ada.refusal(data.create_semaphore("")) == "arguments"
 
 
-def test_wait_takes_and_signal_puts_back(ada: Connection) -> None:
+def test_wait_takes_and_signal_puts_back(ada: Caller) -> None:
     ada.do(data.wait("$XYZ"))
     assert state(ada).value == 0
     assert ada.refusal(data.wait("$XYZ", 0)) == "timeout"
@@ -51,16 +52,16 @@ def test_wait_takes_and_signal_puts_back(ada: Connection) -> None:
 @pytest.mark.parametrize(
     "ask", [data.wait("no"), data.signal("no"), data.release("no"), data.semaphore("no")], ids=str
 )
-def test_unknown_semaphores_are_refused(ada: Connection, ask: Ask[Any]) -> None:
+def test_unknown_semaphores_are_refused(ada: Caller, ask: Ask[Any]) -> None:
     assert ada.refusal(ask) == "unknown"
 
 
-def test_a_semaphore_is_no_variable(ada: Connection) -> None:
-    with pytest.raises(StageError, match="is a semaphore"):
+def test_a_semaphore_is_no_variable(ada: Caller) -> None:
+    with pytest.raises(CallError, match="is a semaphore"):
         ada.do(data.get("$XYZ"))
 
 
-def test_who_came_first_is_served_first_and_the_value_stays(stage: DataStage, ada: Connection) -> None:
+def test_who_came_first_is_served_first_and_the_value_stays(stage: DataStage, ada: Caller) -> None:
     ada.do(data.wait("$XYZ"))
     others = [stage.connect(f"bob/{i}", priority=i) for i in range(3)]
     for other in others:
@@ -73,7 +74,7 @@ def test_who_came_first_is_served_first_and_the_value_stays(stage: DataStage, ad
         assert state(ada).value == 0
 
 
-def test_one_connection_may_wait_several_times(ada: Connection) -> None:
+def test_one_connection_may_wait_several_times(ada: Caller) -> None:
     ada.do(data.wait("$XYZ"))
     ada.begin(data.wait("$XYZ"))
     ada.begin(data.wait("$XYZ"))
@@ -82,7 +83,7 @@ def test_one_connection_may_wait_several_times(ada: Connection) -> None:
     assert answered(ada, ada.begin(data.signal("$XYZ"))) == [(ada.number, None), (second, None)]
 
 
-def test_whoever_waits_longer_than_it_would_is_refused(stage: DataStage, ada: Connection) -> None:
+def test_whoever_waits_longer_than_it_would_is_refused(stage: DataStage, ada: Caller) -> None:
     ada.do(data.wait("$XYZ"))
     ada.begin(data.wait("$XYZ", 0.5))
     ada.begin(data.wait("$XYZ", 0.2))
@@ -96,13 +97,13 @@ def test_whoever_waits_longer_than_it_would_is_refused(stage: DataStage, ada: Co
 
 
 @pytest.mark.parametrize("timeout_s", [None, float("inf"), 1e9])
-def test_for_ever(stage: DataStage, ada: Connection, timeout_s: float | None) -> None:
+def test_for_ever(stage: DataStage, ada: Caller, timeout_s: float | None) -> None:
     ada.do(data.wait("$XYZ"))
     assert ada.replies(ada.begin(data.wait("$XYZ", timeout_s))) == []
     assert len(state(ada).waiting) == 1
 
 
-def test_a_dead_client_loses_its_place_within_a_second(stage: DataStage, ada: Connection) -> None:
+def test_a_dead_client_loses_its_place_within_a_second(stage: DataStage, ada: Caller) -> None:
     bob, eve = stage.connect("bob/1"), stage.connect("eve/1")
     ada.do(data.wait("$XYZ"))
     bob.begin(data.wait("$XYZ"))
@@ -112,14 +113,14 @@ def test_a_dead_client_loses_its_place_within_a_second(stage: DataStage, ada: Co
     assert answered(eve, ada.begin(data.signal("$XYZ"))) == [(2, None)]
 
 
-def test_what_a_dead_client_took_without_holding_it_stays_taken(stage: DataStage, ada: Connection) -> None:
+def test_what_a_dead_client_took_without_holding_it_stays_taken(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     bob.do(data.wait("$XYZ"))
     stage.pass_time(S, alive=(ada,))
     assert state(ada) == SemaphoreState(value=0, waiting=(), holding=())
 
 
-def test_what_a_dead_client_held_goes_to_the_next_within_a_second(stage: DataStage, ada: Connection) -> None:
+def test_what_a_dead_client_held_goes_to_the_next_within_a_second(stage: DataStage, ada: Caller) -> None:
     bob, eve = stage.connect("bob/1"), stage.connect("eve/1")
     bob.do(data.wait("$XYZ", hold=True))
     eve.begin(data.wait("$XYZ", hold=True))
@@ -131,7 +132,7 @@ def test_what_a_dead_client_held_goes_to_the_next_within_a_second(stage: DataSta
     assert state(ada) == SemaphoreState(value=1, waiting=(), holding=())
 
 
-def test_what_was_released_is_not_given_back_again(stage: DataStage, ada: Connection) -> None:
+def test_what_was_released_is_not_given_back_again(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     for give_back in (data.release, data.signal):
         bob.do(data.wait("$XYZ", hold=True))
@@ -141,7 +142,7 @@ def test_what_was_released_is_not_given_back_again(stage: DataStage, ada: Connec
     assert ada.refusal(data.release("$XYZ")) == "not held"
 
 
-def test_the_signal_of_another_does_not_end_a_hold(stage: DataStage, ada: Connection) -> None:
+def test_the_signal_of_another_does_not_end_a_hold(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     bob.do(data.wait("$XYZ", hold=True))
     ada.do(data.signal("$XYZ"))
@@ -149,7 +150,7 @@ def test_the_signal_of_another_does_not_end_a_hold(stage: DataStage, ada: Connec
 
 
 def test_a_client_that_was_gone_for_too_long_is_told_that_it_holds_no_more(
-    stage: DataStage, ada: Connection
+    stage: DataStage, ada: Caller
 ) -> None:
     bob = stage.connect("bob/1")
     bob.do(data.wait("$XYZ", hold=True))
@@ -160,7 +161,7 @@ def test_a_client_that_was_gone_for_too_long_is_told_that_it_holds_no_more(
 
 
 def test_a_wait_that_was_taken_back_is_done_again_when_it_is_called_again(
-    stage: DataStage, ada: Connection
+    stage: DataStage, ada: Caller
 ) -> None:
     bob = stage.connect("bob/1")
     bob.do(data.wait("$XYZ", hold=True))
@@ -171,12 +172,12 @@ def test_a_wait_that_was_taken_back_is_done_again_when_it_is_called_again(
     assert state(ada) == SemaphoreState(value=0, waiting=(), holding=("bob/1",))
 
 
-def test_deleting_refuses_who_waits_and_forgets_who_holds(stage: DataStage, ada: Connection) -> None:
+def test_deleting_refuses_who_waits_and_forgets_who_holds(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     ada.do(data.wait("$XYZ", hold=True))
     bob.begin(data.wait("$XYZ"))
     effects = ada.begin(data.delete_semaphore("$XYZ"))
-    assert ada.result(data.delete_semaphore(""), effects)
+    assert result_of(data.delete_semaphore(""), ada.reply(effects))
     assert answered(bob, effects) == [(2, "deleted")]
     assert not ada.do(data.delete_semaphore("$XYZ"))
     ada.do(data.create_semaphore("$XYZ", 3))
@@ -187,7 +188,7 @@ def test_deleting_refuses_who_waits_and_forgets_who_holds(stage: DataStage, ada:
 # --- restarts ------------------------------------------------------------------------------------
 
 
-def test_values_survive_and_who_waited_calls_again(stage: DataStage, ada: Connection) -> None:
+def test_values_survive_and_who_waited_calls_again(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     ada.do(data.wait("$XYZ"))
     bob.begin(data.wait("$XYZ"))
@@ -200,7 +201,7 @@ def test_values_survive_and_who_waited_calls_again(stage: DataStage, ada: Connec
     assert answered(bob, ada.begin(data.signal("$XYZ"))) == [(number, None)]
 
 
-def test_who_was_granted_in_the_last_moment_is_told_so_again(stage: DataStage, ada: Connection) -> None:
+def test_who_was_granted_in_the_last_moment_is_told_so_again(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     ada.do(data.wait("$XYZ"))
     bob.begin(data.wait("$XYZ"))
@@ -212,7 +213,7 @@ def test_who_was_granted_in_the_last_moment_is_told_so_again(stage: DataStage, a
     assert state(bob) == SemaphoreState(value=0, waiting=(), holding=())
 
 
-def test_a_holder_has_time_to_come_back(stage: DataStage, ada: Connection) -> None:
+def test_a_holder_has_time_to_come_back(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     bob.do(data.wait("$XYZ", hold=True))
     stage.kill_and_restart()
@@ -225,7 +226,7 @@ def test_a_holder_has_time_to_come_back(stage: DataStage, ada: Connection) -> No
     assert state(ada) == SemaphoreState(value=1, waiting=(), holding=())
 
 
-def test_a_holder_that_does_not_come_back_holds_no_more(stage: DataStage, ada: Connection) -> None:
+def test_a_holder_that_does_not_come_back_holds_no_more(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     bob.do(data.wait("$XYZ", hold=True))
     stage.kill_and_restart()

@@ -38,7 +38,6 @@ class Child:
         self.rest = b""
 
     def send(self, *calls: Call) -> None:
-        assert self.process.stdin is not None
         self.process.stdin.write(b"".join(framed(codec.encode(call)) for call in calls))
         self.process.stdin.flush()
 

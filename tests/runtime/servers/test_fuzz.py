@@ -27,7 +27,8 @@ from colony.runtime.protocol.messages import Checkpoint, Recall, Request
 from colony.runtime.servers import checkpoints
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.rserver import RServer
-from tests.runtime.servers.base_stage import CLIENTS, FRAME, RollingBase, deployed
+from tests.kit.base import CLIENTS, RollingBase, deployed
+from tests.kit.node_stage import FRAME_NS
 from tests.runtime.servers.fuzz_stage import BUILD, KEEP, USERS, WITH_USERS, Stage, lift, methods_of
 from tests.runtime.servers.nonsense import FLOATS, INTEGERS, Grammar, tree_bytes
 from tests.sampling import sampled
@@ -285,7 +286,7 @@ def test_any_arguments_of_any_methods_in_any_order(name: str) -> None:
             tree = ["Call", "ada/1", number, method, arguments, 0, "command"]
             stage.call("command", "ada/1", tree_bytes(tree))
             stage.tick()
-            stage.pass_time(FRAME)
+            stage.pass_time(FRAME_NS)
 
     check()
 

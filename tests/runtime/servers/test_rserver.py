@@ -9,16 +9,8 @@ from colony.ir.servers import RSERVER
 from colony.runtime.library import emergency, robot
 from colony.runtime.protocol.messages import Malformed, Tick
 from colony.runtime.servers.commanding import NotSentError
-from tests.runtime.servers.base_stage import (
-    FRAME,
-    MS,
-    RollingBase,
-    Stage,
-    bid,
-    deployed,
-    silent,
-    stage_in_run,
-)
+from tests.kit.base import RollingBase, Stage, bid, deployed, silent, stage_in_run
+from tests.kit.node_stage import FRAME_NS, MS
 
 
 class RefusingBase(RollingBase):
@@ -82,14 +74,14 @@ def test_a_frame_has_what_was_given_in_the_frame_before() -> None:
 def test_a_frame_whose_tick_comes_late_does_not_have_what_was_given_after_it() -> None:
     stage = Stage(run="r1", deployment=deployed(reported=(0, 1)))
     stage.tick()
-    stage.give(Tick(k=2, t_ns=2 * FRAME, run="r1"))
+    stage.handle(Tick(k=2, t_ns=2 * FRAME_NS, run="r1"))
     for request in (*silent("cruise"), bid("cruise", 300.0, -10.0)):
-        stage.give(msgspec.structs.replace(request, k=2))
+        stage.handle(msgspec.structs.replace(request, k=2))
     assert stage.base.told[-1][1:] == (300.0, -10.0)
-    stage.give(Tick(k=1, t_ns=FRAME, run="r1"))
+    stage.handle(Tick(k=1, t_ns=FRAME_NS, run="r1"))
     assert stage.frames[-1].k == 1
     assert not [name for name in stage.frames[-1].fields if name.startswith("last.")]
-    stage.give(Tick(k=3, t_ns=3 * FRAME, run="r1"))
+    stage.handle(Tick(k=3, t_ns=3 * FRAME_NS, run="r1"))
     assert stage.frames[-1].fields["last.drive.velocity"].value == 300.0  # type: ignore[union-attr]
 
 
@@ -104,30 +96,30 @@ def test_parameters_are_passed_by_name_and_what_is_not_declared_is_0(
 
 def test_in_lockstep_a_frame_is_waited_for_from_when_its_tick_came() -> None:
     stage = Stage(run="r1", deployment=msgspec.structs.replace(deployed(), lockstep=True))
-    came_ns = 1000 * FRAME  # far later than the time that the tick tells
-    stage.wait(came_ns)
-    stage.give(Tick(k=0, t_ns=0, run="r1"))
-    stage.give(bid("back_off", bid="silent"))
-    stage.wait(came_ns + FRAME // 2)
+    came_ns = 1000 * FRAME_NS  # far later than the time that the tick tells
+    stage.until(came_ns)
+    stage.handle(Tick(k=0, t_ns=0, run="r1"))
+    stage.handle(bid("back_off", bid="silent"))
+    stage.until(came_ns + FRAME_NS // 2)
     assert stage.base.told == []
-    stage.wait(came_ns + FRAME)
-    assert stage.base.told == [(came_ns + FRAME * 4 // 5, 0.0, 0.0)]
+    stage.until(came_ns + FRAME_NS)
+    assert stage.base.told == [(came_ns + FRAME_NS * 4 // 5, 0.0, 0.0)]
 
 
 def test_it_stops_the_base_when_it_starts_and_when_it_ends() -> None:
     stage = Stage()
     assert stage.base.stops == [0]
-    stage.server.close()
+    stage.node.close()
     assert stage.base.stops == [0, 0]
 
 
 def test_a_base_without_ticks_is_stopped_within_two_frames(stage: Stage) -> None:
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3)
     assert stage.base.velocity == 300.0
-    stage.wait(stage.now_ns + 10 * FRAME)
+    stage.pass_time(10 * FRAME_NS)
     assert stage.base.velocity == 0.0
-    assert stage.base.stops == [0, 2 * FRAME + 2 * FRAME]
-    stage.wait(stage.now_ns + 100 * FRAME)
+    assert stage.base.stops == [0, 2 * FRAME_NS + 2 * FRAME_NS]
+    stage.pass_time(100 * FRAME_NS)
     assert len(stage.base.stops) == 2
 
 
@@ -136,7 +128,7 @@ def test_a_network_that_falls_silent_is_idle_in_that_frame(stage: Stage) -> None
     stage.frame(*silent("cruise"))
     stage.tick()
     assert dict(stage.verdicts[-1].fates)["cruise"] == "late"
-    assert stage.base.told[-1] == (FRAME + FRAME * 4 // 5, 0.0, 0.0)
+    assert stage.base.told[-1] == (FRAME_NS + FRAME_NS * 4 // 5, 0.0, 0.0)
 
 
 def test_an_idle_command_that_holds_lets_the_base_go_on_for_two_frames() -> None:
@@ -144,14 +136,14 @@ def test_an_idle_command_that_holds_lets_the_base_go_on_for_two_frames() -> None
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     stage.frame(*silent(), count=10)
     assert stage.base.told == [(0, 300.0, 0.0)]
-    assert stage.base.stops == [0, 2 * FRAME]
+    assert stage.base.stops == [0, 2 * FRAME_NS]
 
 
 def test_a_tick_that_comes_twice_or_late_changes_nothing(stage: Stage) -> None:
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=2)
     verdicts, told = len(stage.verdicts), len(stage.base.told)
-    stage.give(Tick(k=0, t_ns=0, run="r1"))
-    stage.give(Tick(k=1, t_ns=FRAME, run="other"))
+    stage.handle(Tick(k=0, t_ns=0, run="r1"))
+    stage.handle(Tick(k=1, t_ns=FRAME_NS, run="other"))
     assert (len(stage.verdicts), len(stage.base.told), stage.base.velocity) == (verdicts, told, 300.0)
 
 
@@ -163,7 +155,6 @@ def test_in_frames_of_another_run_the_base_stands_and_nobody_is_told_anything(st
     assert len(stage.base.stops) == 1 + 3
     stage.run = "r1"
     verdict = stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
-    assert verdict is not None
     assert (verdict.k, verdict.by) == (4, "cruise")
 
 
@@ -185,7 +176,7 @@ def test_a_program_that_has_no_base_hears_nothing_of_it_and_scripts_drive_it() -
 
 def test_requests_that_cannot_be_read_are_noted(stage: Stage) -> None:
     stage.tick()
-    stage.give(Malformed(topic="RServer/requests", connection=None, reason="found version 7"))
+    stage.handle(Malformed(topic="RServer/requests", connection=None, reason="found version 7"))
     verdict = stage.frame(*silent())
     assert verdict is not None
     assert stage.verdicts[0].notes == ("a request could not be read: found version 7",)
@@ -260,11 +251,11 @@ def test_deploying_again_changes_nothing_and_may_come_from_a_new_leader() -> Non
     stage.open("lead/2")
     stage.do("lead/1", robot.deploy(deployed("r1")))
     stage.tick()
-    stage.give(bid("cruise", 300.0, 0.0))
+    stage.handle(bid("cruise", 300.0, 0.0))
     stage.do("lead/2", robot.deploy(deployed("r1")))
     stage.close("lead/1")
     for request in silent("cruise"):
-        stage.give(request)
+        stage.handle(request)
     assert stage.verdicts[-1].by == "cruise"
     assert stage.do("lead/2", robot.arbitration()).leader == "lead/2"
 
@@ -286,7 +277,7 @@ def test_a_frame_that_is_open_when_a_run_begins_ends_as_it_stands() -> None:
     stage = Stage(run="r1", deployment=deployed("r1"))
     stage.open("lead/1")
     stage.tick()
-    stage.give(bid("cruise", 300.0, 0.0))
+    stage.handle(bid("cruise", 300.0, 0.0))
     stage.do("lead/1", robot.deploy(deployed("r2")))
     assert (stage.verdicts[-1].k, stage.verdicts[-1].by) == (0, "cruise")
     assert stage.base.velocity == 300.0
@@ -355,7 +346,7 @@ def test_arbitration_tells_how_every_client_did(stage: Stage) -> None:
 def test_the_watchdog_can_be_given_more_time() -> None:
     stage = stage_in_run(watchdog_ns=250 * MS)
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
-    stage.wait(300 * MS)
+    stage.until(300 * MS)
     assert stage.base.stops == [0, 250 * MS]
 
 
@@ -364,12 +355,12 @@ def test_a_server_that_stood_still_moves_nothing_by_what_waited_for_it() -> None
     stage = Stage(run="r1", deployment=deployed())
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     assert stage.base.velocity == 300.0
-    stage.wait(2_000_000_000)
+    stage.until(2_000_000_000)
     told = len(stage.base.told)
     for k in range(stage.k + 1, stage.k + 30):
-        stage.give(Tick(k=k, t_ns=k * FRAME, run="r1"))
+        stage.handle(Tick(k=k, t_ns=k * FRAME_NS, run="r1"))
         for request in (bid("cruise", 300.0, 0.0), *silent("cruise")):
-            stage.give(msgspec.structs.replace(request, k=k))
+            stage.handle(msgspec.structs.replace(request, k=k))
     assert len(stage.base.told) == told
     assert stage.base.velocity == 0.0
     notes = [note for verdict in stage.verdicts for note in verdict.notes]
@@ -384,11 +375,10 @@ def test_a_stop_that_does_not_reach_the_base_is_refused_after_150_ms_and_holds()
     stage.base.unreached = "the guard of /dev/ttyUSB0 has not sent it"
     stage.tick()
     number = stage.send("eve/1", emergency.stop())
-    stage.wait(stage.now_ns + 149 * MS)
+    stage.pass_time(149 * MS)
     assert ("eve/1", number) not in stage.replies
-    stage.wait(stage.now_ns + 1 * MS)
+    stage.pass_time(1 * MS)
     problem = stage.replies["eve/1", number].problem
-    assert problem is not None
     assert (problem.code, "/dev/ttyUSB0" in problem.message) == ("not reached", True)
     assert stage.base.stops
     stage.tick()

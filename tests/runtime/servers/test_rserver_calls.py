@@ -12,7 +12,8 @@ from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.servers.drivers import BaseState
 from colony.runtime.servers.rserver import CLOCK_GRACE_NS
-from tests.runtime.servers.base_stage import FRAME, RollingBase, Stage, deployed, silent
+from tests.kit.base import RollingBase, Stage, deployed, silent
+from tests.kit.node_stage import FRAME_NS, result_of
 
 
 def stage_for(connection: str = "ann/1", priority: int = 0, **options: Any) -> Stage:
@@ -29,7 +30,7 @@ def stage() -> Stage:
 def done(stage: Stage, ask: Ask[Any], connection: str = "ann/1") -> Any:
     number = stage.send(connection, ask)
     stage.frames_until(connection, number)
-    return stage.result(connection, number, ask)
+    return result_of(ask, stage.replies[connection, number])
 
 
 def test_go_goes_straight_on_for_its_lease_and_longer_where_it_is_told_again(stage: Stage) -> None:
@@ -119,7 +120,6 @@ def test_without_waiting_a_motion_is_answered_at_once(stage: Stage) -> None:
 
 def problem_of(stage: Stage, number: int) -> str:
     found = stage.frames_until("ann/1", number).problem
-    assert found is not None
     return found.code
 
 
@@ -234,7 +234,6 @@ class Narrow(RollingBase):
 
     def state(self) -> BaseState | None:
         state = super().state()
-        assert state is not None
         x, y = ((round(v) + 32768) % 65536 - 32768 for v in (state.x, state.y))
         return replace(state, x=float(x), y=float(y))
 
@@ -318,7 +317,7 @@ def test_a_standing_command_is_clamped_by_a_program_that_comes_later() -> None:
 
 def test_a_call_that_comes_twice_is_done_once(stage: Stage) -> None:
     number = stage.send("ann/1", robot.adjust_position(10.0, 0.0, 0.0))
-    stage._numbers["ann/1"] = number - 1
+    stage.caller("ann/1").number = number - 1
     stage.send("ann/1", robot.adjust_position(10.0, 0.0, 0.0))
     assert stage.do("ann/1", robot.position()).x == 10.0
 
@@ -387,17 +386,16 @@ def test_nobody_waits_longer_for_the_lock_than_they_would(stage: Stage) -> None:
     stage.do("ann/1", robot.lock())
     number = stage.send("bob/1", robot.lock(wait_s=0.4))
     reply = stage.frames_until("bob/1", number)
-    assert reply.problem is not None
     assert reply.problem.code == "locked"
-    assert stage.now_ns < 9 * FRAME + 1
+    assert stage.now_ns < 9 * FRAME_NS + 1
 
 
 def test_motion_is_refused_where_no_clock_ticks(stage: Stage) -> None:
     stage.frame()
-    stage.wait(CLOCK_GRACE_NS)
+    stage.until(CLOCK_GRACE_NS)
     stage.open("bea/1")
     stage.do("bea/1", robot.go(200.0))
-    stage.wait(CLOCK_GRACE_NS + FRAME)
+    stage.until(CLOCK_GRACE_NS + FRAME_NS)
     motions = (robot.go(200.0), robot.drive(200.0, 0.0), robot.move(500.0), robot.turn(90.0), robot.jog(10.0))
     for ask in motions:
         problem = stage.problem("bea/1", ask)

@@ -16,7 +16,8 @@ import pytest
 from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Alive, Call, Fate, Malformed, Tick
-from tests.runtime.servers.base_stage import CLIENTS, FRAME, RollingBase, Stage, bid, deployed
+from tests.kit.base import CLIENTS, RollingBase, Stage, bid, deployed
+from tests.kit.node_stage import FRAME_NS
 
 PEOPLE = tuple(f"op/{i}" for i in range(6))
 
@@ -45,7 +46,7 @@ class Crowd:
         self.chance = random.Random(seed)
         self.base = _Base()
         self.stage = Stage(self.base)
-        self.base.stopped = lambda: self.stage.server._emergency.stopped is not None
+        self.base.stopped = lambda: self.stage.node._emergency.stopped is not None
         self.open: set[str] = set()
 
     def act(self) -> None:
@@ -59,15 +60,15 @@ class Crowd:
                 self.open.remove(who)
                 chance.choice((stage.close, stage.die))(who)
             case 2:
-                stage.give(self.nonsense(who))
+                stage.handle(self.nonsense(who))
             case 3:
                 run = chance.choice(("r1", "r2"))
                 stage.send(who, robot.deploy(deployed(run)))
             case 4:
-                stage.give(Malformed(topic="RServer/requests", connection=None, reason="bits"))
-                stage.give(Malformed(topic="RServer/call", connection=who, reason="bits"))
+                stage.handle(Malformed(topic="RServer/requests", connection=None, reason="bits"))
+                stage.handle(Malformed(topic="RServer/call", connection=who, reason="bits"))
             case 5:
-                stage.give(Alive(connection=who))
+                stage.handle(Alive(connection=who))
             case 6:
                 stage.base.front, stage.base.rear, stage.base.mute = (chance.random() < 0.1 for _ in range(3))
             case 7 if chance.random() < 0.05:
@@ -113,7 +114,7 @@ class Crowd:
     def frame(self) -> None:
         stage, chance = self.stage, self.chance
         if chance.random() < 0.9:
-            stage.run = str(stage.server._actuator.run)  # the Clock goes with the leader, mostly
+            stage.run = str(stage.node._actuator.run)  # the Clock goes with the leader, mostly
         stage.tick(lost=[f"drive/{c}" for c, _ in CLIENTS if chance.random() < 0.05])
         requests = [
             msgspec.structs.replace(request, k=stage.k + chance.choice((0, 0, 0, 0, 1, -1)))
@@ -126,14 +127,14 @@ class Crowd:
         ]
         chance.shuffle(requests)
         for request in requests:
-            stage.give(request)
+            stage.handle(request)
             if chance.random() < 0.3:
                 self.act()
-        stage.wait(stage.now_ns + chance.randrange(FRAME))
+        stage.pass_time(chance.randrange(FRAME_NS))
         if chance.random() < 0.1:
-            stage.give(Tick(k=stage.k - chance.randrange(2), t_ns=0, run=stage.run))
+            stage.handle(Tick(k=stage.k - chance.randrange(2), t_ns=0, run=stage.run))
         self.act()
-        stage.wait(stage.k * FRAME + FRAME - 1)
+        stage.until(stage.k * FRAME_NS + FRAME_NS - 1)
 
 
 def run(seed: int) -> Crowd:
@@ -150,7 +151,7 @@ def test_whatever_happens(seed: int) -> None:
     for t_ns, velocity, turn in crowd.stage.base.told:
         assert -600.0 <= velocity <= 600.0
         assert -90.0 <= turn <= 90.0
-        by_frame[t_ns // FRAME] = by_frame.get(t_ns // FRAME, 0) + 1
+        by_frame[t_ns // FRAME_NS] = by_frame.get(t_ns // FRAME_NS, 0) + 1
     assert set(by_frame.values()) <= {1}
     assert crowd.base.seen > 0
     frames = [v.k for v in crowd.stage.verdicts]

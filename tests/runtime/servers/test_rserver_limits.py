@@ -10,8 +10,9 @@ import pytest
 from colony.execute.needs import BOUNDS
 from colony.runtime.library import emergency, robot
 from colony.runtime.protocol.messages import Bounds, Request, Right
-from tests.runtime.calling import call_of
-from tests.runtime.servers.base_stage import FRAME, MS, Stage, deployed, silent
+from tests.kit.base import Stage, deployed, silent
+from tests.kit.calling import call_of
+from tests.kit.node_stage import FRAME_NS, MS, result_of
 
 
 def bounds(most: float = 100.0, **changes: object) -> Bounds:
@@ -32,8 +33,8 @@ def frames(stage: Stage, *messages: Request | Bounds, count: int = 1) -> tuple[f
     for _ in range(count):
         stage.tick()
         for message in messages:
-            stage.give(msgspec.structs.replace(message, k=stage.k))
-        stage.wait(stage.k * FRAME + FRAME - 1)
+            stage.handle(msgspec.structs.replace(message, k=stage.k))
+        stage.until(stage.k * FRAME_NS + FRAME_NS - 1)
     return (stage.base.velocity, stage.base.turn)
 
 
@@ -62,10 +63,10 @@ def test_bounds_that_come_late_in_a_frame_are_waited_for() -> None:
     stage.do("ann/1", robot.drive(300.0, 0.0, lease=1.0))
     stage.tick()
     for request in silent():
-        stage.give(msgspec.structs.replace(request, k=stage.k))
-    stage.wait(stage.k * FRAME + 39 * MS)
+        stage.handle(msgspec.structs.replace(request, k=stage.k))
+    stage.until(stage.k * FRAME_NS + 39 * MS)
     assert stage.base.velocity == 0.0
-    stage.give(msgspec.structs.replace(bounds(), k=stage.k))
+    stage.handle(msgspec.structs.replace(bounds(), k=stage.k))
     assert stage.base.velocity == 100.0
 
 
@@ -111,7 +112,6 @@ def test_a_move_that_limits_held_ends_with_the_run(ignoring: bool) -> None:
         return
     assert frames(stage) == (0.0, 0.0)
     problem = stage.replies["ann/1", number].problem
-    assert problem is not None
     assert (problem.code, problem.message) == ("limits", "the run whose limits held this command ended")
 
 
@@ -146,9 +146,8 @@ def test_who_ignores_limits_says_so_and_is_shown() -> None:
 def test_it_takes_the_right_to_ignore_limits(right: Right) -> None:
     stage = stage_with_limits()
     call = call_of(robot.ignore_limits(), "ann/1", 50, 9)
-    stage.give(msgspec.structs.replace(call, right=right))
+    stage.handle(msgspec.structs.replace(call, right=right))
     problem = stage.replies["ann/1", 50].problem
-    assert problem is not None
     assert problem.code == "right"
     assert problem.message == f"RServer.ignore_limits needs the right to ignore limits, not to {right}"
 
@@ -169,7 +168,7 @@ def test_a_move_goes_on_where_limits_only_slow_it_down() -> None:
         frames(stage, bounds(50.0), *silent())
         if ("ann/1", number) in stage.replies:
             break
-    assert stage.result("ann/1", number, robot.move(200.0)) == pytest.approx(200.0, abs=3.0)
+    assert result_of(robot.move(200.0), stage.replies["ann/1", number]) == pytest.approx(200.0, abs=3.0)
 
 
 def test_a_move_that_is_held_for_a_while_goes_on_after_it() -> None:
@@ -178,7 +177,7 @@ def test_a_move_that_is_held_for_a_while_goes_on_after_it() -> None:
     frames(stage, bounds(0.0), *silent(), count=30)
     assert ("ann/1", number) not in stage.replies
     frames(stage, bounds(500.0), *silent(), count=40)
-    assert stage.result("ann/1", number, robot.move(200.0)) == pytest.approx(200.0, abs=3.0)
+    assert result_of(robot.move(200.0), stage.replies["ann/1", number]) == pytest.approx(200.0, abs=3.0)
 
 
 def test_a_move_whose_limits_nobody_knows_ends_and_says_so() -> None:
@@ -186,7 +185,6 @@ def test_a_move_whose_limits_nobody_knows_ends_and_says_so() -> None:
     number = stage.send("ann/1", robot.move(200.0, velocity=300.0))
     frames(stage, *silent(), count=45)
     problem = stage.replies["ann/1", number].problem
-    assert problem is not None
     assert (problem.code, problem.message) == (
         "limits",
         "the program's limits were unknown for 2 s, after 0 mm: its clients are late or lost",
@@ -202,7 +200,6 @@ def test_a_base_that_is_blocked_is_not_held_by_limits_that_only_slow_it_down(mot
     number = stage.send("ann/1", motion)
     frames(stage, bounds(low=(-100.0, -20.0), high=(100.0, 20.0)), *silent(), count=45)
     problem = stage.replies["ann/1", number].problem
-    assert problem is not None
     assert problem.code == "stalled"
     assert problem.message.startswith("no progress for 2 s, after 0 ")
 
@@ -219,5 +216,4 @@ def test_a_motion_that_limits_keep_at_rest_ends_with_the_code_limits(
     number = stage.send("ann/1", motion)
     frames(stage, bounds(high=high), *silent(), count=45)
     problem = stage.replies["ann/1", number].problem
-    assert problem is not None
     assert problem.code == "limits"

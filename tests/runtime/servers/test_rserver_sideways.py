@@ -15,7 +15,7 @@ from colony.runtime.protocol.messages import Bounds
 from colony.runtime.servers.base_actuator import base_actuator, mismatch
 from colony.runtime.servers.drivers import BaseState
 from colony.runtime.servers.motion_commands import drive, full_range
-from tests.runtime.servers.base_stage import LIMITS, RollingBase, Stage, bid, deployed, silent
+from tests.kit.base import LIMITS, RollingBase, Stage, bid, deployed, silent
 
 SIDEWAYS_LIMITS = replace(LIMITS, sideways=400.0, sideways_acceleration=600.0)
 SIDEWAYS = {
@@ -123,7 +123,7 @@ def test_a_connection_is_held_to_the_range_and_the_limits_of_the_program() -> No
     stage.tick()
     bounds = Bounds(k=stage.k, actuator="drive", low=(-300.0, -60.0, -200.0), high=(500.0, 60.0, 50.0))
     for message in (bounds, *(msgspec.structs.replace(r, k=stage.k) for r in silent())):
-        stage.give(message)
+        stage.handle(message)
     assert base.slid[-1] == (0.0, 0.0, 50.0)
     assert stage.verdicts[-1].values == (0.0, 0.0, 50.0)
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import msgspec
-import pytest
 
 from colony.runtime.frames.clock import Clock
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.messages import Send, ServerFrame, Tick
 from colony.runtime.servers.runtime_server import RuntimeServer, random_of_frame
-from tests.runtime.asking import Asker, TroubleError
-from tests.runtime.frames.clock_stage import deployed
+from tests.kit.clock import deployed
+from tests.kit.node_stage import NodeStage
 
 
 def chance(server: RuntimeServer, k: int) -> object:
@@ -24,19 +23,16 @@ def chance(server: RuntimeServer, k: int) -> object:
 def test_the_seed_comes_with_the_deployment() -> None:
     server = RuntimeServer(frames_kept=10)
     assert chance(server, 0) == random_of_frame(0, 0)
-    leader = Asker(server)
-    leader.open("leader")
-    leader.do("leader", deploy(msgspec.structs.replace(deployed("a"), seed=7)))
+    stage = NodeStage(server)
+    stage.connect("leader/1").do(deploy(msgspec.structs.replace(deployed("a"), seed=7)))
     assert chance(server, 1) == random_of_frame(7, 1)
-    leader.open("other")
-    with pytest.raises(TroubleError, match="leads"):
-        leader.do("other", deploy(msgspec.structs.replace(deployed("b"), seed=8)))
+    other = deploy(msgspec.structs.replace(deployed("b"), seed=8))
+    assert "leads" in stage.connect("other/1").problem(other).message
     assert chance(server, 2) == random_of_frame(7, 2)
 
 
 def test_the_clock_tells_it_before_the_first_frame() -> None:
     server = RuntimeServer(frames_kept=10)
-    clock = Asker(Clock(servers=("Runtime",), frames_kept=10, on_deploy=server.on_deploy))
-    clock.open("leader")
-    clock.do("leader", deploy(msgspec.structs.replace(deployed("a"), seed=9)))
+    clock = NodeStage(Clock(servers=("Runtime",), frames_kept=10, on_deploy=server.on_deploy))
+    clock.connect("leader/1").do(deploy(msgspec.structs.replace(deployed("a"), seed=9)))
     assert chance(server, 5) == random_of_frame(9, 5)

@@ -14,8 +14,8 @@ import pytest
 
 from colony.runtime.store.reserve import RESERVE_BYTES
 from colony.runtime.store.store import Journal, Key, PendingStore, StoreFullError
+from tests.kit.data import Cramped
 from tests.paths import ROOT
-from tests.runtime.servers.data_stage import Cramped
 from tests.small_disk import SmallDisk, small_disk
 
 X, Y, Z = (Key("value", name) for name in "XYZ")
@@ -44,7 +44,6 @@ class StoreProcess:
 
     def ask(self, *command: Any) -> dict[str, Any]:
         """What came of a command: its answer, whether the store is full, and what was wrong."""
-        assert self.process.stdin is not None
         assert self.process.stdout is not None
         self.process.stdin.write(json.dumps(command) + "\n")
         self.process.stdin.flush()

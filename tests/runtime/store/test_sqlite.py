@@ -283,7 +283,6 @@ def test_a_damaged_file_that_another_server_has_open_stays_where_it_is(path: Pat
     with subprocess.Popen(
         [sys.executable, "-c", script, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
-        assert other.stdout is not None
         assert other.stdout.readline() == "open\n"
         os.truncate(path, 0)
         assert "in use" in refusal(path)
@@ -307,7 +306,6 @@ def test_a_commit_that_cannot_be_done_is_told_and_undone(tmp_path: Path) -> None
     path = tmp_path / "state.db"
     store = SqliteStore(path)
     store.commit({X: b"1"})
-    assert store._database is not None
     pages = store._database.execute("PRAGMA page_count").fetchone()[0]
     store._database.execute(f"PRAGMA max_page_count = {pages + 5}")
     with pytest.raises(StoreError, match="full"):

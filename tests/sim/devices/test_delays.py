@@ -55,12 +55,10 @@ class Robot:
             self.read("Lift", "position")
 
     def drive(self, velocity: float) -> None:
-        assert self.drivers.base is not None
         self.drivers.base.drive(velocity, 0.0)
 
     def y(self) -> tuple[float, int] | None:
         """The way that the base reports, and its age."""
-        assert self.drivers.base is not None
         state = self.drivers.base.state()
         return None if state is None else (state.y, self.clock.now_ns - state.t_ns)
 
@@ -69,7 +67,6 @@ class Robot:
 
 
 def check(reading: Reading | None, value: object, age_ms: int) -> None:
-    assert reading is not None
     assert reading.age_ns == age_ms * MS
     assert reading.value == pytest.approx(value)
 
@@ -96,7 +93,6 @@ def test_commands_take_effect_in_their_order_and_a_stop_is_one_of_them() -> None
     robot.frame()
     robot.drive(-300.0)
     robot.frame()
-    assert robot.drivers.base is not None
     robot.drivers.base.stop()
     speeds = []
     for _ in range(8):
@@ -147,14 +143,10 @@ def test_a_reading_is_as_old_as_its_delay(delay_ms: int) -> None:
     for now_ns, y, position in read[waited:]:
         prompt.clock.now_ns = now_ns - delay_ms * MS
         was = prompt.y()
-        assert was is not None
-        assert y is not None
         assert y[0] == pytest.approx(was[0])
         assert y[1] == delay_ms * MS
         raised = prompt.read("Lift", "position")
-        assert raised is not None
         check(position, raised.value, delay_ms)
-    assert y is not None
     assert y[0] > 30.0
 
 
@@ -174,7 +166,6 @@ def test_a_scan_that_arrives_late_is_of_where_the_robot_was() -> None:
         one.frame(10)
     before = prompt.read("Lidar", "scan")
     robot.frame(2)
-    assert before is not None
     check(robot.read("Lidar", "scan"), before.value, 100)
     prompt.frame(2)
     assert prompt.read("Lidar", "scan") != before
@@ -185,14 +176,11 @@ def test_sonars_and_infrared_arrive_late() -> None:
     clock = VirtualClock()
     world = World(walls=[[-5000.0, 3000.0, 5000.0, 3000.0]], poses=[(0.0, 0.0, 0.0)], config=late)
     proximity = simulated_drivers(Plant(world, clock)).proximity
-    assert proximity is not None
     assert (proximity.sonar(), proximity.infrared()) == (None, None)
     world.command(0, 300.0, 0.0)
     for _ in range(20):
         clock.now_ns += FRAME
         sonar, infrared = proximity.sonar(), proximity.infrared()
-    assert sonar is not None
-    assert infrared is not None
     assert sonar.t_ns == infrared.t_ns == clock.now_ns - 80 * MS
     assert isinstance(sonar.value, tuple)
     assert 0.0 < sonar.value[12] - world.sonar(0)[12] == pytest.approx(0.08 * 300.0)
@@ -211,8 +199,6 @@ def test_the_plant_of_processes_delays_both() -> None:
     assert one.truth(0).velocity == pytest.approx(8.0)
     one.advance(7 + 80 * MS)
     state, sonar = one.base(0), one.proximity(0).sonar
-    assert state is not None
-    assert sonar is not None
     assert one.time_ns - state.t_ns == one.time_ns - sonar.t_ns == 30 * MS
     assert state.speed == pytest.approx(16.0)
     assert one.truth(0).velocity == pytest.approx(40.0)
@@ -284,7 +270,6 @@ def test_base_and_ring_are_measured_at_their_rates(delay_ms: int, waited: int) -
         sonar, infrared, state = ring.sonar(), ring.infrared(), base.state()
         assert sonar is not None
         assert infrared is not None
-        assert state is not None
         assert measured.setdefault(state.t_ns, state) is state
         assert measured.setdefault(-sonar.t_ns, sonar) == sonar
         for name, t_ns in (("base", state.t_ns), ("sonar", sonar.t_ns), ("infrared", infrared.t_ns)):
@@ -305,9 +290,6 @@ def test_the_plant_of_processes_has_the_rates() -> None:
     for k in range(1, 16):
         one.advance(7 + k * 20 * MS)
         state, rings = one.base(0), one.proximity(0)
-        assert state is not None
-        assert rings.sonar is not None
-        assert rings.infrared is not None
         ages.append([(one.time_ns - t) // MS for t in (state.t_ns, rings.sonar.t_ns, rings.infrared.t_ns)])
     base, sonar, infrared = map(list, zip(*ages, strict=True))
     assert base == [*range(20, 241, 20), 0, 20, 40]  # measured at the end of the first step from 250 ms on

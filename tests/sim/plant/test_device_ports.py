@@ -231,7 +231,6 @@ def test_in_logical_time_a_device_is_as_old_as_the_frames_since(tmp_path: Path) 
             ages = []
             for number in range(1, 5):
                 scan = found(lidar, "scan")
-                assert scan is not None
                 ages.append(scan.age_ns)
                 base.sock.sendall(pack(DriveBase(velocity=0.0, turn=0.0, number=number)))
                 base.hear()

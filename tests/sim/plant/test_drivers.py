@@ -76,7 +76,6 @@ def test_readings_are_in_the_robot_s_time(robot: Robot) -> None:
 def test_robots_of_one_plant_see_each_other(robot: Robot, control: PlantControl) -> None:
     def ahead(range_mm: float) -> bool:
         sonar = robot.proximity.sonar()
-        assert sonar is not None
         assert isinstance(sonar.value, tuple)
         return sonar.value[12] == pytest.approx(range_mm)
 

@@ -30,7 +30,6 @@ def pair(first: object, second: object, **options: object) -> World:
 def test_a_sonar_hears_another_robot_at_its_own_hull() -> None:
     world = pair(SMALL, LARGE)
     ring = SMALL.ring
-    assert ring is not None
     assert world.sonar(0)[ring.ahead] == pytest.approx(GAP_MM - LARGE.radius_mm - ring.ring_mm)
     assert pair(SMALL, SMALL).sonar(0)[ring.ahead] == pytest.approx(GAP_MM - SMALL.radius_mm - ring.ring_mm)
 

@@ -113,17 +113,14 @@ def test_counts_what_there_is() -> None:
 def test_a_value_that_differs_in_the_last_bit(through: str) -> None:
     right = logs(PROGRAM, trace())
     values = right[2].verdicts["drive"].values
-    assert values is not None
     found: Any = changed(right, 2, values=(math.nextafter(values[0], math.inf), values[1]))
     if through == "mcap":
         found, _ = read_mcap(PROGRAM, as_mcap(PROGRAM, found).content)
     elif through == "lines":
         found, _ = read_lines(PROGRAM, as_lines(PROGRAM, found).content)
     report = audit(PROGRAM, found)
-    assert report.first is not None
     assert (report.first.k, report.first.actuator, report.differing) == (2, "drive", 1)
     assert report.first.message == "the command sent is not the interpreter's"
-    assert report.first.expected is not None
     assert report.first.expected.values == values
     assert json.loads(json.dumps(report.as_json()))["first"]["expected"]["values"] == list(values)
 
@@ -140,7 +137,6 @@ def test_the_difference_tells_what_each_client_does() -> None:
         PROGRAM,
         changed(logs(PROGRAM, trace()), 6, by="cruise", fates=(("back", "silent"), ("cruise", "won"))),
     )
-    assert report.first is not None
     parts = [(c.client, c.fate, c.part) for c in report.first.clients]
     assert parts == [("back", "silent", "wins"), ("cruise", "won", "active"), ("stop", None, "inactive")]
 
@@ -159,7 +155,6 @@ def test_a_dropped_frame(through: str, at: int) -> None:
     if at == 11:  # nothing tells that there was one
         assert first is None
     elif at:
-        assert first is not None
         assert first.message == "frame 5 follows frame 3: 1 between them are not in the recording"
     else:
         assert first is None
@@ -176,14 +171,12 @@ def test_frames_out_of_order() -> None:
 def test_another_program() -> None:
     other = load_text(TEXT.replace("ON_LOSS", "").replace("100 ms", "150 ms"))
     first = audit(other, logs(PROGRAM, trace())).first
-    assert first is not None
     assert (first.k, first.recorded.by, first.expected.by) == (10, "cruise", "back")  # type: ignore[union-attr]
 
 
 def test_a_client_that_the_program_does_not_have() -> None:
     other = load_text(TEXT.replace("ON_LOSS", "").replace("stop ", "halt "))
     first = audit(other, logs(PROGRAM, trace())).first
-    assert first is not None
     assert first.message == "`stop` is not a client of `drive` in this program"
 
 
@@ -236,10 +229,8 @@ def test_a_restart_begins_anew() -> None:
         replace(log, restart=False, tick=msgspec.structs.replace(log.tick, start=0)) for log in right
     ]
     first = audit(PROGRAM, forgotten).first
-    assert first is not None
     assert (first.k, first.message) == (9, "the command sent is not the interpreter's")
     first = audit(PROGRAM, [*right[:9], *right[10:]]).first
-    assert first is not None
     assert (first.k, first.message) == (
         10,
         "frame 10 follows frame 8: 1 between them are not in the recording",
@@ -292,7 +283,6 @@ def test_who_takes_over_where_a_client_is_lost() -> None:
     taken_over = lose(right, cruise_on)
     assert audit(DEGRADING, taken_over).agrees
     first = audit(PROGRAM, taken_over).first
-    assert first is not None
     assert first.k == 3
     assert first.message.startswith("a client was missing, and neither")
 
@@ -303,7 +293,6 @@ def test_recorded_contracts_are_compared_where_it_is_known_what_was_sent() -> No
     assert [one.tick.k for one in found] == list(range(12))
     found[2] = replace(found[2], breaches=())
     first = audit(PROGRAM, found).first
-    assert first is not None
     assert first.message == "broken contracts: recorded none; in the interpreter gentle"
     found[2] = replace(found[2], verdicts={})
     assert audit(PROGRAM, found).agrees

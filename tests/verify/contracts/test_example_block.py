@@ -30,7 +30,6 @@ def block(*frames: dict[str, Value]) -> str | None:
 
 def steps(*frames: dict[str, Value]) -> list[str]:
     text = block(*frames)
-    assert text is not None
     assert text.startswith('test "counterexample: c" {\n')
     return [line.strip() for line in text.splitlines()[1:-1]]
 

@@ -73,7 +73,6 @@ def test_no_run_gets_there(condition: str) -> None:
     made, found = result(f"reach r: {condition}")
     assert lines(made, found) == ("NEVER REACHED  r",)
     said = finding(found, "f.colony")
-    assert said is not None
     assert (said.code, said.severity) == ("V015", "error")
     assert said.message == "no run reaches `r`, whatever sensors read while every client is in time"
     assert counted_as(found) == row(made, found)["verdict"] == "never_reached"
@@ -83,14 +82,12 @@ def test_over_reals_and_unknown_are_said_of_reaches_as_of_contracts() -> None:
     made, found = result(f"{MEAN}reach r: mean >= 10")
     assert lines(made, found)[0].startswith("over reals  r  (floats may round at ")
     said = finding(found, None)
-    assert said is not None
     assert said.code == "V014"
     assert said.message.startswith("reach `r` is proved never to be reached only over real numbers: floats")
     counting = "state n = 0  next n = if bump then n + 0.5 else n - 0.5\n"
     made, found = result(f"{counting}reach r: n == 0.25", Options(depth=1, max_frames=2, resources=400_000))
     assert counted_as(found) == "unknown"
     said = finding(found, None)
-    assert said is not None
     assert said.code == "V011"
     assert said.message.startswith("reach `r` is neither reached nor proved never to be: ")
     assert said.message.endswith("reaches it")
@@ -130,7 +127,6 @@ def test_the_written_test_expects_what_was_reached(condition: str, expects: str 
     if expects is None:
         assert block is None
         return
-    assert block is not None
     assert block.startswith('test "reach: r" {\n')
     assert block.endswith(f" expect {expects}\n}}\n")
     [run] = run_examples(program(f"{block}"))

@@ -37,7 +37,6 @@ def test_a_contract_that_a_late_client_breaks_is_a_note_with_the_run() -> None:
         "  missing, where some readings would change this: far",
     )
     said = finding(found, "f.colony")
-    assert said is not None
     assert (said.code, said.severity) == ("V012", "note")
     start = (
         "contract `c` is proved only while every client is in time; it is false at 0 s of a run of 1 frame"
@@ -65,7 +64,6 @@ def test_a_contract_of_which_lateness_is_open_says_why() -> None:
         "  z3 gave up",
     )
     said = finding(found, "f.colony")
-    assert said is not None
     assert (said.code, said.hint) == ("V012", "ask less")
     assert said.message.endswith("clients are late or lost, it is neither proved nor refuted: z3 gave up")
     assert row(program(text), found)["trace"] is None
@@ -76,10 +74,8 @@ def test_memory_that_an_earlier_late_frame_changed_is_what_the_hint_is_about() -
     text = "contract c: previous(back is active, false) implies previous(drive is commanded, false)"
     found = result(text)
     assert isinstance(found, ProvedInTime)
-    assert found.trace is not None
     assert [list(s.given) for s in found.trace.snapshots] == [["drive"], []]
     said = finding(found, "f.colony")
-    assert said is not None
     assert said.hint is not None
     assert "(`drive is idle or previous(drive is idle, true) or ...`)" in said.hint
     assert "lost" not in said.hint
@@ -105,7 +101,6 @@ def test_a_contract_that_a_lost_client_breaks_says_lost_and_not_late() -> None:
         "  it is proved while every client is in time; the run below breaks it, in which a client is lost:"
     )
     said = finding(found, "f.colony")
-    assert said is not None
     assert "in which a client is lost; found" in said.message
     assert said.hint == (
         "with `on_loss degrade`, a lesser client acts in place of one that is lost: say what must hold then, "
@@ -132,7 +127,6 @@ def test_what_holds_of_reals_names_the_lines() -> None:
     [line] = lines(program(text), result(text))
     assert line.startswith("over reals  c  (floats may round at <text>:")
     said = finding(result(text), "b.colony")
-    assert said is not None
     assert (said.code, said.severity) == ("V014", "note")
     assert "proved only over real numbers: floats may round at <text>:" in said.message
 
@@ -142,7 +136,6 @@ def test_a_refuted_contract_is_an_error_at_its_place() -> None:
     text += "contract d: fresh(bump) implies not falling(bump)"
     found = refuted(text)
     said = finding(found, "a b.colony")
-    assert said is not None
     assert (said.code, said.severity, said.span.text) == ("V010", "error", "d")
     assert "`d` is false at 0.05 s of a run of 2 frames; found: bump is fresh; bump = false" in said.message
     assert said.hint == "`colony verify --write-test 'a b.colony'` adds the run to it as a test"
@@ -163,14 +156,12 @@ def test_a_contract_that_cannot_be_told_says_what_is_missing() -> None:
 
 def test_an_infinite_reading_wants_a_range() -> None:
     said = finding(refuted("contract c: fresh(x) implies x - x == 0"), "f.colony")
-    assert said is not None
     assert said.hint == "`x` is infinite there: give it a `range`, which bounds its readings"
 
 
 def test_an_unknown_contract_is_a_warning_that_says_why() -> None:
     found = unknown("contract c: fresh(slope) implies sin(slope) < 2 * cos(slope) or abs(slope) > 10 deg")
     said = finding(found, "f.colony")
-    assert said is not None
     assert (said.code, said.severity) == ("V011", "warning")
     assert "`sin`" in said.message
     assert ":;" not in said.message

@@ -47,7 +47,6 @@ def test_a_failsafe_safeguard_that_inhibits() -> None:
 def test_of_two_safeguards_both_are_to_be_failsafe() -> None:
     text = AVOID + go("halt", "sonar < 500 mm", "0")
     [hint] = hints(text + "network { drive = halt suppresses avoid suppresses cruise }\n")
-    assert hint is not None
     assert hint.startswith("write `failsafe module avoid` and `failsafe module halt`, or wire ")
 
 
@@ -292,5 +291,4 @@ def test_what_is_too_far_away_is_said_to_be_undecided() -> None:
 def test_the_cure_is_the_transition_as_it_is_written() -> None:
     machine = "machine m { start go  any -> stop when bumper  stop -> go when level > 5 }\n"
     [hint] = hints(machine + go("move", "m == m.go") + "network { drive = move }\n")
-    assert hint is not None
     assert hint.startswith("write `failsafe any -> stop when ...`, or ")

@@ -107,7 +107,6 @@ def test_clients_alone_that_are_both_active_are_found(monkeypatch: pytest.Monkey
     )
     after("simplify", _never_exclusive)(monkeypatch)
     found = client_disagreement(of, TRACE)
-    assert found is not None
     assert isinstance(found.found, Outcome)
     assert found.found.decisions[0].by == "m and n"
 

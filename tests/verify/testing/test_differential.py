@@ -120,7 +120,6 @@ class Late:
 def test_a_disagreement_is_shrunk_to_what_it_takes() -> None:
     report = last(program(BACKS_OFF), 200, executors={**ALL_EXECUTORS, "late": Late})
     found = report.disagreement
-    assert found is not None
     assert found.executor == "late"
     assert len(found.trace) == 2
     assert [f.readings["b"] for f in found.trace] == [False, False]
@@ -136,7 +135,6 @@ def test_what_an_executor_raises_is_a_disagreement() -> None:
         return Raises()
 
     found = last(program(BACKS_OFF), 3, executors={"raises": make}).disagreement
-    assert found is not None
     assert found.found == "ValueError: no"
     assert len(found.trace) == 1
 
@@ -157,7 +155,6 @@ def test_an_executor_that_remembers_the_trace_before_is_told_so() -> None:
             return self._reference.step(frame) if self._begun == 1 else Outcome(())
 
     found = last(program(BACKS_OFF), 3, executors={"tired": Tired}).disagreement
-    assert found is not None
     assert found.executor == "tired, after other traces"
 
 
@@ -171,7 +168,6 @@ def test_a_trial_is_given_a_seed_of_its_own_for_each_trace() -> None:
         return Disagreement(executor="", trace=tuple(trace), expected=Outcome(()), found="wrong")
 
     found = last(program(BACKS_OFF), 9, executors={}, trials={"a trial": trial}).disagreement
-    assert found is not None
     assert (found.executor, found.found) == ("a trial", "wrong")
     assert len(set(seeds[:3])) == 3
     assert set(seeds[3:]) == {seeds[2]}  # while it is shrunk
@@ -189,7 +185,6 @@ def with_python(name: str) -> Program:
 
 def test_a_module_that_does_not_do_the_same_twice_is_named() -> None:
     report = last(with_python("Shared"))
-    assert report.nondeterministic is not None
     assert report.nondeterministic.module.name == "m"
     assert report.nondeterministic.trace[-1].readings["a"] is not None
     assert report.disagreement is None

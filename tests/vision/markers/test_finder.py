@@ -142,7 +142,6 @@ def test_the_fix_holds_for_the_true_pose() -> None:
     stand = Stand({**RIDE, ELEVATOR_CALL: CALL, FLOOR: NAME}, aside_mm=-60.0, turned_deg=2.0)
     stand.run(1.0)
     fix, pose = fix_of(stand.told(MARKER_FIX)), stand.world.true_pose(0)
-    assert fix is not None
     assert 0 <= stand.now_ns - fix.t_ns <= 500_000_000
     assert len(fix.rows) == 3
     for row in fix.rows:

@@ -53,7 +53,6 @@ def test_one_look_tells_bearing_distance_and_facing_as_well_as_it_says() -> None
 def test_who_is_to_the_left_of_the_doors_middle_sees_it_to_the_right() -> None:
     [box] = find_markers(picture(View(code=0, right_mm=150.0, ahead_mm=1_200.0)))
     pose = marker_pose(box)
-    assert pose is not None
     assert pose.bearing_deg < 0.0
     assert pose.aside_mm == pytest.approx(150.0, abs=15.0)
     assert pose.ahead_mm == pytest.approx(1_200.0, abs=15.0)
@@ -62,7 +61,6 @@ def test_who_is_to_the_left_of_the_doors_middle_sees_it_to_the_right() -> None:
 def test_a_camera_that_looks_aside_tells_it_from_ahead() -> None:
     [box] = find_markers(picture(View(code=0, right_mm=0.0)))
     pose = marker_pose(box, SIDE)
-    assert pose is not None
     assert pose.bearing_deg == pytest.approx(90.0, abs=0.2)
     assert pose.facing_deg == pytest.approx(90.0, abs=1.0)
 

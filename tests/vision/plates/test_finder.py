@@ -66,7 +66,6 @@ def test_with_the_map_plates_are_known_and_tell_where_the_robot_is() -> None:
     stage, reported = run(hall, floors={"hall": known(hall)})
     assert [found_plate.door for found_plate in reported] == ["352", "354"]
     fix = fix_of(stage.told(PLATE_FIX))
-    assert fix is not None
     bearing = fix.rows[0]
     believed = bearing.cx * 40.0 + bearing.cy * (stage.place(fix.t_ns) - 60.0) - bearing.value
     true = bearing.cy * stage.place(fix.t_ns) - bearing.value

@@ -75,8 +75,7 @@ def test_the_page_follows_the_robot_into_its_next_run(machine: Machine, browser:
     browser.open(server.out.split()[-1])
     until(lambda: browser.text("#mode") == "live", f"it is live: {browser.text('#mode')}")
     first = browser.text("#title")
-    run.tell(signal.SIGINT)
-    run.wait()
+    run.interrupt()
     until(lambda: browser.text("#mode").startswith("no frames come"), "the page notices that it has ended")
     machine.start("run", FOLLOW_WALL, *drive)
     until(lambda: browser.text("#title") != first, "the page shows the next run")
@@ -100,8 +99,7 @@ def test_the_page_says_that_no_program_runs_until_one_does(machine: Machine, bro
     until(lambda: browser.text("#title").startswith("run "), "the page shows the run")
     until(lambda: "won" in browser.text("#network .module.won .state"), "a module commands")
     assert not browser.run("return document.querySelector('#network').hidden")
-    run.tell(signal.SIGINT)
-    run.wait()
+    run.interrupt()
     until(lambda: browser.text("#title").startswith("no program runs"), "the page shows the robot alone")
     until(lambda: browser.text("#mode") == "live", "it is live")
     assert browser.errors() == []
@@ -118,5 +116,4 @@ def test_a_run_shows_itself_and_one_looks_back(machine: Machine, browser: Browse
     assert browser.run("return document.querySelector('#stop').hidden")
     browser.click("#follow")
     until(lambda: browser.text("#mode") == "live", "it is live again")
-    run.tell(signal.SIGINT)
-    assert run.wait() == 130
+    assert run.interrupt() == 130

@@ -35,7 +35,6 @@ def rows_of(image: Path) -> list[list[int]]:
     """The shades of an image, from its top row."""
     if image.suffix == ".png":
         pixels = cv2.imread(str(image), cv2.IMREAD_UNCHANGED)
-        assert pixels is not None
         assert (pixels.ndim, pixels.dtype) == (2, np.uint8)
         return [[int(shade) for shade in row] for row in pixels.tolist()]
     data = image.read_bytes()

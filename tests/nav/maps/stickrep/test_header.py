@@ -24,7 +24,6 @@ def test_lines_in_any_order() -> None:
         "cumulative",
         "house",
     )
-    assert read.tolerance is not None
     assert read.tolerance.text == "3"
     assert not read.problems
 

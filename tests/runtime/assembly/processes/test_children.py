@@ -322,7 +322,6 @@ def of_a_parent_that_is_killed(folder: Path, name: str) -> int:
     parent = subprocess.Popen(
         [sys.executable, "-c", PARENT, str(folder), name], stdout=subprocess.PIPE, text=True, bufsize=1
     )
-    assert parent.stdout is not None
     child = int(parent.stdout.readline())
     until(lambda: said(folder, name), "it starts")
     parent.kill()

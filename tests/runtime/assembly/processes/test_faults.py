@@ -54,8 +54,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
 def _every_decision_was_the_interpreters(run: Run) -> None:
     """End the run, and hold its recording to the interpreter: all that the tests did to it is in there."""
     run.goes_on()
-    run.started.tell(signal.SIGINT)
-    assert run.started.wait() == 130
+    assert run.started.interrupt() == 130
     assert json.loads(run.started.out)["disagreements"] == []
     audit = run.machine.run("audit", str(run.started.folder / "run.mcap"))
     assert audit.process.returncode == 0, audit.out + audit.err
@@ -117,7 +116,6 @@ def test_locks_and_places_in_queues_are_free_within_a_second(
 
         def measure() -> int:
             with child(run.machine, "hold") as victim:
-                assert victim.stdout is not None
                 assert victim.stdout.readline() == "holds\n"
                 until(lambda: variables.do(data.semaphore(QUEUE)).waiting, "it waits in a queue")
                 lock, held = base.send(robot.lock()), variables.send(data.wait(HELD, timeout_s=20.0))

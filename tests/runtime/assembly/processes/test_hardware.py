@@ -220,7 +220,6 @@ def test_a_base_that_drives_sideways_is_given_that_speed_too() -> None:
     made.drive(100.0, 5.0, -30.0)
     assert driver.sent == [("drive", 100.0, 5.0, -30.0)]
     found = made.state()
-    assert found is not None
     assert found.sideways_speed == 20.0
 
 

@@ -44,12 +44,12 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.deployment import Deployment, deployment
-from colony.runtime.protocol.messages import Fate, Reply, Send, Tick, Verdict
+from colony.runtime.protocol.messages import Fate, Tick, Verdict
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
+from tests.kit.node_stage import NodeStage
 from tests.robot_servers import ROME_SERVERS
 from tests.runtime.assembly.test_virtual import pulsing
-from tests.runtime.calling import call_of, opening
 from tests.runtime.programs import roam
 from tests.runtime.scripted import LIMITS, Log
 
@@ -328,12 +328,7 @@ def test_the_leader_knows_the_sensors_at_fault_and_the_variables_that_the_progra
 
 def test_the_leader_answers(roaming: Program) -> None:
     server = LeaderServer(RunStatusTracker(deployed(roaming), file="f.colony"))
-    replies = []
-    for number, ask in enumerate((opening("test"), Ask("run", NoArguments(), None, "read")), 1):
-        call = call_of(ask, "ada/1", number)
-        replies += [e.message for e in server.handle(call, number) if isinstance(e, Send)]
-    assert all(isinstance(r, Reply) and r.problem is None for r in replies)
-    status = msgspec.msgpack.decode(replies[-1].result, type=RunStatus)  # type: ignore[union-attr]
+    status = NodeStage(server).connect().do(Ask("run", NoArguments(), RunStatus, "read"))
     assert server.address == LEADER
     assert (status.run, status.frames, status.k) == ("r1", 0, -1)
     assert {c.standing for c in status.clients} == {"starting"}

@@ -28,7 +28,7 @@ from colony.runtime.transport.live import deferred, keys, rate_limits
 from colony.runtime.transport.live.deferred import DEFERRED_BATCH
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.meter import Rate
-from tests.runtime.calling import plain_call
+from tests.kit.calling import plain_call
 from tests.runtime.transport.live.outside import SERVER, Outside
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, robot_address, running
 from tests.waiting import until

@@ -114,7 +114,6 @@ def test_servers_under_fire(machine: Machine) -> None:
             _cannonballs(network)
             healthy(session)
             truth = machine.truth()
-            assert truth is not None
             assert (truth.velocity, truth.turn, truth.distance) == (0.0, 0.0, 0.0)
             assert dict(machine.directory.running()) == pids, served.err
             sizes.append({name: resident(pid) for name, pid in pids.items()})
@@ -152,7 +151,6 @@ def _drives(machine: Machine, session: Session) -> None:
         until(released, "a tick brings the release to RServer, and no stop that was fired comes after it")
         base.do(robot.turn(20.0))
     truth = machine.truth()
-    assert truth is not None
     assert truth.bumps == 0
 
 

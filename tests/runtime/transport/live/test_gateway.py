@@ -35,7 +35,7 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_time import learned_time
 from colony.runtime.transport.live.security import read_security
-from tests.runtime.calling import plain_call
+from tests.kit.calling import plain_call
 from tests.runtime.kit.stage import BATTERY, battery_thread, charge, halt, level
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.runtime.transport.live.gateway_lab import USERS, Lab, gateway_for, listen, put

@@ -28,7 +28,7 @@ from colony.runtime.transport.live.limits import MEDIUM_MESSAGE_BYTES
 from colony.runtime.transport.live.meter import Rate
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Outbox, SendPriority, declare_publisher
-from tests.runtime.calling import plain_call
+from tests.kit.calling import plain_call
 from tests.runtime.transport.live.gateway_lab import Lab, listen, note, put
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, python_process, robot_address
 from tests.waiting import until

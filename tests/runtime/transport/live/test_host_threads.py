@@ -26,7 +26,7 @@ from colony.runtime.transport.live.message_queue import MAX_CALLS_PER_CONNECTION
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import declare_publisher
 from colony.runtime.transport.live.sender import MAX_DROPPABLE_BYTES
-from tests.runtime.calling import plain_call
+from tests.kit.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, robot_address, running
 from tests.waiting import until
@@ -124,7 +124,6 @@ def test_a_direct_host_sends_what_must_not_be_dropped_in_a_thread_of_its_own(
     node = Recorder(SERVER, CALLS, on=answer)
     outside.hear(topics.replies(SERVER, "u/a"))
     with Host.open(robot_address(environment), [node], serves=True, handle_directly=True) as host:
-        assert host._blocking_outbox is not None
         send_all = host._blocking_outbox.send_all
 
         def waits_for_room(sends: Iterable[Send], now_ns: int) -> None:

@@ -7,7 +7,7 @@ import pytest
 from colony.runtime.protocol import topics
 from colony.runtime.transport.live.inbox import Inbox
 from colony.runtime.transport.live.message_queue import MessageQueue
-from tests.runtime.calling import plain_call
+from tests.kit.calling import plain_call
 
 TOPIC = topics.TICKS
 

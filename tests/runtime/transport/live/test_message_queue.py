@@ -12,7 +12,7 @@ from colony.runtime.transport.live.message_queue import (
     MessageQueue,
     QueuedMessage,
 )
-from tests.runtime.calling import plain_call
+from tests.kit.calling import plain_call
 
 CALLS = "RServer/call"
 

@@ -3,37 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
 
 from colony.runtime.arbitration.stop_latch import StopLatch
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import (
     Alive,
     Effect,
-    Message,
     Problem,
     Reply,
     Request,
-    Send,
     ServerFrame,
     Tick,
     Verdict,
-    Wake,
-    WakeAt,
 )
 from colony.runtime.servers.drivers import BaseLimits, BaseState
 from colony.runtime.servers.rserver import RServer
-from tests.runtime.calling import CLOSE, call_of, opening
+from tests.kit.calling import opening
+from tests.kit.node_stage import FRAME_NS, MS, Caller, NodeStage, messages
 
-MS = 1_000_000
-S = 1000 * MS
-FRAME = 50 * MS
 LIMITS = BaseLimits(velocity=600.0, turn=90.0, acceleration=800.0, turn_acceleration=240.0)
 
 
@@ -93,50 +85,34 @@ def stage_in_run(**options: Any) -> Stage:
     return Stage(run="r1", deployment=deployed(), **options)
 
 
-class Stage:
+class Stage(NodeStage):
     """Ticks an RServer and keeps what it says. `latch` is that of the Clock that ticks."""
 
     def __init__(self, base: RollingBase | None = None, *, run: str = "", **options: Any) -> None:
         self.base = RollingBase() if base is None else base
-        self.server = RServer(self.base, **options)
         self.latch = StopLatch(None)
         self.run = run
         self.k = -1
-        self.now_ns = 0
         self.verdicts: list[Verdict] = []
         self.frames: list[ServerFrame] = []
-        self.replies: dict[tuple[str, int], Reply] = {}
-        self.lost: list[str] = []
-        self._wakes: list[int] = []
-        self._numbers: dict[str, int] = defaultdict(int)
-        self._priorities: dict[str, int] = {}
+        self.callers: dict[str, Caller] = {}
         self._alive: set[str] = set()
-        self._take(self.server.start(0))
+        super().__init__(RServer(self.base, **options))
 
     # --- time ----------------------------------------------------------------------------------------
 
-    def wait(self, until_ns: int) -> None:
-        """Let time pass, with wakes and signs of life, but without ticks."""
-        while self._wakes and min(self._wakes) <= until_ns:
-            due = min(self._wakes)
-            self._wakes.remove(due)
-            self._advance(due)
-            self.give(Wake())
-        self._advance(until_ns)
-
-    def _advance(self, now_ns: int) -> None:
-        self.now_ns = max(self.now_ns, now_ns)
+    def advance(self, t_ns: int) -> None:
+        super().advance(t_ns)
         self.base.roll(self.now_ns)
 
     def tick(self, *, lost: Iterable[str] = (), run: str | None = None) -> None:
         """The next frame begins."""
-        self.wait((self.k + 1) * FRAME)
+        self.until((self.k + 1) * FRAME_NS)
         self.k += 1
-        for connection in sorted(self._alive):
-            self.give(Alive(connection=connection))
+        self.handle(*(Alive(connection=connection) for connection in sorted(self._alive)))
         stop = {"stopped": self.latch.stopped, "released_ns": self.latch.released_ns}
         run = self.run if run is None else run
-        self.give(Tick(k=self.k, t_ns=self.k * FRAME, run=run, lost=tuple(lost), **stop))  # type: ignore[arg-type]
+        self.handle(Tick(k=self.k, t_ns=self.k * FRAME_NS, run=run, lost=tuple(lost), **stop))  # type: ignore[arg-type]
 
     def release(self) -> None:
         """The Clock releases the emergency stop; the next tick says so."""
@@ -147,9 +123,8 @@ class Stage:
         before = len(self.verdicts)
         for _ in range(count):
             self.tick(lost=lost)
-            for request in requests:
-                self.give(msgspec.structs.replace(request, k=self.k))
-            self.wait(self.k * FRAME + FRAME - 1)
+            self.handle(*(msgspec.structs.replace(request, k=self.k) for request in requests))
+            self.until(self.k * FRAME_NS + FRAME_NS - 1)
         return self.verdicts[-1] if len(self.verdicts) > before else None
 
     def frames_until(self, connection: str, number: int, most: int = 2000) -> Reply:
@@ -160,39 +135,24 @@ class Stage:
             self.frame()
         raise AssertionError(f"{connection} waits for the answer to call {number} in vain")
 
-    # --- messages ------------------------------------------------------------------------------------
-
-    def give(self, message: Message) -> None:
-        self._take(self.server.handle(message, self.now_ns))
-
-    def _take(self, effects: Iterable[Effect]) -> None:
-        for effect in effects:
-            if isinstance(effect, WakeAt):
-                self._wakes.append(effect.t_ns)
-                continue
-            assert isinstance(effect, Send)
-            match effect.message:
-                case Verdict() as verdict:
-                    self.verdicts.append(verdict)
-                case ServerFrame() as frame:
-                    self.frames.append(frame)
-                    self.latch.observe(frame.stopped)
-                case Reply() as reply:
-                    assert effect.topic == topics.replies("RServer", reply.connection)
-                    if reply.number == 0:
-                        self.lost.append(reply.connection)
-                    self.replies[reply.connection, reply.number] = reply
-                case other:
-                    raise AssertionError(other)
+    def keep(self, effects: Sequence[Effect]) -> None:
+        super().keep(effects)
+        self.verdicts += messages(effects, Verdict)
+        for frame in messages(effects, ServerFrame):
+            self.frames.append(frame)
+            self.latch.observe(frame.stopped)
 
     # --- people --------------------------------------------------------------------------------------
 
     def open(self, connection: str, priority: int = 0, name: str | None = None) -> str:
         """A connection, which stays alive until `die`."""
-        self._priorities[connection] = priority
+        self.caller(connection).priority = priority
         self._alive.add(connection)
         self.send(connection, opening(name or connection))
         return connection
+
+    def caller(self, connection: str) -> Caller:
+        return self.callers.setdefault(connection, Caller(self, connection))
 
     def die(self, connection: str) -> None:
         """No sign of life from here on."""
@@ -200,30 +160,20 @@ class Stage:
 
     def send(self, connection: str, ask: Ask[Any]) -> int:
         """Make a call; gives its number."""
-        self._numbers[connection] += 1
-        number = self._numbers[connection]
-        self.give(call_of(ask, connection, number, self._priorities.get(connection, 0)))
-        return number
+        self.caller(connection).begin(ask)
+        return self.caller(connection).number
 
     def do(self, connection: str, ask: Ask[Any]) -> Any:
         """Make a call that is answered at once, and does."""
-        number = self.send(connection, ask)
-        return self.result(connection, number, ask)
-
-    def result(self, connection: str, number: int, ask: Ask[Any]) -> Any:
-        reply = self.replies[connection, number]
-        assert reply.problem is None, reply.problem
-        return msgspec.msgpack.decode(reply.result, type=ask.reply)
+        return self.caller(connection).do(ask)
 
     def problem(self, connection: str, ask: Ask[Any]) -> Problem:
         """Make a call that is refused at once."""
-        reply = self.replies[connection, self.send(connection, ask)]
-        assert reply.problem is not None
-        return reply.problem
+        return self.caller(connection).problem(ask)
 
     def close(self, connection: str) -> None:
         self._alive.discard(connection)
-        self.send(connection, CLOSE)
+        self.caller(connection).close()
 
 
 CLIENTS = (("back_off", 3), ("avoid", 2), ("cruise", 1))
@@ -247,7 +197,7 @@ def deployed(run: str = "r1", clients: tuple[tuple[str, int], ...] = CLIENTS, **
     actuators = changes.pop("actuators", None)
     if actuators is None:
         actuators = (ActuatorSpec(**(table | changes)),)
-    return Deployment(run=run, program="p", frame_ns=FRAME, seed=1, actuators=actuators)
+    return Deployment(run=run, program="p", frame_ns=FRAME_NS, seed=1, actuators=actuators)
 
 
 def bid(client: str, *values: float, bid: str = "command") -> Request:
