@@ -77,7 +77,7 @@ def watching(on: Machine) -> Iterator[Watch]:
         watch.end()
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_one_at_a_time_although_both_keepers_are_killed() -> None:
     with machine() as on:
         programs = [c for c in COMMANDS if "run " in c or "keeper" in c]

@@ -98,7 +98,7 @@ def ridden(machine: Machine, ground: Path) -> tuple[Started, dict[str, Any]]:
     return run, report
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_robot_of_processes_rides_to_another_floor_and_its_decisions_are_the_interpreter_s(
     machine: Machine, colony: Colony, tmp_path: Path
 ) -> None:

@@ -130,7 +130,7 @@ def test_each_robot_has_a_bias_that_lasts() -> None:
     assert (later[:, 3] + 180.0) % 360.0 - 180.0 == pytest.approx(10.0 * at_first[:, 0])
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.parametrize("minutes", [1, 4])
 def test_a_bias_drifts_with_the_root_of_the_time(minutes: int) -> None:
     stage = fleet('turn = { drift = "0.5 deg/s" }\n')
