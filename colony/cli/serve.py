@@ -138,7 +138,7 @@ def command(server: str, **arguments: Any) -> None:
 
     robot, texts, start = (arguments.pop(name) for name in ("robot", "camera_texts", "start"))
     arguments["hardware"] = arguments["hardware"] or arguments["port"] is not None
-    described, interface, limits = _description()
+    described, interface, limits = described_to_serve()
     try:
         directions = cameras(texts)
         settings = Settings(
@@ -269,7 +269,7 @@ def server_named(text: str, settings: Settings) -> str:
     raise OptionError(f"`{settings.described.body.robot.name}` has no server `{text}`; {hint}")
 
 
-def _description() -> tuple[DescribedRobot, Interface | None, Compiled | None]:
+def described_to_serve() -> tuple[DescribedRobot, Interface | None, Compiled | None]:
     """Return the robot that the options describe, RoME if they give no more than an unknown name.
 
     The interface is what programs must have been checked against. The compiled program is the description's
