@@ -16,11 +16,11 @@ STOP_NS = 500_000_000
 BRAKE_NS = 1_000_000_000
 """Nanoseconds from the death of the base's server, or of the Clock, in which the base has to brake."""
 
-BACK_NS = 10_000_000_000
+BACK_NS = 20_000_000_000
 """Nanoseconds in which the robot has to recover from a fault, or from the release of a stop."""
 
 COMPARED = 0.5
-"""Part of the decisions outside stops that the audit has to compare."""
+"""Part of the decisions of which the frames before were observed."""
 
 
 class FailureReason(NamedTuple):
@@ -128,7 +128,6 @@ class AcceptanceFindings:
 
     def failures(self) -> list[FailureReason]:
         """Return the reasons why the robot fails, those with a time in order; none if it passes."""
-        begin_ns = 0 if self.audit is None else self.audit.first_ns
         steps: list[StopFinding | FaultFinding] = [*self.stops, *self.faults]
         timed = [*(failure for step in steps for failure in step.failures()), *self._audited()]
         untimed = [text for at_ns, text in self.losses if at_ns is None]
@@ -139,12 +138,16 @@ class AcceptanceFindings:
             untimed += [] if self.interrupted else ["there is no recording to audit"]
         elif self.audit.damaged:
             untimed.append("the recording is damaged")
-        elif self._compared_part < COMPARED:
+        elif self.audit.compared <= COMPARED * (self.audit.compared + self._unknown):
             untimed.append(f"only {self.audit.compared:,} decisions could be compared")
         return [
-            *(FailureReason(rounded_ns(at_ns - begin_ns) / 1e9, text) for at_ns, text in sorted(timed)),
+            *(FailureReason(self._second(at_ns), text) for at_ns, text in sorted(timed)),
             *(FailureReason(None, text) for text in untimed),
         ]
+
+    def _second(self, t_ns: int) -> float | None:
+        """Return a time of the robot as a second of the recording; None if there is none."""
+        return None if self.audit is None else rounded_ns(t_ns - self.audit.first_ns) / 1e9
 
     def _audited(self) -> Iterator[tuple[int, str]]:
         if self.audit is None:
@@ -155,15 +158,15 @@ class AcceptanceFindings:
             text = f"contract {contract.contract} broken in {counted(contract.frames, 'frame')}"
             yield contract.first_ns, text
 
+    @property
+    def _unknown(self) -> int:
+        """The number of decisions that were not compared because a frame before them was not observed."""
+        audit = self.audit
+        return 0 if audit is None else self.actuators * (audit.unknown + audit.forgotten) + audit.undecided
+
     def _memory_problems(self) -> list[str]:
         deaths = sum(len(fault.processes) for fault in self.faults if fault.kind == "kill")
         return list(self.census.problems(deaths / max(self.seconds, 1.0)))
-
-    @property
-    def _compared_part(self) -> float:
-        assert self.audit is not None
-        driven = self.actuators * (self.audit.frames - self.audit.holds)
-        return self.audit.compared / driven if driven > 0 else 1.0
 
     # --- as text and data ----------------------------------------------------------------------------
 
@@ -173,7 +176,7 @@ class AcceptanceFindings:
         for kind, label in (("kill", "kills"), ("freeze", "freezes")):
             yield f"{label:<12} {self._faults_text([fault for fault in self.faults if fault.kind == kind])}"
         if self.audit is not None:
-            yield f"decisions    {_decisions_text(self.audit, self.actuators)}"
+            yield f"decisions    {self._decisions_text(self.audit)}"
         growing = "growing" if self._memory_problems() else "not growing"
         yield f"memory       at most {self.census.largest / 2**20:.0f} MB a process, {growing}"
 
@@ -192,6 +195,18 @@ class AcceptanceFindings:
         braked = [fault.braked_ns for fault in faults if fault.braked_ns is not None]
         return f"{text}; the base braked within {_time(max(braked))}" if braked else text
 
+    def _decisions_text(self, audit: AuditReport) -> str:
+        total = self.actuators * audit.frames
+        counts = {
+            "while stopped": total - audit.compared - audit.unheard - self._unknown,
+            "without a verdict": audit.unheard,
+            "after a frame that was not observed": self._unknown,
+        }
+        why = ", ".join(f"{count:,} {reason}" for reason, count in counts.items() if count > 0)
+        agree = "as the interpreter decides" if audit.agrees else "compared: DIFFERENT"
+        idle = f", {audit.idled:,} of them idle for want of a client" if audit.idled else ""
+        return f"{audit.compared:,} of {total:,} {agree}{idle}{'; not compared: ' if why else ''}{why}"
+
     def as_json(self) -> dict[str, object]:
         """Return all of it as plain dicts and lists; times are nanoseconds of the robot."""
         failures: list[Any] = [failure._asdict() for failure in self.failures()]
@@ -206,19 +221,6 @@ class AcceptanceFindings:
             "audit": None if self.audit is None else self.audit.as_json(),
             "memory": {name: process.largest for name, process in self.census.processes.items()},
         }
-
-
-def _decisions_text(audit: AuditReport, actuators: int) -> str:
-    reasons = {
-        "stopped": audit.holds,
-        "without a verdict": audit.unheard,
-        "after one that was not observed": audit.unknown + audit.forgotten,
-    }
-    why = ", ".join(f"{counted(count, 'frame')} {reason}" for reason, count in reasons.items() if count)
-    agree = "as the interpreter decides" if audit.agrees else f"compared, {audit.differing:,} DIFFER"
-    idle = f", {audit.idled:,} of them idle for want of a client" if audit.idled else ""
-    rest = f"; not compared: {why}" if why else ""
-    return f"{audit.compared:,} of {actuators * audit.frames:,} {agree}{idle}{rest}"
 
 
 def _time(ns: int) -> str:
