@@ -9,7 +9,6 @@ SECONDS ?= 60
 SEED    ?= 1
 SEEDS   ?= 10000
 TRIALS  ?= 100
-ROUNDS  ?= 50
 MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
@@ -49,7 +48,6 @@ bench: $(DEV)
 
 soak: $(DEV)
 	$(BIN)/colony robot test amr --duration $(SECONDS) --seed $(SEED)
-	$(BIN)/python -m tools.freezes --rounds $(ROUNDS) --seed $(SEED)
 
 stops: $(DEV)
 	$(BIN)/python -m tools.stops_kept --trials $(TRIALS) --seed $(SEED)

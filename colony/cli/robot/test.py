@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -60,18 +59,15 @@ DRIVES = "the robot will drive and be stopped hard, again and again: give it roo
     show_default=True,
     help="The seed of the faults, and of the sensors' noise.",
 )
+@click.option(
+    "--scenario",
+    metavar="FILE",
+    type=click.Path(exists=True, dir_okay=False),
+    help="What the behavior reads and nobody simulates, over time, as for `colony run`.",
+)
 @click.option("-o", "output", metavar="PATH", help="Keep the recording of the run: *.mcap, or JSON lines.")
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
-def test_command(
-    robot: str,
-    file: str,
-    map_path: str | None,
-    hardware: bool,
-    duration: str,
-    seed: int,
-    output: str | None,
-    format_: str,
-) -> None:
+def test_command(robot: str, format_: str, **options: Any) -> None:
     """Serve a robot, drive it by a behavior, and meanwhile stop it, and kill and freeze its processes.
 
     ROBOT is NAME[=DESCRIPTION], as for `colony serve`. It is simulated, by default on the map `loop`. With
@@ -104,7 +100,7 @@ def test_command(
     with reporting_failures(), reporting_connection_errors():
         folder, is_kept = Path(mkdtemp(prefix="colony-test-")), False
         try:
-            request = _request(robot, folder, file, map_path, duration, hardware, seed, output)
+            request = _request(robot, folder, **options)
             findings = _tested(robot, request)
             is_kept = bool(findings.failures())
         except RunAbortedError:
@@ -114,15 +110,11 @@ def test_command(
         finally:
             if not is_kept:
                 shutil.rmtree(folder, ignore_errors=True)
+    recording = request.recording if options["output"] or is_kept else None
     if format_ == "json":
-        outputs = {
-            "behavior": file,
-            "seed": seed,
-            "recording": request.recording if output or is_kept else None,
-        }
-        click.echo(json.dumps(findings.as_json() | outputs, indent=2))
+        click.echo(json.dumps(findings.as_json() | {"recording": recording}, indent=2))
     else:
-        _print(findings, request.recording, folder if is_kept else None)
+        _print(findings, recording, folder if is_kept else None)
     if findings.interrupted:
         raise click.exceptions.Exit(EXIT_INTERRUPTED)
     if is_kept:
@@ -132,12 +124,13 @@ def test_command(
 def _request(
     robot: str,
     folder: Path,
+    *,
     file: str,
-    map_path: str | None,
     duration: str,
-    hardware: bool,
-    seed: int,
+    scenario: str | None,
     output: str | None,
+    seed: int,
+    **served: Any,
 ) -> AcceptanceRequest:
     """Return the test that the options request; exit with 2, or with 1 for errors of the behavior."""
     from colony.cli.programs import compile_for_run
@@ -151,12 +144,13 @@ def _request(
         check_output(output, [file])
     choice = chosen_robot()
     assert choice is not None
-    settings = _settings(robot, choice, folder, map_path, hardware, seed)
+    settings = _settings(robot, choice, folder / "state", seed=seed, **served)
     described = robot if choice.is_name else f"{robot}={choice.text}"
+    given = () if scenario is None else ("--scenario", scenario)
     compiled = compile_for_run(file)[0].compiled
     return AcceptanceRequest(
         settings=settings,
-        arguments=(file, "--connect", "--robot", described, "--seed", str(seed)),
+        arguments=(file, "--connect", "--robot", described, "--seed", str(seed), *given),
         actuators=frozenset(actuator.name for actuator in compiled.robot.actuators),
         recording=output or str(folder / "run.mcap"),
         seed=seed,
@@ -166,7 +160,7 @@ def _request(
 
 
 def _settings(
-    robot: str, choice: RobotChoice, folder: Path, map_path: str | None, hardware: bool, seed: int
+    robot: str, choice: RobotChoice, state: Path, *, seed: int, map_path: str | None, hardware: bool
 ) -> Settings:
     """Return what is served; exit with 2 if the robot does not exist, or is not one for these options."""
     from colony.cli.run.options import OptionError
@@ -186,11 +180,7 @@ def _settings(
         described=described,
         map_path=map_path or (None if hardware else Shipped.MAP.find(MAP)),
         seed=seed,
-        cameras={},
-        state=folder / "state",
-        fsync=False,
-        listen=None,
-        security=None,
+        state=state,
         interface=interface,
         limits=limits,
         hardware=hardware,
@@ -217,9 +207,9 @@ def _tested(robot: str, request: AcceptanceRequest) -> AcceptanceFindings:
     def show(seconds: float, doing: str) -> None:
         progress.show(round(min(seconds, request.seconds) * 1e9), lambda: doing)
 
+    os.environ[RUN_DIRECTORY] = str(request.folder / "r")  # also of the processes that are started
     with (
         closing(progress),
-        _run_directory(request.folder / "r"),
         interruptible("ending the robot") as interrupted,
         (request.folder / "served.log").open("w", encoding="utf-8") as log,
     ):
@@ -238,19 +228,6 @@ def _tested(robot: str, request: AcceptanceRequest) -> AcceptanceFindings:
     return findings
 
 
-@contextmanager
-def _run_directory(folder: Path) -> Iterator[None]:
-    """Let all that this process starts inside the `with` find robots in `folder` alone."""
-    before = os.environ.get(RUN_DIRECTORY)
-    os.environ[RUN_DIRECTORY] = str(folder)
-    try:
-        yield
-    finally:
-        os.environ.pop(RUN_DIRECTORY)
-        if before is not None:
-            os.environ[RUN_DIRECTORY] = before
-
-
 def _audit(recording: str) -> AuditReport | None:
     """Return the audit of a recording; None if there is no recording that can be audited."""
     from colony.cli.recorded import program_for
@@ -266,7 +243,7 @@ def _audit(recording: str) -> AuditReport | None:
         return None
 
 
-def _print(findings: AcceptanceFindings, recording: str, kept: Path | None) -> None:
+def _print(findings: AcceptanceFindings, recording: str | None, kept: Path | None) -> None:
     """Print the table, the failures and the verdict."""
     for line in findings.lines():
         click.echo(line)

@@ -78,7 +78,7 @@ class FaultFinding:
         back_ns: the time from the fault, or from the end of the freeze, until the robot had recovered; None
             if it did not.
         missing: what was still missing then.
-        braked_ns: the time for which the base did not brake; None if that was not measured.
+        braked_ns: the time for which the base, which was moving, did not brake; None if that was not measured.
     """
 
     kind: Literal["kill", "freeze"]
@@ -113,6 +113,7 @@ class AcceptanceFindings:
         audit: the audit of the recording; None if there is none.
         seconds: the length of the test.
         interrupted: True if the user ended it.
+        driven_mm: the length of the base's path; None if it is unknown.
     """
 
     robot: str
@@ -125,6 +126,7 @@ class AcceptanceFindings:
     audit: AuditReport | None = None
     seconds: float = 0.0
     interrupted: bool = False
+    driven_mm: float | None = None
 
     def failures(self) -> list[FailureReason]:
         """Return the reasons why the robot fails, those with a time in order; none if it passes."""
@@ -177,6 +179,8 @@ class AcceptanceFindings:
             yield f"{label:<12} {self._faults_text([fault for fault in self.faults if fault.kind == kind])}"
         if self.audit is not None:
             yield f"decisions    {self._decisions_text(self.audit)}"
+        if self.driven_mm is not None:
+            yield f"distance     {self.driven_mm / 1000:.1f} m"
         growing = "growing" if self._memory_problems() else "not growing"
         yield f"memory       at most {self.census.largest / 2**20:.0f} MB a process, {growing}"
 
@@ -216,6 +220,7 @@ class AcceptanceFindings:
             "failures": failures,
             "seconds": self.seconds,
             "interrupted": self.interrupted,
+            "driven_mm": self.driven_mm,
             "stops": [asdict(stop) for stop in self.stops],
             "faults": [asdict(fault) for fault in self.faults],
             "audit": None if self.audit is None else self.audit.as_json(),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from colony.runtime.protocol import topics
+from colony.runtime.protocol.deployment import LIMITS_RUN
 from colony.runtime.protocol.messages import UNHEARD, Effect, Message, QuietNode, Tick, Verdict
 
 STREAK = 3
@@ -83,6 +84,8 @@ def disturbances(frame: HeardFrame, actuators: Set[str], absent: Set[str]) -> It
         actuators: the actuators of the program.
         absent: servers that nobody serves.
     """
+    if frame.tick.run in ("", LIMITS_RUN):
+        yield "the behavior does not run"
     yield from (f"{server} is down" for server in frame.tick.down if server not in absent)
     yield from (f"{client} is lost" for client in frame.tick.lost)
     for actuator in sorted(actuators):

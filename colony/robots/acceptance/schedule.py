@@ -11,11 +11,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from random import Random
 
+from colony.runtime.transport.live.configuration import LINK_LEASE_MS
+
 FREEZE_S = (0.01, 0.6)
 """Shortest and longest freeze: from a fifth of a frame to more than twice the liveness lease."""
 
+LEASE_FREEZES, LEASE_FREEZE_S = 0.2, (0.9 * LINK_LEASE_MS / 1000, 1.5 * LINK_LEASE_MS / 1000)
+"""Part of the freezes that last about as long as the lease of a link, and their range."""
+
 SPARED_FREEZE_S = (0.01, 0.2)
-"""The same for freezes with a process that may not die. The lease of a leader at the Clock is 525 ms."""
+"""The range of all freezes with a process that may not die. The lease of a leader at the Clock is 525 ms."""
 
 PAUSE_S = (0.0, 0.3)
 """Range of the pause before a step, so that it comes at any moment of a frame."""
@@ -79,5 +84,7 @@ def _death(random: Random, mortal: Sequence[str], name: str | None) -> ProcessFa
 def _freeze(random: Random, mortal: Sequence[str], spared: Sequence[str]) -> ProcessFault:
     names = sorted((*mortal, *spared))
     frozen = tuple(random.sample(names, random.randint(1, min(MOST_FROZEN, len(names)))))
-    shortest, longest = FREEZE_S if set(spared).isdisjoint(frozen) else SPARED_FREEZE_S
+    shortest, longest = LEASE_FREEZE_S if random.random() < LEASE_FREEZES else FREEZE_S
+    if not set(spared).isdisjoint(frozen):
+        shortest, longest = SPARED_FREEZE_S
     return ProcessFault(frozen, math.exp(random.uniform(math.log(shortest), math.log(longest))))

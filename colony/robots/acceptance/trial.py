@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,10 +123,11 @@ class RobotTrial:
         self._interrupted, self._progress = interrupted, progress
         self._absent = frozenset(request.settings.devices.absent)
         self._now = local_time(robot_address)
-        self._check: Callable[[], None] = lambda: None
+        self._checks: list[Callable[[], None]] = []
         self._listener = VerdictListener()
         self._session: Session | None = None
         self._started: Mapping[str, int] = {}
+        self._led: frozenset[str] = frozenset()
         self._known: dict[str, int] = {}
         self._doing = ""
         self._began_s: float | None = None
@@ -142,17 +143,15 @@ class RobotTrial:
             InterruptedTestError: the user ended the test; what was found so far is in the findings.
         """
         with ExitStack() as resources:
-            self._check = resources.enter_context(
-                _served(self._robot_address, self._request.settings, report)
-            )
+            serving = _served(self._robot_address, self._request.settings, report)
+            self._checks.append(resources.enter_context(serving))
             self._wait(lambda: {SUPERVISOR, CLOCK} <= self._running().keys() or None)
-            checks = self._check, resources.enter_context(self._driven())
-            self._check = lambda: [check() for check in checks].clear()
+            self._checks.append(resources.enter_context(self._driven()))
             host = resources.enter_context(_heard(self._robot_address, self._listener))
             self._session = session = resources.enter_context(Session(Hub(host.network)))
             self._wait_until_driven()
             self._open_plant(resources)
-            self._known = self._processes()
+            self._known, self._led = self._processes(), frozenset(self._started)
             try:
                 self._execute(session)
             except RunAbortedError as problem:
@@ -208,9 +207,9 @@ class RobotTrial:
 
     def _open_plant(self, resources: ExitStack) -> None:
         """Connect to the simulator, which knows how fast the base is, if it simulates the base."""
-        if RSERVER.name in self._request.settings.devices.hardware or SIMULATOR not in self._running():
-            return
         with suppress(OSError):
+            if RSERVER.name in self._request.settings.devices.hardware:
+                return
             self._plant = PlantControl(plant_socket(self._robot_address.directory.path))
             resources.callback(self._plant.close)
 
@@ -246,75 +245,65 @@ class RobotTrial:
         self._wait(lambda: None, step.hold_s)
         self._doing = "release"
         frames, released_ns = self._listener.since(pressed_ns - BACK_NS), self._now()
-        slipped = None if held_ns is None else slip(frames, held_ns)
-        is_released = self._release(session)
-        resumed_ns = (
-            self._wait(self._recovery(released_ns, driven=True), BACK_NS / 1e9) if is_released else None
-        )
+        with suppress(RobotConnectionError), session.connect(CLOCK, name=NAME) as connection:
+            connection.do(clock.release())
+        resumed_ns = self._wait(self._recovery(released_ns, driven=True), BACK_NS / 1e9)
         finding = StopFinding(
             at_ns=pressed_ns,
             acknowledged=pressed.acknowledged,
             problems=tuple(pressed.problems.values()),
             stopped_ns=None if held_ns is None else held_ns - pressed_ns,
-            slip=slipped,
+            slip=None if held_ns is None else slip(frames, held_ns),
             resumed_ns=None if resumed_ns is None else resumed_ns - released_ns,
         )
         self._findings.stops.append(finding)
 
-    def _release(self, session: Session) -> bool:
-        try:
-            with session.connect(CLOCK, name=NAME) as connection:
-                connection.do(clock.release())
-        except RobotConnectionError:
-            return False
-        return True
-
     def _strike(self, fault: ProcessFault) -> None:
         """Kill or freeze processes, and wait until the robot has recovered."""
+        self._note_losses(frozenset())
         pids = {name: self._known[name] for name in fault.processes if name in self._known}
         self._doing = f"{'kill' if fault.freeze_s is None else 'freeze'} {', '.join(pids)}"
         self._speeds.clear()
+        self._measure()
         at_ns = self._now()
         if fault.freeze_s is None:
-            for pid in pids.values():
-                os.kill(pid, signal.SIGKILL)
-            self._wait(lambda: self._are_new(pids) or None, BACK_NS / 1e9)
-            since_ns = self._now()
+            _signal(pids, signal.SIGKILL)
+            self._wait(lambda: not self._old(pids) or None, BACK_NS / 1e9)
+            since_ns, missing = self._now(), self._old(pids)
         else:
             self._freeze(pids, fault.freeze_s)
-            since_ns = self._now()
-        back_ns = self._wait(self._recovery(since_ns), BACK_NS / 1e9)
+            since_ns, missing = self._now(), ()
+        back_ns = None if missing else self._wait(self._recovery(since_ns), BACK_NS / 1e9)
         finding = FaultFinding(
             kind="kill" if fault.freeze_s is None else "freeze",
             at_ns=at_ns,
             processes=tuple(pids),
             back_ns=None if back_ns is None else back_ns - (at_ns if fault.freeze_s is None else since_ns),
-            missing=() if back_ns is not None else self._missing(),
+            missing=missing or (() if back_ns is not None else self._missing()),
             braked_ns=self._braked_ns(fault, at_ns),
         )
         self._findings.faults.append(finding)
-        self._note_losses({*pids} if fault.freeze_s is None else set())
+        self._note_losses(pids.keys() if fault.freeze_s is None else frozenset())
 
     def _freeze(self, pids: Mapping[str, int], seconds: float) -> None:
         try:
-            for pid in pids.values():
-                os.kill(pid, signal.SIGSTOP)
+            _signal(pids, signal.SIGSTOP)
             self._wait(lambda: None, seconds)
         finally:
-            for pid in pids.values():
-                with suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGCONT)
+            _signal(pids, signal.SIGCONT)
 
     def _braked_ns(self, fault: ProcessFault, at_ns: int) -> int | None:
-        """Return for how long the base did not brake when its server, or the Clock, was killed."""
+        """Return for how long the moving base did not brake when its server, or the Clock, was killed."""
         names = {name for process in fault.processes for name in process.split(JOINT)}
         if fault.freeze_s is not None or self._plant is None or names.isdisjoint({RSERVER.name, CLOCK}):
+            return None
+        if not self._speeds or not any(self._speeds[0][1]):
             return None
         frames = self._listener.since(at_ns)
         commanded = [f.tick.t_ns for f in frames if any(v.by is not None for v in f.verdicts.values())]
         return brakes_ns(tuple(self._speeds), at_ns, min(commanded, default=self._now()))
 
-    def _note_losses(self, killed: set[str]) -> None:
+    def _note_losses(self, killed: Set[str]) -> None:
         """Record the processes that died, or are missing, although nothing was done to them."""
         found = self._processes()
         for name, pid in self._known.items():
@@ -358,10 +347,11 @@ class RobotTrial:
                 names.setdefault(pid, []).append(name)
         return {JOINT.join(together): pid for pid, together in names.items()}
 
-    def _are_new(self, pids: Mapping[str, int]) -> bool:
-        """Return True if every process has been started again."""
-        found = self._served_processes() if self._started.keys().isdisjoint(pids) else self._processes()
-        return all(found.get(name, pid) != pid for name, pid in pids.items())
+    def _old(self, pids: Mapping[str, int]) -> tuple[str, ...]:
+        """Return what to report of the processes that have not been started again."""
+        is_led = not self._led.isdisjoint(pids)  # the leader, which is slower, is asked only if it has to be
+        found = self._processes() if is_led else self._served_processes()
+        return tuple(f"{name} is not started" for name, pid in pids.items() if found.get(name, pid) == pid)
 
     def _elapsed_s(self) -> float:
         return 0.0 if self._began_s is None else time.monotonic() - self._began_s
@@ -377,7 +367,8 @@ class RobotTrial:
         while True:
             if self._interrupted():
                 raise InterruptedTestError
-            self._check()
+            for check in self._checks:
+                check()
             self._listener.poll()
             self._measure()
             found = condition()
@@ -396,12 +387,19 @@ class RobotTrial:
             else:
                 t_ns = truth.t_ns - self._robot_address.directory.origin_ns()
                 self._speeds.append((t_ns, (truth.velocity, truth.turn, truth.sideways)))
+                self._findings.driven_mm = truth.distance
         elapsed_s = self._elapsed_s()
         if self._known and elapsed_s >= self._measured_s:
             self._measured_s = elapsed_s + CENSUS_S
             self._findings.census.take({n: pid for n, pid in self._known.items() if n != SIMULATOR})
         if self._began_s is not None:
             self._progress(elapsed_s, self._doing)
+
+
+def _signal(pids: Mapping[str, int], number: signal.Signals) -> None:
+    for pid in pids.values():
+        with suppress(ProcessLookupError):  # it just ended
+            os.kill(pid, number)
 
 
 def _disagreements(path: Path) -> tuple[str, ...]:

@@ -62,6 +62,7 @@ def findings(census: Census | None = None) -> AcceptanceFindings:
         census=census or census_of([34] * 60),
         audit=AUDIT,
         seconds=60.0,
+        driven_mm=4200.0,
     )
 
 
@@ -81,6 +82,7 @@ def test_a_robot_that_passes_has_a_table_without_failures() -> None:
         "freezes      1 of 1 came back, at most 85 ms (Clock, clients)",
         "decisions    1,000 of 1,200 as the interpreter decides, 12 of them idle for want of a client; "
         "not compared: 170 while stopped, 20 without a verdict, 10 after a frame that was not observed",
+        "distance     4.2 m",
         "memory       at most 34 MB a process, not growing",
     ]
     assert json.loads(json.dumps(found.as_json()))["passes"] is True

@@ -11,6 +11,7 @@ from colony.robots.acceptance.hearing import (
     slip,
     stopped_ns,
 )
+from colony.runtime.protocol.deployment import LIMITS_RUN
 from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
 
 MS = 1_000_000
@@ -25,9 +26,11 @@ def verdict(k: int, *, hold: Hold | None = None, fate: Fate = "won", actuator: s
     )
 
 
-def frame(k: int, *verdicts: Verdict, down: tuple[str, ...] = (), lost: tuple[str, ...] = ()) -> HeardFrame:
+def frame(
+    k: int, *verdicts: Verdict, down: tuple[str, ...] = (), lost: tuple[str, ...] = (), run: str = "r"
+) -> HeardFrame:
     """A frame that was decided 10 ms after it began."""
-    made = HeardFrame(tick=Tick(k=k, t_ns=50 * MS * k, down=down, lost=lost))
+    made = HeardFrame(tick=Tick(k=k, t_ns=50 * MS * k, run=run, down=down, lost=lost))
     for one in verdicts:
         made.take(one, (50 * k + 10) * MS)
     return made
@@ -56,6 +59,7 @@ def test_each_part_that_is_missing_disturbs_a_frame() -> None:
         "drive/cruise is lost": frame(1, verdict(1), lost=("drive/cruise",)),
         "cruise is late": frame(1, verdict(1, fate="late")),
         "no verdict on drive": frame(1),
+        "the behavior does not run": frame(1, verdict(1), run=LIMITS_RUN),
     }
     assert [*disturbances(good(1), DRIVE, NOBODY)] == []
     for text, made in cases.items():
