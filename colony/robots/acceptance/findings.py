@@ -78,7 +78,7 @@ class FaultFinding:
         back_ns: the time from the fault, or from the end of the freeze, until the robot had recovered; None
             if it did not.
         missing: what was still missing then.
-        braked_ns: the time for which the base, which was moving, did not brake; None if that was not measured.
+        braked_ns: the time for which the moving base did not brake; None if that was not measured.
     """
 
     kind: Literal["kill", "freeze"]
