@@ -51,7 +51,9 @@ DRIVES = "the robot will drive and be stopped hard, again and again: give it roo
 )
 @map_option
 @click.option("--hardware", is_flag=True, help="Test real devices, by the drivers that the body names.")
-@click.option("--duration", metavar="TIME", default="60", show_default=True, help="The length of the test.")
+@click.option(
+    "--duration", metavar="TIME", default="60", show_default=True, help="The length of the test, 90s or 2min."
+)
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -65,7 +67,7 @@ DRIVES = "the robot will drive and be stopped hard, again and again: give it roo
     type=click.Path(exists=True, dir_okay=False),
     help="What the behavior reads and nobody simulates, over time, as for `colony run`.",
 )
-@click.option("-o", "output", metavar="PATH", help="Keep the recording of the run: *.mcap, or JSON lines.")
+@click.option("-o", "output", metavar="PATH", help="Keep the recording of the run in this file, *.mcap.")
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def test_command(robot: str, format_: str, **options: Any) -> None:
     """Serve a robot, drive it by a behavior, and meanwhile stop it, and kill and freeze its processes.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
 from colony.robots.acceptance.process_memory import Census
@@ -214,18 +214,11 @@ class AcceptanceFindings:
     def as_json(self) -> dict[str, object]:
         """Return all of it as plain dicts and lists; times are nanoseconds of the robot."""
         failures: list[Any] = [failure._asdict() for failure in self.failures()]
-        return {
-            "robot": self.robot,
-            "passes": not failures,
-            "failures": failures,
-            "seconds": self.seconds,
-            "interrupted": self.interrupted,
-            "driven_mm": self.driven_mm,
-            "stops": [asdict(stop) for stop in self.stops],
-            "faults": [asdict(fault) for fault in self.faults],
-            "audit": None if self.audit is None else self.audit.as_json(),
-            "memory": {name: process.largest for name, process in self.census.processes.items()},
-        }
+        memory = {name: process.largest for name, process in self.census.processes.items()}
+        audit = None if self.audit is None else self.audit.as_json()
+        return {"passes": not failures, "failures": failures} | asdict(
+            replace(self, census=memory, audit=audit)  # type: ignore[arg-type]
+        )
 
 
 def _time(ns: int) -> str:

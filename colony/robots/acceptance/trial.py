@@ -32,6 +32,7 @@ from colony.robots.acceptance.hearing import (
     stopped_ns,
 )
 from colony.robots.acceptance.schedule import FaultStep, ProcessFault, steps
+from colony.robots.in_thread import in_thread
 from colony.robots.request import RunAbortedError
 from colony.robots.serving import Report, Settings, serve_all
 from colony.robots.simulated import SUPERVISOR
@@ -143,11 +144,11 @@ class RobotTrial:
             InterruptedTestError: the user ended the test; what was found so far is in the findings.
         """
         with ExitStack() as resources:
-            serving = _served(self._robot_address, self._request.settings, report)
-            self._checks.append(resources.enter_context(serving))
+            self._serve(resources, report)
             self._wait(lambda: {SUPERVISOR, CLOCK} <= self._running().keys() or None)
             self._checks.append(resources.enter_context(self._driven()))
-            host = resources.enter_context(_heard(self._robot_address, self._listener))
+            host = resources.enter_context(Host.open(self._robot_address, (self._listener,), announces=False))
+            resources.enter_context(in_thread("listener", host.run, host.stop))
             self._session = session = resources.enter_context(Session(Hub(host.network)))
             self._wait_until_driven()
             self._open_plant(resources)
@@ -160,6 +161,18 @@ class RobotTrial:
                 self._findings.seconds = self._elapsed_s()
 
     # --- the beginning -------------------------------------------------------------------------------
+
+    def _serve(self, resources: ExitStack, report: Report) -> None:
+        """Serve the robot in a thread; what ends that too early is raised while the test waits."""
+        ended = threading.Event()
+        arguments = self._robot_address, self._request.settings, report, nullcontext(ended.is_set)
+        failed = resources.enter_context(in_thread("serving", lambda: serve_all(*arguments), ended.set))
+
+        def check() -> None:
+            if failed:
+                raise failed[0]
+
+        self._checks.append(check)
 
     @contextmanager
     def _driven(self) -> Iterator[Callable[[], None]]:
@@ -407,40 +420,3 @@ def _disagreements(path: Path) -> tuple[str, ...]:
         return tuple(json.loads(path.read_bytes())["disagreements"])
     except (OSError, ValueError, KeyError):
         return ("the run printed no summary",)
-
-
-@contextmanager
-def _served(robot_address: Local, settings: Settings, report: Report) -> Iterator[Callable[[], None]]:
-    """Serve a robot in a thread inside the `with`; the value is a function that raises what ended that."""
-    ended, failed = threading.Event(), list[Exception]()
-
-    def serve() -> None:
-        try:
-            serve_all(robot_address, settings, report, nullcontext(ended.is_set))
-        except Exception as failure:
-            failed.append(failure)
-
-    def check() -> None:
-        if failed:
-            raise failed[0]
-
-    thread = threading.Thread(target=serve, name="serving")
-    thread.start()
-    try:
-        yield check
-    finally:
-        ended.set()
-        thread.join()
-
-
-@contextmanager
-def _heard(robot_address: Local, listener: VerdictListener) -> Iterator[Host]:
-    """Hand a listener all messages, in a thread, inside the `with`."""
-    with Host.open(robot_address, (listener,), announces=False) as host:
-        thread = threading.Thread(target=host.run, name="listener", daemon=True)
-        thread.start()
-        try:
-            yield host
-        finally:
-            host.stop()
-            thread.join()
