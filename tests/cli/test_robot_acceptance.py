@@ -6,7 +6,9 @@ import json
 import re
 import signal
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -21,13 +23,16 @@ LATE = re.compile(
 
 
 @pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    (tmp_path / "t").mkdir()
-    made = Machine(tmp_path, TMPDIR=str(tmp_path / "t"))
-    try:
+def temporary() -> Iterator[Path]:
+    """A folder for temporary files whose name is short enough for sockets."""
+    with TemporaryDirectory(prefix="t-", dir="/tmp") as folder:
+        yield Path(folder)
+
+
+@pytest.fixture
+def machine(tmp_path: Path, temporary: Path) -> Iterator[Machine]:
+    with closing(Machine(tmp_path, TMPDIR=str(temporary))) as made:
         yield made
-    finally:
-        made.close()
 
 
 @pytest.mark.parametrize(
@@ -43,17 +48,17 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
     ],
 )
 def test_misuse_is_refused_before_anything_is_started(
-    colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], message: str
+    colony: Colony, temporary: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], message: str
 ) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
     code, out, err = colony("robot", "test", *arguments)
     assert (code, out) == (2, "")
     assert message in err
-    assert not list(tmp_path.glob("colony-test-*"))
+    assert not list(temporary.iterdir())
 
 
 @pytest.mark.long
-def test_a_served_robot_passes(machine: Machine, tmp_path: Path) -> None:
+def test_a_served_robot_passes(machine: Machine, temporary: Path) -> None:
     ran = machine.run(
         "robot", "test", "rome", "--duration", "5", "--format", "json", "-o", "run.mcap", "--seed", "4"
     )
@@ -67,14 +72,14 @@ def test_a_served_robot_passes(machine: Machine, tmp_path: Path) -> None:
     assert {"Clock, Runtime", "RServer", "clients"} <= found["memory"].keys()
     audit = machine.run("audit", str(ran.folder / "run.mcap"), "--format", "json")
     assert json.loads(audit.out)["agrees"]
-    assert bool(list((tmp_path / "t").glob("colony-test-*"))) is not found["passes"]
+    assert bool(list(temporary.glob("colony-test-*"))) is not found["passes"]
 
 
 @pytest.mark.long
-def test_ctrl_c_ends_the_test_with_what_was_found_so_far(machine: Machine, tmp_path: Path) -> None:
+def test_ctrl_c_ends_the_test_with_what_was_found_so_far(machine: Machine, temporary: Path) -> None:
     started = machine.start("robot", "test", "rome", "--duration", "1000")
     until(lambda: started.ended() or len(children_of(started.pid)) > 3, "the robot is served")
     started.tell(signal.SIGINT)
     assert started.wait() == 130, started.err
     assert "so far: interrupted after" in started.out
-    assert not list((tmp_path / "t").iterdir())
+    assert not list(temporary.iterdir())

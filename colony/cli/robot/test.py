@@ -7,7 +7,7 @@ import os
 import shutil
 from contextlib import closing
 from pathlib import Path
-from tempfile import TemporaryDirectory, mkdtemp
+from tempfile import TemporaryDirectory, gettempdir, mkdtemp
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -33,6 +33,9 @@ RUN_DIRECTORY = "COLONY_RUN_DIR"
 
 MAP = "loop"
 """The map of a robot whose devices are all simulated."""
+
+LONGEST_TEMPORARY = 30
+"""Maximum number of characters of the folder in which the test makes its own."""
 
 DRIVES = "the robot will drive and be stopped hard, again and again: give it room"
 """The warning before a test of real devices."""
@@ -100,7 +103,7 @@ def test_command(robot: str, format_: str, **options: Any) -> None:
     from colony.robots.request import RunAbortedError
 
     with reporting_failures(), reporting_connection_errors():
-        folder, is_kept = Path(mkdtemp(prefix="colony-test-")), False
+        folder, is_kept = Path(mkdtemp(prefix="colony-test-", dir=_temporary())), False
         try:
             request = _request(robot, folder, **options)
             findings = _tested(robot, request)
@@ -121,6 +124,12 @@ def test_command(robot: str, format_: str, **options: Any) -> None:
         raise click.exceptions.Exit(EXIT_INTERRUPTED)
     if is_kept:
         raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def _temporary() -> str:
+    """Return the folder for temporary files, /tmp if its name is too long for the sockets of a robot."""
+    folder = gettempdir()
+    return folder if len(folder) <= LONGEST_TEMPORARY else "/tmp"
 
 
 def _request(

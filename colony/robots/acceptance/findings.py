@@ -108,7 +108,7 @@ class AcceptanceFindings:
         stops: the emergency stops.
         faults: the deaths and freezes.
         losses: what ended by itself, with the time, or without one if it is unknown.
-        census: the memory of the processes.
+        memory: that of the processes.
         disagreements: what the leader of the run found different from the program, as text.
         audit: the audit of the recording; None if there is none.
         seconds: the length of the test.
@@ -121,7 +121,7 @@ class AcceptanceFindings:
     stops: list[StopFinding] = field(default_factory=list)
     faults: list[FaultFinding] = field(default_factory=list)
     losses: list[tuple[int | None, str]] = field(default_factory=list)
-    census: Census = field(default_factory=Census)
+    memory: Census = field(default_factory=Census)
     disagreements: tuple[str, ...] = ()
     audit: AuditReport | None = None
     seconds: float = 0.0
@@ -168,7 +168,7 @@ class AcceptanceFindings:
 
     def _memory_problems(self) -> list[str]:
         deaths = sum(len(fault.processes) for fault in self.faults if fault.kind == "kill")
-        return list(self.census.problems(deaths / max(self.seconds, 1.0)))
+        return list(self.memory.problems(deaths / max(self.seconds, 1.0)))
 
     # --- as text and data ----------------------------------------------------------------------------
 
@@ -182,7 +182,7 @@ class AcceptanceFindings:
         if self.driven_mm is not None:
             yield f"distance     {self.driven_mm / 1000:.1f} m"
         growing = "growing" if self._memory_problems() else "not growing"
-        yield f"memory       at most {self.census.largest / 2**20:.0f} MB a process, {growing}"
+        yield f"memory       at most {self.memory.largest / 2**20:.0f} MB a process, {growing}"
 
     def _stops_text(self) -> str:
         good = [stop for stop in self.stops if not any(True for _ in stop.failures())]
@@ -214,10 +214,10 @@ class AcceptanceFindings:
     def as_json(self) -> dict[str, object]:
         """Return all of it as plain dicts and lists; times are nanoseconds of the robot."""
         failures: list[Any] = [failure._asdict() for failure in self.failures()]
-        memory = {name: process.largest for name, process in self.census.processes.items()}
+        memory = {name: process.largest for name, process in self.memory.processes.items()}
         audit = None if self.audit is None else self.audit.as_json()
         return {"passes": not failures, "failures": failures} | asdict(
-            replace(self, census=memory, audit=audit)  # type: ignore[arg-type]
+            replace(self, memory=memory, audit=audit)  # type: ignore[arg-type]
         )
 
 

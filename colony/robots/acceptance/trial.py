@@ -404,7 +404,7 @@ class RobotTrial:
         elapsed_s = self._elapsed_s()
         if self._known and elapsed_s >= self._measured_s:
             self._measured_s = elapsed_s + CENSUS_S
-            self._findings.census.take({n: pid for n, pid in self._known.items() if n != SIMULATOR})
+            self._findings.memory.take({n: pid for n, pid in self._known.items() if n != SIMULATOR})
         if self._began_s is not None:
             self._progress(elapsed_s, self._doing)
 

@@ -59,7 +59,7 @@ def findings(census: Census | None = None) -> AcceptanceFindings:
         actuators=1,
         stops=[STOP],
         faults=[KILL, FREEZE],
-        census=census or census_of([34] * 60),
+        memory=census or census_of([34] * 60),
         audit=AUDIT,
         seconds=60.0,
         driven_mm=4200.0,
@@ -136,7 +136,7 @@ INJECTED: dict[str, Change] = {
     "only 5 decisions could be compared": audited(compared=5, unknown=900),
     "there is no recording to audit": lambda found: setattr(found, "audit", None),
     "DServer grew by 10.0 MB in a life of 60 s": lambda found: setattr(
-        found, "census", census_of([50] * 30 + [60] * 30)
+        found, "memory", census_of([50] * 30 + [60] * 30)
     ),
 }
 
