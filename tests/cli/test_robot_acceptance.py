@@ -12,6 +12,9 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
+from colony.drivers.create2.firmware import Firmware, World
+from colony.drivers.emulator import Emulator
+from colony.drivers.surroundings import room
 from tests.cli.conftest import Colony
 from tests.cli.machine import Machine, children_of
 from tests.waiting import until
@@ -73,6 +76,20 @@ def test_a_served_robot_passes(machine: Machine, temporary: Path) -> None:
     audit = machine.run("audit", str(ran.folder / "run.mcap"), "--format", "json")
     assert json.loads(audit.out)["agrees"]
     assert bool(list(temporary.glob("colony-test-*"))) is not found["passes"]
+
+
+@pytest.mark.long
+def test_real_devices_are_tested_through_their_drivers(machine: Machine) -> None:
+    robot = Firmware(World(range=room(3000.0, 2000.0)))
+    with closing(Emulator(robot, baud=115_200)) as emulator:
+        emulator.start()
+        arguments = ("r1=create2", "--port", emulator.port, "--behavior", "bounce", "--duration", "5")
+        ran = machine.run("robot", "test", *arguments, "--format", "json")
+        found = json.loads(ran.out)
+    assert "r1: the robot will drive" in ran.err
+    assert [reason for reason in found["failures"] if not LATE.search(reason["text"])] == []
+    assert any("RServer" in name.split(", ") for name in found["memory"])
+    assert found["driven_mm"] is None
 
 
 @pytest.mark.long

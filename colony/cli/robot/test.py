@@ -54,6 +54,7 @@ DRIVES = "the robot will drive and be stopped hard, again and again: give it roo
 )
 @map_option
 @click.option("--hardware", is_flag=True, help="Test real devices, by the drivers that the body names.")
+@click.option("--port", metavar="PORT", help="Test real devices at this port, as for `colony serve`.")
 @click.option(
     "--duration", metavar="TIME", default="60", show_default=True, help="The length of the test, 90s or 2min."
 )
@@ -171,7 +172,7 @@ def _request(
 
 
 def _settings(
-    robot: str, choice: RobotChoice, state: Path, *, seed: int, map_path: str | None, hardware: bool
+    robot: str, choice: RobotChoice, state: Path, *, map_path: str | None, hardware: bool, **options: Any
 ) -> Settings:
     """Return what is served; exit with 2 if the robot does not exist, or is not one for these options."""
     from colony.cli.run.options import OptionError
@@ -180,6 +181,7 @@ def _settings(
     from colony.robots.discovery import running_robots
     from colony.robots.serving import Settings
 
+    hardware = hardware or options["port"] is not None
     if find_in_project(choice.text, Path()) is None:
         raise OptionError(f"there is no description `{choice.text}` ({suggestion(choice.text, Path())})")
     if hardware and (running := running_robots().get(robot)):
@@ -190,11 +192,11 @@ def _settings(
     settings = Settings(
         described=described,
         map_path=map_path or (None if hardware else Shipped.MAP.find(MAP)),
-        seed=seed,
         state=state,
         interface=interface,
         limits=limits,
         hardware=hardware,
+        **options,
     )
     if (reason := objection(ALL, settings)) is not None:
         raise OptionError(reason)
