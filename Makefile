@@ -47,7 +47,7 @@ bench: $(DEV)
 	$(BIN)/python -m benchmarks
 
 soak: $(DEV)
-	$(BIN)/colony robot test amr --duration $(SECONDS) --seed $(SEED)
+	$(BIN)/colony robot test rome --duration $(SECONDS) --seed $(SEED)
 
 stops: $(DEV)
 	$(BIN)/python -m tools.stops_kept --trials $(TRIALS) --seed $(SEED)
