@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir, mkdtemp
+from tempfile import gettempdir, mkdtemp
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from colony.robots.acceptance.findings import AcceptanceFindings
     from colony.robots.acceptance.trial import AcceptanceRequest
     from colony.robots.serving import Settings
-    from colony.verify.audit.report import AuditReport
 
 RUN_DIRECTORY = "COLONY_RUN_DIR"
 """The variable of the environment that names the run directory."""
@@ -207,12 +206,14 @@ def _settings(
 
 def _tested(robot: str, request: AcceptanceRequest) -> AcceptanceFindings:
     """Execute the test and audit its recording; return what was found, also after an interruption."""
+    from colony.cli.audit import audited
     from colony.cli.interruption import interruptible
     from colony.cli.run.progress import Progress
     from colony.robots.acceptance.findings import AcceptanceFindings
     from colony.robots.acceptance.trial import InterruptedTestError, RobotTrial
     from colony.runtime.transport.live.robot_address import local
     from colony.sim.compiling import COMPILING
+    from colony.text.diagnostics import DiagnosticError
 
     findings = AcceptanceFindings(robot=robot, actuators=len(request.actuators))
     progress = Progress(round(request.seconds * 1e9))
@@ -237,23 +238,9 @@ def _tested(robot: str, request: AcceptanceRequest) -> AcceptanceFindings:
             trial.run(report)
         except InterruptedTestError:
             findings.interrupted = True
-        findings.audit = _audit(request.recording)
+        with suppress(DiagnosticError):  # there is no frame to compare
+            findings.audit = audited(request.recording)[2]
     return findings
-
-
-def _audit(recording: str) -> AuditReport | None:
-    """Return the audit of a recording; None if there is no recording that can be audited."""
-    from colony.cli.recorded import program_for
-    from colony.runtime.recordings.opening import open_recording, read_recording
-    from colony.text.diagnostics import DiagnosticError
-    from colony.verify.audit.audit import audit_recording
-
-    try:
-        with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as unpacked:
-            reader = read_recording(stream, recording)
-            return audit_recording(program_for(reader, recording, None, Path(unpacked)), reader)
-    except DiagnosticError:
-        return None
 
 
 def _print(findings: AcceptanceFindings, recording: str | None, kept: Path | None) -> None:
