@@ -48,7 +48,7 @@ bench: $(DEV)
 	$(BIN)/python -m benchmarks
 
 soak: $(DEV)
-	$(BIN)/python -m tools.soak --seconds $(SECONDS) --seed $(SEED)
+	$(BIN)/colony robot test rome --duration $(SECONDS) --seed $(SEED)
 	$(BIN)/python -m tools.freezes --rounds $(ROUNDS) --seed $(SEED)
 
 stops: $(DEV)

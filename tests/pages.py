@@ -41,6 +41,7 @@ NOT_RUN = {
     "^colony serve ": "a server; tests/cli/test_serve*.py",
     "^colony watch ": "a server; tests/cli/test_watch*.py",
     r"^python -m colony\.drivers\.\w+\.emulator ": "a server; tests/drivers",
+    "^colony robot test ": "a minute of real time; tests/cli/test_robot_acceptance.py",
     " --connect": "needs a robot that is served; tests/cli/run and tests/cli/test_your_robot.py",
     " --shadow ": "needs a robot that is served; tests/cli/test_shadow.py",
     "^colony data ": "needs a robot that is served; tests/cli/test_data.py",

@@ -50,12 +50,6 @@ Fate = Literal["acknowledged", "refused", "unanswered"]
 BEFORE_S, AFTER_S = 0.01, 0.06
 """Seconds around the press of a button in which a server is killed; a press takes about 0.01."""
 
-COMMAND_S = 1.5
-"""The same from the start of `colony stop`, which takes about 1."""
-
-BY_COMMAND = 0.25
-"""The part of the trials in which the command stops the robot, rather than a button of the kit."""
-
 
 class Trial:
     """One robot. Mutable: its servers."""
@@ -76,8 +70,7 @@ class Trial:
         if self._disk == "corrupt" and self._draw.random() < 0.5:
             with self._machine.session() as session:
                 release(session)
-        by_command = self._draw.random() < BY_COMMAND
-        fate = self._stop_by_command(servers) if by_command else self._stop_by_button(servers)
+        fate = self._stop(servers)
         for server in servers:
             server.process.wait()
         self._start(CLOCK)
@@ -131,11 +124,11 @@ class Trial:
         assert found is not None
         return found
 
-    def _stop_by_button(self, servers: list[Started]) -> Fate:
+    def _stop(self, servers: list[Started]) -> Fate:
         with self._machine.session() as session, StopButton(session) as button:
             self._until_served(session)
             time.sleep(self._draw.uniform(0.0, 0.1))  # at any moment of a frame
-            killers = self._killers(servers, -BEFORE_S, AFTER_S)
+            killers = self._killers(servers)
             time.sleep(BEFORE_S)
             try:
                 pressed = button.press()
@@ -149,21 +142,10 @@ class Trial:
     def _until_served(self, session: Session) -> None:
         until(lambda: {CLOCK, "RServer"} <= set(session.servers()), "both servers are there")
 
-    def _stop_by_command(self, servers: list[Started]) -> Fate:
-        killers = self._killers(servers, 0.0, COMMAND_S)
-        command = self._machine.start("stop", "--robot", ROBOT)
-        code = command.wait()
-        for killer in killers:
-            killer.join()
-        if code == 0:
-            return "acknowledged"
-        return "refused" if "may lose the stop" in command.err else "unanswered"
-
-    def _killers(self, servers: list[Started], first_s: float, last_s: float) -> list[threading.Timer]:
-        """Begin to kill each server at a random moment from `first_s` to `last_s`, which is counted from
-        `-first_s` seconds from now."""
+    def _killers(self, servers: list[Started]) -> list[threading.Timer]:
+        """Begin to kill each server at a random moment around the press, which is `BEFORE_S` from now."""
         killers = [
-            threading.Timer(self._draw.uniform(first_s, last_s) - first_s, s.tell, (signal.SIGKILL,))
+            threading.Timer(self._draw.uniform(0.0, BEFORE_S + AFTER_S), s.tell, (signal.SIGKILL,))
             for s in servers
         ]
         for killer in killers:

@@ -53,18 +53,10 @@ def command(recording: str, file: str | None, format_: str) -> None:
       colony audit run.mcap
       colony audit run.mcap changed.colony
     """
-    from colony.dsl.site_reading import params_of
-    from colony.runtime.recordings.opening import open_recording, read_recording, recorded_site
     from colony.text.diagnostics import DiagnosticError
-    from colony.verify.audit.audit import audit_recording
 
     try:
-        with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
-            reader = read_recording(stream, recording)
-            choose_params(params_of(recorded_site(recording)))
-            program = program_for(reader, recording, file, Path(folder))
-            result = audit_recording(program, reader, ReadingProgress(stream))
-            _refuse_empty(recording, reader, result)
+        reader, program, result = audited(recording, file)
     except DiagnosticError as failure:
         code = failure.diagnostics[0].code
         if code[0] in "AF" and code != "A006":
@@ -79,6 +71,25 @@ def command(recording: str, file: str | None, format_: str) -> None:
         click.echo(render(recording, reader, program, result, file=file))
     if not result.agrees or result.damaged:
         raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def audited(recording: str, file: str | None = None) -> tuple[RecordingReader, Program, AuditReport]:
+    """Audit a recording by the program of `file`, or by its own.
+
+    Raises:
+        DiagnosticError: it cannot be audited, or there is nothing to compare.
+    """
+    from colony.dsl.site_reading import params_of
+    from colony.runtime.recordings.opening import open_recording, read_recording, recorded_site
+    from colony.verify.audit.audit import audit_recording
+
+    with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
+        reader = read_recording(stream, recording)
+        choose_params(params_of(recorded_site(recording)))
+        program = program_for(reader, recording, file, Path(folder))
+        result = audit_recording(program, reader, ReadingProgress(stream))
+        _refuse_empty(recording, reader, result)
+    return reader, program, result
 
 
 def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) -> None:

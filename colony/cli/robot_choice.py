@@ -67,6 +67,15 @@ def robot_and_description_option(help: str, *, required: bool = False) -> Callab
     )
 
 
+def robot_and_description_argument() -> Callable[[F], F]:
+    """Return the argument `ROBOT`, NAME[=DESCRIPTION], of a command that makes `robot` run itself."""
+
+    def store(context: click.Context, argument: click.Parameter, text: str) -> str | None:
+        return _store_choice_and_return_name(context, argument, (text,))
+
+    return click.argument("robot", metavar="ROBOT", callback=store)
+
+
 def chosen_robot() -> RobotChoice | None:
     """Return the description that the options of the current command choose, None if they choose none."""
     context = click.get_current_context(silent=True)

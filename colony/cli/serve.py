@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.reporting import refuse, report, say
+from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.reporting import report, say
 from colony.cli.robot_choice import chosen_robot, robot_and_description_option
 from colony.cli.robot_options import reporting_connection_errors
 from colony.cli.shipped_files import map_option, movers_option, start_option
@@ -130,16 +130,15 @@ def command(server: str, **arguments: Any) -> None:
       colony serve all --robot s1=scout --port /dev/ttyUSB0
     """
     from colony.cli.interruption import interruptible
+    from colony.cli.run.main import reporting_failures
     from colony.cli.run.options import OptionError, cameras, start_pose
-    from colony.robots.request import MisuseError, RunAbortedError
     from colony.robots.serving import Settings, serve_all, serve_one
     from colony.runtime.transport.live.robot_address import local
-    from colony.text.diagnostics import DiagnosticError
 
     robot, texts, start = (arguments.pop(name) for name in ("robot", "camera_texts", "start"))
     arguments["hardware"] = arguments["hardware"] or arguments["port"] is not None
-    described, interface, limits = _description()
-    try:
+    described, interface, limits = described_to_serve()
+    with reporting_failures(), reporting_connection_errors():
         directions = cameras(texts)
         settings = Settings(
             **arguments
@@ -153,31 +152,18 @@ def command(server: str, **arguments: Any) -> None:
             }
         )
         server = server_named(server, settings)
-        objection_text = objection(server, settings)
-    except OptionError as bad:
-        objection_text = str(bad)
-    if objection_text is not None:
-        raise click.UsageError(objection_text, click.get_current_context())
-    if settings.map_path is not None:
-        expect_extras("sim")
-    if settings.hardware:
-        report(_unwatched(settings, server))
-    try:
-        with reporting_connection_errors():
-            robot_address = local(robot, os.environ)
-            robot_address.directory.prepare()
-            if server == ALL:
-                serve_all(robot_address, settings, say, interruptible("ending the servers"))
-            else:
-                serve_one(server, robot_address, settings, say)
-    except MisuseError as misuse:
-        say(str(misuse))
-        raise click.exceptions.Exit(EXIT_MISUSE) from None
-    except DiagnosticError as failure:
-        refuse(failure.diagnostics)
-    except RunAbortedError as problem:
-        say(f"colony: error: {problem}")
-        raise click.exceptions.Exit(EXIT_ERRORS) from None
+        if (reason := objection(server, settings)) is not None:
+            raise OptionError(reason)
+        if settings.map_path is not None:
+            expect_extras("sim")
+        if settings.hardware:
+            report(_unwatched(settings, server))
+        robot_address = local(robot, os.environ)
+        robot_address.directory.prepare()
+        if server == ALL:
+            serve_all(robot_address, settings, say, interruptible("ending the servers"))
+        else:
+            serve_one(server, robot_address, settings, say)
 
 
 def objection(server: str, settings: Settings) -> str | None:
@@ -269,7 +255,7 @@ def server_named(text: str, settings: Settings) -> str:
     raise OptionError(f"`{settings.described.body.robot.name}` has no server `{text}`; {hint}")
 
 
-def _description() -> tuple[DescribedRobot, Interface | None, Compiled | None]:
+def described_to_serve() -> tuple[DescribedRobot, Interface | None, Compiled | None]:
     """Return the robot that the options describe, RoME if they give no more than an unknown name.
 
     The interface is what programs must have been checked against. The compiled program is the description's

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from colony.execute.compiled import Compiled
@@ -76,11 +76,11 @@ class Settings:
     described: DescribedRobot
     map_path: str | None
     seed: int
-    cameras: Mapping[str, ViewDirection]
     state: Path
-    fsync: bool
-    listen: str | None
-    security: Path | None
+    cameras: Mapping[str, ViewDirection] = field(default_factory=dict)
+    fsync: bool = False
+    listen: str | None = None
+    security: Path | None = None
     hazards: int | None = None
     movers: int = 0
     start: tuple[float, float, float] | None = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
@@ -14,6 +13,7 @@ from colony.robots.bound_servers import additional_servers, expect_running
 from colony.robots.described import DescribedRobot
 from colony.robots.discovery import session_with
 from colony.robots.driver_watch import DriverWatch
+from colony.robots.in_thread import in_thread
 from colony.robots.recording import LiveRun, RunRecording, new_run_name, recording_into
 from colony.robots.request import RunAbortedError, RunReport, RunRequest, UserInterface
 from colony.runtime.assembly.processes.clock_watch import WindowWatch
@@ -161,24 +161,20 @@ def _joined(
     robot_address: RobotAddress, shadow: Shadow, window: Window, ui: UserInterface
 ) -> Iterator[tuple[Host, list[BaseException]]]:
     """Run the node in a thread inside the `with`; the list gets the exception that ended it."""
-    failed: list[BaseException] = []
     with Host.open(robot_address, (shadow,), announces=False, report=ui.report) as host:
 
         def run() -> None:
             try:
                 host.run()
-            except BaseException as failure:
-                failed.append(failure)
+            finally:
                 window.shut()
 
-        thread = threading.Thread(target=run, name="shadow", daemon=True)
-        thread.start()
-        try:
-            yield host, failed
-        finally:
+        def stop() -> None:
             window.shut()
             host.stop()
-            thread.join()
+
+        with in_thread("shadow", run, stop) as failed:
+            yield host, failed
     if failed:
         raise failed[0]
 

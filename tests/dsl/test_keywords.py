@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import pytest
 
@@ -84,9 +84,9 @@ ROLES = re.findall(r"\{(\w+)\}", PROGRAM)
 EVERY = 4
 
 
-def sample(words: Sequence[str], role: str) -> Sequence[str]:
+def sample(words: Iterable[str], role: str) -> Sequence[str]:
     """Return a part of the words, another one for the next role."""
-    return words[sorted(set(ROLES)).index(role) % EVERY :: EVERY]
+    return sorted(words)[sorted(set(ROLES)).index(role) % EVERY :: EVERY]
 
 
 NAMES = {role: role.upper() for role in ROLES}

@@ -22,7 +22,7 @@ from colony.cli.experiment.options import (
 )
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.params_choice import chosen_params, params_option
-from colony.cli.reporting import report, say
+from colony.cli.reporting import say
 from colony.cli.robot_choice import chosen_robot, description_option
 from colony.cli.run.options import DURATION, OptionError, duration_ns, held, scenario_of, start_pose
 from colony.cli.shipped_files import BEHAVIOR, MAX_MOVERS, map_option, start_option
@@ -186,22 +186,14 @@ def _engine(text: str, workers: int | None) -> Engine:
 @contextmanager
 def _reporting_errors() -> Iterator[None]:
     """Report an error that prevents the experiment, and exit."""
+    from colony.cli.run.main import reporting_failures
     from colony.experiment.parallel import WorkersLostError
     from colony.experiment.results import ResultsError
     from colony.nav.maps.free_space import NoRoomError
-    from colony.text.diagnostics import DiagnosticError
 
     try:
-        yield
-    except OptionError as bad:
-        raise click.UsageError(str(bad), click.get_current_context()) from None
-    except DiagnosticError as failure:
-        report(failure.diagnostics)
-        is_misuse = failure.diagnostics[0].code.startswith("M")
-        raise click.exceptions.Exit(EXIT_MISUSE if is_misuse else EXIT_ERRORS) from None
-    except MisuseError as problem:
-        say(str(problem))
-        raise click.exceptions.Exit(EXIT_MISUSE) from None
+        with reporting_failures():
+            yield
     except (ResultsError, WorkersLostError, NoRoomError) as problem:
         say(f"error: {problem}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None

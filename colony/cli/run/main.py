@@ -220,7 +220,7 @@ def command(**arguments: Any) -> None:
     if not is_running:
         say_whose_name(compiled.robot.name)
     picture = None if options.no_picture or is_running else options.picture or PICTURE
-    with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
+    with reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, draw
         from colony.robots.physics_choice import expect_simulable
 
@@ -271,7 +271,7 @@ def _drive(
 
 
 @contextmanager
-def _reporting_failures() -> Iterator[None]:
+def reporting_failures() -> Iterator[None]:
     """Report an error that prevents or ends a run, and exit with its code."""
     from colony.text.diagnostics import DiagnosticError
 

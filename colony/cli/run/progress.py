@@ -6,6 +6,7 @@ A run of fixed length prints a line per tenth, another one a line every `REPORT_
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
 from colony.cli.reporting import say
 from colony.runtime.observe.observer import FrameLog
@@ -31,17 +32,17 @@ class Progress:
 
     def take(self, log: FrameLog) -> None:
         """Report the progress, if it has changed enough."""
+        self.show(log.tick.t_ns, lambda: _progress_text(log))
+
+    def show(self, t_ns: int, text: Callable[[], str]) -> None:
+        """Report that the run has come to this time."""
         if self._bar is not None:
-            self._bar.show(log)
+            self._bar.show(t_ns, text())
             return
-        intervals = int(log.tick.t_ns // self._interval_ns)
+        intervals = int(t_ns // self._interval_ns)
         if intervals > self._intervals:
             self._intervals = intervals
-            say(
-                _progress_text(log)
-                if self._length_ns is None
-                else f"{10 * intervals} %: {_progress_text(log)}"
-            )
+            say(text() if self._length_ns is None else f"{10 * intervals} %: {text()}")
 
     def close(self) -> None:
         """Remove the bar."""
@@ -77,8 +78,8 @@ class _Bar:
         self._task = self._display.add_task("", total=length_ns)
         self._display.start()
 
-    def show(self, log: FrameLog) -> None:
-        self._display.update(self._task, completed=log.tick.t_ns, description=_progress_text(log))
+    def show(self, t_ns: int, text: str) -> None:
+        self._display.update(self._task, completed=t_ns, description=text)
 
     def stop(self) -> None:
         self._display.stop()

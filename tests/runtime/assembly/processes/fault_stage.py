@@ -56,24 +56,15 @@ class Run:
         *options: str,
         seed: int,
         isolate: bool,
-        program: str = WANDER,
-        keep: int | None = None,
-        on_verdict: Callable[[Verdict], None] = lambda verdict: None,
     ) -> None:
-        """Start the run.
-
-        Args:
-            isolate: Whether each client is a process of its own.
-            keep: Number of the newest verdicts and ticks to keep; None keeps all of them.
-            on_verdict: Called with each verdict of `drive`, by a thread of the network.
-        """
-        self.machine, self.random, self._on_verdict = machine, Random(seed), on_verdict
+        """Start the run; if `isolate`, each client is a process of its own."""
+        self.machine, self.random = machine, Random(seed)
         self._isolate = isolate
         options = (*options, *(("--isolate",) if isolate else ()))
         arguments = ("--map", MAP, "--processes", "--duration", LONG_S, "--seed", str(seed))
-        self.started: Started = machine.start("run", program, *arguments, "--no-picture", *options)
-        self.verdicts: deque[Verdict] = deque(maxlen=keep)
-        self.ticks: deque[Tick] = deque(maxlen=keep)
+        self.started: Started = machine.start("run", WANDER, *arguments, "--no-picture", *options)
+        self.verdicts: deque[Verdict] = deque()
+        self.ticks: deque[Tick] = deque()
         self._holds = ExitStack()
         robot_address = local(ROBOT, machine.environment)
         until(
@@ -95,7 +86,6 @@ class Run:
             self.ticks.append(message)
         elif isinstance(message, Verdict) and message.actuator == "drive":
             self.verdicts.append(message)
-            self._on_verdict(message)
 
     def close(self) -> None:
         self._holds.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from statistics import median
 
@@ -12,6 +12,15 @@ WARM_UP_S = 10
 
 STARTED = 0.75
 """Fraction of its last size at which a process counts as started."""
+
+GROWTH = 8 << 20
+"""Bytes that a process may gain after its warm-up: servers keep 2000 frames, which take 100 s to come."""
+
+GROWTH_PER_DEATH = 24 << 10
+"""Further bytes for each process killed meanwhile: connections that come and go fragment the heap."""
+
+DRIFT = 3 << 20
+"""Bytes by which late incarnations of a process may be larger than early ones."""
 
 NEWEST = 3
 """Number of samples, a second apart, of which the largest counts at each end of a curve."""
@@ -49,11 +58,6 @@ class Incarnations:
         return [(len(curve), _grown(curve)) for curve in self.curves]
 
     @property
-    def growth(self) -> int:
-        """The most bytes that an incarnation has gained after its warm-up."""
-        return max((grown for _, grown in self.lives), default=0)
-
-    @property
     def drift(self) -> int:
         """Bytes by which late incarnations are larger than early ones of the same age.
 
@@ -64,11 +68,10 @@ class Incarnations:
         third = len(sizes) // 3
         return int(median(sizes[-third:]) - median(sizes[:third])) if third >= 2 else 0
 
-    def __str__(self) -> str:
-        """The longest curve in MiB, at most eight points of it."""
-        longest = max(self.curves, key=len, default=[])
-        step = max(1, -(-len(longest) // 8))
-        return " ".join(f"{size / 2**20:.1f}" for size in longest[::step])
+    @property
+    def largest(self) -> int:
+        """The most bytes that an incarnation had."""
+        return max((max(curve, default=0) for curve in self.curves), default=0)
 
 
 def _grown(curve: list[int]) -> int:
@@ -94,3 +97,17 @@ class Census:
         """Measure every process that lives now."""
         for name, pid in pids.items():
             self.processes.setdefault(name, Incarnations()).sample(pid)
+
+    @property
+    def largest(self) -> int:
+        """The most bytes that a process had."""
+        return max((process.largest for process in self.processes.values()), default=0)
+
+    def problems(self, deaths_per_s: float) -> Iterator[str]:
+        """Yield the processes that grow, while so many are killed in a second."""
+        for name, process in self.processes.items():
+            for seconds, grown in process.lives:
+                if grown > GROWTH + GROWTH_PER_DEATH * deaths_per_s * seconds:
+                    yield f"{name} grew by {grown / 2**20:.1f} MB in a life of {seconds} s"
+            if process.drift > DRIFT:
+                yield f"{name} became larger by {process.drift / 2**20:.1f} MB over its restarts"
