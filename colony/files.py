@@ -153,20 +153,26 @@ def own_folder(path: Path) -> None:
         if status.st_mode & writable and not status.st_mode & stat.S_ISVTX:
             raise UnsuitableFileError(errno.EPERM, f"other users can write to {step}", path)
         folder = step
-    status = folder.stat()
+    _expect_own(folder.stat(), folder)
+
+
+def _expect_own(status: os.stat_result, path: Path) -> None:
     if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise UnsuitableFileError(errno.EPERM, f"{folder} is not a folder of this user alone", path)
+        raise UnsuitableFileError(errno.EPERM, f"{path} is not of this user alone", path)
 
 
 def read_from_cache(path: Path, max_bytes: int) -> bytes:
     """Return the content of a file of the user's cache.
 
     Raises:
-        OSError: see `read_file`; or other users can write to its folder (see `own_folder`).
+        OSError: see `read_file`; or other users can write to it or its folder (see `own_folder`), or it is a
+            link.
     """
     if path.parent.exists():
         own_folder(path.parent)
-    return read_file(path, max_bytes)
+    with open(open_descriptor(path, os.O_RDONLY | os.O_NOFOLLOW), "rb") as file:
+        _expect_own(os.fstat(file.fileno()), path)
+        return read_all(file, max_bytes, path)
 
 
 def keep_in_cache(path: Path, data: bytes) -> None:

@@ -134,6 +134,20 @@ def test_an_own_folder_and_those_around_it_are_of_the_user_alone(tmp_path: Path)
     own_folder(tmp_path / "a" / "b")
 
 
+def test_a_file_of_the_cache_that_others_can_write_to_is_not_read(tmp_path: Path) -> None:
+    path, link = tmp_path / "own" / "file", tmp_path / "own" / "link"
+    keep_in_cache(path, b"ours")
+    link.symlink_to(path)
+    with pytest.raises(UnsuitableFileError, match="not a regular file"):
+        read_from_cache(link, 4)
+    for mode in (0o620, 0o602):
+        path.chmod(mode)
+        with pytest.raises(UnsuitableFileError, match="not of this user alone"):
+            read_from_cache(path, 4)
+    keep_in_cache(path, b"ours")
+    assert read_from_cache(path, 4) == b"ours"
+
+
 @pytest.mark.parametrize(
     ("outer", "inner", "is_own"),
     [

@@ -56,8 +56,12 @@ def complete_declarations(problem: Unexpected) -> list[ast.Declaration]:
 
 def language_line(problem: Unexpected) -> ast.LanguageDecl | None:
     """Return the line with the version of the language, if it was read before the error."""
-    value: object = problem.values[0] if problem.values else None
-    return value if isinstance(value, ast.LanguageDecl) else None
+    match problem.values:
+        case (ast.LanguageDecl() as line, *_):
+            return line
+        case (word, version) if getattr(word, "type", "") == "LANGUAGE":  # the error is right after it
+            return ast.LanguageDecl(version=version.value, start=word.start_pos, end=version.end_pos)
+    return None
 
 
 DECLARATIONS: tuple[type, ...] = ast.Declaration.__args__

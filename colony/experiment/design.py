@@ -7,6 +7,7 @@ get the same inputs.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -43,11 +44,14 @@ class Range(NamedTuple):
         """Draw a value; all values are equally probable."""
         if self.is_whole:
             return float(rng.integers(int(self.low), int(self.high), endpoint=True))
-        return float(f"{rng.uniform(self.low, self.high):.4g}")
+        value = rng.uniform(self.low, self.high)
+        size, width = max(abs(self.low), abs(self.high)), self.high - self.low
+        digits = 4 + max(0, int(math.log10(size / width)))  # as many as tell values of a narrow range apart
+        return min(max(float(f"{value:.{digits}g}"), self.low), self.high)
 
     def text(self, value: float) -> str:
         """Return a value as the language writes it."""
-        return f"{value:g} {self.unit}".strip() if not self.is_whole else f"{value:.0f}"
+        return f"{value:.15g} {self.unit}".strip() if not self.is_whole else f"{value:.0f}"
 
 
 def range_of(text: str) -> Range:
@@ -65,7 +69,7 @@ def range_of(text: str) -> Range:
     first_unit, unit = (first_unit or "").strip(), (unit or "").strip()
     if first_unit and first_unit != unit:
         raise ValueError(f"found `{text}`, with two units; expected one, such as 0.6..1.4m")
-    if not float(low) < float(high) < float("inf"):
+    if not (float(low) < float(high) and math.isfinite(float(high) - float(low))):
         raise ValueError(f"found `{text}`; expected a lower end below the upper one")
     is_whole = not unit and low.lstrip("+-").isdigit() and high.lstrip("+-").isdigit()
     return Range(float(low), float(high), unit, is_whole)

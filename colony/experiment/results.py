@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, NamedTuple, Protocol, TypeVar
+
+import msgspec
 
 from colony.experiment.rows import result_of, row_of, sql_types_of
 from colony.files import open_descriptor, reason
@@ -90,16 +93,30 @@ class Results(Generic[R]):
 
     def __init__(self, path: Path | None, table: Table[R]) -> None:
         self._path, self._table = path, table
-        try:
+        with self._reporting_errors():
             if path is not None:
                 _expect_file(path)
-            self._file = sqlite3.connect(path or ":memory:", isolation_level=None, timeout=30.0)
-            self._file.execute("PRAGMA journal_mode = WAL")
+            where = ":memory:" if path is None else path.absolute()  # to SQLite, some names are no files
+            self._file = sqlite3.connect(where, isolation_level=None, timeout=30.0)
             self._file.execute("PRAGMA synchronous = NORMAL")
+            self._file.execute("BEGIN IMMEDIATE")  # another process may begin the same file
             self._begin()
-        except (sqlite3.Error, OSError) as problem:
+            self._file.execute("COMMIT")
+
+    @contextmanager
+    def _reporting_errors(self) -> Iterator[None]:
+        """Report that the file cannot be used, or has values that no result has.
+
+        Raises:
+            ResultsError: it cannot.
+        """
+        try:
+            yield
+        except (sqlite3.Error, OSError, ValueError, msgspec.ValidationError) as problem:
             why = reason(problem)
-            raise ResultsError(f"{path} cannot be used for results: {why}; choose another file") from None
+            raise ResultsError(
+                f"{self._path} cannot be used for results: {why}; choose another file"
+            ) from None
 
     def _begin(self) -> None:
         version = self._file.execute("PRAGMA user_version").fetchone()[0]
@@ -109,25 +126,24 @@ class Results(Generic[R]):
         if tables and (version != VERSION or "made" not in tables):
             raise ResultsError(f"{self._path} is not a file of results of this version; choose another file")
         if self._table.name not in tables:
-            self._file.execute("BEGIN IMMEDIATE")
             self._file.execute(self._table.sql)
             self._file.execute(_CREATE_FINGERPRINTS)
             self._file.execute(f"PRAGMA user_version = {VERSION}")
-            self._file.execute("COMMIT")
 
     def expect(self, runs: str, variant: str, fingerprint: str) -> None:
         """Check the fingerprint of the stored results of a list and variant; store it if there are none.
 
         Raises:
-            ResultsError: the stored results have another fingerprint.
+            ResultsError: the stored results have another fingerprint, or the file cannot be written.
         """
-        self._file.execute("INSERT OR IGNORE INTO made VALUES (?, ?, ?)", (runs, variant, fingerprint))
         where = "SELECT made_with FROM made WHERE runs = ? AND variant = ?"
-        (found,) = self._file.execute(where, (runs, variant)).fetchone()
+        with self._reporting_errors():
+            self._file.execute("INSERT OR IGNORE INTO made VALUES (?, ?, ?)", (runs, variant, fingerprint))
+            (found,) = self._file.execute(where, (runs, variant)).fetchone()
         if found != fingerprint:
             raise ResultsError(
-                f"{self._path} has results of `{runs}` from another program or map; choose "
-                "another file with -o, or remove that one"
+                f"{self._path} has results of `{runs}` from another program, map, version of colony, or with "
+                "other options; choose another file with -o, or remove that one"
             )
 
     def put(self, result: R) -> None:
@@ -137,24 +153,24 @@ class Results(Generic[R]):
             ResultsError: the file cannot be written.
         """
         placeholders = ", ".join("?" * len(self._table.columns))
-        try:
-            row = row_of(self._table.kind, result)
+        row = row_of(self._table.kind, result)
+        with self._reporting_errors():
             self._file.execute(f"INSERT OR REPLACE INTO {self._table.name} VALUES ({placeholders})", row)
-        except sqlite3.Error as problem:
-            raise ResultsError(f"{self._path} cannot be written: {problem}") from None
 
     def keys(self) -> frozenset[RunKey]:
         """Return the keys of the stored results."""
         query = f"SELECT {', '.join(KEY_COLUMNS)} FROM {self._table.name}"
-        return frozenset(RunKey(*row) for row in self._file.execute(query))
+        with self._reporting_errors():
+            return frozenset(RunKey(*row) for row in self._file.execute(query))
 
     def select(self, runs: str, variant: str) -> tuple[R, ...]:
         """Return the results of a list and variant, by number and seed."""
         columns = ", ".join(self._table.columns)
         where = "runs = ? AND variant = ? ORDER BY number, seed"
         query = f"SELECT {columns} FROM {self._table.name} WHERE {where}"
-        rows = self._file.execute(query, (runs, variant))
-        return tuple(result_of(self._table.kind, iter(row)) for row in rows)
+        with self._reporting_errors():
+            rows = self._file.execute(query, (runs, variant))
+            return tuple(result_of(self._table.kind, iter(row)) for row in rows)
 
     def close(self) -> None:
         """Close the file; closing it again does nothing."""

@@ -74,4 +74,4 @@ def _value(kind: Any, cell: Any) -> object:
         return tuple(zip(numbers[0::2], numbers[1::2], strict=True))
     if kind is bool:
         return bool(cell)
-    return msgspec.convert(json.loads(cell), kind) if get_origin(kind) in (tuple, Mapping) else cell
+    return msgspec.convert(json.loads(cell) if get_origin(kind) in (tuple, Mapping) else cell, kind)

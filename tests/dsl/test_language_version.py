@@ -33,6 +33,12 @@ def test_other_versions_are_refused_and_nothing_else_is_said(line: str, hint: st
     assert found.message == f"found version {version} of the language; this is version 1"
 
 
+@pytest.mark.parametrize("rest", ["behavior b {", "language 3", ";"])
+def test_error_right_after_another_version_is_not_reported(rest: str) -> None:
+    (found,) = check_text(f"language 2\n{rest}\n{ROBOT}").diagnostics
+    assert (found.code, found.span.text) == ("E008", "language 2")
+
+
 def test_an_import_of_another_version_is_refused(tmp_path: Path) -> None:
     (tmp_path / "other.colony").write_text(f"language 3\n{ROBOT}")
     (tmp_path / "main.colony").write_text('language 1\nimport "other.colony"\n')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from colony.experiment.design import Experiment, Range, range_of
@@ -45,7 +46,7 @@ def test_range_text_is_read(text: str, expected: Range) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "5", "1..", "..1", "2..1", "1..1", "1 m..2 s", "a..b", "nan..1", "1..1e999"]
+    "text", ["", "5", "1..", "..1", "2..1", "1..1", "1 m..2 s", "a..b", "nan..1", "1..1e999", "-1e308..1e308"]
 )
 def test_range_text_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="expected"):
@@ -82,6 +83,18 @@ def test_drawn_values_are_in_their_ranges() -> None:
     assert all(0.6 <= value <= 1.4 for value in values)
     assert {t.request.movers for t in trials} == set(range(6))
     assert all(t.params[0][1] == f"{t.drawn[0][1]:g} m" for t in trials)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["1000.2..1000.4mm", "10001..10004mm", "1234567..1234568.5mm", "-1000.04..-1000.01", "1e-7..2e-7m"],
+)
+def test_drawn_values_of_a_narrow_range_are_in_it_and_differ(text: str) -> None:
+    values, rng = range_of(text), np.random.default_rng(1)
+    drawn = [values.draw(rng) for _ in range(20)]
+    assert all(values.low <= value <= values.high for value in drawn)
+    assert len({values.text(value) for value in drawn}) > 3
+    assert all(float(values.text(value).split()[0]) == value for value in drawn)
 
 
 def test_hazards_have_the_seed_of_the_run() -> None:

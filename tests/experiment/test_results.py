@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -74,7 +75,9 @@ def test_results_of_another_program_are_not_mixed_in(tmp_path: Path) -> None:
         results.expect("rounds", "plain", "one")
     with (
         Results(path, TABLE) as results,
-        pytest.raises(ResultsError, match="another program or map; choose another"),
+        pytest.raises(
+            ResultsError, match="another program, map, version of colony, or with other options; choose"
+        ),
     ):
         results.expect("rounds", "plain", "changed")
 
@@ -91,6 +94,65 @@ def test_a_file_of_something_else_is_refused_and_left_alone(tmp_path: Path) -> N
     with sqlite3.connect(other) as database:
         assert database.execute("SELECT name FROM sqlite_master").fetchall() == [("precious",)]
     database.close()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "DROP TABLE made",
+        "ALTER TABLE measured DROP COLUMN found",
+        "UPDATE measured SET names = '{'",
+        "UPDATE measured SET names = '[1]'",
+        "UPDATE measured SET path = x'010203'",
+        "UPDATE measured SET width = 'wide'",
+        "UPDATE measured SET error_mm = 'far'",
+        "PRAGMA user_version = 2",
+    ],
+)
+def test_results_of_a_changed_file_are_refused(change: str, tmp_path: Path) -> None:
+    path = tmp_path / "r.sqlite"
+    with Results(path, TABLE) as results:
+        results.put(measured(1, 1))
+    with sqlite3.connect(path) as database:
+        database.execute(change)
+    database.close()
+    with pytest.raises(ResultsError, match="choose another file"), Results(path, TABLE) as results:
+        results.select("rounds", "plain")
+
+
+def _read(results: Results[Measured]) -> None:
+    results.expect("rounds", "plain", "one")
+    results.keys()
+
+
+def test_results_of_a_damaged_file_are_refused(tmp_path: Path) -> None:
+    path, damaged = tmp_path / "r.sqlite", tmp_path / "damaged.sqlite"
+    with Results(path, TABLE) as results:
+        results.put(measured(1, 1))
+    whole = path.read_bytes()
+    for page in range(4096, len(whole), 4096):
+        damaged.write_bytes(whole[:page] + bytes(4096) + whole[page + 4096 :])
+        with pytest.raises(ResultsError, match="malformed"), Results(damaged, TABLE) as results:
+            _read(results)
+
+
+def test_results_wait_for_another_process_that_begins_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "r.sqlite"
+    first = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    first.execute("BEGIN IMMEDIATE")
+    committing = threading.Timer(0.005, lambda: first.execute("COMMIT"))
+    committing.start()
+    with Results(path, TABLE) as results:
+        assert results.keys() == frozenset()
+    committing.join()
+    first.close()
+
+
+def test_results_are_in_a_file_of_any_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with Results(Path(":memory:"), TABLE) as results:
+        results.put(measured(1, 1))
+    assert [path.name for path in tmp_path.iterdir()] == [":memory:"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there is no SIGKILL")

@@ -38,12 +38,16 @@ if TYPE_CHECKING:
     from colony.nav.maps.world_map import WorldMap
 
 
+MAX_RUNS = 1_000_000
+"""The largest number of a run."""
+
+
 @click.command("experiment", short_help="simulate many runs of a behavior, and report statistics")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
 @description_option()
 @map_option
 @click.option(
-    "--runs", type=click.IntRange(1, 1_000_000), default=100, show_default=True, help="The number of runs."
+    "--runs", type=click.IntRange(1, MAX_RUNS), default=100, show_default=True, help="The number of runs."
 )
 @click.option(
     "--duration",
@@ -53,7 +57,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--seed",
-    type=click.IntRange(min=0),
+    type=click.IntRange(0, 10**18),  # seeds of runs are integers of SQLite
     default=1,
     show_default=True,
     help="The seed of the first run; each further run has the next one.",
@@ -104,7 +108,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--replay",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MAX_RUNS),
     metavar="N",
     help="Only record run number N into run-N.mcap, for `colony watch` and `colony explain`.",
 )
@@ -215,12 +219,16 @@ def _experiment(options: dict[str, Any], floor: WorldMap) -> Experiment:
     """Return the requested experiment; its behaviors compile, also with both ends of the ranges of params."""
     from colony.experiment.design import Experiment
     from colony.experiment.digest import digest_of
-    from colony.experiment.programs import compiled_of
+    from colony.experiment.programs import compiled_of, sources_digest
 
     _expect_one_start(options)
     programs, params = _programs(options), _params(options["ranges"])
     movers = _movers(options["movers"])
     compiled = [compiled_of(program) for program in programs]
+    programs = tuple(
+        program._replace(sources=sources_digest(each.compiled))
+        for program, each in zip(programs, compiled, strict=True)
+    )
     for program in programs:
         for end in ("low", "high") if params else ():
             compiled_of(program, tuple((name, values.text(getattr(values, end))) for name, values in params))

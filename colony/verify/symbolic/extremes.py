@@ -118,5 +118,7 @@ def extreme_at(array: Sequence[Scalar], index: Number, builder: Builder) -> Numb
     if index.whole is None:
         return None
     known, best = builder.once(("extreme at", *builder.keep(index.whole)), lambda: ({}, None))
-    is_same = best is not None and all(builder.key(array[i]) == key for i, key in known.items())
+    is_same = best is not None and all(
+        i < len(array) and builder.key(array[i]) == key for i, key in known.items()
+    )
     return best if is_same else None

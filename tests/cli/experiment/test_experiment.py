@@ -54,7 +54,7 @@ def test_experiment_with_stored_results_runs_only_what_is_missing(colony: Colony
     assert more.err.splitlines() == ["100 %: 3 of 3 runs, 0 bad"]
     other = colony("experiment", "wander", *QUICK, "--movers", "1", "--runs", "2", "-o", str(kept))
     assert other.code == 2
-    assert "from another program or map" in other.err
+    assert "with other options" in other.err
 
 
 def test_experiment_that_breaks_a_contract_says_where_and_replays_it(
