@@ -7,6 +7,7 @@ import signal
 import socket
 import sys
 import threading
+import traceback
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from typing import TYPE_CHECKING
@@ -54,6 +55,8 @@ class _InterruptResender:
 
     def hook(self, lost: UnraisableHookArgs) -> None:
         """Stand in for `sys.unraisablehook`."""
+        if _is_half_made(lost):
+            return
         if not _is_interrupt(lost.exc_value):
             self._previous_hook(lost)
             return
@@ -82,6 +85,11 @@ def _is_interrupt(problem: BaseException | None) -> bool:
     if isinstance(problem, ctypes.ArgumentError):
         return KeyboardInterrupt.__name__ in str(problem)
     return isinstance(problem, KeyboardInterrupt)
+
+
+def _is_half_made(lost: UnraisableHookArgs) -> bool:
+    """Return True for the deletion of an object of z3 whose making Ctrl-C ended: it lacks its fields."""
+    return isinstance(lost.exc_value, AttributeError) and getattr(lost.object, "__module__", "") == "z3.z3"
 
 
 @contextmanager
@@ -142,6 +150,9 @@ def reliable_interrupts() -> Iterator[None]:
     try:
         with _z3_interruptible() if installed("z3") else nullcontext():
             yield
+    except KeyboardInterrupt as problem:
+        traceback.clear_frames(problem.__traceback__)  # what is half made is deleted while the hook is ours
+        raise
     except ctypes.ArgumentError as problem:
         if not _is_interrupt(problem):
             raise

@@ -57,6 +57,19 @@ def test_ctrl_c_in_a_conversion_is_a_keyboard_interrupt() -> None:
         absolute()(Interrupted())
 
 
+def test_half_made_objects_of_z3_are_deleted_without_a_word(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def make() -> None:
+        made = z3.BoolRef.__new__(z3.BoolRef)
+        signal.raise_signal(signal.SIGINT)
+        del made
+
+    with pytest.raises(KeyboardInterrupt), reliable_interrupts():
+        make()
+    assert capfd.readouterr().err == ""
+
+
 def test_other_wrong_arguments_stay_what_they_are() -> None:
     with pytest.raises(ctypes.ArgumentError), reliable_interrupts():
         absolute()(Wrong())
