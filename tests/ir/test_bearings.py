@@ -114,7 +114,7 @@ def test_nearest_on_a_ring(size: int, start: float) -> None:
             assert nearest(bearings, angle) == closest(bearings.angles, angle), angle
 
 
-PARTS = sampled(range(10), every=10)
+PARTS = sampled(range(10), every=10, thorough=True)
 """Parts of the lists that are compared."""
 
 

@@ -29,7 +29,7 @@ def led(machine: Machine, ground: str, *options: str) -> Started:
     return machine.start("run", NAVIGATOR, "--connect", "--robot", ROBOT, "--map", ground, *way, *options)
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_the_robot_is_led_to_the_elevator_and_somebody_is_asked_to_press_its_buttons(
     machine: Machine, tmp_path: Path
 ) -> None:

@@ -86,7 +86,7 @@ def test_guards_hold_in_the_same_frames(drawn: tuple[ClientList, History]) -> No
     assert holds_alike(*drawn)
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @given(observations())
 @settings(max_examples=400)
 def test_guards_hold_in_the_same_frames_of_many_tables(drawn: tuple[ClientList, History]) -> None:
