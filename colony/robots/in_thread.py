@@ -1,4 +1,4 @@
-"""What runs in a thread as long as a `with` lasts."""
+"""A function that runs in a thread as long as a `with` lasts."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ LEADER_TIMEOUT_S = 1.0
 """Timeout in seconds of a call to the leader, which may be frozen or being started."""
 
 JOINT = ", "
-"""What joins the names of servers that share a process."""
+"""The separator between the names of servers that share a process."""
 
 END_S = 30.0
 """Seconds in which the run has to end."""

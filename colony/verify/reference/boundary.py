@@ -60,9 +60,7 @@ def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
     if not isinstance(reading, list | tuple) or len(reading) != sensor.type.size:
         raise InvalidValueError
     if isinstance(sensor.type.element, Quantity) and all(type(x) is float and x == x for x in reading):
-        return tuple(
-            x * factor for x in reading
-        )  # the usual case of hundreds of beams, in a tenth of the time
+        return tuple(x * factor for x in reading)  # hundreds of beams, in a tenth of the time
     return tuple(typed_scalar(sensor.type.element, x, factor) for x in reading)
 
 
