@@ -151,7 +151,7 @@ class _EchoServer:
 
 
 def _serve() -> None:
-    with Host.open(local(ROBOT, os.environ), [_EchoServer()], serves=True, handle_directly=True) as host:
+    with Host.open(local(ROBOT, os.environ), [_EchoServer()], serves=True) as host:
         signal.signal(signal.SIGTERM, lambda *_: host.stop())
         handler = zenoh.handlers.Callback(lambda q: q.reply(BARE, q.payload.to_bytes()), indirect=False)
         host.network.session.declare_queryable(BARE, handler)

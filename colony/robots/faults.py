@@ -24,8 +24,9 @@ from colony.ir.servers import DSERVER
 from colony.robots.scripted import SCRIPTED_SERVERS, ScriptedRobot, SentCommand
 from colony.runtime.protocol.messages import Message, ServerFrame, Tick
 from colony.runtime.protocol.topics import activity, module_of
+from colony.runtime.transport.exchange import Delay
 from colony.runtime.transport.faults import FaultRates, Faults
-from colony.runtime.transport.virtual import Delay, VirtualClock
+from colony.runtime.transport.virtual import VirtualClock
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import Disagreement
 

@@ -37,7 +37,8 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.servers.commanding import CommandDispatcher
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.store.store import MemoryStore
-from colony.runtime.transport.virtual import Link, VirtualClock, deliver_immediately
+from colony.runtime.transport.exchange import Link, deliver_immediately
+from colony.runtime.transport.virtual import VirtualClock
 
 SENSOR_SERVERS = ("Sensors0", "Sensors1")
 ACTUATOR_SERVER = "Actuators"

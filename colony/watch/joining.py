@@ -105,11 +105,6 @@ class Listener:
         self.address = "watch"
         self.listens = observer.listens
 
-    @property
-    def deferred(self) -> tuple[str, ...]:
-        """Topics whose messages may wait for the next tick."""
-        return self._observer.deferred
-
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Do nothing."""
         return ()

@@ -21,7 +21,8 @@ from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import Effect, Request, Send, ServerFrame, Tick, Verdict
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.transport.virtual import Link, VirtualClock, deliver_immediately
+from colony.runtime.transport.exchange import Link, deliver_immediately
+from colony.runtime.transport.virtual import VirtualClock
 from tests.kit.calling import call_of, opening
 from tests.kit.node_stage import FRAME_NS, MS, Caller, NodeStage, messages
 from tests.robot_servers import ROME_SERVERS

@@ -60,7 +60,6 @@ class Kept:
         observer = idle_observer(program, idle, described_robot(program.robot).servers, self)
         self._listener = Listener(observer)
         self.address, self.listens = self._listener.address, self._listener.listens
-        self.deferred = self._listener.deferred
         self.sent: list[Effect] = []
 
     def take(self, log: FrameLog) -> None:

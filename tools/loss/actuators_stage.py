@@ -33,7 +33,7 @@ from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
 from colony.runtime.store.store import MemoryStore
-from colony.runtime.transport.virtual import Delay
+from colony.runtime.transport.exchange import Delay
 from tests.robot_servers import ROME_SERVERS
 from tools.loss import outside_stage
 from tools.loss.outside_stage import Connection, Happened

@@ -22,7 +22,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.messages import Message, Sample, ServerFrame, Verdict
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.transport.virtual import Delay, Link
+from colony.runtime.transport.exchange import Delay, Link
 from tests.robot_servers import ROME_SERVERS
 from tests.runtime.scripted import Script, session
 from tools.loss.stage import Seen

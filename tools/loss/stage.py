@@ -20,7 +20,8 @@ from colony.runtime.protocol.messages import (
     Tick,
     Verdict,
 )
-from colony.runtime.transport.virtual import Delay, Link, VirtualClock
+from colony.runtime.transport.exchange import Delay, Link
+from colony.runtime.transport.virtual import VirtualClock
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,7 +38,8 @@ from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
 from colony.runtime.store.store import MemoryStore
-from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, deliver_immediately
+from colony.runtime.transport.exchange import Link, deliver_immediately
+from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 
 RUN = "run"
 """The name of a run in virtual time."""

@@ -160,11 +160,6 @@ class Clock:
             *self._calls.listens,
         )
 
-    @property
-    def deferred(self) -> tuple[str, ...]:
-        """Topics of the servers' frames: their content counts for the next tick."""
-        return tuple(topics.frames(server) for server in self._servers)
-
     # --- messages --------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> Iterable[Effect]:

@@ -179,11 +179,6 @@ class Observer:
         )
         self.listens = tuple(dict.fromkeys((*listens, *(topics.requests(s) for s in request_servers))))
 
-    @property
-    def deferred(self) -> tuple[str, ...]:
-        """All topics except ticks. A frame is processed when the next tick arrives; by then it is decided."""
-        return tuple(topic for topic in self.listens if topic != topics.TICKS)
-
     def add(self, sink: Sink) -> None:
         """Add a sink; call this before the first frame."""
         self._sinks = (*self._sinks, sink)

@@ -33,7 +33,7 @@ the receiving node sees them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Literal, NamedTuple, Protocol, runtime_checkable
 
 import msgspec
@@ -433,23 +433,13 @@ class QuietNode:
 
 
 @runtime_checkable
-class DeferringNode(Node, Protocol):
-    """A node that tolerates delay on some topics."""
-
-    @property
-    def deferred(self) -> tuple[str, ...]:
-        """Topics whose messages may wait until the node is woken, or receives another message."""
-        ...
-
-
-@runtime_checkable
 class SettlingNode(Protocol):
-    """A node that must finish some work before its effects may leave.
+    """A node that must finish some work before it acknowledges anything.
 
-    After a transport has delivered all waiting messages, it calls `settle`; only then does it carry out their
-    effects.
+    After a transport has delivered a message, or several, it calls `settle` and then what that returns, which
+    another thread may do; only then do answers leave. Frames acknowledge nothing, and leave at once.
     """
 
-    def settle(self) -> None:
-        """Finish the work of the messages handled so far, before their effects leave."""
+    def settle(self) -> Callable[[], None]:
+        """Return a function that finishes the work of the messages handled so far."""
         ...

@@ -1,9 +1,9 @@
 """DServer: the variables and semaphores that the processes of a robot share (thesis section 4.6.1).
 
 Its state survives a crash, SIGKILL included. Each change is written to a journal. The journal is written to
-the store in one commit, after all waiting messages were handled and before any effect leaves. So nothing
-acknowledged can be lost, and many changes cost one commit. A repeated call is not executed again, even after
-a restart of the server (see `call_answers.py`).
+the store in one commit, after all waiting messages were handled and before any answer leaves. So nothing
+acknowledged can be lost, many changes cost one commit, and frames do not wait for the disk. A repeated call
+is not executed again, even after a restart of the server (see `call_answers.py`).
 
 On a full disk the server refuses calls whose effects must be stored. Everything else continues: calls that
 only read, ticks, frames, and the commands of actuators.
@@ -212,19 +212,19 @@ class DServer:
             *(message for component in limited_components for message in component.limit_messages),
         )
 
-    def settle(self) -> None:
-        """Commit the changes; on a full disk, those that are not about to be acknowledged wait.
+    def settle(self) -> Callable[[], None]:
+        """Take the changes, and return a function that commits them.
 
-        Raises:
-            StoreError: the changes cannot be stored; the server must end, and none of its effects may leave.
+        On a full disk, those that are not about to be acknowledged wait. The function raises StoreError if
+        they cannot be stored: the server must end, and acknowledge nothing.
         """
-        self._journal.settle()
+        return self._journal.settle()
 
     def close(self) -> None:
         """Commit the changes, mark an orderly end, and close the store."""
         try:
             self._journal.put(_CLOSED, b"")
-            self._journal.settle()
+            self._journal.settle()()
         finally:
             self._store.close()
 

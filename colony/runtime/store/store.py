@@ -15,6 +15,7 @@ the bytes that were committed; it quarantines a damaged file as a whole, reports
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from threading import Lock
 from typing import Literal, NamedTuple, Protocol
 
 Kind = Literal[
@@ -156,12 +157,13 @@ class PendingStore:
 
 
 class Journal:
-    """The changes since the last commit. Mutable."""
+    """The changes since the last commit. Mutable. One thread may change it while another settles it."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._changes: dict[Key, bytes | None] = {}
         self._ack_pending = self._waiting = False
+        self._changing, self._committing = Lock(), Lock()
 
     @property
     def full(self) -> str | None:
@@ -170,36 +172,53 @@ class Journal:
 
     def check_space(self) -> None:
         """Check whether there is space again; the next `settle` retries the waiting changes in any case."""
-        self._store.check_space()
+        with self._committing:
+            self._store.check_space()
         self._waiting = False
 
     def put(self, key: Key, data: bytes) -> None:
         """Record a new or changed entry."""
-        self._changes[key] = data
+        with self._changing:
+            self._changes[key] = data
 
     def drop(self, key: Key) -> None:
         """Record the removal of an entry; the entry need not exist."""
-        self._changes[key] = None
+        with self._changing:
+            self._changes[key] = None
 
     def mark_ack_pending(self) -> None:
         """Note that the changes so far are about to be acknowledged, so `settle` must commit them."""
-        self._ack_pending = True
+        with self._changing:
+            self._ack_pending = True
 
-    def settle(self) -> None:
-        """Commit the changes; if there is no space, let them wait, unless one is about to be acknowledged.
+    def settle(self) -> Callable[[], None]:
+        """Take the changes, and return a function that commits them, which another thread may call.
 
-        Raises:
-            StoreError: the commit failed; the server's memory is then ahead of the store, so the server must
-                end.
+        If there is no space, changes wait, unless one is about to be acknowledged. The function raises
+        StoreError if the commit failed; the server's memory is then ahead of the store, so the server must
+        end.
         """
-        if not self._changes or (self._waiting and not self._ack_pending):
-            return
+        with self._changing:
+            if not self._changes or (self._waiting and not self._ack_pending):
+                return _nothing
+            changes, acknowledges = self._changes, self._ack_pending
+            self._changes, self._ack_pending = {}, False
+        return lambda: self._commit(changes, acknowledges)
+
+    def _commit(self, changes: dict[Key, bytes | None], acknowledges: bool) -> None:
         try:
-            self._store.commit(self._changes)
-        except StoreFullError:
-            if self._ack_pending:
+            with self._committing:
+                self._store.commit(changes)
+        except StoreError as problem:
+            with self._changing:
+                self._changes = {**changes, **self._changes}
+                self._ack_pending |= acknowledges
+                self._waiting = True
+            if acknowledges or not isinstance(problem, StoreFullError):
                 raise
-            self._waiting = True
         else:
-            self._changes = {}
-            self._ack_pending = self._waiting = False
+            self._waiting = False
+
+
+def _nothing() -> None:
+    """Do nothing."""

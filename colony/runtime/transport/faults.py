@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from colony.runtime.protocol.messages import Message
-from colony.runtime.transport.virtual import Delay
+from colony.runtime.transport.exchange import Delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,7 +24,8 @@ from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
-from colony.runtime.transport.virtual import Delay, VirtualClock, VirtualTransport
+from colony.runtime.transport.exchange import Delay
+from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 from tests.robot_servers import ROME_SERVERS
 
 MS = 1_000_000

@@ -12,7 +12,7 @@ from colony.ir.expression import Binary, BinaryOperation, SensorValue, StateValu
 from colony.ir.program import Chain, Module, Program, State, Use, Wire
 from colony.ir.types import BOOL
 from colony.runtime.protocol.messages import Malformed, Message, Ready, Request, Sample, ServerFrame, Tick
-from colony.runtime.transport.virtual import Link
+from colony.runtime.transport.exchange import Link
 from colony.verify.reference.interpreter import Interpreter
 from tests.runtime.assembly.test_virtual import MS, S, pulsing, run, script
 from tests.runtime.programs import drive, go, less, nearest, roam

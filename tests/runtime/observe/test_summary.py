@@ -15,7 +15,7 @@ from colony.ir.types import BOOL
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import RunSummary, Tally, Travel, render
 from colony.runtime.protocol.messages import Hold, Message, Request, Sample
-from colony.runtime.transport.virtual import Link, deliver_immediately
+from colony.runtime.transport.exchange import Link, deliver_immediately
 from tests.runtime.programs import go, number, roam
 from tests.runtime.scripted import FAR, Script, session
 

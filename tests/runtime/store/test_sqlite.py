@@ -52,10 +52,10 @@ def test_a_journal_commits_the_newest_of_each_entry() -> None:
     journal.put(Y, b"3")
     journal.drop(Y)
     assert dict(store.load()) == {}
-    journal.settle()
+    journal.settle()()
     assert dict(store.load()) == {X: b"2"}
     journal.drop(X)
-    journal.settle()
+    journal.settle()()
     assert dict(store.load()) == {}
 
 

@@ -275,30 +275,35 @@ def test_the_largest_message_arrives_and_a_larger_one_is_malformed(stage: Stage)
 
 
 class _Settler(Recorder):
-    """Its effects may leave only after it settled."""
+    """Its answers may leave only after it settled."""
 
     def __init__(self, *listens: str, on: Callable[[Message, int], Iterable[Effect]]) -> None:
         super().__init__("settler", *listens, on=on)
         self.settled = 0
 
-    def settle(self) -> None:
-        self.settled = len(self.got)
+    def settle(self) -> Callable[[], None]:
+        handled = len(self.got)
+
+        def finish() -> None:
+            self.settled = handled
+
+        return finish
 
 
-def test_a_node_settles_before_its_effects_leave(stage: Stage) -> None:
+def test_a_node_settles_before_its_answers_leave(stage: Stage) -> None:
     def answer(message: Message, now_ns: int) -> Iterable[Effect]:
         if isinstance(message, Tick):
-            yield Send(ELSEWHERE, message)
+            yield Send(topics.replies("settler", "ada/1"), Reply(connection="ada/1", number=message.k))
 
     settler = _Settler(topics.TICKS, on=answer)
     settled_at: list[tuple[int, int]] = []
 
     def note(message: Message, now_ns: int) -> Iterable[Effect]:
-        assert isinstance(message, Tick)
-        settled_at.append((message.k, settler.settled))
+        assert isinstance(message, Reply)
+        settled_at.append((message.number, settler.settled))
         return ()
 
-    stage.add(Recorder("listener", ELSEWHERE, on=note))
+    stage.add(Recorder("listener", topics.replies("settler", "ada/1"), on=note))
     stage.add(settler)
     for k in range(1, 6):
         stage.tell(topics.TICKS, Tick(k=k, t_ns=0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import pytest
 
@@ -169,8 +169,8 @@ def test_nothing_leaves_before_a_node_has_settled() -> None:
             yield Send("out", message)  # type: ignore[arg-type]
             log.append("has handled")
 
-        def settle(self) -> None:
-            log.append("settles")
+        def settle(self) -> Callable[[], None]:
+            return lambda: log.append("settles")
 
     class Reading(Echo):
         def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:

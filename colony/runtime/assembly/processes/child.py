@@ -17,7 +17,7 @@ from typing import NoReturn
 from colony.collector import gc_frozen
 from colony.os_errors import describe
 from colony.runtime.assembly.processes.driver_factory import DriverError, DriverFactory
-from colony.runtime.assembly.processes.parts import is_nonblocking, nodes_of, read_program, serves
+from colony.runtime.assembly.processes.parts import nodes_of, read_program, serves
 from colony.runtime.assembly.processes.shutdown import (
     EXIT_FAILED,
     EXIT_FINAL,
@@ -113,7 +113,6 @@ def _host(
         robot_address,
         nodes,
         serves=serves(part),
-        handle_directly=is_nonblocking(part),
         report=log_line,
     )
 

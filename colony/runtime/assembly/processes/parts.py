@@ -18,7 +18,6 @@ from colony.runtime.assembly.processes.spec import (
     ClientsPart,
     ClockPart,
     CServerPart,
-    Device,
     DevicePart,
     DevicesPart,
     DServerPart,
@@ -43,22 +42,6 @@ if TYPE_CHECKING:
 def serves(part: NodePart) -> bool:
     """Return True if other processes find the part by its name."""
     return not isinstance(part, (ClientsPart, LimitsPart, AnnouncerPart))
-
-
-def is_nonblocking(part: NodePart) -> bool:
-    """Return True if the part's nodes handle every message without blocking.
-
-    Images, disks and user code may block.
-    """
-    match part:
-        case ClockPart() | PServerPart() | ClientsPart() | LimitsPart():
-            return True
-        case RServerPart(device=device) | DevicePart(device=device):
-            return isinstance(device, Device)
-        case LinePart() | CServerPart() | DServerPart() | AnnouncerPart():
-            return False
-        case _:
-            assert_never(part)
 
 
 def nodes_of(

@@ -4,37 +4,29 @@
         signal.signal(signal.SIGTERM, lambda *_: host.stop())
         host.run()
 
-One thread at a time handles messages, in one of three ways:
+Nodes of one host hand their messages to each other in memory (`exchange.py`); only what another process
+listens to is encoded and sent. Three kinds of threads use the nodes, each node one thread at a time:
 
-- In the thread of `run`. The network threads put bytes into the inbox (`reception.py`, `inbox.py`). The
-  thread of `run` takes messages in order (`message_queue.py`), decodes them, passes them to the nodes,
-  settles the nodes, and sends their effects. While it sends, which may block until a link has room, other
-  threads may hand messages to the nodes.
-- Immediately. In a direct host, whose nodes never block, the receiving thread hands a message to the nodes
-  itself if nothing else waits or is being handled. This saves two thread switches. Other messages go to the
-  inbox, where urgent calls overtake the rest. Such a host never waits for room on a link: a message that does
-  not fit is dropped, and its receiver continues without it or fetches it. A frozen server therefore delays
-  only its own clients. Only large messages that must not be dropped wait, in a separate thread (`sender.py`).
-- Deferred. Frames that no reader needs yet wait in ring buffers (`deferred.py`), and other deferrable
-  messages in the inbox, until the nodes have another message or a wake to handle.
-
-Emergency stops have their own thread (`stop_lane.py`). It takes over the nodes as soon as they finish their
-current message, ahead of everything that waits, and never waits for room to send its replies.
+- The thread of `run` takes what is due from the exchange, and otherwise a message from the inbox, into which
+  the network threads put bytes (`reception.py`, `inbox.py`, `message_queue.py`). It never waits for room on a
+  link: a message that does not fit is dropped, and its receiver continues without it or fetches it. A frozen
+  process therefore delays nobody else.
+- The acknowledging thread commits what nodes store, and sends what may wait (`acknowledging.py`).
+- Emergency stops have a thread for each server (`stop_lane.py`). It hands a stop to a node as soon as the
+  node finishes its current message, ahead of everything that waits.
 """
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from threading import Event, Lock
 
 from colony.runtime.observe.closing import close_all
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
+    Batched,
     Call,
-    DeferringNode,
     Effect,
     Malformed,
     Message,
@@ -42,13 +34,12 @@ from colony.runtime.protocol.messages import (
     Problem,
     Reply,
     Send,
-    SettlingNode,
     Tick,
-    Wake,
 )
 from colony.runtime.protocol.plausibility import check_plausible
+from colony.runtime.transport.exchange import NEVER_NS, Exchange, Member
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.deferred import DeferredFrames
+from colony.runtime.transport.live.acknowledging import Acknowledging, must_wait
 from colony.runtime.transport.live.inbox import Inbox
 from colony.runtime.transport.live.message_queue import MessageQueue, QueuedMessage
 from colony.runtime.transport.live.network import ZenohSession, require_threads
@@ -56,13 +47,6 @@ from colony.runtime.transport.live.outbox import Outbox, Report
 from colony.runtime.transport.live.reception import Reception
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.runtime.transport.live.robot_time import LearnedTime, time_of
-from colony.runtime.transport.live.sender import Sender, must_block
-
-BATCH = 64
-"""Maximum number of messages handled before the nodes settle and their effects are sent."""
-
-NEVER_NS = 1 << 63
-"""A time that is never reached."""
 
 
 class Host:
@@ -74,7 +58,6 @@ class Host:
         nodes: Sequence[Node],
         *,
         time: Callable[[], int],
-        handle_directly: bool = False,
         announces: bool = True,
         report: Report = lambda problem: None,
     ) -> None:
@@ -84,41 +67,24 @@ class Host:
             network: open session; closing the host leaves it open.
             nodes: nodes with different addresses.
             time: clock of the robot, in nanoseconds.
-            handle_directly: True to let the receiving thread hand messages to the nodes, and to never wait
-                for room on links. Only for nodes that never block: nothing is received while they handle a
-                message. Ignored if a node has to settle.
             announces: False for nodes that take no part in the robot: nobody learns that they are present.
             report: callback for a sentence about each problem that the host survives; called in a thread that
                 handles messages.
         """
-        self._nodes = tuple(nodes)
         self._network = network
         self._time = time
         self._learned = time if isinstance(time, LearnedTime) else None
-        self._settling = tuple(node for node in nodes if isinstance(node, SettlingNode))
-        self._is_direct = handle_directly and not self._settling
         self._announces = announces
-        self._listeners: dict[str, list[Node]] = {}
-        for node in nodes:
-            for topic in dict.fromkeys(node.listens):
-                self._listeners.setdefault(topic, []).append(node)
-        session, robot, user = network.session, network.robot, network.user
-        self._outbox = Outbox(session, robot, report, user=user, may_block=not self._is_direct)
-        self._stop_outbox = Outbox(session, robot, report, user=user, urgent=True)
-        self._blocking_outbox = Outbox(session, robot, report, user=user) if self._is_direct else None
-        self._sender: Sender | None = None
+        self._report = report
+        self._exchange = Exchange(time)
+        self._outbox = self._new_outbox()
+        self._batched: list[Send] = []
+        self._unsettled: dict[Member, None] = {}
+        self._acknowledging: Acknowledging | None = None
         self._inbox = Inbox(MessageQueue())
-        self._deferred = DeferredFrames(session, robot)
-        handler = self._handle_directly if self._is_direct else None
-        self._reception = Reception(
-            network, self._inbox, self._deferred, direct_handler=handler, on_stop=self._stop_nodes
-        )
-        self._handling = Lock()
-        self._no_stop_pending = Event()  # cleared while an emergency stop is waiting for the nodes
-        self._no_stop_pending.set()
-        self._wakes: list[tuple[int, int, Node]] = []
-        self._sleeps_until_ns = NEVER_NS
-        self._count = 0
+        self._reception = Reception(network, self._inbox, on_stop=self._stop_lane)
+        self._first = tuple(nodes)
+        self._declared = ExitStack()
         self._stopping = False
         self._failure: BaseException | None = None
         self._resources = ExitStack()
@@ -131,7 +97,6 @@ class Host:
         *,
         serves: bool = False,
         time: Callable[[], int] | None = None,
-        handle_directly: bool = False,
         announces: bool = True,
         report: Report = lambda problem: None,
     ) -> Host:
@@ -150,14 +115,7 @@ class Host:
             network = resources.enter_context(ZenohSession.open(robot_address, server_names=server_names))
             if time is None:
                 time = time_of(network)
-            host = cls(
-                network,
-                nodes,
-                time=time,
-                handle_directly=handle_directly,
-                announces=announces,
-                report=report,
-            )
+            host = cls(network, nodes, time=time, announces=announces, report=report)
             host.take_ownership(resources.pop_all())
             return host
 
@@ -174,20 +132,14 @@ class Host:
         """
         require_threads()
         try:
-            with ExitStack() as declared:
-                if self._blocking_outbox is not None:
-                    self._sender = Sender(self._blocking_outbox, self._time, self._fail)
-                    declared.callback(self._sender.close)
-                with self._handling:
-                    self._listen(declared)
-                    sends = self._send_directly(self._begin())
-                self._send(sends)
-                self._announce(declared)
+            with self._declared:
+                self._acknowledging = Acknowledging(self._sender(), self._fail)
+                self._declared.callback(self._acknowledging.close)
+                self._admit(self._first)
                 while not self._stopping:
                     self._run_once()
         finally:
-            self._handling.acquire()  # never released: nothing reaches the nodes from now on
-            close_all(self._nodes)
+            close_all([self._exchange.remove(member.address) for member in self._exchange.members])
         if self._failure is not None:
             raise self._failure
 
@@ -214,72 +166,63 @@ class Host:
 
     # --- the thread of `run` -------------------------------------------------------------------------
 
-    def _listen(self, declared: ExitStack) -> None:
-        for topic, nodes in self._listeners.items():
-            defers = all(isinstance(node, DeferringNode) and topic in node.deferred for node in nodes)
-            self._reception.listen(topic, declared, defers=defers)
-        if self._learned is not None and topics.TICKS in self._listeners:
-            self._learned.stop_listening()  # `_read` passes ticks on, so each is decoded once
-
-    def _announce(self, declared: ExitStack) -> None:
-        """Announce the nodes, once they can receive."""
-        for node in self._nodes if self._announces else ():
+    def _admit(self, nodes: Sequence[Node]) -> None:
+        """Add nodes, start them, and announce them once they can receive."""
+        members = [self._exchange.add(node) for node in nodes]
+        for topic in dict.fromkeys(topic for node in nodes for topic in node.listens):
+            self._reception.listen(topic, self._declared)
+            if self._learned is not None and topic == topics.TICKS:
+                self._learned.stop_listening()  # `_read` passes ticks on, so each is decoded once
+        for member in members:
+            self._carry_out(member, self._exchange.start(member))
+        self._flush()
+        for node in nodes if self._announces else ():
             key = keys.liveliness_key(self._network.robot, node.address)
-            declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
-
-    def _begin(self) -> list[Send]:
-        effects: list[_NodeEffect] = []
-        for node in self._nodes:
-            effects.extend((node, effect) for effect in node.start(self._time()))
-        self._settle()
-        return self._note_wakes(effects)
+            self._declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
 
     def _run_once(self) -> None:
-        """Handle everything that is due or queued; if there is nothing, sleep."""
-        self._no_stop_pending.wait()
-        with self._handling:
-            sends: list[Send] = []
-            handled = self._handle_batch(sends)
-            if self._inbox.has_dropped_calls:
-                sends += self._refusals()
-            self._sleeps_until_ns = self._wakes[0][0] if self._wakes else NEVER_NS
-            sends = self._send_directly(sends)
-        self._send(sends)
-        if not handled:
+        """Handle everything that is due, then one message of another process; if there is none, sleep."""
+        while (due := self._exchange.pop(self._time())) is not None:
+            assert due.receiver is not None
+            assert not callable(due.content)
+            self._handle(due.receiver, due.content)
+        self._flush()
+        queued = self._inbox.pop()
+        if self._inbox.has_dropped_calls:
+            self._outbox.send_all(self._refusals(), self._time())
+        if queued is not None:
+            for message in self._read(queued):
+                for member in self._exchange.listeners(queued.topic):
+                    self._handle(member, message)
+        elif not self._stopping:
             self._inbox.sleep(self._time_to_wake_s())
 
-    def _handle_batch(self, sends: list[Send]) -> bool:
-        """Handle one batch; return True if anything was handled.
+    def _handle(self, member: Member, message: Message) -> None:
+        if member.settling is not None:
+            self._unsettled[member] = None
+        self._carry_out(member, self._exchange.handle(member, message))
 
-        The messages to send are appended to `sends`.
-        """
-        effects: list[_NodeEffect] = []
-        handled = self._take_deferred(effects) | self._wake(effects)
-        for _ in range(BATCH if self._settling else 1):
-            if not self._no_stop_pending.is_set() or (queued := self._inbox.pop()) is None:
-                break
-            handled = True
-            self._deliver(queued.topic, self._read(queued), effects)
-        if handled:
-            self._settle()
-            sends += self._note_wakes(effects)
-        return handled
+    def _carry_out(self, member: Member, effects: Iterable[Effect]) -> None:
+        """Hand over and send messages; those that can travel together wait for `_flush`."""
+        outside: list[Send] = []
+        for send in self._put(member, effects):
+            (self._batched if isinstance(send.message, Batched) else outside).append(send)
+        if outside:
+            self._outbox.send_all(outside, self._time())
 
-    def _settle(self) -> None:
-        for settling in self._settling:
-            settling.settle()
-
-    def _wake(self, effects: list[_NodeEffect]) -> bool:
-        """Wake the nodes that are due; return True if there were any."""
-        now, woken = self._time(), False
-        while self._wakes and self._wakes[0][0] <= now:
-            node = heapq.heappop(self._wakes)[2]
-            effects.extend((node, effect) for effect in node.handle(Wake(), now))
-            woken = True
-        return woken
+    def _flush(self) -> None:
+        """Send what can travel together, and let nodes settle that acknowledged nothing."""
+        if self._unsettled:
+            assert self._acknowledging is not None
+            for member in self._unsettled:
+                self._acknowledging.put(member)
+            self._unsettled.clear()
+        if self._batched:
+            batched, self._batched = self._batched, []
+            self._outbox.send_all(batched, self._time())
 
     def _time_to_wake_s(self) -> float | None:
-        until = self._sleeps_until_ns
+        until = self._exchange.next_ns
         return None if until == NEVER_NS else max(0.0, (until - self._time()) / 1e9)
 
     def _refusals(self) -> Iterable[Send]:
@@ -288,19 +231,6 @@ class Host:
             text = f"{server}: too many calls of {connection}; this one was not carried out"
             reply = Reply(connection=connection, number=number, problem=Problem(code="flood", message=text))
             yield Send(topics.replies(server, connection), reply)
-
-    def _send(self, sends: list[Send]) -> None:
-        self._outbox.send_all(sends, self._time())
-
-    # --- any thread that handles messages -----------------------------------------------------------
-
-    def _take_deferred(self, effects: list[_NodeEffect]) -> bool:
-        """Handle deferred frames; return True if there were any."""
-        handled, frames = False, self._deferred.take()
-        while self._no_stop_pending.is_set() and (queued := next(frames, None)) is not None:
-            self._deliver(queued.topic, self._read(queued), effects)
-            handled = True
-        return handled
 
     def _read(self, queued: QueuedMessage) -> tuple[Message, ...]:
         if not isinstance(queued.message, bytes):
@@ -316,95 +246,68 @@ class Host:
             return (Malformed(topic=queued.topic, connection=None, reason=str(problem)),)
         return messages
 
-    def _deliver(self, topic: str, messages: Iterable[Message], effects: list[_NodeEffect]) -> None:
-        now = self._time()
-        for message in messages:
-            for node in self._listeners[topic]:
-                effects.extend((node, effect) for effect in node.handle(message, now))
+    # --- any thread that handles messages -----------------------------------------------------------
 
-    def _note_wakes(self, effects: list[_NodeEffect]) -> list[Send]:
-        """Schedule the wakes among the effects; return the messages to send."""
-        sends: list[Send] = []
-        for node, effect in effects:
-            if isinstance(effect, Send):
-                sends.append(effect)
-            else:
-                self._count += 1
-                heapq.heappush(self._wakes, (effect.t_ns, self._count, node))
-        return sends
+    def _new_outbox(self, *, waits: bool = False, urgent: bool = False) -> Outbox:
+        network, exchange = self._network, self._exchange
+        return Outbox(
+            network.session,
+            network.robot,
+            self._report,
+            user=network.user,
+            may_block=waits,
+            urgent=urgent,
+            is_local=lambda topic: bool(exchange.listeners(topic)),
+        )
 
-    def _send_directly(self, sends: list[Send]) -> list[Send]:
-        """Send without waiting for room if the host is direct; return the messages left to send.
+    def _put(self, member: Member, effects: Iterable[Effect]) -> Sequence[Send]:
+        """Hand messages to the nodes of this host, and schedule wakes; return what is to be sent at once."""
+        exchange, at_once, waiting = self._exchange, list[Send](), list[Send]()
+        settles = member.settling is not None
+        for effect in effects:
+            if not isinstance(effect, Send):
+                exchange.wake_at(member, effect.t_ns)
+                continue
+            waits = must_wait(effect, settles=settles)
+            (waiting if waits else at_once).append(effect)
+            if not (waits and settles):
+                exchange.post(member.address, effect.topic, effect.message)
+        if waiting:
+            assert self._acknowledging is not None
+            self._acknowledging.put(member, waiting)
+        return at_once
 
-        A direct host leaves none; another host leaves all.
-        """
-        if self._sender is None:
-            return sends
-        if large := [send for send in sends if must_block(send)]:
-            self._sender.put(large)
-            sends = [send for send in sends if not must_block(send)]
-        self._send(sends)
-        return []
+    def _sender(self) -> Callable[[Member, Sequence[Send]], None]:
+        """Return a function that sends messages which had to wait, in one thread."""
+        outbox = self._new_outbox(waits=True)
+
+        def send(member: Member, sends: Sequence[Send]) -> None:
+            if member.settling is not None and sends:
+                for topic, message in sends:
+                    self._exchange.post(member.address, topic, message)
+                self._inbox.rouse()
+            outbox.send_all(sends, self._time())
+
+        return send
 
     def _fail(self, failure: BaseException) -> None:
         """End `run` with an exception that a thread raised."""
         self._failure = failure
         self.stop()
 
-    # --- the threads of the network ------------------------------------------------------------------
+    # --- the threads of emergency stops --------------------------------------------------------------
 
-    def _handle_directly(self, topic: str, message: bytes | Call) -> bool:
-        """Handle a message and all messages queued meanwhile; return False if it must be queued."""
-        if not self._no_stop_pending.is_set() or not self._handling.acquire(blocking=False):
-            # the nodes are busy: perhaps in this very thread, if a node receives from another one here
-            return False
-        try:
-            if self._stopping or not self._inbox.claim():
-                return False
-            effects: list[_NodeEffect] = []
-            if self._take_deferred(effects):
-                self._send_directly(self._note_wakes(effects))
-            if not self._no_stop_pending.is_set():
-                return False
-            queued: QueuedMessage | None = QueuedMessage(topic, message)
-            while queued is not None:
-                effects = []
-                self._deliver(queued.topic, self._read(queued), effects)
-                self._send_directly(self._note_wakes(effects))
-                queued = self._inbox.pop() if self._no_stop_pending.is_set() else None
-            if self._wakes and self._wakes[0][0] < self._sleeps_until_ns:
-                self._sleeps_until_ns = self._wakes[0][0]
+    def _stop_lane(self) -> Callable[[str, Call], None]:
+        """Return a function that hands an emergency stop to the nodes, ahead of all queued messages."""
+        outbox = self._new_outbox(urgent=True)
+
+        def stop(topic: str, message: Call) -> None:
+            try:
+                for member in self._exchange.listeners(topic):
+                    effects = self._exchange.handle_stop(member, message)
+                    outbox.send_all(self._put(member, effects), self._time())
                 self._inbox.rouse()
-        except BaseException as failure:
-            self._fail(failure)
-        finally:
-            self._handling.release()
-        return True
+            except BaseException as failure:
+                self._fail(failure)
 
-    # --- the thread of emergency stops ---------------------------------------------------------------
-
-    def _stop_nodes(self, topic: str, message: Call) -> None:
-        """Hand an emergency stop to the nodes, ahead of all queued messages."""
-        try:
-            self._stop_outbox.send_all(self._handle_stop(topic, message), self._time())
-        except BaseException as failure:
-            self._fail(failure)
-
-    def _handle_stop(self, topic: str, message: Call) -> list[Send]:
-        """Let the nodes handle a stop while no other thread uses them; return their messages."""
-        self._no_stop_pending.clear()
-        try:
-            with self._handling:
-                if self._stopping:
-                    return []
-                effects: list[_NodeEffect] = []
-                self._deliver(topic, (message,), effects)
-                self._settle()
-                return self._note_wakes(effects)
-        finally:
-            self._no_stop_pending.set()
-            self._inbox.rouse()  # a node may have scheduled an earlier wake
-
-
-_NodeEffect = tuple[Node, Effect]
-"""A node, and an effect of it that has not been carried out."""
+        return stop

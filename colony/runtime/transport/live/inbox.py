@@ -26,16 +26,11 @@ class Inbox:
         self._wakeups: SimpleQueue[None] = SimpleQueue()
         self._asleep = False
 
-    def add_frame_message(self, topic: str, data: bytes | Malformed, *, rouse: bool = True) -> None:
-        """Add a message that is not a call.
-
-        If `rouse` is false, a sleeping consumer is not woken: it takes the message when something else wakes
-        it.
-        """
+    def add_frame_message(self, topic: str, data: bytes | Malformed) -> None:
+        """Add a message that is not a call."""
         with self._lock:
             self._queue.add_frame_message(topic, data)
-            asleep = self._asleep and rouse
-            self._asleep = self._asleep and not rouse
+            asleep, self._asleep = self._asleep, False
         if asleep:
             self._wakeups.put(None)
 
@@ -65,17 +60,6 @@ class Inbox:
             queued = self._queue.pop()
             self._asleep = queued is None
             return queued
-
-    def claim(self) -> bool:
-        """Return True if the queue is empty, so that the calling thread may handle a message itself.
-
-        From then on, arriving messages wake no thread until a `pop` returns None.
-        """
-        with self._lock:
-            if not self._queue.empty:
-                return False
-            self._asleep = False
-            return True
 
     @property
     def has_dropped_calls(self) -> bool:

@@ -170,11 +170,6 @@ class MessageQueue:
         return entry.queued
 
     @property
-    def empty(self) -> bool:
-        """True if no message is queued."""
-        return not (self._frames or self._calls or self._stops)
-
-    @property
     def has_dropped_calls(self) -> bool:
         """True if callers of dropped calls are still to be notified."""
         return bool(self._dropped_calls)

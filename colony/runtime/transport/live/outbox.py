@@ -1,4 +1,4 @@
-"""A process's outgoing messages, with a declared publisher per key: those without subscribers cost little.
+"""A process's outgoing messages, with a declared publisher per key: what nobody hears is not even encoded.
 
 Ticks, server frames and verdicts go to all readers, and are dropped for a reader whose link is full, because
 a frozen reader must not block the server; a reader fetches the frames that it missed. Other messages wait for
@@ -45,6 +45,9 @@ MAX_BATCHED_BYTES = 1024
 MAX_CONNECTION_PUBLISHERS = 256
 """Maximum number of publishers for connections."""
 
+ToConnection = (Call, Alive, Reply, Notice)
+"""The types of messages between a connection and a server."""
+
 Report = Callable[[str], None]
 """A function that takes a sentence about each problem that the process survives."""
 
@@ -61,6 +64,7 @@ class Outbox:
         user: str,
         may_block: bool = True,
         urgent: bool = False,
+        is_local: Callable[[str], bool] = lambda topic: False,
     ) -> None:
         """Create an outbox for one thread at a time.
 
@@ -72,6 +76,8 @@ class Outbox:
             may_block: True to make messages that do not go to all readers wait for room instead of being
                 dropped.
             urgent: True to let replies overtake all other messages; then no message waits for room.
+            is_local: returns True for topics that nodes of this process listen to; they get messages in
+                memory, and only other processes are sent any.
         """
         self._session = session
         self._robot = robot
@@ -79,7 +85,8 @@ class Outbox:
         self._user = user
         self._may_block = may_block and not urgent
         self._urgent = urgent
-        self._topic_publishers: dict[str, zenoh.Publisher] = {}
+        self._is_local = is_local
+        self._topic_publishers: dict[tuple[str, SendPriority], _TopicPublisher] = {}
         self._connection_publishers: dict[str, tuple[zenoh.Publisher, int]] = {}
 
     def send_all(self, sends: Iterable[Send], now_ns: int) -> None:
@@ -96,6 +103,8 @@ class Outbox:
 
     def send(self, topic: str, message: SentMessage, now_ns: int) -> None:
         """Send a message; report one that is too large, and send an error instead of a reply that is."""
+        if not self._is_heard(topic, message):
+            return
         try:
             data = codec.encode(message)
         except ValueError as problem:
@@ -120,6 +129,16 @@ class Outbox:
         else:
             self._put(topic, batch, data, now_ns)
 
+    def _is_heard(self, topic: str, message: SentMessage) -> bool:
+        """Return False if a message would be encoded for nobody."""
+        if isinstance(message, ToConnection):
+            return True
+        try:
+            return self._topic_publisher(topic, message).is_heard
+        except zenoh.ZError as problem:  # a name given by a user is not valid in a key
+            self._report(f"to {topic}: {problem}")
+            return False
+
     def _put(self, topic: str, message: WireMessage, data: bytes, now_ns: int) -> None:
         try:
             self._publisher(topic, message, now_ns).put(data)
@@ -127,18 +146,25 @@ class Outbox:
             self._report(f"to {topic}: {problem}")
 
     def _publisher(self, topic: str, message: WireMessage, now_ns: int) -> zenoh.Publisher:
-        key = keys.publication_key(self._robot, topic, message, user=self._user)
         # the messages of a batch are of one kind
         first = message.messages[0] if isinstance(message, Batch) else message
-        if isinstance(first, (Call, Alive, Reply, Notice, Checkpoint)):
+        if isinstance(first, ToConnection):
+            key = keys.publication_key(self._robot, topic, message, user=self._user)
             return self._connection_publisher(key, first, now_ns)
-        publisher = self._topic_publishers.get(topic)
+        return self._topic_publisher(topic, first).publisher
+
+    def _topic_publisher(self, topic: str, message: SentMessage) -> _TopicPublisher:
+        priority = SendPriority.CALLS if isinstance(message, Checkpoint) else SendPriority.FRAMES
+        publisher = self._topic_publishers.get((topic, priority))
         if publisher is None:
-            may_block = self._may_block and not isinstance(first, (Tick, ServerFrame, Verdict))
-            publisher = declare_publisher(
-                self._session, key, priority=SendPriority.FRAMES, may_block=may_block
+            may_block = self._may_block and not isinstance(message, (Tick, ServerFrame, Verdict))
+            key = keys.publication_key(self._robot, topic, message, user=self._user)
+            publisher = _TopicPublisher(
+                declare_publisher(
+                    self._session, key, priority=priority, may_block=may_block, own=not self._is_local(topic)
+                )
             )
-            self._topic_publishers[topic] = publisher
+            self._topic_publishers[topic, priority] = publisher
         return publisher
 
     def _connection_publisher(self, key: str, message: SentMessage, now_ns: int) -> zenoh.Publisher:
@@ -161,6 +187,20 @@ class Outbox:
             publisher.undeclare()  # type: ignore[no-untyped-call]
 
 
+class _TopicPublisher:
+    """A publisher of a topic, and True if anybody listens. Mutable: a network thread notes who does."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self.publisher = publisher
+        self.is_heard = True
+        handler = zenoh.handlers.Callback(self._note, indirect=False)
+        self._listener = publisher.declare_matching_listener(handler)
+        self.is_heard = publisher.matching_status.matching  # type: ignore[attr-defined]
+
+    def _note(self, status: zenoh.MatchingStatus) -> None:
+        self.is_heard = status.matching
+
+
 class SendPriority(Enum):
     """The priority of a message on a link: emergency stops overtake frames, frames overtake calls."""
 
@@ -175,9 +215,17 @@ def priority_of(message: SentMessage) -> SendPriority:
 
 
 def declare_publisher(
-    session: zenoh.Session, key: str, *, priority: SendPriority = SendPriority.CALLS, may_block: bool = True
+    session: zenoh.Session,
+    key: str,
+    *,
+    priority: SendPriority = SendPriority.CALLS,
+    may_block: bool = True,
+    own: bool = True,
 ) -> zenoh.Publisher:
-    """Declare a publisher that waits for room if `may_block`, and drops messages otherwise."""
+    """Declare a publisher that waits for room if `may_block`, and drops messages otherwise.
+
+    With `own` false, it sends to other processes only.
+    """
     block, drop = zenoh.CongestionControl.BLOCK, zenoh.CongestionControl.DROP
     return session.declare_publisher(
         key,
@@ -185,6 +233,7 @@ def declare_publisher(
         reliability=zenoh.Reliability.RELIABLE,
         priority=priority.value,
         express=priority is SendPriority.STOP,
+        allowed_destination=zenoh.Locality.ANY if own else zenoh.Locality.REMOTE,
     )
 
 

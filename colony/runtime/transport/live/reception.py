@@ -14,7 +14,6 @@ from colony.runtime.protocol import codec
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
 from colony.runtime.protocol.messages import Call, Malformed
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.deferred import DeferredFrames
 from colony.runtime.transport.live.inbox import Inbox
 from colony.runtime.transport.live.message_queue import size_violation
 from colony.runtime.transport.live.network import ZenohSession, local_user
@@ -23,11 +22,8 @@ from colony.runtime.transport.live.stop_lane import StopLane
 
 Handler = Callable[[zenoh.Sample], None]
 
-DirectHandler = Callable[[str, bytes | Call], bool]
-"""A function that handles a message in the receiving thread.
-
-It returns False if the message must go to the inbox.
-"""
+StopHandler = Callable[[str, Call], None]
+"""A handler of an emergency stop on a topic."""
 
 
 class Reception:
@@ -36,31 +32,21 @@ class Reception:
     Args:
         network: session from which messages come.
         inbox: queue of the host's own thread.
-        deferred: ring buffers of frames that are handled together with other messages.
-        direct_handler: handler that is tried before the inbox, except for deferred messages; None in hosts
-            that are not direct.
-        on_stop: handler of emergency stops, called in its own thread, one stop at a time.
+        on_stop: returns a handler of emergency stops, to be called in one thread, one stop at a time.
     """
 
-    def __init__(
-        self,
-        network: ZenohSession,
-        inbox: Inbox,
-        deferred: DeferredFrames,
-        *,
-        direct_handler: DirectHandler | None,
-        on_stop: Callable[[str, Call], None],
-    ) -> None:
+    def __init__(self, network: ZenohSession, inbox: Inbox, *, on_stop: Callable[[], StopHandler]) -> None:
         self._network = network
         self._inbox = inbox
-        self._deferred = deferred
-        self._direct_handler = direct_handler
         self._on_stop = on_stop
-        self._stop_lane: StopLane | None = None
         self._rate_limits = RateLimits(local_user())
+        self._topics: set[str] = set()
 
-    def listen(self, topic: str, declared: ExitStack, *, defers: bool) -> None:
-        """Receive messages on a topic until `declared` is closed; with `defers`, they wake no thread."""
+    def listen(self, topic: str, declared: ExitStack) -> None:
+        """Receive messages of other processes on a topic until `declared` is closed."""
+        if topic in self._topics:
+            return
+        self._topics.add(topic)
         robot = self._network.robot
         if keys.carries_calls(topic):
             for right in keys.RIGHTS:
@@ -68,20 +54,17 @@ class Reception:
                     key = keys.call_subscription_key(robot, topic, right)
                     self._subscribe(key, self._call_handler(topic), declared)
             self._listen_to_stops(topic, declared)
-        elif defers and keys.carries_frames(topic):
-            self._deferred.listen(topic, declared)
         else:
-            self._subscribe(keys.subscription_key(robot, topic), self._frame_handler(topic, defers), declared)
+            handler = self._frame_handler(topic)
+            self._subscribe(keys.subscription_key(robot, topic), handler, declared, own=False)
 
     def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
-        """Put messages sent with the `stop` right into the lane, over both sessions if there are two.
+        """Put messages sent with the `stop` right into a lane, over both sessions if there are two.
 
-        All topics share one lane: `on_stop` sends with an outbox, which is for one thread at a time.
+        Each topic has its own: the stop of one server does not wait until another has stored its own.
         """
-        lane = self._stop_lane
-        if lane is None:
-            lane = self._stop_lane = StopLane(self._on_stop, self._inbox.add_call)
-            declared.callback(lane.close)
+        lane = StopLane(self._on_stop(), self._inbox.add_call)
+        declared.callback(lane.close)
         key = keys.call_subscription_key(self._network.robot, topic, "stop")
         self._subscribe(key, _stop_handler(topic, lane, self._rate_limits, duplicate=False), declared)
         if self._network.stops is not None:
@@ -89,16 +72,24 @@ class Reception:
             self._subscribe(key, handler, declared, self._network.stops)
 
     def _subscribe(
-        self, key: str, handler: Handler, declared: ExitStack, session: zenoh.Session | None = None
+        self,
+        key: str,
+        handler: Handler,
+        declared: ExitStack,
+        session: zenoh.Session | None = None,
+        *,
+        own: bool = True,
     ) -> None:
+        """Subscribe to a key; with `own` false, not to what this process publishes."""
         session = self._network.session if session is None else session
         callback = zenoh.handlers.Callback(handler, indirect=False)
-        declared.callback(session.declare_subscriber(key, callback).undeclare)
+        origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
+        declared.callback(session.declare_subscriber(key, callback, allowed_origin=origin).undeclare)
 
-    def _frame_handler(self, topic: str, defers: bool) -> Handler:
+    def _frame_handler(self, topic: str) -> Handler:
         """Return the handler of a topic that does not carry calls."""
         add, limits = self._inbox.add_frame_message, self._rate_limits
-        kind, direct = keys.user_message_kind(topic), None if defers else self._direct_handler
+        kind = keys.user_message_kind(topic)
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
@@ -110,13 +101,13 @@ class Reception:
                     return  # no reply: a reader fetches a missed frame again
             if size > MAX_MESSAGE_BYTES:
                 add(topic, size_violation(topic, None, size))
-            elif direct is None or not direct(topic, data):
-                add(topic, data, rouse=not defers)
+            else:
+                add(topic, data)
 
         return take
 
     def _call_handler(self, topic: str) -> Handler:
-        inbox, limits, direct = self._inbox, self._rate_limits, self._direct_handler
+        inbox, limits = self._inbox, self._rate_limits
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
@@ -137,8 +128,7 @@ class Reception:
                 malformed = Malformed(topic=topic, connection=key.connection, reason=str(problem))
                 inbox.add_call(topic, key.connection, malformed, 0)
             else:
-                if direct is None or not isinstance(message, Call) or not direct(topic, message):
-                    inbox.add_call(topic, key.connection, message, size)
+                inbox.add_call(topic, key.connection, message, size)
 
         return take
 

@@ -181,15 +181,14 @@ def test_one_process_serves_under_a_name(environment: Mapping[str, str]) -> None
     Host.open(robot_address(environment), [Recorder("Other"), Recorder("Second")], serves=True).close()
 
 
-@pytest.mark.parametrize("direct", [False, True])
 def test_a_node_that_fails_ends_the_host_and_all_are_closed(
-    environment: Mapping[str, str], outside: Outside, direct: bool
+    environment: Mapping[str, str], outside: Outside
 ) -> None:
     def fail(message: Message, now_ns: int) -> Iterable[Effect]:
         raise ArithmeticError("on purpose")
 
     nodes = [Recorder(SERVER, topics.TICKS, on=fail), Recorder("other")]
-    with Host.open(robot_address(environment), nodes, serves=True, handle_directly=direct) as host:
+    with Host.open(robot_address(environment), nodes, serves=True) as host:
         ran = threading.Thread(target=_expect_failure, args=(host,))
         ran.start()
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))

@@ -44,7 +44,7 @@ def save(message, now_ns):
     yield Send(topics.checkpoints("DServer"), saved)
 
 recorder = Recorder("drive/c", topics.TICKS, on=save)
-with Host.open(local("rome", os.environ), [recorder], handle_directly=True) as host:
+with Host.open(local("rome", os.environ), [recorder]) as host:
     signal.signal(signal.SIGTERM, lambda *_: host.stop())
     host.run()
 """
@@ -89,7 +89,7 @@ def requests(message, now_ns):
     yield Send(topics.requests("DServer"), Request(k=message.k, actuator="out", client="alone", bid="silent"))
 
 crowd = Recorder("drive/crowd", topics.TICKS, on=requests)
-with Host.open(local("rome", os.environ), [crowd], handle_directly=True) as host:
+with Host.open(local("rome", os.environ), [crowd]) as host:
     signal.signal(signal.SIGTERM, lambda *_: host.stop())
     host.run()
 """
