@@ -35,11 +35,12 @@ from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.jobs import CLIENTS as CLIENTS_WAVE
 from colony.runtime.assembly.processes.jobs import (
+    Layout,
     RobotDevices,
-    client_jobs,
+    client_processes,
     fresh_folder,
-    server_jobs,
     server_parts,
+    server_processes,
 )
 from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
@@ -146,7 +147,10 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
             run = fresh_folder(robot_address.directory.path / "run")
             devices = RobotDevices(base=ScriptedDevices.limits, sonars=ScriptedDevices.count)
             parts = server_parts(run, Device(plant=""), devices)
-            led.start(server_jobs(robot_address, parts, run, simulator="benchmarks.scripted_servers"))
+            servers = server_processes(
+                robot_address, parts, run, simulator="benchmarks.scripted_servers", layout="isolated"
+            )
+            led.start(servers.jobs)
             yield Bench(led, robot_address, deployed, compiled, bindings, run)
 
 
@@ -161,15 +165,16 @@ class Bench(NamedTuple):
     folder: Path
 
 
-def frames_in_lockstep(*, isolate: bool) -> Times:
+def frames_in_lockstep(layout: Layout) -> Times:
     """Return the times of frames, each as soon as the one before it is decided; all clients share a process,
     or each has its own."""
     times = Times()
     with robot_of(CLIENTS, WARM_UP + FRAMES, times, lockstep=True) as bench:
-        jobs = client_jobs(
-            bench.robot_address, bench.deployed, bench.compiled, bench.bindings, bench.folder, isolate=isolate
+        clients = client_processes(
+            bench.robot_address, bench.deployed, bench.compiled, bench.bindings, bench.folder, layout=layout
         )
-        bench.led.start(jobs)
+        bench.led.start(clients.jobs)
+        bench.led.host(clients.hosted)
         bench.led.follow(lambda: False)
     return times
 
@@ -282,10 +287,10 @@ def run() -> list[Row]:
     """Measure; a row has name, value, unit, target, ok and note. `target` is the most that `value` may be."""
     start_of_a_run()  # what is compiled and cached once is not counted
     start_s = statistics.median(start_of_a_run() for _ in range(STARTS))
-    apart = frames_in_lockstep(isolate=True)
+    apart = frames_in_lockstep("isolated")
     gaps = _gaps(apart)
     mean_ms = statistics.fmean(gaps) * 1e3
-    together = frames_in_lockstep(isolate=False)
+    together = frames_in_lockstep("hosted")
     together_ms = statistics.fmean(_gaps(together)) * 1e3
     crowd = crowd_at_one_server()
     ms = sorted(crowd.ms)

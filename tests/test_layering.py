@@ -258,7 +258,7 @@ print(first.address, *sys.modules)
 def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path: Path) -> None:
     """As far as its node, which is built from the file that the leader writes."""
     from colony.compile.pipeline import compile_program
-    from colony.runtime.assembly.processes.jobs import client_jobs
+    from colony.runtime.assembly.processes.jobs import client_processes
     from colony.runtime.protocol.bindings import bind
     from colony.runtime.protocol.deployment import deployment
     from colony.runtime.transport.live.robot_address import Local
@@ -269,9 +269,14 @@ def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path:
     compiled = compile_program(roam()).compiled
     bindings = bind(compiled.robot, ROME_SERVERS)
     robot_address = Local(RobotDirectory(tmp_path, "rome"))
-    job = client_jobs(
-        robot_address, deployment(compiled, bindings, run="r", seed=1), compiled, bindings, tmp_path
-    )[0]
+    (job,) = client_processes(
+        robot_address,
+        deployment(compiled, bindings, run="r", seed=1),
+        compiled,
+        bindings,
+        tmp_path,
+        layout="isolated",
+    ).jobs
     done = subprocess.run(
         [sys.executable, "-c", CLIENT, *job.arguments], capture_output=True, text=True, check=True
     )

@@ -88,6 +88,7 @@ class Folder(click.Path):
     help="The folder of DServer's data and of the emergency stop. [default: ~/.local/state/colony/NAME]",
 )
 @click.option("--fsync", is_flag=True, help="Make DServer's data survive a power failure.")
+@click.option("--isolate", is_flag=True, help="With all: run each server in a process of its own.")
 @click.option(
     "--listen",
     metavar="ENDPOINT",
@@ -106,8 +107,8 @@ def command(server: str, **arguments: Any) -> None:
     SERVER is Clock (the frames), DServer (variables and semaphores), a server of the robot's description,
     such as RServer (the base) or PServer (sonars and infrared detectors), CServer (a camera), Limits (those
     of the description, while no program runs), Simulator (in place of the hardware), Gateway (connections
-    from other machines), or `all`. With `all` each server is a process of its own, and a process that dies is
-    restarted.
+    from other machines), or `all`. With `all` the servers share a process, but for cameras and those with
+    drivers of real devices; a process that dies is restarted.
 
     With --hardware each server has the driver of its real device, as the body of the robot says
     (docs/robots.md); with --map besides, devices without a driver are simulated. A driver that cannot be
@@ -185,6 +186,8 @@ def objection(server: str, settings: Settings) -> str | None:
     option = next((name for name, is_given in world_options.items() if is_given), None)
     if server not in ("Simulator", ALL) and option is not None:
         return f"{option} requires Simulator or all, which simulate the building; found {server}"
+    if settings.isolate and server != ALL:
+        return f"--isolate requires all; found {server}"
     if server == "CServer" and len(settings.cameras) != 1:
         return "CServer requires one --camera [NAME=]DEGREES|up, the camera of the Simulator that it serves"
     if server == "Limits" and settings.limits is None:

@@ -23,11 +23,17 @@ from colony.robots.recording import LiveRun, RunRecording, new_run_name, recordi
 from colony.robots.request import MissionResult, RunAbortedError, RunRequest, UserInterface
 from colony.robots.scenario import Scenario, player
 from colony.runtime.assembly.nodes import build_observer
-from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.jobs import client_jobs, delete_all_but_logs, fresh_folder
+from colony.runtime.assembly.processes.jobs import (
+    Layout,
+    Processes,
+    client_processes,
+    delete_all_but_logs,
+    fresh_folder,
+)
 from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
+from colony.runtime.observe.background import Background
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
 from colony.runtime.protocol.bindings import bind, bound_servers
 from colony.runtime.protocol.deployment import deployment
@@ -120,17 +126,22 @@ class LedRun:
         assert self._folder is not None
         return self._folder
 
-    def client_jobs(self) -> tuple[Job, ...]:
-        """Return the jobs of the run's clients, which search this process's folders for Python modules."""
+    @property
+    def layout(self) -> Layout:
+        """Where the nodes of the run are."""
+        return "isolated" if self._request.isolate else "hosted"
+
+    def client_processes(self) -> Processes:
+        """Return the processes of the clients, which search this process's folders for Python modules."""
         search_path = (str(Path(self._request.file).resolve().parent), os.getcwd())
-        return client_jobs(
+        return client_processes(
             self._robot_address,
             self._deployed,
             self._compiled,
             self._bindings,
             self.folder,
             search_path,
-            isolate=self._request.isolate,
+            layout=self.layout,
         )
 
     @contextmanager
@@ -226,7 +237,7 @@ class LedRun:
     def _lead(self) -> SupervisedRun:
         recorded = self._request.record is not None
         observer = build_observer(
-            self._compiled, self._bindings, (self._window,), self._deployed.run, requests=recorded
+            self._compiled, self._bindings, (Background(self._window),), self._deployed.run, requests=recorded
         )
         servers = dict.fromkeys([CLOCK, DSERVER.name, *(b.server for b in self._bindings.actuators)])
         return SupervisedRun(

@@ -58,10 +58,11 @@ def run_simulated(
         CompilationNotice,
         SimulatedRobot,
         TruthLog,
-        jobs_of,
+        processes_of,
         simulated_operator,
         start_remarks,
     )
+    from colony.sim.plant.servers import PlantDevices
 
     assert request.map_path is not None
     route = None
@@ -94,9 +95,12 @@ def run_simulated(
             pinned_variables=request.pinned_variables,
         )
         with in_run_directory(run.folder):
-            jobs = (*jobs_of(robot_address, robot, run.folder), *run.client_jobs())
+            servers = processes_of(robot_address, robot, run.folder, layout=run.layout)
+            clients = run.client_processes()
+            jobs = (*servers.jobs, *clients.jobs)
             check_disk_space(run.folder, len(jobs))
         supervised_run.start(jobs)
+        supervised_run.host((*servers.hosted, *clients.hosted), PlantDevices())
         notice = CompilationNotice(robot_address, jobs[0].log, ui.report)
 
         def follow_plant() -> bool:
@@ -173,9 +177,10 @@ def run_served(
             give, run.stop, what="an answer of the simulator", timeout_s=PLANT_ANSWER_TIMEOUT_S
         )
         with _in_folder(robot_address, run.folder):
-            jobs = run.client_jobs()
-            check_disk_space(run.folder, len(jobs))
-        supervised_run.start(jobs)
+            clients = run.client_processes()
+            check_disk_space(run.folder, len(clients.jobs))
+        supervised_run.start(clients.jobs)
+        supervised_run.host(clients.hosted)
         run.set_variables(supervised_run, request.pinned_variables)
         interrupted = not has_begun or run.follow(
             supervised_run, lambda building: nullcontext(ui.operator(building)), meanwhile=give

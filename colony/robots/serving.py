@@ -22,8 +22,8 @@ from colony.robots.simulated import (
     CompilationNotice,
     SimulatedRobot,
     device_of,
-    jobs_of,
     plant_spec,
+    processes_of,
     start_remarks,
 )
 from colony.runtime.assembly.limits import LIMITS, limit_deployment
@@ -32,13 +32,14 @@ from colony.runtime.assembly.processes.children import Children, Death, Job, des
 from colony.runtime.assembly.processes.driver_factory import DriverError
 from colony.runtime.assembly.processes.jobs import (
     SERVERS,
+    Layout,
     RobotDevices,
     check_disk_space,
     fresh_folder,
     job_of,
     limits_part,
-    server_jobs,
     server_parts,
+    server_processes,
 )
 from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, SHUTDOWN_GRACE_S
 from colony.runtime.assembly.processes.shutdown import Shutdown, on_signals
@@ -70,7 +71,8 @@ class Settings:
     the pose where a simulated robot starts, x and y in mm and the heading in degrees, or None for that of the
     map. `interface` is that of the robot's description, if it has one, and `limits` are its limits, compiled,
     if it has any. With `hardware`, real devices are served by their drivers; with a map besides, all others
-    are simulated. `port` and `baud` replace those that the body gives to drivers.
+    are simulated. `port` and `baud` replace those that the body gives to drivers. With `isolate`, each
+    server is a process of its own.
     """
 
     described: DescribedRobot
@@ -89,6 +91,7 @@ class Settings:
     hardware: bool = False
     port: str | None = None
     baud: int | None = None
+    isolate: bool = False
 
     @property
     def simulates(self) -> bool:
@@ -234,13 +237,14 @@ class DriverDeaths:
 
 
 def _jobs(robot_address: Local, settings: Settings, folder: Path) -> tuple[Job, ...]:
+    layout: Layout = "isolated" if settings.isolate else "composed"
     if settings.map_path is not None:
-        return jobs_of(robot_address, _robot(settings), folder)
+        return processes_of(robot_address, _robot(settings), folder, layout=layout).jobs
     _make_state_folder(settings.state)
     parts = _parts(robot_address, settings)
     if settings.limits is not None:
         parts = (*parts, limits_part(settings.limits, folder))
-    return server_jobs(robot_address, parts, folder, simulator=PLANT_SERVERS)
+    return server_processes(robot_address, parts, folder, simulator=PLANT_SERVERS, layout=layout).jobs
 
 
 def _make_state_folder(folder: Path) -> None:

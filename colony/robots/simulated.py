@@ -22,7 +22,14 @@ from colony.robots.request import MisuseError, RunAbortedError
 from colony.robots.robot_devices import mixed_devices, real_devices, simulated_devices
 from colony.runtime.assembly.limits import limit_deployment
 from colony.runtime.assembly.processes.children import Job, last_lines
-from colony.runtime.assembly.processes.jobs import HARDWARE, limits_part, server_jobs, server_parts
+from colony.runtime.assembly.processes.jobs import (
+    HARDWARE,
+    Layout,
+    Processes,
+    limits_part,
+    server_parts,
+    server_processes,
+)
 from colony.runtime.assembly.processes.spec import Device, encoded_server, write_spec
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.script import Script
@@ -178,8 +185,8 @@ def device_of(robot_address: Local) -> Device:
     return Device(plant=str(plant_socket(robot_address.directory.path)))
 
 
-def jobs_of(robot_address: Local, robot: SimulatedRobot, folder: Path) -> tuple[Job, ...]:
-    """Return the jobs of the robot's processes, the slowest first, and write their specs into `folder`."""
+def processes_of(robot_address: Local, robot: SimulatedRobot, folder: Path, *, layout: Layout) -> Processes:
+    """Return the robot's processes, the slowest first, and write their specs into `folder`."""
     spec_file = folder / f"{SIMULATOR}.json"
     write_spec(spec_file, plant_spec(robot_address, robot))
     plant = Job(
@@ -202,7 +209,8 @@ def jobs_of(robot_address: Local, robot: SimulatedRobot, folder: Path) -> tuple[
     )
     if robot.limits is not None:
         parts = (*parts, limits_part(robot.limits, folder))
-    return (plant, *server_jobs(robot_address, parts, folder, simulator=PLANT_SERVERS))
+    servers = server_processes(robot_address, parts, folder, simulator=PLANT_SERVERS, layout=layout)
+    return servers._replace(jobs=(plant, *servers.jobs))
 
 
 OPERATOR_TIMEOUT_S = 10.0

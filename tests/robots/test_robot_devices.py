@@ -10,12 +10,12 @@ from colony.dsl.load import load_file
 from colony.ir.servers import RSERVER, ServerSpec
 from colony.robots.described import DescribedRobot, described_robot
 from colony.robots.robot_devices import mixed_devices, ports, real_devices, simulated_devices, with_port
-from colony.runtime.assembly.processes.jobs import RobotDevices, server_jobs, server_parts
+from colony.runtime.assembly.processes.jobs import RobotDevices, server_parts, server_processes
 from colony.runtime.assembly.processes.spec import (
     Device,
     DevicePart,
+    GroupPart,
     Hardware,
-    LinePart,
     RServerPart,
     name_of,
     read_spec,
@@ -91,17 +91,16 @@ def test_the_servers_of_one_line_share_a_process(tmp_path: Path) -> None:
     servers = tuple(ServerSpec(name) for name in drivers if name != "RServer")
     parts = server_parts(tmp_path, PLANT, RobotDevices(base=limits, servers=servers, hardware=drivers))
     address = Local(RobotDirectory(tmp_path, "ada"))
-    jobs = server_jobs(address, parts, tmp_path, simulator="plant")
+    jobs = server_processes(address, parts, tmp_path, simulator="plant", layout="composed").jobs
     assert [(job.name, *job.others) for job in jobs] == [
-        ("Clock",),
+        ("Clock", "DServer"),
         ("RServer", "Battery"),
         ("Arm",),
         ("Lidar",),
         ("Imu",),
         ("Gps",),
-        ("DServer",),
     ]
     assert [(job.essential, job.gives_up) for job in jobs[1:6]] == [(False, False)] * 5
     spec = read_spec(Path(jobs[1].arguments[0]))
-    assert isinstance(spec.part, LinePart)
+    assert isinstance(spec.part, GroupPart)
     assert list(map(name_of, spec.part.parts)) == ["RServer", "Battery"]

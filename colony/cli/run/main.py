@@ -135,7 +135,9 @@ PICTURE = "run.png"
 )
 @click.option("--fsync", is_flag=True, help="With --processes: make DServer's data survive a power failure.")
 @click.option(
-    "--isolate", is_flag=True, help="With --processes or --connect: run each client in its own process."
+    "--isolate",
+    is_flag=True,
+    help="With --processes or --connect: run each server, and the clients, in processes of their own.",
 )
 @click.option(
     "--watch",
@@ -150,10 +152,10 @@ def command(**arguments: Any) -> None:
     NAME.colonyc`).
 
     With --map alone, everything runs in one process and in virtual time: the same seed gives the same run.
-    With --processes each server is a process, as on a real robot, and the clients share one (with --isolate
-    each client has its own). A process that dies is restarted, and other programs can connect (`colony ps`,
-    `colony stop`). With --connect only the clients are started, for a robot that `colony serve` serves;
-    without --duration they run until Ctrl-C.
+    With --processes the run is live, as on a real robot, and other programs can connect (`colony ps`, `colony
+    stop`). Servers and clients share this process; the simulator, cameras, drivers and modules in Python have
+    their own, and are restarted if they die. With --connect only the clients run here, for a robot that
+    `colony serve` serves; without --duration they run until Ctrl-C.
 
     With --shadow the program runs in the shadow of a robot that is already running, also beside a driver: it
     reads what the robot measures, sends nothing, and prints what it would have sent each second and whenever

@@ -5,6 +5,8 @@ A transport that serves several robots prefixes them with `colony/<robot>/` (see
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 CLOCK = "Clock"
 OBSERVER = "Observer"
 
@@ -64,6 +66,11 @@ def replies(server: str, connection: str) -> str:
 def client_address(actuator: str, module: str) -> str:
     """Return the address of the client that `module` is for `actuator`."""
     return f"{actuator}/{module}"
+
+
+def servers(addresses: Iterable[str]) -> tuple[str, ...]:
+    """Return the addresses that are not of clients: those under which others look for a node."""
+    return tuple(address for address in addresses if "/" not in address)
 
 
 def module_of(address: str) -> str:

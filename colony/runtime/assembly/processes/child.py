@@ -10,14 +10,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import NoReturn
 
 from colony.collector import gc_frozen
 from colony.os_errors import describe
 from colony.runtime.assembly.processes.driver_factory import DriverError, DriverFactory
-from colony.runtime.assembly.processes.parts import nodes_of, read_program, serves
+from colony.runtime.assembly.processes.hosting import HostedParts, leading
 from colony.runtime.assembly.processes.shutdown import (
     EXIT_FAILED,
     EXIT_FINAL,
@@ -29,18 +29,22 @@ from colony.runtime.assembly.processes.shutdown import (
     on_parent_exit,
     on_signals,
 )
-from colony.runtime.assembly.processes.spec import GatewayPart, LimitsPart, Part, Spec, address_of, read_spec
+from colony.runtime.assembly.processes.spec import (
+    AnnouncerPart,
+    ClientsPart,
+    GatewayPart,
+    GroupPart,
+    Part,
+    Spec,
+    address_of,
+    read_spec,
+    singles,
+)
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.errors import GatewayFullError, LiveError
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 from colony.text.diagnostics import DiagnosticError
-
-SWITCH_INTERVAL_S = 0.0005
-"""Seconds after which a thread that runs Python gives way to another one, a tenth of Python's default.
-
-An emergency stop takes several turns of its thread, each behind one of the thread that receives a flood.
-"""
 
 
 class StartupError(Exception):
@@ -66,13 +70,12 @@ def run(
         Exception: as raised by a node.
     """
     robot_address = address_of(spec.robot_address)
-    sys.setswitchinterval(SWITCH_INTERVAL_S)
     try:
         with ExitStack() as resources:
             host = resources.enter_context(_host(spec.part, robot_address, devices, resources))
             shutdown.on_request(host.stop)
-            if isinstance(spec.part, LimitsPart):
-                resources.enter_context(_leading_limits(spec.part, host))
+            if not isinstance(spec.part, GatewayPart):
+                resources.enter_context(leading(host, singles(spec.part)))
             ready()
             with gc_frozen():
                 host.run()
@@ -87,12 +90,6 @@ def restart_in_place() -> NoReturn:
     os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 
-def _leading_limits(part: LimitsPart, host: Host) -> AbstractContextManager[None]:
-    from colony.runtime.assembly.processes.limits_leader import leading_limits
-
-    return leading_limits(host, read_program(part.program)[0])
-
-
 def _host(
     part: Part, robot_address: RobotAddress, devices: DriverFactory | None, resources: ExitStack
 ) -> Host:
@@ -103,8 +100,9 @@ def _host(
         if not isinstance(robot_address, Local):
             raise ValueError("a gateway runs on the robot's own machine")
         return open_gateway(robot_address, part.listen, read_security(Path(part.security)), report=log_line)
+    hosted = resources.enter_context(closing(HostedParts(robot_address, devices, log_line)))
     try:
-        nodes = nodes_of(part, robot_address, devices, resources)
+        nodes = hosted.build(singles(part))
     except OSError as problem:
         raise StartupError(describe(problem)) from None
     except (DiagnosticError, StoreError) as problem:
@@ -112,8 +110,9 @@ def _host(
     return Host.open(
         robot_address,
         nodes,
-        serves=serves(part),
+        serves=not isinstance(part, (ClientsPart, AnnouncerPart)),
         report=log_line,
+        on_failure=hosted.replacement if isinstance(part, GroupPart) else None,
     )
 
 

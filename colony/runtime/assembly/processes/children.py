@@ -47,7 +47,6 @@ class Job:
     Attributes:
         wave: shutdown wave; processes of wave 0 are ended first.
         essential: True if the run ends when the process dies and is not restarted.
-        one_thread: True if all of zenoh's tasks run on one thread.
         clients: addresses of the clients that run in the process.
         others: the servers that share the process of the server `name`.
         gives_up: False if it is restarted however often it dies in quick succession.
@@ -59,7 +58,6 @@ class Job:
     log: Path
     wave: int
     essential: bool
-    one_thread: bool = False
     clients: tuple[str, ...] = ()
     others: tuple[str, ...] = ()
     gives_up: bool = True
@@ -161,7 +159,7 @@ class Children:
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env=_environment(one_thread=child.job.one_thread),
+                env=_environment(),
                 process_group=0,
             )
         child.began_ns, child.due_ns = self._clock(), None
@@ -251,18 +249,6 @@ def _open_private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 
-ONE_THREAD = (
-    "(app: (worker_threads: 1), "
-    + ", ".join(f"{pool}: (handover: app)" for pool in ("net", "acc", "tx", "rx"))
-    + ")"
-)
-"""Threads of zenoh in processes of clients and of Python modules, in the format of `ZENOH_RUNTIME`.
-
-One thread runs all of zenoh's tasks. A process that handles one message at a time gains nothing from more
-threads, and each costs context switches (measured, with direct hosts: a third of a frame's time). The one
-thread must not wait for room on a link, because only it can empty the link's queue (see `live/host.py`).
-"""
-
 ONE_ARENA = "1"
 """Number of heaps of the C library, in the format of `MALLOC_ARENA_MAX`.
 
@@ -271,14 +257,13 @@ can use (measured: 15 MB instead of 2 MB in a server after the death of 178 clie
 """
 
 
-def _environment(*, one_thread: bool) -> dict[str, str]:
+def _environment() -> dict[str, str]:
     """Return the environment of a child: this process's, with defaults for missing settings.
 
     It lets the child find this package even if it is not installed.
     """
     root = str(Path(colony.__file__).parent.parent)
-    threads = {"ZENOH_RUNTIME": ONE_THREAD} if one_thread else {}
-    environment = {"MALLOC_ARENA_MAX": ONE_ARENA, **threads, **os.environ}
+    environment = {"MALLOC_ARENA_MAX": ONE_ARENA, **os.environ}
     if root not in site.getsitepackages():
         inherited = environment.get("PYTHONPATH")
         environment["PYTHONPATH"] = root if not inherited else os.pathsep.join((root, inherited))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import msgspec
 
@@ -13,6 +14,7 @@ from colony.execute.colonyc import SUFFIX, encode
 from colony.execute.compiled import Compiled
 from colony.ir.servers import DSERVER, RSERVER, RUNTIME, ServerSpec
 from colony.ir.types import Value
+from colony.runtime.assembly import sharing
 from colony.runtime.assembly.limits import limit_bindings
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.spec import (
@@ -24,22 +26,24 @@ from colony.runtime.assembly.processes.spec import (
     Device,
     DevicePart,
     DServerPart,
+    GatewayPart,
+    GroupPart,
     Hardware,
     LimitsPart,
-    LinePart,
     Part,
     ProgramOfRun,
     PServerPart,
     RServerPart,
+    SinglePart,
     Spec,
     address_spec,
     bindings_of,
     encoded_server,
     name_of,
+    singles,
     write_private,
     write_spec,
 )
-from colony.runtime.assembly.sharing import client_processes
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import LIMITS_RUN, Deployment
 from colony.runtime.protocol.interface import Interface
@@ -160,28 +164,59 @@ def server_parts(
     )
 
 
-def server_jobs(
-    robot_address: Local, parts: Iterable[Part], folder: Path, *, simulator: str
-) -> tuple[Job, ...]:
-    """Return the jobs of servers; `simulator` is the Python module to run for those of simulated devices."""
-    return tuple(job_of(robot_address, p, folder, SERVERS, simulator=simulator) for p in _by_line(parts))
+Layout = Literal["hosted", "composed", "isolated"]
+"""Where parts run that cannot hold each other up: in the process that starts the others, together in one of
+their own, or each in one of its own."""
 
 
-def _by_line(parts: Iterable[Part]) -> Iterator[Part]:
-    """Yield the parts, those joined that have drivers of one module for one port."""
-    lines: dict[object, list[Part]] = {}
+class Processes(NamedTuple):
+    """The processes of parts: the jobs to start, and the parts that run in the process that starts them."""
+
+    jobs: tuple[Job, ...]
+    hosted: tuple[SinglePart, ...] = ()
+
+
+def server_processes(
+    robot_address: Local, parts: Iterable[Part], folder: Path, *, simulator: str, layout: Layout
+) -> Processes:
+    """Return the processes of servers, and write the specs of their jobs into `folder`.
+
+    `simulator` is the Python module to run for those of simulated devices.
+    """
+    together, apart = _grouped(parts)
+    if layout == "composed":
+        apart = (GroupPart(parts=together), *apart)
+    elif layout == "isolated":
+        apart = (*together, *apart)
+    jobs = tuple(job_of(robot_address, part, folder, SERVERS, simulator=simulator) for part in apart)
+    return Processes(jobs, together if layout == "hosted" else ())
+
+
+def _grouped(parts: Iterable[Part]) -> tuple[tuple[SinglePart, ...], tuple[Part, ...]]:
+    """Return the parts that can share a process, and those of other processes.
+
+    Drivers of users, cameras and modules in Python may block, or hold the interpreter: they stay apart.
+    Drivers of one module for one port share a process.
+    """
+    together: list[SinglePart] = []
+    apart: list[Part] = []
+    lines: dict[object, list[SinglePart]] = {}
     for part in parts:
-        key: object = name_of(part)
-        if isinstance(part, RServerPart | DevicePart) and isinstance(hardware := part.device, Hardware):
+        if isinstance(part, (RServerPart, DevicePart)) and isinstance(hardware := part.device, Hardware):
             port = hardware.options.get(PORT)
-            key = key if port is None else (port, hardware.driver.partition(":")[0])
-        lines.setdefault(key, []).append(part)
-    for line in lines.values():
-        joined = tuple(part for part in line if isinstance(part, RServerPart | DevicePart))
-        yield line[0] if len(line) == 1 else LinePart(parts=joined)
+            line = name_of(part) if port is None else (port, hardware.driver.partition(":")[0])
+            lines.setdefault(line, []).append(part)
+        elif isinstance(part, (CServerPart, AnnouncerPart, GatewayPart, GroupPart)) or (
+            isinstance(part, ClientsPart) and not part.shared
+        ):
+            apart.append(part)
+        else:
+            together.append(part)
+    apart += [line[0] if len(line) == 1 else GroupPart(parts=tuple(line)) for line in lines.values()]
+    return tuple(together), tuple(apart)
 
 
-def client_jobs(
+def client_processes(
     robot_address: RobotAddress,
     deployment: Deployment,
     compiled: Compiled,
@@ -189,19 +224,23 @@ def client_jobs(
     folder: Path,
     search_path: Iterable[str] = (),
     *,
-    isolate: bool = False,
-) -> tuple[Job, ...]:
-    """Write a program into `folder`, and return the jobs of its clients and announcers.
+    layout: Layout = "hosted",
+) -> Processes:
+    """Write a program into `folder`, and return the processes of its clients and announcers.
 
-    Clients share a process where possible, unless `isolate` is true.
+    Clients run together where possible, unless they are isolated.
     """
     program_of_run = _write_program(deployment.run, compiled, bindings, folder, search_path)
     parts: list[Part] = [
         ClientsPart(program=program_of_run, clients=process.clients, shared=process.shared)
-        for process in client_processes(compiled, isolate=isolate)
+        for process in sharing.client_processes(compiled, isolate=False)
     ]
     parts += [AnnouncerPart(program=program_of_run, module=module) for module in compiled.python_modules]
-    return tuple(job_of(robot_address, part, folder, CLIENTS) for part in parts)
+    together, apart = _grouped(parts)
+    if layout != "hosted":
+        apart = (*together, *apart)
+    jobs = tuple(job_of(robot_address, part, folder, CLIENTS) for part in apart)
+    return Processes(jobs, together if layout == "hosted" else ())
 
 
 def limits_part(compiled: Compiled, folder: Path) -> LimitsPart:
@@ -230,26 +269,24 @@ def job_of(
 
     Servers, simulated hardware and the process that clients share are essential to a run. An isolated
     client, a Python module and the driver of a real device are not: without them, frames are still decided.
-    A driver is tried again however often it fails, because its device may be connected late. Clients and
-    Python modules need only one zenoh thread, because they handle one message at a time; servers receive
-    further messages while they handle one.
+    A driver is tried again however often it fails, because its device may be connected late.
     """
     name = name_of(part)
     spec = folder / f"{name.replace('/', '.')}.json"
     write_spec(spec, Spec(robot_address=address_spec(robot_address), part=part))
-    first = part.parts[0] if isinstance(part, LinePart) else part
-    device = first.device if isinstance(first, (RServerPart, PServerPart, CServerPart, DevicePart)) else None
+    parts = () if isinstance(part, GatewayPart) else singles(part)
+    devices = [getattr(each, "device", None) for each in parts]
+    is_real = any(isinstance(device, Hardware) for device in devices)
     is_client = isinstance(part, AnnouncerPart) or (isinstance(part, ClientsPart) and not part.shared)
     clients = tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else ()
     return Job(
         name=name,
-        module=simulator if isinstance(device, Device) else CHILD,
+        module=simulator if any(isinstance(device, Device) for device in devices) else CHILD,
         arguments=(str(spec),),
         log=spec.with_suffix(".log"),
         wave=wave,
-        essential=not is_client and not isinstance(device, Hardware),
-        gives_up=not isinstance(device, Hardware),
-        one_thread=wave == CLIENTS or isinstance(part, LimitsPart),
+        essential=not is_client and not is_real,
+        gives_up=not is_real,
         clients=clients,
-        others=tuple(map(name_of, part.parts[1:])) if isinstance(part, LinePart) else (),
+        others=tuple(map(name_of, parts[1:])),
     )

@@ -23,15 +23,15 @@ from colony.runtime.assembly.processes.spec import (
     DServerPart,
     Hardware,
     LimitsPart,
-    LinePart,
-    NodePart,
     ProgramOfRun,
     PServerPart,
     RServerPart,
+    SinglePart,
     read_bindings,
 )
 from colony.runtime.protocol.messages import Node
 from colony.runtime.store.store import PendingStore, Store, StoreFullError
+from colony.runtime.transport.live.outbox import Report
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
 if TYPE_CHECKING:
@@ -39,15 +39,16 @@ if TYPE_CHECKING:
     from colony.runtime.protocol.bindings import Bindings
 
 
-def serves(part: NodePart) -> bool:
-    """Return True if other processes find the part by its name."""
-    return not isinstance(part, (ClientsPart, LimitsPart, AnnouncerPart))
-
-
 def nodes_of(
-    part: NodePart, robot_address: RobotAddress, devices: DriverFactory | None, resources: ExitStack
+    part: SinglePart,
+    robot_address: RobotAddress,
+    devices: DriverFactory | None,
+    resources: ExitStack,
+    report: Report = log_line,
 ) -> tuple[Node, ...]:
     """Return the nodes of a part; their other resources are added to `resources`.
+
+    `report` takes a sentence about each problem that they survive.
 
     Raises:
         DiagnosticError: the compiled program is damaged, or a Python module cannot be imported or built.
@@ -58,13 +59,11 @@ def nodes_of(
     """
     match part:
         case ClockPart():
-            return _clock(part)
+            return _clock(part, report)
         case RServerPart() | PServerPart() | CServerPart() | DevicePart():
-            return (_device_server(part, robot_address, devices, resources),)
-        case LinePart(parts=parts):
-            return tuple(_device_server(each, robot_address, devices, resources) for each in parts)
+            return (_device_server(part, robot_address, devices, resources, report),)
         case DServerPart():
-            return (_dserver(part, robot_address),)
+            return (_dserver(part, robot_address, report),)
         case ClientsPart():
             return _clients(part)
         case LimitsPart(program=program):
@@ -75,7 +74,7 @@ def nodes_of(
             assert_never(part)
 
 
-def _clock(part: ClockPart) -> tuple[Node, ...]:
+def _clock(part: ClockPart, report: Report) -> tuple[Node, ...]:
     from colony.runtime.frames.clock import Clock
     from colony.runtime.servers.runtime_server import RuntimeServer
 
@@ -84,7 +83,7 @@ def _clock(part: ClockPart) -> tuple[Node, ...]:
         servers=part.servers,
         on_deploy=runtime.on_deploy,
         stop_path=Path(part.stop),
-        report=log_line,
+        report=report,
         interface=part.interface,
         resident=part.resident,
     )
@@ -92,13 +91,17 @@ def _clock(part: ClockPart) -> tuple[Node, ...]:
 
 
 def _device_server(
-    part: DevicesPart, robot_address: RobotAddress, devices: DriverFactory | None, resources: ExitStack
+    part: DevicesPart,
+    robot_address: RobotAddress,
+    devices: DriverFactory | None,
+    resources: ExitStack,
+    report: Report,
 ) -> Node:
     if not isinstance(robot_address, Local):
         raise ValueError("a server of a device runs on the robot's own machine")
     robot, origin_ns = robot_address.robot, robot_address.directory.origin_ns()
     if isinstance(part.device, Hardware):
-        return _hardware_server(part, part.device, origin_ns, resources)
+        return _hardware_server(part, part.device, origin_ns, resources, report)
     if devices is None:
         raise ValueError("a server of a simulated device runs with the drivers of the simulator")
     match part:
@@ -119,10 +122,12 @@ def _device_server(
 
             offered = part.server
             driver = devices.device(part.device, robot, offered.name, resources)
-            return device_server(offered, driver, log_line, is_expected=True)
+            return device_server(offered, driver, report, is_expected=True)
 
 
-def _hardware_server(part: DevicesPart, hardware: Hardware, origin_ns: int, resources: ExitStack) -> Node:
+def _hardware_server(
+    part: DevicesPart, hardware: Hardware, origin_ns: int, resources: ExitStack, report: Report
+) -> Node:
     """Return the server of a real device.
 
     Raises:
@@ -140,7 +145,7 @@ def _hardware_server(part: DevicesPart, hardware: Hardware, origin_ns: int, reso
         case RServerPart(limits=limits):
             from colony.runtime.servers.rserver import RServer
 
-            base = HardwareBase(driver, limits, hardware, origin_ns=origin_ns, report=log_line)
+            base = HardwareBase(driver, limits, hardware, origin_ns=origin_ns, report=report)
             resources.callback(base.close)
             return RServer(base)
         case DevicePart():
@@ -148,29 +153,29 @@ def _hardware_server(part: DevicesPart, hardware: Hardware, origin_ns: int, reso
 
             bound = (command.name for command in part.server.commands if command.is_bound)
             checked = device_driver(driver, hardware, bound)
-            resources.callback(close_driver, driver, log_line)
-            return device_server(part.server, checked, log_line, is_expected=True)
+            resources.callback(close_driver, driver, report)
+            return device_server(part.server, checked, report, is_expected=True)
         case _:
             raise ValueError(f"{type(part).__name__} has no driver of users")
 
 
-def _dserver(part: DServerPart, robot_address: RobotAddress) -> Node:
+def _dserver(part: DServerPart, robot_address: RobotAddress, report: Report) -> Node:
     from colony.runtime.servers.dserver import DServer
     from colony.runtime.store.quarantine import damage_notes
 
     if not isinstance(robot_address, Local):
         raise ValueError("DServer runs on the robot's own machine")
-    store, clock_id = _store(part), str(robot_address.directory.origin_ns())
+    store, clock_id = _store(part, report), str(robot_address.directory.origin_ns())
     notes = partial(damage_notes, Path(part.store))
     return DServer(part.pinned_variables, store=store, clock_id=clock_id, notes=notes)
 
 
-def _store(part: DServerPart) -> Store:
+def _store(part: DServerPart, report: Report) -> Store:
     """Open DServer's store; if a full disk prevents its creation, create it once there is room."""
     from colony.runtime.store.sqlite import SqliteStore
 
     path = Path(part.store)
-    make = partial(SqliteStore, path, fsync=part.fsync, report=log_line)
+    make = partial(SqliteStore, path, fsync=part.fsync, report=report)
     try:
         return make()
     except StoreFullError as problem:

@@ -10,22 +10,27 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 
 from colony.collector import gc_frozen
 from colony.runtime.assembly.processes.children import Children, Job, describe
 from colony.runtime.assembly.processes.clock_watch import WindowWatch
 from colony.runtime.assembly.processes.deploying import ProgramDeployer
+from colony.runtime.assembly.processes.driver_factory import DriverFactory
+from colony.runtime.assembly.processes.hosting import HostedParts, leading
 from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
+from colony.runtime.assembly.processes.spec import ClientsPart, SinglePart
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.script import Script
+from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Node
-from colony.runtime.transport.live.host import Host
+from colony.runtime.protocol.topics import client_address
+from colony.runtime.transport.live.host import Host, Replacement
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
 HEALTH_CHECK_INTERVAL_S = 0.05
@@ -76,6 +81,8 @@ class SupervisedRun:
         report: Callable[[str], None],
         on_end: Callable[[], None] = lambda: None,
     ) -> None:
+        self._robot_address = robot_address
+        self._hosted: HostedParts | None = None
         self._deployment = deployment
         self._servers = tuple(servers)
         self._window = window
@@ -88,8 +95,15 @@ class SupervisedRun:
         with ExitStack() as resources:
             nodes = (LeaderServer(status_tracker), observer)
             host = resources.enter_context(
-                Host.open(robot_address, nodes, serves=isinstance(robot_address, Local), report=report)
+                Host.open(
+                    robot_address,
+                    nodes,
+                    serves=isinstance(robot_address, Local),
+                    report=report,
+                    on_failure=self._replacement,
+                )
             )
+            self._hosted_resources = resources.enter_context(ExitStack())
             resources.callback(on_end)
             self._joined: set[str] = set()
             host.network.watch(self._note_presence)
@@ -110,6 +124,24 @@ class SupervisedRun:
         """
         for job in jobs:
             self._children.start(job)
+
+    def host(self, parts: Sequence[SinglePart], devices: DriverFactory | None = None) -> None:
+        """Run parts in this process from now on, with these drivers of simulated devices.
+
+        Raises:
+            AlreadyRunningError: another process runs one of the servers.
+            Exception: see `parts.nodes_of`.
+        """
+        if not parts:
+            return
+        self._hosted = hosted = HostedParts(
+            self._robot_address, devices, self._report, on_failure=self._note_failure
+        )
+        self._hosted_resources.callback(hosted.close)
+        nodes = hosted.build(parts)
+        self._host.network.claim(topics.servers(node.address for node in nodes))
+        self._host.add(nodes)
+        self._resources.enter_context(leading(self._host, parts))
 
     def play(self, name: str, script: Callable[[], Script]) -> None:
         """Run a script beside the run, from `follow` to its end; after a failed call, begin the next one."""
@@ -233,6 +265,17 @@ class SupervisedRun:
         """
         joined = self._window.begun and job.name in self._joined
         return job.essential or not joined
+
+    def _replacement(self, node: Node, problem: Exception) -> Replacement:
+        """Return what takes the place of a hosted node; a failure of the observer ends the run."""
+        if self._hosted is None or not self._hosted.has(node.address):
+            raise problem
+        return self._hosted.replacement(node, problem)
+
+    def _note_failure(self, part: SinglePart, reason: str, restarted: bool) -> None:
+        clients = part.clients if isinstance(part, ClientsPart) else ()
+        addresses = tuple(client_address(*client) for client in clients)
+        self._status_tracker.record_death(addresses, reason, restarted=restarted)
 
     def _note_presence(self, address: str, present: bool) -> None:
         """Record the nodes that have joined the robot; called in a network thread."""

@@ -118,12 +118,6 @@ class DevicePart(msgspec.Struct, frozen=True, kw_only=True, tag="device"):
         return decoded_server(self.described)
 
 
-class LinePart(msgspec.Struct, frozen=True, kw_only=True, tag="line"):
-    """The servers of the drivers of one port, which share a process."""
-
-    parts: tuple[RServerPart | DevicePart, ...]
-
-
 class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
     """The server of the camera `camera`, under the name `server`."""
 
@@ -182,8 +176,22 @@ class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
 DevicesPart = RServerPart | PServerPart | CServerPart | DevicePart
 """A server that needs a driver."""
 
-NodePart = ClockPart | DevicesPart | LinePart | DServerPart | ClientsPart | LimitsPart | AnnouncerPart
+SinglePart = ClockPart | DevicesPart | DServerPart | ClientsPart | LimitsPart | AnnouncerPart
+
+
+class GroupPart(msgspec.Struct, frozen=True, kw_only=True, tag="group"):
+    """Parts that share a process."""
+
+    parts: tuple[SinglePart, ...]
+
+
+NodePart = SinglePart | GroupPart
 Part = NodePart | GatewayPart
+
+
+def singles(part: NodePart) -> tuple[SinglePart, ...]:
+    """Return the parts of a process."""
+    return part.parts if isinstance(part, GroupPart) else (part,)
 
 
 class Spec(msgspec.Struct, frozen=True, kw_only=True):
@@ -309,7 +317,7 @@ def name_of(part: Part) -> str:
             return server
         case DevicePart():
             return part.server.name
-        case LinePart(parts=parts):
+        case GroupPart(parts=parts):
             return name_of(parts[0])
         case GatewayPart():
             return "Gateway"

@@ -19,7 +19,8 @@ listens to is encoded and sent. Three kinds of threads use the nodes, each node 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from typing import NamedTuple
 
 from colony.runtime.observe.closing import close_all
 from colony.runtime.protocol import codec, topics
@@ -49,6 +50,24 @@ from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.runtime.transport.live.robot_time import LearnedTime, time_of
 
 
+class Replacement(NamedTuple):
+    """What takes the place of a node that failed.
+
+    The nodes at `addresses` are closed; after `pause_ns` nanoseconds, those that `make` returns start.
+    """
+
+    addresses: tuple[str, ...]
+    pause_ns: int
+    make: Callable[[], Sequence[Node]]
+
+
+OnFailure = Callable[[Node, Exception], Replacement]
+"""A function that says what takes the place of a node that raised an exception.
+
+It raises the exception if the host has to end.
+"""
+
+
 class Host:
     """The nodes of a process, connected by zenoh. Mutable."""
 
@@ -60,6 +79,7 @@ class Host:
         time: Callable[[], int],
         announces: bool = True,
         report: Report = lambda problem: None,
+        on_failure: OnFailure | None = None,
     ) -> None:
         """Run nodes on an open network that the caller owns; `Host.open` opens its own.
 
@@ -70,8 +90,10 @@ class Host:
             announces: False for nodes that take no part in the robot: nobody learns that they are present.
             report: callback for a sentence about each problem that the host survives; called in a thread that
                 handles messages.
+            on_failure: says what takes the place of a node that failed; without it, the host ends.
         """
         self._network = network
+        self._on_failure = on_failure
         self._time = time
         self._learned = time if isinstance(time, LearnedTime) else None
         self._announces = announces
@@ -84,6 +106,7 @@ class Host:
         self._inbox = Inbox(MessageQueue())
         self._reception = Reception(network, self._inbox, on_stop=self._stop_lane)
         self._first = tuple(nodes)
+        self._announced: set[str] = set()
         self._declared = ExitStack()
         self._stopping = False
         self._failure: BaseException | None = None
@@ -99,23 +122,25 @@ class Host:
         time: Callable[[], int] | None = None,
         announces: bool = True,
         report: Report = lambda problem: None,
+        on_failure: OnFailure | None = None,
     ) -> Host:
         """Join the robot's processes with these nodes; they start in `run`.
 
-        With `serves`, no other process on this machine can run nodes with these addresses, and other
-        processes find this one through the socket of the first node. `time` defaults to the robot's time.
+        With `serves`, no other process on this machine can run nodes with these addresses (except those of
+        clients), and other processes find this one through the socket of the first node. `time` defaults to
+        the robot's time.
 
         Raises:
             AlreadyRunningError: another process already runs one of the nodes.
             RunDirectoryError: the robot's folder cannot be used.
             UnreachableError: the gateway cannot be reached, refuses the login, or no Clock ticks behind it.
         """
-        server_names = tuple(node.address for node in nodes) if serves else ()
+        server_names = topics.servers(node.address for node in nodes) if serves else ()
         with ExitStack() as resources:
             network = resources.enter_context(ZenohSession.open(robot_address, server_names=server_names))
             if time is None:
                 time = time_of(network)
-            host = cls(network, nodes, time=time, announces=announces, report=report)
+            host = cls(network, nodes, time=time, announces=announces, report=report, on_failure=on_failure)
             host.take_ownership(resources.pop_all())
             return host
 
@@ -139,9 +164,14 @@ class Host:
                 while not self._stopping:
                     self._run_once()
         finally:
-            close_all([self._exchange.remove(member.address) for member in self._exchange.members])
+            close_all(self._remove(member.address for member in self._exchange.members))
         if self._failure is not None:
             raise self._failure
+
+    def add(self, nodes: Sequence[Node]) -> None:
+        """Add nodes, which start soon. May be called from any thread."""
+        self._exchange.at(self._time(), lambda: self._admit(nodes))
+        self._inbox.rouse()
 
     def stop(self) -> None:
         """Make `run` return soon. May be called from any thread or from a signal handler."""
@@ -169,6 +199,7 @@ class Host:
     def _admit(self, nodes: Sequence[Node]) -> None:
         """Add nodes, start them, and announce them once they can receive."""
         members = [self._exchange.add(node) for node in nodes]
+        joining = [member.address for member in members if member.address not in self._announced]
         for topic in dict.fromkeys(topic for node in nodes for topic in node.listens):
             self._reception.listen(topic, self._declared)
             if self._learned is not None and topic == topics.TICKS:
@@ -176,16 +207,43 @@ class Host:
         for member in members:
             self._carry_out(member, self._exchange.start(member))
         self._flush()
-        for node in nodes if self._announces else ():
-            key = keys.liveliness_key(self._network.robot, node.address)
+        for address in joining if self._announces else ():
+            self._announced.add(address)
+            key = keys.liveliness_key(self._network.robot, address)
             self._declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
+
+    def _remove(self, addresses: Iterable[str]) -> list[Node]:
+        """Remove nodes; nothing reaches them from now on, also none of the stops that were under way."""
+        removed = []
+        for address in tuple(addresses):
+            member = self._exchange.member(address)
+            assert member is not None
+            with member.lock:
+                removed.append(self._exchange.remove(address))
+        return removed
+
+    def _replace(self, failed: Member, problem: Exception) -> None:
+        """Let other nodes take the place of one that failed, and of those that belong to it.
+
+        Raises:
+            Exception: nothing takes its place: the host ends.
+        """
+        if self._on_failure is None:
+            raise problem
+        replacement = self._on_failure(failed.node, problem)
+        with suppress(Exception):
+            close_all(self._remove(replacement.addresses))
+        self._exchange.at(self._time() + replacement.pause_ns, lambda: self._admit(replacement.make()))
 
     def _run_once(self) -> None:
         """Handle everything that is due, then one message of another process; if there is none, sleep."""
         while (due := self._exchange.pop(self._time())) is not None:
-            assert due.receiver is not None
-            assert not callable(due.content)
-            self._handle(due.receiver, due.content)
+            if due.receiver is None:
+                assert callable(due.content)
+                due.content()
+            else:
+                assert not callable(due.content)
+                self._handle(due.receiver, due.content)
         self._flush()
         queued = self._inbox.pop()
         if self._inbox.has_dropped_calls:
@@ -200,7 +258,12 @@ class Host:
     def _handle(self, member: Member, message: Message) -> None:
         if member.settling is not None:
             self._unsettled[member] = None
-        self._carry_out(member, self._exchange.handle(member, message))
+        try:
+            effects = self._exchange.handle(member, message)
+        except Exception as problem:
+            self._replace(member, problem)
+        else:
+            self._carry_out(member, effects)
 
     def _carry_out(self, member: Member, effects: Iterable[Effect]) -> None:
         """Hand over and send messages; those that can travel together wait for `_flush`."""

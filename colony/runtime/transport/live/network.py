@@ -7,7 +7,7 @@ import os
 import resource
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from threading import Thread
 
@@ -117,6 +117,17 @@ class ZenohSession:
                 settings = configuration.settings(robot_address, server=next(iter(server_names), None))
             session = _open(robot_address, settings, resources, receiving_threads)
             return cls(robot_address, session, resources.pop_all(), stops)
+
+    def claim(self, names: Iterable[str]) -> None:
+        """Serve under further names, as no other process of this machine can until this session is closed.
+
+        Raises:
+            AlreadyRunningError: another process already serves one of them.
+            RunDirectoryError: the robot's folder cannot be used.
+        """
+        if isinstance(self.robot_address, Local):
+            for name in names:
+                self._resources.enter_context(self.robot_address.directory.claim(name))
 
     @property
     def robot(self) -> str:

@@ -55,13 +55,10 @@ class Run:
         machine: Machine,
         *options: str,
         seed: int,
-        isolate: bool,
     ) -> None:
-        """Start the run; if `isolate`, each client is a process of its own."""
+        """Start the run, with a process for each server and one for the clients."""
         self.machine, self.random = machine, Random(seed)
-        self._isolate = isolate
-        options = (*options, *(("--isolate",) if isolate else ()))
-        arguments = ("--map", MAP, "--processes", "--duration", LONG_S, "--seed", str(seed))
+        arguments = ("--map", MAP, "--processes", "--isolate", "--duration", LONG_S, "--seed", str(seed))
         self.started: Started = machine.start("run", WANDER, *arguments, "--no-picture", *options)
         self.verdicts: deque[Verdict] = deque()
         self.ticks: deque[Tick] = deque()
@@ -127,7 +124,7 @@ class Run:
     # --- its processes -----------------------------------------------------------------------------------
 
     def pids(self) -> dict[str, int]:
-        """Return the processes that live, by name: servers, and clients (see `process_of`)."""
+        """Return the processes that live, by name: servers, and `clients`."""
         found = {}
         for pid in children_of(self.started.pid):
             try:
@@ -137,15 +134,6 @@ class Run:
             if spec is not None:
                 found[spec[1]] = pid
         return found
-
-    def process_of(self, client: str) -> str:
-        """The name of the process that a client of `drive` is in."""
-        return f"drive.{client}" if self._isolate else "clients"
-
-    def lost_with(self, client: str) -> frozenset[str]:
-        """The clients of `drive` that are lost with the process of one."""
-        everyone = frozenset(name for name, _ in self.verdicts[-1].fates)
-        return frozenset({client}) if self._isolate else everyone
 
     def pid(self, name: str) -> int | None:
         """The process of this name; None while there is none."""

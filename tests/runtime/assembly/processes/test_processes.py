@@ -20,9 +20,16 @@ from colony.ir.frame import Frame, Outcome, Record
 from colony.ir.program import Program, PythonModule, Use, Wire
 from colony.ir.servers import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import BOOL, DISTANCE, Array, Enum
-from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.jobs import RobotDevices, client_jobs, fresh_folder, server_parts
-from colony.runtime.assembly.processes.parts import nodes_of, serves
+from colony.runtime.assembly.processes.jobs import (
+    Layout,
+    Processes,
+    RobotDevices,
+    client_processes,
+    fresh_folder,
+    server_parts,
+    server_processes,
+)
+from colony.runtime.assembly.processes.parts import nodes_of
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.spec import (
     Device,
@@ -82,19 +89,25 @@ def deployed(of: Program) -> Deployment:
     return deployment(compile_program(of).compiled, bind(of.robot, ROME_SERVERS), run="r1", seed=1)
 
 
-def jobs_of(
-    of: Program, robot_address: RobotAddress, folder: Path, *, isolate: bool = True
-) -> tuple[Job, ...]:
+def processes_of(
+    of: Program, robot_address: RobotAddress, folder: Path, layout: Layout = "isolated"
+) -> Processes:
     compiled = compile_program(of).compiled
-    return client_jobs(
+    return client_processes(
         robot_address,
         deployed(of),
         compiled,
         bind(of.robot, ROME_SERVERS),
         folder,
         ("modules",),
-        isolate=isolate,
+        layout=layout,
     )
+
+
+def degrading(of: Program) -> Program:
+    """The program, with every client in a process of its own."""
+    actuators = tuple(replace(actuator, on_loss="degrade") for actuator in of.robot.actuators)
+    return replace(of, robot=replace(of.robot, actuators=actuators))
 
 
 def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool = False) -> FrameLog:
@@ -126,7 +139,7 @@ def test_a_compiled_program_comes_back_as_it_was(roaming: Program, tmp_path: Pat
 
 def test_a_client_does_not_begin_with_a_damaged_program(roaming: Program, tmp_path: Path) -> None:
     robot_address = Local(RobotDirectory(tmp_path, "rome"))
-    job = jobs_of(roaming, robot_address, tmp_path)[0]
+    (job,) = processes_of(roaming, robot_address, tmp_path).jobs
     (path,) = tmp_path.glob("*.colonyc")
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
@@ -149,7 +162,7 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
     for robot_address in (here, there):
         assert address_of(address_spec(robot_address)) == robot_address
         folder = fresh_folder(tmp_path / "told")
-        jobs = jobs_of(roaming, robot_address, folder)
+        jobs = processes_of(degrading(roaming), robot_address, folder).jobs
         assert [job.name for job in jobs] == CLIENTS
         assert [job.clients for job in jobs] == [(client,) for client in CLIENTS]
         specs = [read_spec(Path(job.arguments[0])) for job in jobs]
@@ -160,24 +173,14 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
     ):
         write_spec(tmp_path / "s", Spec(robot_address=address_spec(here), part=part))
         assert read_spec(tmp_path / "s").part == part
-        assert serves(part)  # type: ignore[arg-type]
-
-
-def test_a_client_is_built_of_its_spec(roaming: Program, tmp_path: Path) -> None:
-    robot_address = Local(RobotDirectory(tmp_path, "rome"))
-    jobs = jobs_of(roaming, robot_address, tmp_path)
-    with ExitStack() as holds:
-        (node,) = nodes_of(read_spec(Path(jobs[1].arguments[0])).part, robot_address, None, holds)  # type: ignore[arg-type]
-    assert node.address == "drive/avoid"
 
 
 def test_clients_share_a_process_of_which_each_is_known(roaming: Program, tmp_path: Path) -> None:
     robot_address = Local(RobotDirectory(tmp_path, "rome"))
-    (job,) = jobs_of(roaming, robot_address, tmp_path, isolate=False)
+    (job,) = processes_of(roaming, robot_address, tmp_path).jobs
     assert (job.name, job.clients) == ("clients", tuple(CLIENTS))
     part = read_spec(Path(job.arguments[0])).part
     assert name_of(part) == "clients"
-    assert not serves(part)  # type: ignore[arg-type]
     with ExitStack() as holds:
         nodes = nodes_of(part, robot_address, None, holds)  # type: ignore[arg-type]
     assert [node.address for node in nodes] == ["drive/back_off", "drive/avoid"]
@@ -189,9 +192,29 @@ def test_a_run_ends_with_the_shared_process_however_many_clients_it_has(
     robot_address = Local(RobotDirectory(tmp_path, "rome"))
     one = replace(roaming, wires=(Wire(name="drive", actuator="drive", wiring=Use(name="cruise")),))
     for program, clients in ((roaming, CLIENTS), (one, ["drive/cruise"])):
-        (shared,) = jobs_of(program, robot_address, tmp_path, isolate=False)
+        (shared,) = processes_of(program, robot_address, tmp_path).jobs
         assert (shared.name, list(shared.clients), shared.essential) == ("clients", clients, True)
-        assert [job.essential for job in jobs_of(program, robot_address, tmp_path)] == [False] * len(clients)
+        apart = processes_of(degrading(program), robot_address, tmp_path).jobs
+        assert [job.essential for job in apart] == [False] * len(clients)
+
+
+def test_only_what_may_block_is_a_process_of_its_own(tmp_path: Path) -> None:
+    robot_address = Local(RobotDirectory(tmp_path, "rome"))
+    parts = server_parts(tmp_path, Device(plant="p"), DEVICES, cameras=[("CServer", "CServer")])
+    apart = [("CServer",), ("Lidar",)]  # a camera, and a driver of users
+    names = [name_of(part) for part in parts if (name_of(part),) not in apart]
+    jobs: dict[Layout, list[tuple[str, ...]]] = {
+        "hosted": apart,
+        "composed": [tuple(names), *apart],
+        "isolated": [*((name,) for name in names), *apart],
+    }
+    for layout, expected in jobs.items():
+        found = server_processes(robot_address, parts, tmp_path, simulator="plant", layout=layout)
+        assert [(job.name, *job.others) for job in found.jobs] == expected
+        assert [name_of(part) for part in found.hosted] == (names if layout == "hosted" else [])
+    hosted = processes_of(pulsing(), robot_address, tmp_path, "hosted")
+    assert [job.name for job in hosted.jobs] == ["drive/pulse"]
+    assert [name_of(part) for part in hosted.hosted] == ["clients"]
 
 
 def test_a_client_and_a_module_in_python_of_one_name_are_two_processes(tmp_path: Path) -> None:
@@ -207,7 +230,7 @@ def test_a_client_and_a_module_in_python_of_one_name_are_two_processes(tmp_path:
         for m in program.modules
     )
     renamed = replace(program, robot=robot, wires=(wire,), modules=modules, contracts=(), limits=())
-    jobs = jobs_of(renamed, robot_address, tmp_path)
+    jobs = processes_of(degrading(renamed), robot_address, tmp_path).jobs
     assert "activity/pulse" in {job.name for job in jobs}
     assert len({job.name for job in jobs}) == len({job.arguments for job in jobs}) == len(jobs)
 
