@@ -91,6 +91,7 @@ class LedRun:
         )
         for sink in ui.sinks:
             self._window.record(sink)
+        self._origin_ns: int | None = None
         self._folder: Path | None = None
         self._recording: RunRecording | None = None
         self._interrupted: Callable[[], bool] = lambda: False
@@ -163,7 +164,9 @@ class LedRun:
         began_ns = self._window.begin_ns
         if began_ns is None or not isinstance(self._robot_address, Local):
             return None
-        return (t_ns - began_ns - self._robot_address.directory.origin_ns()) / 1e9
+        if self._origin_ns is None:
+            self._origin_ns = self._robot_address.directory.origin_ns()
+        return (t_ns - began_ns - self._origin_ns) / 1e9
 
     def set_variables(self, supervised_run: SupervisedRun, held: Mapping[str, Value]) -> None:
         """Let the run set variables of DServer: `held` to their values, others as the scenario says."""

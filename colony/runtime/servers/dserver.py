@@ -212,8 +212,8 @@ class DServer:
             *(message for component in limited_components for message in component.limit_messages),
         )
 
-    def settle(self) -> Callable[[], None]:
-        """Take the changes, and return a function that commits them.
+    def settle(self) -> Callable[[], None] | None:
+        """Take the changes, and return a function that commits them; None if there are none.
 
         On a full disk, those that are not about to be acknowledged wait. The function raises StoreError if
         they cannot be stored: the server must end, and acknowledge nothing.
@@ -224,7 +224,8 @@ class DServer:
         """Commit the changes, mark an orderly end, and close the store."""
         try:
             self._journal.put(_CLOSED, b"")
-            self._journal.settle()()
+            if (commit := self._journal.settle()) is not None:
+                commit()
         finally:
             self._store.close()
 

@@ -162,6 +162,7 @@ class Journal:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._changes: dict[Key, bytes | None] = {}
+        self._unkept: dict[Key, bytes | None] = {}  # taken, but not in the store yet
         self._ack_pending = self._waiting = False
         self._changing, self._committing = Lock(), Lock()
 
@@ -191,34 +192,30 @@ class Journal:
         with self._changing:
             self._ack_pending = True
 
-    def settle(self) -> Callable[[], None]:
+    def settle(self) -> Callable[[], None] | None:
         """Take the changes, and return a function that commits them, which another thread may call.
 
-        If there is no space, changes wait, unless one is about to be acknowledged. The function raises
+        Returns None if there is nothing to commit. If there is no space, changes wait, unless one is about to be acknowledged. The function raises
         StoreError if the commit failed; the server's memory is then ahead of the store, so the server must
         end.
         """
         with self._changing:
-            if not self._changes or (self._waiting and not self._ack_pending):
-                return _nothing
+            if not (self._changes or self._unkept) or (self._waiting and not self._ack_pending):
+                return None
             changes, acknowledges = self._changes, self._ack_pending
             self._changes, self._ack_pending = {}, False
         return lambda: self._commit(changes, acknowledges)
 
     def _commit(self, changes: dict[Key, bytes | None], acknowledges: bool) -> None:
-        try:
-            with self._committing:
-                self._store.commit(changes)
-        except StoreError as problem:
-            with self._changing:
-                self._changes = {**changes, **self._changes}
-                self._ack_pending |= acknowledges
+        with self._committing:
+            self._unkept |= changes
+            try:
+                if self._unkept:
+                    self._store.commit(self._unkept)
+            except StoreError as problem:
                 self._waiting = True
-            if acknowledges or not isinstance(problem, StoreFullError):
-                raise
-        else:
-            self._waiting = False
-
-
-def _nothing() -> None:
-    """Do nothing."""
+                if acknowledges or not isinstance(problem, StoreFullError):
+                    self._ack_pending = True
+                    raise
+            else:
+                self._unkept, self._waiting = {}, False

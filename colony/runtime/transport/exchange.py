@@ -140,6 +140,13 @@ class Exchange:
         finally:
             member.no_stop_waits.set()
 
+    def settle(self, member: Member) -> Callable[[], None] | None:
+        """Return a function that finishes what a node must do before it acknowledges; None if nothing is."""
+        if member.settling is None:
+            return None
+        with member.lock:
+            return member.settling.settle()
+
     # --- the queue -----------------------------------------------------------------------------------
 
     def post(self, sender: str, topic: str, message: Message) -> None:

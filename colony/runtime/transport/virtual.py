@@ -128,8 +128,8 @@ class VirtualTransport:
                 self._carry_out(receiver, self._exchange.handle(receiver, content))
 
     def _carry_out(self, sender: Member, effects: Iterable[Effect]) -> None:
-        if sender.settling is not None:
-            sender.settling.settle()()  # after the message is handled and before any effect is sent
+        if (finish := self._exchange.settle(sender)) is not None:
+            finish()  # after the message is handled and before any effect is sent
         for effect in effects:
             if isinstance(effect, Send):
                 self._exchange.post(sender.address, effect.topic, effect.message)

@@ -15,7 +15,7 @@ from threading import Thread
 from typing import NamedTuple
 
 from colony.runtime.protocol.messages import Checkpoint, Notice, Reply, Send, ServerFrame
-from colony.runtime.transport.exchange import Member
+from colony.runtime.transport.exchange import Exchange, Member
 
 MAX_DROPPABLE_BYTES = 1024
 """Maximum size in bytes of a reply that may be dropped if a link is full; a link has room for many."""
@@ -27,28 +27,39 @@ BATCH = 64
 class _Waiting(NamedTuple):
     member: Member
     sends: Sequence[Send]
+    finish: Callable[[], None] | None
 
 
 class Acknowledging:
     """A queue with its own thread. Mutable.
 
     Args:
+        exchange: the nodes.
         send: sends messages, and may wait for room; called only in this thread.
         on_failure: callback for the exception that ended the thread; called in that thread.
     """
 
     def __init__(
-        self, send: Callable[[Member, Sequence[Send]], None], on_failure: Callable[[BaseException], None]
+        self,
+        exchange: Exchange,
+        send: Callable[[Member, Sequence[Send]], None],
+        on_failure: Callable[[BaseException], None],
     ) -> None:
+        self._exchange = exchange
         self._send = send
         self._on_failure = on_failure
         self._queue: SimpleQueue[_Waiting | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="acknowledging", daemon=True)
         self._thread.start()
 
-    def put(self, member: Member, sends: Sequence[Send] = ()) -> None:
+    def finish(self, member: Member) -> None:
+        """Let a node settle that has nothing to acknowledge, without blocking."""
+        if (finish := self._exchange.settle(member)) is not None:
+            self._queue.put(_Waiting(member, (), finish))
+
+    def put(self, member: Member, sends: Sequence[Send]) -> None:
         """Queue messages of a node without blocking, to be sent after it has settled if it has to."""
-        self._queue.put(_Waiting(member, sends))
+        self._queue.put(_Waiting(member, sends, None))
 
     def close(self) -> None:
         """Settle and send what waits, and end the thread."""
@@ -59,13 +70,14 @@ class Acknowledging:
         try:
             while (first := self._queue.get()) is not None:
                 batch, ended = self._more(first)
-                for member in dict.fromkeys(member for member, _ in batch):
-                    if member.settling is not None:
-                        with member.lock:
-                            finish = member.settling.settle()
+                for waiting in batch:
+                    if waiting.finish is not None:
+                        waiting.finish()
+                for member in dict.fromkeys(waiting.member for waiting in batch if waiting.sends):
+                    if (finish := self._exchange.settle(member)) is not None:
                         finish()
-                for member, sends in batch:
-                    self._send(member, sends)
+                for waiting in batch:
+                    self._send(waiting.member, waiting.sends)
                 if ended:
                     return
         except BaseException as failure:

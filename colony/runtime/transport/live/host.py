@@ -158,7 +158,7 @@ class Host:
         require_threads()
         try:
             with self._declared:
-                self._acknowledging = Acknowledging(self._sender(), self._fail)
+                self._acknowledging = Acknowledging(self._exchange, self._sender(), self._fail)
                 self._declared.callback(self._acknowledging.close)
                 self._admit(self._first)
                 while not self._stopping:
@@ -278,7 +278,7 @@ class Host:
         if self._unsettled:
             assert self._acknowledging is not None
             for member in self._unsettled:
-                self._acknowledging.put(member)
+                self._acknowledging.finish(member)
             self._unsettled.clear()
         if self._batched:
             batched, self._batched = self._batched, []
@@ -345,7 +345,7 @@ class Host:
         outbox = self._new_outbox(waits=True)
 
         def send(member: Member, sends: Sequence[Send]) -> None:
-            if member.settling is not None and sends:
+            if member.settling is not None:
                 for topic, message in sends:
                     self._exchange.post(member.address, topic, message)
                 self._inbox.rouse()

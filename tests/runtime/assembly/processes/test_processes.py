@@ -213,7 +213,7 @@ def test_only_what_may_block_is_a_process_of_its_own(tmp_path: Path) -> None:
         assert [(job.name, *job.others) for job in found.jobs] == expected
         assert [name_of(part) for part in found.hosted] == (names if layout == "hosted" else [])
     hosted = processes_of(pulsing(), robot_address, tmp_path, "hosted")
-    assert [job.name for job in hosted.jobs] == ["drive/pulse"]
+    assert [job.name for job in hosted.jobs] == ["DServer/activity/pulse"]
     assert [name_of(part) for part in hosted.hosted] == ["clients"]
 
 
