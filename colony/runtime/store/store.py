@@ -195,9 +195,9 @@ class Journal:
     def settle(self) -> Callable[[], None] | None:
         """Take the changes, and return a function that commits them, which another thread may call.
 
-        Returns None if there is nothing to commit. If there is no space, changes wait, unless one is about to be acknowledged. The function raises
-        StoreError if the commit failed; the server's memory is then ahead of the store, so the server must
-        end.
+        Returns None if there is nothing to commit. If there is no space, changes wait, unless one is about to
+        be acknowledged. The function raises StoreError if the commit failed; the server's memory is then
+        ahead of the store, so the server must end.
         """
         with self._changing:
             if not (self._changes or self._unkept) or (self._waiting and not self._ack_pending):

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.assembly.processes.children import ONE_THREAD
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.deployment import MAX_CLIENTS
 from colony.runtime.protocol.messages import (
@@ -50,12 +49,12 @@ with Host.open(local("rome", os.environ), [recorder]) as host:
 """
 
 
-def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
+def test_a_large_checkpoint_gets_through(
     environment: Mapping[str, str],
 ) -> None:
     server = Recorder("DServer", topics.checkpoints("DServer"))
     with (
-        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", LARGE) as process,
+        python_process(environment, "-c", LARGE) as process,
         hosted(environment, [server]) as host,
         ZenohSession.open(robot_address(environment), server_names=("Clock",)) as clock,
     ):
@@ -96,13 +95,13 @@ with Host.open(local("rome", os.environ), [crowd]) as host:
 """A process of many clients of RServer, which keeps a large checkpoint for them, and one of DServer."""
 
 
-def test_with_one_thread_for_the_network_the_requests_of_a_whole_program_get_through(
+def test_the_requests_of_a_whole_program_get_through(
     environment: Mapping[str, str],
 ) -> None:
     ticks = 3
     server = Recorder("RServer", topics.requests("RServer"))
     with (
-        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MAX_CLIENTS)),
+        python_process(environment, "-c", CROWD, str(MAX_CLIENTS)),
         hosted(environment, [server]) as host,
         ZenohSession.open(robot_address(environment), server_names=("Clock",)) as clock,
     ):
@@ -136,7 +135,7 @@ def test_a_server_that_is_frozen_makes_no_client_of_another_server_late(
     server = Recorder("DServer", topics.requests("DServer"))
     with (
         python_process(environment, "-c", FROZEN_SERVER, says="ready") as frozen,
-        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MAX_CLIENTS)),
+        python_process(environment, "-c", CROWD, str(MAX_CLIENTS)),
         hosted(environment, [server]) as host,
         ZenohSession.open(robot_address(environment), server_names=("Clock",)) as clock,
     ):
