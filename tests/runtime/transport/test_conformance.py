@@ -140,7 +140,30 @@ class LiveStage:
         self._holds.close()
 
 
-@pytest.fixture(params=[VirtualStage, LiveStage], ids=["virtual", "live"])
+class ComposedStage(LiveStage):
+    """Over zenoh: all nodes in one host, which hands their messages over in memory."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._running = Running(Host.open(robot_address(self._environment), [Recorder("first")], serves=True))
+        self._composed = self._running.host
+        self._addresses: set[str] = set()
+
+    def add(self, node: Node) -> None:
+        self._composed.add([node])
+        self._addresses.add(node.address)
+        until(lambda: self._addresses <= set(self._outside.alive()), "not all are linked")
+
+    def kill(self, address: str) -> None:
+        (node,) = self._composed._remove([address])
+        node.close()
+
+    def close(self) -> None:
+        self._running.end()
+        self._holds.close()
+
+
+@pytest.fixture(params=[VirtualStage, LiveStage, ComposedStage], ids=["virtual", "live", "composed"])
 def stage(request: pytest.FixtureRequest) -> Iterator[Stage]:
     made = request.param()
     try:

@@ -40,6 +40,7 @@ from colony.runtime.assembly.processes.spec import (
     read_spec,
     singles,
 )
+from colony.runtime.assembly.processes.stalls import reporting_stalls
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.errors import GatewayFullError, LiveError
 from colony.runtime.transport.live.host import Host
@@ -76,6 +77,8 @@ def run(
             shutdown.on_request(host.stop)
             if not isinstance(spec.part, GatewayPart):
                 resources.enter_context(leading(host, singles(spec.part)))
+            if isinstance(spec.part, GroupPart):
+                resources.enter_context(reporting_stalls(log_line))
             ready()
             with gc_frozen():
                 host.run()

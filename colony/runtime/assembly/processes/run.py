@@ -22,6 +22,7 @@ from colony.runtime.assembly.processes.hosting import HostedParts, leading
 from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.spec import ClientsPart, SinglePart
+from colony.runtime.assembly.processes.stalls import reporting_stalls
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.hub import Hub
@@ -142,6 +143,7 @@ class SupervisedRun:
         self._host.network.claim(topics.servers(node.address for node in nodes))
         self._host.add(nodes)
         self._resources.enter_context(leading(self._host, parts))
+        self._resources.enter_context(reporting_stalls(self._report))
 
     def play(self, name: str, script: Callable[[], Script]) -> None:
         """Run a script beside the run, from `follow` to its end; after a failed call, begin the next one."""
