@@ -56,7 +56,7 @@ QUICK: dict[str, dict[str, Any]] = {
         "CROWD_PROCESSES": 1,
         "CROWD_FRAMES": 5,
     },
-    "load": {"ROUNDS": 1, "FRAMES": 5, "WARM_UP": 1, "FLOOR_S": 1.0, "BEHAVIORS": ("wander",)},
+    "load": {"ROUNDS": 1, "FRAMES": 5, "WARM_UP": 1, "BEHAVIORS": ("wander",)},
     "reading_to_motion": {"EVENTS": 2},
     "stops_on_wire": {"ROUNDS": 1, "WATCHED_S": 0.2},
     "one_line": {"SECONDS": 1.0, "SETTLE_S": 1.0},

@@ -1,18 +1,16 @@
-"""Processor time that a robot of processes takes a frame, beside a floor of bare zenoh.
+"""What a live robot takes, with its servers and clients in one process, and with a process for each server.
 
 `colony run --processes` drives a behavior in a simulated building, with recording and monitor on, by the wall
-clock, in frames of 50 ms. The floor is seven bare processes that exchange the most necessary of these
-messages and do nothing else (benchmarks/floor.py): a lower bound. Both are measured in turns. Where the time
-goes is from another run, with clocks in every process (benchmarks/parts.py), over the same frames as its
-totals.
+clock, in frames of 50 ms. Both layouts are measured in turns: processor time a frame of all processes but the
+simulator, their memory (a page that several share counts in parts), switches between threads, how long after
+its tick a command is at the driver, and requests that were late or lost.
 
-    python -m benchmarks.load                     both behaviors, and the floor
-    python -m benchmarks.load wander --isolate    one, with options of `colony run`, which come last
+    python -m benchmarks.load             both behaviors
+    python -m benchmarks.load wander      one
 """
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 import re
@@ -26,13 +24,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import floor, parts
+from benchmarks import latency
 from benchmarks.processes import ROOT, Row, colony_run, expect_alive, row, scratch
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import RobotConnectionError, ServerNotFoundError
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 
 BEHAVIORS = ("wander", "navigator")
+
+LAYOUTS: dict[str, tuple[str, ...]] = {"one process": (), "isolated": ("--isolate",)}
+"""Options of `colony run` by layout."""
 
 WARM_UP = 80
 """Frames of a run before the ones that are measured."""
@@ -41,80 +42,82 @@ FRAMES = 300
 """Frames that are measured."""
 
 ROUNDS = 3
-"""Measurements of each behavior, and of the floor."""
-
-FLOOR_S = 12.0
-"""Seconds for which the floor is measured."""
+"""Measurements of each behavior in each layout."""
 
 STARTS_S = 60.0
-"""Seconds after which a run that has not begun is given up, and a process that does not tell its parts."""
+"""Seconds after which a run that has not begun is given up, and a process that does not tell its latencies."""
 
-TARGET_MS = {"wander": 6.0, "navigator": 9.0}
-TARGET_RATIO = {"wander": 1.8, "navigator": 2.7}
-TARGET_MB = 400.0
+TARGET_MS = {"wander": 4.0, "navigator": 5.0}
+TARGET_RATIO = {"wander": 0.40, "navigator": 0.45}
+TARGET_MB = 120.0
+TARGET_MEMORY_RATIO = 0.55
+TARGET_MEDIAN_MS, TARGET_P99_MS = 1.5, 5.0
 
-Milliseconds = dict[str, float]
+SIMULATOR = "Simulator"
 
 
 class Load(NamedTuple):
-    """What a robot of processes took.
+    """What a robot took: all of its processes but the simulator.
 
     Attributes:
-        ms: milliseconds of processor time a frame, by process.
-        mb: unshared megabytes, by process.
+        ms: milliseconds of processor time a frame.
+        simulator_ms: the same of the simulator.
+        mb: proportional megabytes.
+        switches: switches between threads a frame.
+        latencies_ms: milliseconds from a tick to the command at the driver, in order of size.
         unheard: requests that were late or lost, of all clients and frames.
-        by_part: milliseconds a frame by part, by process; empty without clocks.
     """
 
-    ms: Milliseconds
-    mb: dict[str, float]
+    ms: float
+    simulator_ms: float
+    mb: float
+    switches: float
+    latencies_ms: list[float]
     unheard: int
-    by_part: dict[str, Milliseconds]
 
 
-def floor_ms() -> float:
-    """Return milliseconds of processor time that the bare processes take a tick, all together."""
-    with scratch() as folder:
-        begun = [
-            subprocess.Popen(
-                [sys.executable, "-m", "benchmarks.floor", name, str(folder), str(FLOOR_S)],
-                stdout=subprocess.PIPE,
-                cwd=ROOT,
-            )
-            for name in floor.HEARS
-        ]
-        return float(sum(json.loads(process.communicate()[0])["ms"] for process in begun))
-
-
-def robot(behavior: str, *options: str, with_parts: bool = False) -> Load:
-    """Run a behavior by processes and measure it after its start-up."""
+def robot(behavior: str, *options: str) -> Load:
+    """Run a behavior and measure it after its start-up."""
     with (
         scratch() as folder,
-        _running(behavior, folder, options, with_parts) as (process, session),
+        _running(behavior, folder, options) as (process, session),
         _leader(session) as leader,
     ):
         before = _status(process, leader, leader.do(run_status()).frames + WARM_UP)
-        began, parts_began = _spent(process.pid), _parts(process, folder) if with_parts else {}
+        _latencies(process, folder)
+        began = _spent(process.pid)
         after = _status(process, leader, before.frames + FRAMES)
-        ended, parts_ended = _spent(process.pid), _parts(process, folder) if with_parts else {}
-        mb = _unshared(process.pid)
+        ended = _spent(process.pid)
+        latencies = _latencies(process, folder)
+        mb = sum(_memory_mb(pid) for pid, name in _tree(process.pid) if name != SIMULATOR)
     frames = after.frames - before.frames
     unheard = sum(c.late + c.lost for c in after.clients) - sum(c.late + c.lost for c in before.clients)
-    by_part = {name: _a_frame(spent, parts_began[name], frames) for name, spent in parts_ended.items()}
-    return Load(_a_frame(ended, began, frames), mb, unheard, by_part)
 
+    def a_frame(value: int, *, simulator: bool) -> float:
+        took = (
+            ended[pid][1 + value] - began[pid][1 + value]
+            for pid in began
+            if pid in ended
+            if (ended[pid][0] == SIMULATOR) is simulator
+        )
+        return sum(took) / frames
 
-def _a_frame(ended: Milliseconds, began: Milliseconds, frames: int) -> Milliseconds:
-    return {name: (spent - began.get(name, 0.0)) / frames for name, spent in ended.items()}
+    return Load(
+        ms=a_frame(0, simulator=False),
+        simulator_ms=a_frame(0, simulator=True),
+        mb=mb,
+        switches=a_frame(1, simulator=False),
+        latencies_ms=sorted(latencies),
+        unheard=unheard,
+    )
 
 
 @contextmanager
 def _running(
-    behavior: str, folder: Path, options: tuple[str, ...], with_parts: bool
+    behavior: str, folder: Path, options: tuple[str, ...]
 ) -> Iterator[tuple[subprocess.Popen[bytes], Session]]:
-    (folder / "parts").mkdir()
+    (folder / "latency").mkdir()
     file, record = ROOT / "behaviors" / f"{behavior}.colony", folder / "run.mcap"
-    modules = ("benchmarks.parts", "colony.cli.main") if with_parts else ("colony.cli.main",)
     process = colony_run(
         file,
         folder,
@@ -123,8 +126,8 @@ def _running(
         "--record",
         str(record),
         *options,
-        modules=modules,
-        environment={parts.FOLDER: str(folder / "parts")},
+        modules=("benchmarks.latency", "colony.cli.main"),
+        environment={latency.FOLDER: str(folder / "latency")},
     )
     environment = {**os.environ, "COLONY_RUN_DIR": str(folder / "r")}
     try:
@@ -166,94 +169,88 @@ def _tree(parent: int) -> Iterator[tuple[int, str]]:
             yield int(child), Path(os.fsdecode(words[-2])).stem
 
 
-def _spent(parent: int) -> Milliseconds:
-    """Return the processor time that each process has taken so far, all of its threads."""
-    spent: Milliseconds = {}
-    for pid, name in _tree(parent):
-        tasks = Path(f"/proc/{pid}/task").iterdir()
-        spent[name] = sum(int((task / "schedstat").read_text().split()[0]) for task in tasks) / 1e6
-    return spent
+def _spent(parent: int) -> dict[int, tuple[str, float, float]]:
+    """Return name, milliseconds of processor time and switches so far, of all threads, by process."""
+    return {pid: (name, *_of_threads(pid)) for pid, name in _tree(parent)}
 
 
-def _parts(process: subprocess.Popen[bytes], folder: Path) -> dict[str, Milliseconds]:
-    """Return the processor time that each process has taken so far, by part."""
-    paths: dict[str, Path] = {}
-    for pid, name in _tree(process.pid):
-        paths[name] = folder / "parts" / f"{name}.json"
-        paths[name].unlink(missing_ok=True)
-        os.kill(pid, parts.TELL)
+def _of_threads(pid: int) -> tuple[float, float]:
+    ms = switches = 0.0
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        ms += int((task / "schedstat").read_text().split()[0]) / 1e6
+        switches += sum(map(int, re.findall(r"ctxt_switches:\s+(\d+)", (task / "status").read_text())))
+    return ms, switches
+
+
+def _latencies(process: subprocess.Popen[bytes], folder: Path) -> list[float]:
+    """Return the milliseconds from tick to driver of the commands since the last call."""
+    told = folder / "latency"
+    for path in told.glob("*.json"):
+        path.unlink()
+    for pid, _ in _tree(process.pid):
+        os.kill(pid, latency.TELL)
     until = time.monotonic() + STARTS_S
-    while not all(path.exists() for path in paths.values()):
+    while not (found := [*told.glob("*.json")]):
         expect_alive(process)
         if time.monotonic() > until:
-            raise RuntimeError(f"not all of {', '.join(paths)} tell their parts")
+            raise RuntimeError("no process tells how long its commands took")
         time.sleep(0.01)
-    return {name: json.loads(path.read_text()) for name, path in paths.items()}
+    ms: list[float] = json.loads(found[0].read_text())
+    return ms
 
 
-def _unshared(parent: int) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for pid, name in _tree(parent):
-        text = Path(f"/proc/{pid}/smaps_rollup").read_text()
-        found[name] = sum(int(n) for n in re.findall(r"^Private_\w+: +(\d+) kB", text, re.M)) / 1024
-    return found
+def _memory_mb(pid: int) -> float:
+    text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    return sum(int(kb) for kb in re.findall(r"^Pss: +(\d+) kB", text, re.M)) / 1024
 
 
-def run() -> list[Row]:
+def run(behaviors: tuple[str, ...] | None = None) -> list[Row]:
     """Measure; a row has name, value, unit, target, ok and note. `target` is the most that `value` may be."""
-    floors: list[float] = []
-    loads: dict[str, list[Load]] = {behavior: [] for behavior in BEHAVIORS}
-    for _ in range(ROUNDS):
-        floors.append(floor_ms())
-        for behavior in BEHAVIORS:
-            loads[behavior].append(robot(behavior))
-    bare = statistics.median(floors)
-    rows = [row("floor: seven bare processes", bare, "ms a frame", None, "median of 3")]
-    for behavior in BEHAVIORS:
-        rows += _rows(behavior, loads[behavior], bare)
-        rows += _part_rows(behavior, robot(behavior, with_parts=True))
+    rows: list[Row] = []
+    for behavior in behaviors or BEHAVIORS:
+        loads: dict[str, list[Load]] = {layout: [] for layout in LAYOUTS}
+        for _ in range(ROUNDS):
+            for layout, options in LAYOUTS.items():
+                loads[layout].append(robot(behavior, *options))
+        rows += _rows(behavior, *loads.values())
     return rows
 
 
-def _rows(behavior: str, loads: list[Load], bare: float) -> Iterator[Row]:
-    middle = sorted(loads, key=lambda load: sum(load.ms.values()))[len(loads) // 2]
-    total = sum(middle.ms.values())
-    simulator = middle.ms["Simulator"]
-    note = f"without the simulator {total - simulator:.2f} ms; median of {len(loads)}"
-    yield row(f"{behavior}", total, "ms a frame", TARGET_MS[behavior], note)
-    unheard = f"{sum(load.unheard for load in loads)} requests late or lost in {FRAMES * len(loads)} frames"
-    yield row(f"{behavior} / floor", total / bare, "x", TARGET_RATIO[behavior], unheard)
-    yield row(f"{behavior}: unshared memory", sum(middle.mb.values()), "MB", TARGET_MB, "")
-    for name, ms in sorted(middle.ms.items(), key=lambda item: -item[1]):
-        yield row(f"{behavior}: {name}", ms, "ms a frame", None, f"{middle.mb[name]:.0f} MB")
+def _rows(behavior: str, composed: list[Load], isolated: list[Load]) -> Iterator[Row]:
+    one, many = _middle(composed), _middle(isolated)
+    for name, load, targets in (
+        ("one process", one, (TARGET_MS[behavior], TARGET_MB, TARGET_MEDIAN_MS, TARGET_P99_MS)),
+        ("isolated", many, (None,) * 4),
+    ):
+        loads = composed if load is one else isolated
+        all_ms = sorted(ms for each in loads for ms in each.latencies_ms)
+        unheard = (
+            f"{sum(each.unheard for each in loads)} requests late or lost in {FRAMES * len(loads)} frames"
+        )
+        spent = f"the simulator besides {load.simulator_ms:.2f} ms; median of {len(loads)}; {unheard}"
+        yield row(f"{behavior}, {name}", load.ms, "ms a frame", targets[0], spent)
+        yield row(f"{behavior}, {name}: memory", load.mb, "MB", targets[1], "without the simulator")
+        p99 = all_ms[int(0.99 * len(all_ms))]
+        yield row(
+            f"{behavior}, {name}: tick to driver", statistics.median(all_ms), "ms", targets[2], "median"
+        )
+        yield row(f"{behavior}, {name}: tick to driver, 99 %", p99, "ms", targets[3], "")
+        yield row(f"{behavior}, {name}: switches", load.switches, "a frame", None, "of threads")
+    yield row(f"{behavior}: time, one / isolated", one.ms / many.ms, "x", TARGET_RATIO[behavior], "")
+    yield row(f"{behavior}: memory, one / isolated", one.mb / many.mb, "x", TARGET_MEMORY_RATIO, "")
 
 
-def _part_rows(behavior: str, load: Load) -> Iterator[Row]:
-    """Yield where the time of each process goes, from a run with clocks: a row a process. The rest is what
-    has no clock: zenoh's threads, switches between threads, and all other Python."""
-    for name, ms in sorted(load.ms.items(), key=lambda item: -item[1]):
-        known = load.by_part.get(name, {})
-        if known:
-            rest = max(0.0, ms - sum(known.values()))
-            shown = [*sorted(known.items(), key=lambda item: -item[1]), ("rest", rest)]
-            note = ", ".join(f"{part} {spent:.2f}" for part, spent in shown if spent >= 0.005)
-            yield row(f"{behavior}, with clocks: {name}", ms, "ms a frame", None, note)
+def _middle(loads: list[Load]) -> Load:
+    return sorted(loads, key=lambda load: load.ms)[len(loads) // 2]
 
 
 def main() -> None:
     """Print what some behaviors, or all of the table, take."""
-    behaviors = list(itertools.takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))
-    options = sys.argv[1 + len(behaviors) :]
-    unknown = [name for name in behaviors if name not in BEHAVIORS]
+    unknown = [name for name in sys.argv[1:] if name not in BEHAVIORS]
     if unknown:
-        expected = f"{' or '.join(BEHAVIORS)}, then options of `colony run`"
-        sys.exit(f"load: found {', '.join(unknown)}; expected {expected}")
-    rows = [] if behaviors or options else run()
-    for behavior in behaviors or (BEHAVIORS if options else ()):
-        rows += _rows(behavior, [robot(behavior, *options)], floor_ms())
-        rows += _part_rows(behavior, robot(behavior, *options, with_parts=True))
-    for each in rows:
-        print(f"{each['name']:36} {each['value']:7.2f} {each['unit']:10} {each['note']}")
+        sys.exit(f"load: found {', '.join(unknown)}; expected {' or '.join(BEHAVIORS)}")
+    for each in run(tuple(sys.argv[1:]) or BEHAVIORS):
+        print(f"{each['name']:44} {each['value']:7.2f} {each['unit']:10} {each['note']}")
 
 
 if __name__ == "__main__":

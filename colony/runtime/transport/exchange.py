@@ -72,8 +72,19 @@ class Exchange:
         *,
         order: Callable[[], float] = in_order,
         link: Link = deliver_immediately,
+        messages_first: bool = False,
     ) -> None:
+        """Create an exchange without nodes.
+
+        Args:
+            time: the time in nanoseconds.
+            order: returns what decides between two messages that are due at one time, the lower one first.
+            link: returns the delay of each message.
+            messages_first: True to deliver all messages before any wake, however long it has been due: no
+                deadline passes while what it waits for is in the queue.
+        """
         self._time = time
+        self._messages_first = messages_first
         self._order = order
         self._link = link
         self._members: dict[str, Member] = {}
@@ -151,7 +162,7 @@ class Exchange:
 
     def post(self, sender: str, topic: str, message: Message) -> None:
         """Queue a message for all listeners of a topic."""
-        now = self._time()
+        now = 0 if self._messages_first else self._time()
         for member in self.listeners(topic):
             delay = self._link(sender, member.address, message)
             if delay is None:

@@ -38,7 +38,7 @@ from colony.runtime.protocol.messages import (
     Tick,
 )
 from colony.runtime.protocol.plausibility import check_plausible
-from colony.runtime.transport.exchange import NEVER_NS, Exchange, Member
+from colony.runtime.transport.exchange import NEVER_NS, Delivery, Exchange, Member
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.acknowledging import Acknowledging, must_wait
 from colony.runtime.transport.live.inbox import Inbox
@@ -98,7 +98,7 @@ class Host:
         self._learned = time if isinstance(time, LearnedTime) else None
         self._announces = announces
         self._report = report
-        self._exchange = Exchange(time)
+        self._exchange = Exchange(time, messages_first=True)
         self._outbox = self._new_outbox()
         self._batched: list[Send] = []
         self._unsettled: dict[Member, None] = {}
@@ -236,24 +236,42 @@ class Host:
         self._exchange.at(self._time() + replacement.pause_ns, lambda: self._admit(replacement.make()))
 
     def _run_once(self) -> None:
-        """Handle everything that is due, then one message of another process; if there is none, sleep."""
+        """Handle all messages but calls, then wakes that are due, then one call; if there is none, sleep."""
+        self._handle_messages()
         while (due := self._exchange.pop(self._time())) is not None:
-            if due.receiver is None:
-                assert callable(due.content)
-                due.content()
-            else:
-                assert not callable(due.content)
-                self._handle(due.receiver, due.content)
+            self._deliver(due)
+            self._handle_messages()
         self._flush()
         queued = self._inbox.pop()
         if self._inbox.has_dropped_calls:
             self._outbox.send_all(self._refusals(), self._time())
         if queued is not None:
-            for message in self._read(queued):
-                for member in self._exchange.listeners(queued.topic):
-                    self._handle(member, message)
+            self._receive(queued)
         elif not self._stopping:
             self._inbox.sleep(self._time_to_wake_s())
+
+    def _handle_messages(self) -> None:
+        """Handle messages of this process, and those of others that are no calls, until none waits."""
+        while True:
+            while (due := self._exchange.pop(0)) is not None:
+                self._deliver(due)
+            queued = self._inbox.pop_frame()
+            if queued is None:
+                return
+            self._receive(queued)
+
+    def _deliver(self, due: Delivery) -> None:
+        if due.receiver is None:
+            assert callable(due.content)
+            due.content()
+        else:
+            assert not callable(due.content)
+            self._handle(due.receiver, due.content)
+
+    def _receive(self, queued: QueuedMessage) -> None:
+        for message in self._read(queued):
+            for member in self._exchange.listeners(queued.topic):
+                self._handle(member, message)
 
     def _handle(self, member: Member, message: Message) -> None:
         if member.settling is not None:

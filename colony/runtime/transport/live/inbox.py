@@ -54,6 +54,11 @@ class Inbox:
         if asleep:
             self._wakeups.put(None)
 
+    def pop_frame(self) -> QueuedMessage | None:
+        """Return the next message that is no call or has the right to stop, or None if there is none."""
+        with self._lock:
+            return self._queue.pop_frame()
+
     def pop(self) -> QueuedMessage | None:
         """Return the next message to handle, or None if the queue is empty."""
         with self._lock:

@@ -151,6 +151,18 @@ class MessageQueue:
 
     def pop(self) -> QueuedMessage | None:
         """Return the next message to handle, or None if the queue is empty."""
+        if (queued := self.pop_frame()) is not None:
+            return queued
+        while self._order and self._order[0][1] not in self._calls:
+            heapq.heappop(self._order)
+        if not self._order:
+            return None
+        entry = self._take(heapq.heappop(self._order)[1])
+        self._remove_if_empty(entry.connection)
+        return entry.queued
+
+    def pop_frame(self) -> QueuedMessage | None:
+        """Return the next message that does not wait behind frame messages, or None if there is none."""
         if self._stops:
             entry = self._stops.popleft()
             self._connections[entry.connection].stops -= 1
@@ -161,11 +173,7 @@ class MessageQueue:
                 return entry.queued
             self._connections[entry.connection].alive = False
         else:
-            while self._order and self._order[0][1] not in self._calls:
-                heapq.heappop(self._order)
-            if not self._order:
-                return None
-            entry = self._take(heapq.heappop(self._order)[1])
+            return None
         self._remove_if_empty(entry.connection)
         return entry.queued
 

@@ -92,9 +92,7 @@ def test_the_process_ends_with_a_part_that_fails_again_and_again(stage: Stage) -
 def test_code_that_keeps_the_interpreter_is_told_of() -> None:
     told: list[str] = []
     with reporting_stalls(told.append):
-        ctypes.PyDLL(None).usleep(
-            int((STALL_S + 3 * INTERVAL_S) * 1e6)
-        )  # keeps the interpreter
+        ctypes.PyDLL(None).usleep(int((STALL_S + 3 * INTERVAL_S) * 1e6))  # keeps the interpreter
         until(lambda: told, "it is told of")
     assert told[0].startswith("this process stood still for ")
     assert stall(INTERVAL_S + STALL_S / 2) is None
