@@ -45,7 +45,7 @@ ROUNDS = 3
 """Measurements of each behavior in each layout."""
 
 STARTS_S = 60.0
-"""Seconds after which a run that has not begun is given up, and a process that does not tell its latencies."""
+"""Seconds after which a run is given up that has not begun, or does not tell its latencies."""
 
 TARGET_MS = {"wander": 4.0, "navigator": 5.0}
 TARGET_RATIO = {"wander": 0.40, "navigator": 0.45}

@@ -55,27 +55,40 @@ class Run:
         machine: Machine,
         *options: str,
         seed: int,
+        served: bool = False,
     ) -> None:
-        """Start the run, with a process for each server and one for the clients."""
+        """Start the run: a process for each server and one for the clients.
+
+        With `served`, the servers share a process of `colony serve`, and the clients are in that of the run.
+        """
         self.machine, self.random = machine, Random(seed)
-        arguments = ("--map", MAP, "--processes", "--isolate", "--duration", LONG_S, "--seed", str(seed))
-        self.started: Started = machine.start("run", WANDER, *arguments, "--no-picture", *options)
+        simulated, lasting = ("--map", MAP, "--seed", str(seed)), ("--duration", LONG_S, *options)
+        if served:
+            self.parent: Started = machine.start("serve", "all", "--robot", ROBOT, *simulated)
+            self._wait_for_simulator()
+            self.started: Started = machine.start("run", WANDER, "--connect", "--robot", ROBOT, *lasting)
+        else:
+            arguments = (*simulated, "--processes", "--isolate", "--no-picture", *lasting)
+            self.parent = self.started = machine.start("run", WANDER, *arguments)
+            self._wait_for_simulator()
         self.verdicts: deque[Verdict] = deque()
         self.ticks: deque[Tick] = deque()
         self._holds = ExitStack()
         robot_address = local(ROBOT, machine.environment)
-        until(
-            lambda: self.started.ended() or machine.truth(),
-            "the simulator starts",
-            patience_s=PLANT_START_TIMEOUT_S,
-        )
-        assert not self.started.ended(), self.started.err
         self.network = self._holds.enter_context(ZenohSession.open(robot_address))
         self.now: Callable[[], int] = local_time(robot_address)
         self.origin_ns = robot_address.directory.origin_ns()
         for topic in (topics.TICKS, topics.VERDICTS):
             handler = zenoh.handlers.Callback(self._hear, indirect=False)
             self.network.session.declare_subscriber(f"colony/{ROBOT}/{topic}", handler)
+
+    def _wait_for_simulator(self) -> None:
+        until(
+            lambda: self.parent.ended() or self.machine.truth(),
+            "the simulator starts",
+            patience_s=PLANT_START_TIMEOUT_S,
+        )
+        assert not self.parent.ended(), self.parent.err
 
     def _hear(self, sample: zenoh.Sample) -> None:
         message = codec.decode(sample.payload.to_bytes())
@@ -126,7 +139,7 @@ class Run:
     def pids(self) -> dict[str, int]:
         """Return the processes that live, by name: servers, and `clients`."""
         found = {}
-        for pid in children_of(self.started.pid):
+        for pid in children_of(self.parent.pid):
             try:
                 spec = _SPEC.search(Path(f"/proc/{pid}/cmdline").read_text())
             except OSError:  # it just ended

@@ -232,3 +232,43 @@ def test_a_clock_that_is_killed_goes_on_in_the_epoch(run: Run, others: tuple[str
         return True
 
     assert any(stays_in_the_epoch() for _ in range(3))
+
+
+# --- servers that share a process ------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    print(f"seed {SEED}")
+    machine = Machine(tmp_path_factory.mktemp("served"))
+    try:
+        options = ("--record", "run.mcap", "--format", "json")
+        with closing(Run(machine, *options, seed=SEED, served=True)) as made:
+            yield made
+            _every_decision_was_the_interpreters(made)
+    finally:
+        machine.close()
+
+
+def test_a_process_of_all_servers_that_is_killed_goes_on_in_the_epoch_and_soon(served: Run) -> None:
+    """The base stands by its watchdog meanwhile, and nothing that was acknowledged is lost."""
+
+    def measure() -> int:
+        served.goes_on()
+        with served.machine.session() as session, session.connect("DServer", timeout_s=20.0) as variables:
+            variables.do(data.set("kept", served.now()))
+            kept = variables.do(data.get("kept", type=int))
+        epoch = served.ticks[-1].start
+        with served.speeds() as speeds:
+            until(lambda: bool(speeds) and abs(speeds[-1].velocity) > 100.0, "the robot is fast")
+            pid, since = served.signal("Clock", KILL)
+            until(lambda: served.pid("Clock") not in (None, pid), "it is started again")
+            first = until(lambda: [v for v in served.since(since) if v.by is not None], "it drives again")
+        assert first is not None
+        assert brakes_after(speeds, since, first[0].t_ns) <= WATCHDOG_NS + SLACK_NS
+        with served.machine.session() as session, session.connect("DServer", timeout_s=20.0) as variables:
+            assert variables.do(data.get("kept", type=int)) == kept
+        served.goes_on()
+        return first[0].t_ns - since if served.ticks[-1].start == epoch else 60 * SECOND
+
+    best(measure, 1_500_000_000, "first command after the death of all servers")
