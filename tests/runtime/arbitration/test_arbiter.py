@@ -11,8 +11,6 @@ from colony.ir.servers import SPEED
 from colony.ir.types import BOOL
 from colony.runtime.arbitration.arbiter import (
     MAX_FRAMES_AHEAD,
-    MAX_NOTE_LENGTH,
-    MAX_NOTES,
     Arbiter,
     Dispatch,
     timing,
@@ -278,13 +276,6 @@ def test_of_those_outside_only_the_first_counts() -> None:
     assert choice("sss", both) == ("ann/1", True)
 
 
-def test_a_lock_lets_nobody_but_its_holder_act_and_a_stop_nobody() -> None:
-    both = (outside(9), outside(1, connection="bob/1"))
-    assert choice("c--", Interventions(both, "locked", "bob/1")) == ("bob/1", True)
-    assert choice("c--", Interventions(both, "locked", "cy/1")) == (None, True)
-    assert choice("c--", Interventions(both, "stopped")) == (None, True)
-
-
 def naive(came: dict[str, str], lost: set[str], priority: int | None) -> tuple[str | None, bool]:
     """The rule again, in the order in which one would say it."""
     ranks = dict(zip(PLACES, (6, 4, 2), strict=True))
@@ -349,24 +340,6 @@ def test_verdicts_name_everyone_outside_who_did_not_get_through(one: Arbiter) ->
             "ann/1": fate,
             "bob/1": fate,
         }
-
-
-def test_notes_are_few_and_short_whatever_comes(one: Arbiter) -> None:
-    one.open(tick(), frozenset(), 0)
-    for i in range(1000):
-        one.receive(request(f"stranger {i} {'x' * 1000}", "command"), MS)
-    (verdict,) = [e for e in one.finish() if isinstance(e, Verdict)]
-    assert len(verdict.notes) == MAX_NOTES
-    assert max(map(len, verdict.notes)) == MAX_NOTE_LENGTH
-
-
-def test_a_remark_after_the_frame_is_in_the_next_verdict() -> None:
-    one = Arbiter(table(DRIVE), TIMES)
-    one.add_note("before")
-    _, first = one.open(tick(0), frozenset(), 0)
-    one.add_note("after")
-    _, second = one.open(tick(1), frozenset(), 50 * MS)
-    assert (first.notes, second.notes) == (("before",), ("after",))
 
 
 def test_requests_for_the_first_frame_may_come_before_its_tick_whatever_its_number(one: Arbiter) -> None:

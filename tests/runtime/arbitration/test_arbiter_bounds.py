@@ -261,14 +261,6 @@ def test_a_lost_client_that_commands_counts_neither_as_command_nor_as_heard() ->
     assert ballot.choose(Interventions()) == Choice("cruise", None, True)
 
 
-def test_of_two_that_are_gone_the_higher_keeps_a_command_from_outside_out() -> None:
-    for gone in (("back_off", "cruise"), ("cruise", "back_off")):
-        ballot = Ballot(ClientRanking(ranked(*PLACES)), gone)
-        ballot.take(request("avoid"))
-        assert ballot.choose(Interventions(commands=(outside(2),))) == Choice(None, None, True)
-        assert ballot.choose(Interventions(commands=(outside(4),))) == Choice(None, outside(4), True)
-
-
 def test_the_highest_of_several_commands_counts() -> None:
     ballot = Ballot(ClientRanking(tuple(zip(PLACES, (30, 20, 10), strict=True))), ())
     for client in ("avoid", "cruise"):

@@ -68,15 +68,6 @@ def test_it_survives_the_death_of_any_one_of_them(killed: str, tmp_path: Path) -
     assert not moved(script, 1 * S + 1, 4 * S)
 
 
-def test_the_base_is_halted_in_the_moment_in_which_the_server_hears_of_it() -> None:
-    script = Script()
-    whole = session(roam(), script, Log())
-    at(whole, 1 * S + 20 * MS, "RServer", emergency.stop())
-    assert whole.run(2 * S)
-    assert 1 * S + 20 * MS in script.stopped
-    assert not moved(script, 1 * S + 20 * MS, 2 * S)
-
-
 # --- DServer's actuators ---------------------------------------------------------------------------
 
 IDLE_LAMP = msgspec.structs.replace(LAMP, idle=(False,))
