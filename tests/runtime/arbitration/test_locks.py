@@ -7,8 +7,7 @@ import pytest
 from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.connections import Caller
-
-S = 1_000_000_000
+from tests.kit.node_stage import S
 
 
 def asked(name: str, number: int = 1, priority: int = 0) -> CallId:

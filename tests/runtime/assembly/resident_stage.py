@@ -27,9 +27,6 @@ from colony.runtime.servers.runtime_server import RuntimeServer
 from colony.runtime.transport.virtual import Delay, VirtualClock, VirtualTransport
 from tests.robot_servers import ROME_SERVERS
 
-MS = 1_000_000
-S = 1000 * MS
-
 SERVERS = ("RServer", "PServer", "DServer", "Runtime")
 
 

@@ -18,11 +18,9 @@ from colony.runtime.library import robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Sample
 from colony.verify.audit.audit import audit
+from tests.kit.node_stage import MS, S
 from tests.runtime.scripted import FAR, Log, Script, session
 from tests.verify.audit.test_audit import changed
-
-MS = 1_000_000
-S = 1000 * MS
 
 TEXT = """
 robot r {

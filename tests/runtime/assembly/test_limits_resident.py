@@ -28,7 +28,8 @@ from colony.runtime.protocol.deployment import LIMITS_RUN, client_addresses
 from colony.runtime.protocol.messages import Node, Sample, Verdict
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
-from tests.runtime.assembly.resident_stage import MS, Robot, S, description
+from tests.kit.node_stage import MS, S
+from tests.runtime.assembly.resident_stage import Robot, description
 from tests.runtime.scripted import Script
 
 WANDER = """

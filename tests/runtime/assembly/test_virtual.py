@@ -23,11 +23,9 @@ from colony.ir.program import (
 from colony.ir.types import BOOL, DIMENSIONLESS
 from colony.runtime.protocol.messages import Announcement, Message, Sample, ServerFrame
 from colony.runtime.servers.runtime_server import random_of_frame
+from tests.kit.node_stage import MS, S
 from tests.runtime.programs import go, number, roam, robot
 from tests.runtime.scripted import FAR, Log, Script, session
-
-MS = 1_000_000
-S = 1000 * MS
 
 
 def near_after_2s(t: int) -> Sample:

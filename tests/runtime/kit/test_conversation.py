@@ -26,8 +26,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import EMERGENCY_STOP, NoArguments
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import Alive, Call, Notice, Problem, Reply
-
-MS = 1_000_000
+from tests.kit.node_stage import MS
 
 
 class _Blob(msgspec.Struct, frozen=True, kw_only=True):

@@ -27,10 +27,9 @@ from colony.runtime.protocol.messages import Reply, Sample, Send, Tick, Wake
 from colony.runtime.servers.drivers import MAX_PROBLEM_LENGTH, Drivers, Reading, problems_of
 from colony.runtime.transport.virtual import VirtualClock
 from tests.kit.calling import call_of
-from tests.kit.node_stage import NodeStage
+from tests.kit.node_stage import MS, NodeStage
 from tests.runtime.scripted import Log
 
-MS = 1_000_000
 NOW_NS = 10_000 * MS
 
 

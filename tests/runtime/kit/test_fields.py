@@ -10,8 +10,8 @@ import pytest
 from colony.runtime.kit.fields import MAX_AGE_NS, FieldReader, Reading, field
 from colony.runtime.kit.once import exception_text
 from colony.runtime.protocol.messages import Sample
+from tests.kit.node_stage import MS
 
-MS = 1_000_000
 NOW_NS = 10_000 * MS
 
 # --- what a read returns ---------------------------------------------------------------------------------

@@ -16,11 +16,9 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import RunSummary, Tally, Travel, render
 from colony.runtime.protocol.messages import Hold, Message, Request, Sample
 from colony.runtime.transport.virtual import Link, deliver_immediately
+from tests.kit.node_stage import MS, S
 from tests.runtime.programs import go, number, roam
 from tests.runtime.scripted import FAR, Script, session
-
-MS = 1_000_000
-S = 1000 * MS
 
 
 def summarize(

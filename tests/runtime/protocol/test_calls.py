@@ -35,9 +35,9 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
+from tests.kit.node_stage import MS
 
 ANN, BOB = "ann/1", "bob/2"
-MS = 1_000_000
 
 
 class Add(msgspec.Struct, frozen=True, kw_only=True):

@@ -22,11 +22,9 @@ from colony.runtime.recordings.lines import Recording, add_checksum, encoder, se
 from colony.runtime.recordings.replay import Rows, has_valid_checksum
 from colony.text.diagnostics import DiagnosticError
 from colony.text.units import nanoseconds
+from tests.kit.node_stage import MS, S
 from tests.runtime.programs import roam
 from tests.runtime.scripted import FAR, Log, Script, session
-
-MS = 1_000_000
-S = 1000 * MS
 
 
 class Kept(io.BytesIO):
