@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -58,7 +57,7 @@ def test_a_stop_that_one_server_heard_holds_everywhere_until_the_clock_releases_
 
 
 @pytest.mark.parametrize("killed", ["RServer", "Clock"])
-def test_it_survives_the_death_of_any_one_of_them(killed: str, tmp_path: Path) -> None:
+def test_it_survives_the_death_of_any_one_of_them(killed: str) -> None:
     script = Script()
     whole = session(roam(), script, Log())
     at(whole, 1 * S, "RServer", emergency.stop())

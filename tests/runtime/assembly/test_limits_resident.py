@@ -16,18 +16,17 @@ from colony.runtime.assembly.limits import (
     limit_servers,
 )
 from colony.runtime.frames.clock import Clock
-from colony.runtime.kit.commands import command, parameter
 from colony.runtime.kit.errors import RobotConnectionError
-from colony.runtime.kit.fields import FieldReader, Reading, field
+from colony.runtime.kit.fields import Reading, field
 from colony.runtime.kit.script import Script as Generator
 from colony.runtime.kit.script import do, sleep
 from colony.runtime.kit.script_node import ScriptNode
-from colony.runtime.kit.service import Service
 from colony.runtime.library import actuator, data
 from colony.runtime.protocol.deployment import LIMITS_RUN, client_addresses
 from colony.runtime.protocol.messages import Node, Sample, Verdict
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
+from tests.kit.lift import move_command, service
 from tests.kit.node_stage import MS, S
 from tests.runtime.assembly.resident_stage import Robot, description
 from tests.runtime.scripted import Script
@@ -171,18 +170,13 @@ def test_a_lift_of_its_own_server_is_held_to_the_limits_of_the_description() -> 
         yield from sleep(2.0)
         yield from do("DServer", data.set("Most", 250.0))
 
-    def lift() -> Service:
-        fields = [field("height", lambda: Reading(at_mm[0], age_ns=0), unit="mm", has_age=True)]
-        parameters = (parameter("height", unit="mm", low=0, high=400), parameter("fast", boolean=True))
-        moves = command("move", move, *parameters)
-        return Service("Lift", (), FieldReader("Lift", fields, print), print, commands=[moves])
-
+    height = field("height", lambda: Reading(at_mm[0], age_ns=0), unit="mm", has_age=True)
     transport = VirtualTransport(now, seed=1)
     servers = ("Lift", "DServer")
     nodes: list[Node] = [
         Clock(servers=servers, resident=limit_deployment(compiled)),
         DServer(),
-        lift(),
+        service([height], [move_command(move)], print),
         *limit_nodes(compiled, limit_bindings(compiled.robot)),
         ScriptNode("limits", lead_limits(compiled), ("Clock", *servers)),
         ScriptNode("console", console(), ("Lift",), priority=5),

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import calls
 from colony.runtime.protocol.calls import (
     LATER,
@@ -35,6 +36,7 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
+from tests.kit.calling import call_of
 from tests.kit.node_stage import MS
 
 ANN, BOB = "ann/1", "bob/2"
@@ -121,9 +123,8 @@ def call(
     priority: int = 0,
     right: Right = "command",
 ) -> Call:
-    raw = msgspec.Raw(msgspec.msgpack.encode({} if arguments is None else arguments))
-    return Call(
-        connection=connection, number=number, method=what, arguments=raw, priority=priority, right=right
+    return call_of(
+        Ask(what, {} if arguments is None else arguments, None, right), connection, number, priority
     )
 
 

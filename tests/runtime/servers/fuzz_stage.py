@@ -15,9 +15,7 @@ from typing import Any, get_args
 import msgspec
 
 from colony.runtime.frames.clock import Clock
-from colony.runtime.kit.commands import command, parameter
-from colony.runtime.kit.fields import FieldReader, field
-from colony.runtime.kit.service import Service
+from colony.runtime.kit.fields import field
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import CallDispatcher, Method, Open
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
@@ -54,6 +52,7 @@ from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
 from colony.runtime.transport.live.keys import CallKey, carries_calls, check_call
 from tests.kit.base import CLIENTS, RollingBase, deployed
+from tests.kit.lift import move_command, service
 from tests.kit.node_stage import FRAME_NS, NodeStage, S, messages
 from tests.runtime.servers.nonsense import Grammar, Hints, Vandal, tree_bytes
 
@@ -89,14 +88,10 @@ def _clock() -> Node:
 def lift(done: list[tuple[float, bool]] | None = None) -> Node:
     """A server of a user, with a command; what it is made to do goes to `done`."""
     told = [] if done is None else done
-    move = command(
-        "move",
-        lambda height, fast: told.append((height, fast)),
-        parameter("height", unit="mm", low=0.0, high=400.0),
-        parameter("fast", boolean=True),
+    height = field("height", lambda: 1.0, unit="mm")
+    return service(
+        [height], [move_command(lambda height, fast: told.append((height, fast)))], lambda problem: None
     )
-    fields = [field("height", lambda: 1.0, unit="mm")]
-    return Service("Lift", [], FieldReader("Lift", fields, print), lambda problem: None, commands=[move])
 
 
 BUILD: dict[str, Callable[[], Node]] = {
