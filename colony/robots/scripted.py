@@ -196,7 +196,7 @@ class ScriptedRobot(VirtualRobot):
     ) -> None:
         self.sent: list[SentCommand] = []
         self.log = FrameCollector()
-        bindings, store = _bindings(compiled.robot), MemoryStore()
+        bindings, store = scripted_bindings(compiled.robot), MemoryStore()
 
         def servers(deployed: Deployment, frames_kept: int) -> Builders:
             builders: dict[str, Callable[[], Node]] = {
@@ -222,7 +222,7 @@ class ScriptedRobot(VirtualRobot):
         )
 
 
-def _bindings(robot: Robot) -> Bindings:
+def scripted_bindings(robot: Robot) -> Bindings:
     """Return bindings that assign sensors to the servers in turn, in their declared units."""
     return Bindings(
         sensors=tuple(

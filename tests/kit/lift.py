@@ -21,7 +21,6 @@ from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import Effect, Request, Send, ServerFrame, Tick, Verdict
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.transport.exchange import Link, deliver_immediately
 from colony.runtime.transport.virtual import VirtualClock
 from tests.kit.calling import call_of, opening
 from tests.kit.node_stage import FRAME_NS, MS, Caller, NodeStage, messages
@@ -142,13 +141,12 @@ network { lift = up suppresses down }
 class Robot:
     """A robot with a lift that moves 10 mm a frame where it is told to. Mutable.
 
-    `told` is what the lift was told last in each frame, `all_told` all of it with its times.
+    `told` is what the lift was told last in each frame.
     """
 
-    def __init__(self, link: Link = deliver_immediately, *, seed: int = 0) -> None:
+    def __init__(self) -> None:
         self.clock, self.log, self.reports = VirtualClock(), Log(), list[str]()
         self.told: dict[int, tuple[float, bool]] = {}
-        self.all_told: list[tuple[int, tuple[float, bool]]] = []
         self.height = 250.0
         self._field = field("height", lambda: Reading(self.height, age_ns=0), unit="mm", has_age=True)
         self._command = move_command(self._perform)
@@ -157,7 +155,7 @@ class Robot:
         spec = server_spec(Description(server="Lift", fields=fields, commands=commands))
         bindings = bind(compiled.robot, (*ROME_SERVERS, spec))
         self.robot = VirtualRobot(
-            compiled, bindings, self._servers, clock=self.clock, seed=seed, sinks=(self.log,), link=link
+            compiled, bindings, self._servers, clock=self.clock, seed=0, sinks=(self.log,)
         )
         self.robot.start()
         self._deployments = 0
@@ -186,7 +184,6 @@ class Robot:
 
     def _perform(self, height: float, fast: bool) -> None:
         self.told[self.clock() // FRAME_NS] = (height, fast)
-        self.all_told.append((self.clock(), (height, fast)))
         self.height += max(-10.0, min(10.0, height - self.height))
 
     def _servers(self, deployed: Deployment, frames_kept: int) -> Builders:

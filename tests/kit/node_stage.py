@@ -46,6 +46,11 @@ def messages(effects: Iterable[Effect], kind: type[T]) -> list[T]:
     return [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, kind)]
 
 
+def sent(node: Node, *batch: Message, now_ns: int = 0) -> list[Any]:
+    """Hand messages to a node without a stage; gives the messages that it sends."""
+    return messages([effect for message in batch for effect in node.handle(message, now_ns)], object)
+
+
 def result_of(ask: Ask[T], reply: Reply) -> T:
     """Return the result of a call.
 

@@ -25,8 +25,8 @@ from colony.runtime.transport.live.run_directory import RobotDirectory
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import AttachBase, Attached, BaseReading, DriveBase, pack
+from tests.kit.script_stage import RobotStage
 from tests.nav.floors import two_floors
-from tests.nav.script_stage import Stage
 from tests.sim.plant.plants import PlantProcess, wait_for
 from tests.sim.plant.test_process import START, Line, is_frozen
 
@@ -126,7 +126,7 @@ def test_an_operator_says_that_the_simulator_is_lost(
         described=DescribedRobot(body, servers_of(body)), map_path="", seed=1, state=tmp_path
     )
     with simulated_operator(robot_address, robot, two_floors(tmp_path)) as script:
-        stage = Stage(operator=script)
+        stage = RobotStage(operator=script)
         stage.tell(ELEVATOR_CALL, ["liftL", "ground", "upper"])
         plant.kill()
         with pytest.raises(ScriptError, match="`operator` raised RobotConnectionError: lost the simulator: "):

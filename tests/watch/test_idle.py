@@ -27,7 +27,8 @@ from colony.runtime.servers.rserver import RServer
 from colony.runtime.transport.virtual import VirtualTransport
 from colony.watch.idle import IdleRobot, IdleSink, idle_observer, idle_robot
 from colony.watch.joining import Listener
-from tests.runtime.assembly.resident_stage import MS, SERVERS, Robot, S, description
+from tests.kit.node_stage import MS, S
+from tests.runtime.assembly.resident_stage import SERVERS, Robot, description
 from tests.runtime.scripted import Script
 from tests.watch.runs import run
 

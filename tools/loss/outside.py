@@ -3,7 +3,7 @@ each command that left is the interpreter's, the idle one, or one from outside w
 
 Each seed is a variant of one program with three actuators, the real servers in virtual time, three
 connections that drive, lock, stop and set variables, sensors that fail, and a plan of faults as in
-`policy.py`. What the frames were is taken from the network afterwards. Then
+`policy.py`. What the frames were is taken from the network afterwards (`oracle.py`). Then
 
 - every verdict is the interpreter's, or idle with a reason; a command from outside is within the
   interpreter's bounds for that frame;
@@ -18,23 +18,22 @@ connections that drive, lock, stop and set variables, sensors that fail, and a p
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import lru_cache
 from random import Random
 from typing import Any, NamedTuple
 
-from colony.ir.frame import Decision, Frame, Outcome, Reading
+from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.given import MISSED, given_in_frame
 from colony.ir.program import Program, in_declared_units
-from colony.runtime.protocol.messages import Message, Tick, Verdict
-from colony.runtime.transport.faults import FaultRates, Faults
+from colony.runtime.protocol.messages import Tick, Verdict
 from colony.verify.audit.audit import audit
 from colony.verify.audit.verdict import objection, outside_objection, same_values
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Options, Proved
 from colony.verify.reference.interpreter import Interpreter
-from tools.loss.outside_stage import MS, SERVERS, Happened, Robot, variant
-from tools.loss.policy import epochs
+from tools.loss.oracle import MS, check_recovered, epochs, link, observed, plan, possible_frames
+from tools.loss.outside_stage import SERVERS, Happened, Robot, variant
+from tools.loss.seeds import named
 
 FAULTY_NS = 5_000 * MS
 QUIET_NS = 5_000 * MS
@@ -42,33 +41,18 @@ QUIET_NS = 5_000 * MS
 
 VARIANTS = 12
 
-Fail = Callable[[str], str]
 
-
-def plan(robot: Robot, random: Random) -> None:
+def plan_faults(robot: Robot, random: Random) -> None:
     """Kill, freeze and revive processes; when the time of the faults ends, all live."""
-    session, processes = robot.session, robot.session.processes
-    often = random.choice((None, None, "Clock", "RServer", "DServer", processes[-1]))
-    for _ in range(random.choice((0, 1, 1, 2, 3, 5, 8))):
-        process = often if often and random.random() < 0.6 else random.choice(processes)
-        at = random.randrange(FAULTY_NS)
-        back = min(FAULTY_NS, at + random.choice((0, 30, 200, 600, 1500, 4000)) * MS)
-        do = robot.kill if random.random() < 0.6 else session.freeze
-        session.transport.at(at, partial(do, process))
-        session.transport.at(back, partial(session.revive, process))
-    for process in processes:
-        session.transport.at(FAULTY_NS, partial(session.revive, process))
+    session = robot.session
+    often = random.choice((None, None, "Clock", "RServer", "DServer", session.processes[-1]))
+    counts = (0, 1, 1, 2, 3, 5, 8)
+    plan(session, random, FAULTY_NS, often=often, counts=counts, kill=robot.kill)
 
 
-def link(seed: int, random: Random, robot: list[Robot]) -> Faults:
-    """Faults of the network while there are faults, and none on the way to the observer."""
-    share = random.choice((0.0, 0.3, 1.0, 2.0))
-    rates = FaultRates(lost=0.02 * share, duplicated=0.02 * share, late=0.03 * share, reordered=0.1 * share)
-
-    def spared(sender: str, receiver: str, message: Message) -> bool:
-        return receiver == "Observer" or not robot or robot[0].now_ns >= FAULTY_NS
-
-    return Faults(seed, rates, exempt=spared)
+def is_quiet(made: list[Robot]) -> bool:
+    """Return True before the robot is made, and after the faults."""
+    return not made or made[0].now_ns >= FAULTY_NS
 
 
 def run(seed: int) -> Counter[str]:
@@ -81,15 +65,13 @@ def run(seed: int) -> Counter[str]:
     frame_ms = random.choice((50, 100, 100, 250))
     program = variant(seed % VARIANTS, frame_ms)
     made: list[Robot] = []
-    faults, isolate = link(seed, random, made), random.random() < 0.5
+    faults, isolate = link(seed, random, lambda: is_quiet(made)), random.random() < 0.5
     robot = Robot(program, seed=seed, random=random, until_ns=FAULTY_NS, link=faults, isolate=isolate)
     made.append(robot)
-    plan(robot, random)
-    try:
+    plan_faults(robot, random)
+    with named(f"seed {seed}"):
         robot.session.run(FAULTY_NS + QUIET_NS)
         return check(robot)
-    except AssertionError as problem:
-        raise AssertionError(f"seed {seed}: {problem}") from problem
 
 
 @lru_cache(maxsize=64)
@@ -100,21 +82,6 @@ def proved(program: Program) -> frozenset[str]:
 
 
 # --- what should have been -------------------------------------------------------------------------
-
-
-def frame_of(robot: Robot, tick: Tick, *, void_counts: bool) -> Frame:
-    """The frame as published; or as it is where void frames are "no value"."""
-    readings: dict[str, Reading] = {s.name: None for s in robot.program.robot.sensors if s.sent}
-    for binding in robot.bindings.sensors:
-        at = (binding.server, tick.k)
-        if binding.server in tick.down or at not in robot.seen.frames:
-            continue
-        if void_counts and at in robot.seen.void:
-            continue
-        sample = robot.seen.frames[at].fields.get(binding.field)
-        if sample is not None and binding.is_fresh(sample.t_ns, tick.t_ns):
-            readings[binding.sensor] = binding.in_declared_units(sample.value)
-    return Frame(tick.t_ns, readings, restarted=tick.restarted)
 
 
 class Due(NamedTuple):
@@ -141,30 +108,24 @@ def check(robot: Robot) -> Counter[str]:
     newest: tuple[Tick, Due] | None = None
     seen = robot.seen
     for epoch in epochs(seen.ticks):
-        disputed = any(
-            (s, t.k) in seen.void and (s, t.k) in seen.frames for t in epoch for s in robot.servers
-        )
-        interpreters = [Interpreter(robot.program) for _ in range(1 + disputed)]
+        possible = [(Interpreter(robot.program), frames) for frames in possible_frames(robot, epoch)]
         for tick in epoch:
             verdicts = {
                 a.name: seen.verdicts[tick.k, a.name]
                 for a in robot.program.robot.actuators
                 if (tick.k, a.name) in seen.verdicts
             }
-            dues = [
-                step(robot, one, frame_of(robot, tick, void_counts=not i), verdicts)
-                for i, one in enumerate(interpreters)
-            ]
+            dues = [step(robot, one, frames[tick.k], verdicts) for one, frames in possible]
             check_frame(robot, tick, dues, verdicts, counts)
             for told in orphans.pop(tick.k, ()):
                 check_orphan(robot, tick, dues, told)
                 counts["commands whose verdict was lost"] += 1
             newest = tick, dues[0]
             if tick.k + 1 in seen.ticks and tick.t_ns > (FAULTY_NS + QUIET_NS) - 1000 * MS:
-                check_recovered(robot, tick, dues[0], verdicts)
+                check_recovered(robot, tick.k, dues[0].decisions)
         counts["frames"] += len(epoch)
         counts["epochs"] += 1
-        counts["epochs with disputed frames"] += disputed
+        counts["epochs with disputed frames"] += len(possible) - 1
         counts["gaps"] += sum(t.previous != t.k - 1 for t in epoch)
     assert newest is not None, "the run never began"
     assert newest[0].t_ns > FAULTY_NS + QUIET_NS - 600 * MS, f"the last frame is at {newest[0].t_ns}"
@@ -224,29 +185,14 @@ def check_orphan(robot: Robot, tick: Tick, dues: list[Due], told: tuple[float, f
     raise AssertionError(f"frame {tick.k}: the base was told {told}, due was {dues[0].decisions['drive']}")
 
 
-def check_recovered(robot: Robot, tick: Tick, due: Due, verdicts: dict[str, Verdict]) -> None:
-    """Everyone was on time, and the commands were the reference's."""
-    for actuator, decision in due.decisions.items():
-        verdict = verdicts.get(actuator)
-        assert verdict is not None, f"frame {tick.k}: no verdict for {actuator} although all is quiet"
-        assert not any(f in MISSED for _, f in verdict.fates), (
-            f"frame {tick.k}: {verdict} although all is quiet"
-        )
-        found = repr((verdict.by, verdict.values, verdict.fault))
-        wanted = repr((decision.by, decision.values, decision.fault))
-        assert found == wanted, f"frame {tick.k}: {found} although all is quiet, due was {wanted}: {verdict}"
-
-
 def check_observed(robot: Robot, counts: Counter[str]) -> None:
     """The monitor found nothing that is proved to be broken, and the audit agrees."""
-    frames = robot.log.frames
-    for log in frames:
-        assert not log.disagreements, f"frame {log.tick.k}: the monitor says {log.disagreements}"
+    for log in observed(robot):
         if not any(v.unlimited for v in log.verdicts.values()):
             broken = proved(robot.program).intersection(log.breaches)
             assert not broken, f"frame {log.tick.k}: the monitor finds {broken} broken, although proved"
         counts["contracts broken that are not proved"] += len(log.breaches)
-    report = audit(robot.program, frames)
+    report = audit(robot.program, robot.log.frames)
     assert report.agrees, f"the audit finds {report.first}"
 
 

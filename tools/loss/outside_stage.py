@@ -25,10 +25,7 @@ from colony.runtime.servers.drivers import BaseState
 from colony.runtime.transport.exchange import Delay, Link
 from tests.robot_servers import ROME_SERVERS
 from tests.runtime.scripted import Script, session
-from tools.loss.stage import Seen
-
-MS = 1_000_000
-S = 1000 * MS
+from tools.loss.oracle import MS, Seen
 
 TEXT = """
 language 1

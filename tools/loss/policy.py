@@ -2,8 +2,8 @@
 lost on its way, no command is sent that the reference interpreter would not have sent in that frame.
 
 Each seed is a program, a trace, and a plan of faults, in virtual time; clients share a process in every other
-one. What the frames were is taken from the
-network afterwards: what servers published, and what the Clock said of them. Then
+one. What the frames were is taken from the network afterwards (`oracle.py`): what servers published, and what
+the Clock said of them. Then
 
 - every command that left arbitration is the interpreter's for that frame, or the idle one;
 - every checkpoint, and the memory of every client at the end, is that of one which saw all frames of the
@@ -12,37 +12,32 @@ network afterwards: what servers published, and what the Clock said of them. The
 - no frame has two commands, no server publishes two different frames of one number;
 - the monitor finds nothing wrong either;
 - and when the faults are over, everyone is on time again.
-
-Where a server died while a frame of its was on its way, some saw what others did not, and what the Clock then
-declared void. They find out and ask for a new epoch; until then either frame counts as the true one.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from functools import lru_cache, partial
-from itertools import pairwise
+from functools import lru_cache
 from random import Random
 from typing import Literal, NamedTuple
 
 from colony.execute.executor import ClientMemory
-from colony.ir.frame import Answer, Decision, Frame, Reading
+from colony.ir.frame import Answer, Decision, Frame
 from colony.ir.program import Program
-from colony.robots.scripted import SCRIPTED_SERVERS, SentCommand
+from colony.robots.scripted import SentCommand
 from colony.runtime.clients.memory import decode_memory
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.messages import Message, Tick
+from colony.runtime.protocol.messages import Tick
 from colony.runtime.protocol.topics import module_of
-from colony.runtime.transport.faults import FaultRates, Faults
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import frame_in_base_units
 from tests.drawn.strategies import run_of_seed
 from tests.programs import OneClient
-from tools.loss.stage import Robot, Seen
+from tools.loss.oracle import MS, check_recovered, epochs, link, observed, plan, possible_frames
+from tools.loss.seeds import named
+from tools.loss.stage import Robot
 
-MS = 1_000_000
 FAULTY, QUIET = 22, 20
 """Frames with faults, and frames after them in which all must come right again."""
 
@@ -67,30 +62,6 @@ def drawn(number: int, degrade: bool) -> Drawn:
     return Drawn(program, trace)
 
 
-def plan(robot: Robot, random: Random, until_ns: int, often: str | None) -> None:
-    """Kill, freeze and revive processes, one of them `often`; at `until_ns` all live."""
-    for _ in range(random.choice((0, 1, 1, 2, 3, 5))):
-        process = often if often and random.random() < 0.6 else random.choice(robot.processes)
-        at = random.randrange(until_ns)
-        back = min(until_ns, at + random.choice((0, 30, 200, 600, 1500, 4000)) * MS)
-        do = robot.kill if random.random() < 0.6 else robot.freeze
-        robot.transport.at(at, partial(do, process))
-        robot.transport.at(back, partial(robot.revive, process))
-    for process in robot.processes:
-        robot.transport.at(until_ns, partial(robot.revive, process))
-
-
-def link(seed: int, random: Random, until_ns: int, robot: list[Robot]) -> Faults:
-    """Faults of the network until then, and none on the way to the observer."""
-    share = random.choice((0.0, 0.3, 1.0, 2.0))
-    rates = FaultRates(lost=0.02 * share, duplicated=0.02 * share, late=0.03 * share, reordered=0.1 * share)
-
-    def spared(sender: str, receiver: str, message: Message) -> bool:
-        return receiver == "Observer" or not robot or robot[0].now_ns >= until_ns
-
-    return Faults(seed, rates, exempt=spared)
-
-
 def run(seed: int, *, degrade: bool = False, often: str | None = None) -> Counter[str]:
     """One seed; gives what happened in it. The process `often` fails more often than others.
 
@@ -102,16 +73,14 @@ def run(seed: int, *, degrade: bool = False, often: str | None = None) -> Counte
     frame_ns = random.choice((250, 250, 250, 250, 250, 100)) * MS
     until_ns = FAULTY * frame_ns
     made: list[Robot] = []
-    faults = link(seed, random, until_ns, made)
+    faults = link(seed, random, lambda: not made or made[0].now_ns >= until_ns)
     isolate = seed % 2 == 1
     robot = Robot(what.program, what.trace, frame_ns=frame_ns, seed=seed, link=faults, isolate=isolate)
     made.append(robot)
-    plan(robot, random, until_ns, often)
-    try:
+    plan(robot, random, until_ns, often=often)
+    with named(f"seed {seed}{', degrade' if degrade else ''}"):
         robot.run(FAULTY + max(QUIET, 4_500 * MS // frame_ns))
         return check(robot)
-    except AssertionError as problem:
-        raise AssertionError(f"seed {seed}{', degrade' if degrade else ''}: {problem}") from problem
 
 
 # --- what should have been -------------------------------------------------------------------------
@@ -129,49 +98,13 @@ class Path(NamedTuple):
     answers: dict[int, dict[str, Answer]]
 
 
-def epochs(ticks: Mapping[int, Tick]) -> Iterable[list[Tick]]:
-    """The ticks of the run, epoch by epoch; they follow each other, and time rises.
-
-    A restarted Clock goes on behind a gap; ticks in it were abandoned.
-    """
-    by_start: dict[int, list[Tick]] = {}
-    for k in sorted(ticks):
-        if ticks[k].run:
-            by_start.setdefault(ticks[k].start, []).append(ticks[k])
-    for start, ticked in by_start.items():
-        gaps = {gap for t in ticked for gap in t.gaps}
-        found = [t for t in ticked if not any(last < t.k < first for last, first in gaps)]
-        assert found[0].k == start, f"epoch {start} begins with frame {found[0].k}"
-        assert all(a.k == b.previous for a, b in pairwise(found)), f"epoch {start} has gaps"
-        assert all(a.t_ns < b.t_ns for a, b in pairwise(found)), f"time stands in {start}"
-        yield found
-
-
-def disputed(seen: Seen, epoch: list[Tick]) -> bool:
-    """Whether a frame is void that was published."""
-    return any((s, t.k) in seen.void and (s, t.k) in seen.frames for t in epoch for s in SCRIPTED_SERVERS)
-
-
-def frame_of(robot: Robot, tick: Tick, *, void_counts: bool) -> Frame:
-    """The frame as published; or as it is where void frames are "no value"."""
-    seen = robot.seen
-    readings: dict[str, Reading] = {s.name: None for s in robot.program.robot.sensors if s.sent}
-    for server in SCRIPTED_SERVERS:
-        at = (server, tick.k)
-        if server in tick.down or at not in seen.frames or (void_counts and at in seen.void):
-            continue
-        readings |= {n: s.value for n, s in seen.frames[at].fields.items() if s is not None}
-    return Frame(tick.t_ns, readings, restarted=tick.restarted)
-
-
-def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
-    """What the reference does in an epoch."""
-    interpreter, path = Interpreter(robot.program), Path({}, {}, {})
+def path_of(robot: Robot, epoch: list[Tick], frames: dict[int, Frame]) -> Path:
+    """What the reference does in an epoch with these frames."""
+    interpreter, path = Interpreter(robot.program), Path(frames, {}, {})
     degrading = any(a.on_loss == "degrade" for a in robot.program.robot.actuators)
     for tick in epoch:
-        frame = path.frames[tick.k] = frame_of(robot, tick, void_counts=void_counts)
         lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
-        outcome = interpreter.step(frame, lost)
+        outcome = interpreter.step(frames[tick.k], lost)
         path.decisions[tick.k] = {d.actuator: d for d in outcome.decisions}
         path.answers[tick.k] = {
             m: Answer(ANYTHING if interpreter.is_active(m) else None) for m in robot.compiled.python_modules
@@ -190,10 +123,8 @@ def check(robot: Robot) -> Counter[str]:
         sent.setdefault(one.k, []).append(one)
     last: Path | None = None
     for epoch in epochs(seen.ticks):
-        paths = [path_of(robot, epoch, void_counts=True)]
-        if disputed(seen, epoch):
-            paths.append(path_of(robot, epoch, void_counts=False))
-            counts["epochs with disputed frames"] += 1
+        paths = [path_of(robot, epoch, frames) for frames in possible_frames(robot, epoch)]
+        counts["epochs with disputed frames"] += len(paths) - 1
         for tick in epoch:
             for one in sent.get(tick.k, ()):
                 check_sent(robot, one, [p.decisions[tick.k][one.actuator] for p in paths])
@@ -203,12 +134,13 @@ def check(robot: Robot) -> Counter[str]:
         counts["epochs"] += 1
         counts["gaps"] += sum(t.previous != t.k - 1 for t in epoch)
         last = paths[0]
-    for log in robot.log.frames:
-        assert not log.disagreements, f"frame {log.tick.k}: the monitor says {log.disagreements}"
+    list(observed(robot))
     counts["epochs asked for"] += len({start for _, start in seen.restarts})
     counts["clients that recalled memory"] += len(seen.recalled)
     assert last is not None, "the run never began"
-    check_recovered(robot, last)
+    newest = max(last.frames)
+    for k in range(newest - 3, newest):
+        check_recovered(robot, k, last.decisions[k])
     return counts
 
 
@@ -270,17 +202,3 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
 def is_part(found: ClientMemory, due: ClientMemory) -> bool:
     cells = {name: due.cells[name] for name in found.cells if name in due.cells}
     return repr((found.first_ns, dict(found.cells))) == repr((due.first_ns, cells))
-
-
-def check_recovered(robot: Robot, last: Path) -> None:
-    """In the last frames everyone was on time, and the commands were the reference's."""
-    newest = max(last.frames)
-    for k in range(newest - 3, newest):
-        for actuator, decision in last.decisions[k].items():
-            verdict = robot.seen.verdicts.get((k, actuator))
-            assert verdict is not None, f"frame {k}: no verdict for {actuator} although all is quiet"
-            bad = [f for f in verdict.fates if f[1] in ("late", "lost", "refused", "overruled")]
-            assert not bad, f"frame {k}: {bad} although all is quiet"
-            found = repr((verdict.by, verdict.values, verdict.fault))
-            due = repr((decision.by, decision.values, decision.fault))
-            assert found == due, f"frame {k}: {found}, due was {due}"

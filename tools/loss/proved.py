@@ -31,7 +31,8 @@ from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Options, Proved, ProvedInTime
 from tests.drawn.strategies import run_of_seed
 from tools.drawn_programs import Holding, with_weaker_contracts
-from tools.loss.policy import plan
+from tools.loss.oracle import observed, plan
+from tools.loss.seeds import named
 from tools.loss.stage import Robot
 
 FRAMES = 60
@@ -160,10 +161,8 @@ def run(seed: int) -> Counter[str]:
         sent = {s.name for s in program.robot.sensors if s.sent}
         given = {} if random.random() < 0.3 else dict.fromkeys(sent)
         frames = [f._replace(readings={n: v for n, v in f.readings.items() if n not in given}) for f in trace]
-        try:
+        with named(f"seed {seed}, {kind}, run {number}"):
             counts += run_one(found.program, frames, kind, Random(f"{seed} {number}"), holding)
-        except AssertionError as problem:
-            raise AssertionError(f"seed {seed}, {kind}, run {number}: {problem}") from problem
     return counts
 
 
@@ -203,7 +202,7 @@ def run_one(
         actuator_server=server,
     )
     if kind != "always":
-        plan(robot, random, FRAMES * frame_ns * 3 // 4, None)
+        plan(robot, random, FRAMES * frame_ns * 3 // 4)
     robot.run(FRAMES)
     return check(robot, kind, holding)
 
@@ -211,8 +210,7 @@ def run_one(
 def check(robot: Robot, kind: Kind, holding: set[str]) -> Counter[str]:
     """The monitor reports no contract that holds."""
     counts = Counter[str]()
-    for log in robot.log.frames:
-        assert not log.disagreements, f"frame {log.tick.k}: the monitor says {log.disagreements}"
+    for log in observed(robot):
         broken = holding.intersection(log.breaches)
         assert not broken, (
             f"frame {log.tick.k}: {sorted(broken)} broken, although proved; sent {log.verdicts}"

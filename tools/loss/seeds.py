@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 
 def run_seeds(name: str, run: Callable[[int], Counter[str]], seeds: range) -> bool:
@@ -33,3 +34,12 @@ def fails(run: Callable[[int], object], seed: int) -> bool:
             raise
         return True
     return False
+
+
+@contextmanager
+def named(run: str) -> Iterator[None]:
+    """Begin the message of whatever does not hold with the name of the run."""
+    try:
+        yield
+    except AssertionError as problem:
+        raise AssertionError(f"{run}: {problem}") from problem

@@ -32,7 +32,7 @@ RUNTIME_TESTS = (
     *("arbitration/test_outside", "arbitration/test_locks", "arbitration/test_stop_latch"),
     *("assembly/test_conformance", "assembly/test_loss"),
     *("observe/test_observer", "observe/test_monitor", "transport/test_virtual"),
-    *("assembly/test_virtual", "assembly/test_virtual_faults", "kit/test_own_servers"),
+    *("assembly/test_virtual", "assembly/test_virtual_faults"),
     *("servers/test_rserver", "servers/test_rserver_calls", "servers/test_rserver_faults"),
     "frames/test_publishing",
 )

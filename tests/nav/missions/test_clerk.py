@@ -17,11 +17,11 @@ from colony.nav.shared import (
     GoalKind,
 )
 from colony.runtime.library import data
-from tests.nav.script_stage import Stage
+from tests.kit.script_stage import RobotStage
 
 
-def waiting() -> Stage:
-    stage = Stage(clerk=clerk())
+def waiting() -> RobotStage:
+    stage = RobotStage(clerk=clerk())
     stage.run(0.1)
     assert stage.semaphore(GOAL_DATA) == stage.semaphore(ROBOT_STATUS) == 0
     assert stage.told(GOAL_NUMBER) is None
@@ -75,7 +75,7 @@ def test_a_goal_in_place_of_another_takes_its_turn_at_once() -> None:
 
 
 def test_a_clerk_that_starts_again_goes_on_counting() -> None:
-    stage = Stage(clerk=clerk())
+    stage = RobotStage(clerk=clerk())
     stage.ask(data.set_many({GOAL_NUMBER: 41, GOAL_REACHED: 41, GOAL_ANSWERED: 41}))
     stage.run(0.1)
     stage.signal(GOAL_DATA)

@@ -8,8 +8,8 @@ from colony.nav.maps.building import Building, load_building
 from colony.nav.missions.elevator_calls import ElevatorCall
 from colony.nav.missions.elevator_prompt import PollResult, elevator_prompt, instructions
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
+from tests.kit.script_stage import RobotStage
 from tests.nav.floors import two_floors
-from tests.nav.script_stage import Stage
 
 CALL = ["liftL", "ground", "upper"]
 BACK = ["liftL", "upper", "ground"]
@@ -34,7 +34,7 @@ class Desk:
 
     def __init__(self, building: Building) -> None:
         self.line_input, self.said = FakeLineInput(), list[str]()
-        self.stage = Stage(prompt=elevator_prompt(building, self.line_input, say=self.said.append))
+        self.stage = RobotStage(prompt=elevator_prompt(building, self.line_input, say=self.said.append))
 
     def run(self, call: list[str]) -> object:
         """What FloorReached is, a second after ElevatorCall has become this."""

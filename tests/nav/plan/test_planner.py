@@ -42,7 +42,7 @@ from colony.nav.shared import (
 )
 from colony.runtime.kit.script import Script, Sleep, do
 from colony.runtime.library import data
-from tests.nav.script_stage import Stage
+from tests.kit.script_stage import RobotStage
 
 
 def at(x: float, y: float, floor: str = "f") -> FloorPoint:
@@ -68,7 +68,7 @@ def exactly(goal: Goal) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def obedient(stage: list[Stage], error: Errors, after_s: float = 0.0) -> Script:
+def obedient(stage: list[RobotStage], error: Errors, after_s: float = 0.0) -> Script:
     """In place of Navigator and CTracker: at each goal the robot is `error` ahead and to the left of it."""
     yield Sleep(after_s)
     for name in SEMAPHORES:
@@ -101,16 +101,16 @@ def staged(
     at: tuple[float, float, float] = (0.0, 0.0, 0.0),
     obeys_after_s: float = 0.0,
     **options: Any,
-) -> Stage:
+) -> RobotStage:
     """The planner and a robot that obeys it after a while, which begins at x, y and a heading."""
-    stage: list[Stage] = []
-    made = Stage(robot=obedient(stage, error, obeys_after_s), planner=planner(plan, **options))
+    stage: list[RobotStage] = []
+    made = RobotStage(robot=obedient(stage, error, obeys_after_s), planner=planner(plan, **options))
     stage.append(made)
     made.x, made.y, made.heading = at
     return made
 
 
-def driven(plan: Plan, ahead: float = 0.0, left: float = 0.0, **options: Any) -> Stage:
+def driven(plan: Plan, ahead: float = 0.0, left: float = 0.0, **options: Any) -> RobotStage:
     """A whole plan, with a robot that is always so far beyond its goals."""
     made = staged(plan, lambda goal: (ahead, left), **options)
     made.run(10.0)
@@ -118,7 +118,7 @@ def driven(plan: Plan, ahead: float = 0.0, left: float = 0.0, **options: Any) ->
     return made
 
 
-def goals(stage: Stage) -> list[tuple[str, float, float]]:
+def goals(stage: RobotStage) -> list[tuple[str, float, float]]:
     """Mode, direction and distance of each goal that was set."""
     found = []
     for values in stage.said("planner", "set_many"):
@@ -241,7 +241,7 @@ def test_a_planner_takes_no_answer_that_was_meant_for_another() -> None:
 
 def test_an_answer_that_comes_late_is_none_to_the_next_goal() -> None:
     """The clerk may just have been about to answer the goal of the Planner before."""
-    stage = Stage(planner=planner(PLAN, on_segment=lambda number, _: stage.signal(ROBOT_STATUS)))
+    stage = RobotStage(planner=planner(PLAN, on_segment=lambda number, _: stage.signal(ROBOT_STATUS)))
     for name in SEMAPHORES:
         stage.ask(data.create_semaphore(name, 0))
     stage.run(1.0)
@@ -303,10 +303,10 @@ PLATE = Plate(
 )
 
 
-def arrived(seen: list[tuple[str, float]], ahead: float = 0.0, before_s: float = 0.0) -> Stage:
+def arrived(seen: list[tuple[str, float]], ahead: float = 0.0, before_s: float = 0.0) -> RobotStage:
     """A whole plan, by a robot that is so far beyond its last goal when it arrives, and tells of plates then
     that it saw so long before."""
-    stage: list[Stage] = []
+    stage: list[RobotStage] = []
 
     def finder() -> Script:
         yield from do("DServer", data.wait("$Arrived"))
@@ -327,7 +327,7 @@ def arrived(seen: list[tuple[str, float]], ahead: float = 0.0, before_s: float =
 
         yield from obedient(stage, error)
 
-    made = Stage(robot=robot(), finder=finder(), planner=planner(PLAN, goal_plate=PLATE))
+    made = RobotStage(robot=robot(), finder=finder(), planner=planner(PLAN, goal_plate=PLATE))
     stage.append(made)
     made.run(30.0)
     assert "planner" in made.ended

@@ -20,7 +20,7 @@ from colony.runtime.protocol.calls import CallId
 from colony.runtime.servers.base import Base
 from colony.sim.drivers import Plant, SimulatedBase
 from colony.sim.world.world import World
-from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server
+from tests.kit.script_stage import ASKED, FRAME_NS, ScriptStage, Server
 
 Floats = NDArray[np.float64]
 

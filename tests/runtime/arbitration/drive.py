@@ -8,8 +8,8 @@ from colony.runtime.arbitration.arbiter import Arbiter, Timing
 from colony.runtime.protocol.bindings import ActuatorBinding
 from colony.runtime.protocol.deployment import ActuatorSpec, actuator_spec
 from colony.runtime.protocol.messages import Request, Tick
+from tests.kit.node_stage import MS
 
-MS = 1_000_000
 TIMES = Timing(deadline_ns=40 * MS, grace_ns=5 * MS)
 PLACES = ("back_off", "avoid", "cruise")
 DRIVE = Actuator(

@@ -43,7 +43,6 @@ def test_priorities_are_those_given() -> None:
     dispatch, *_ = one.receive(
         Request(k=0, actuator="drive", client="a", bid="command", values=(3.0, 4.0)), MS
     )
-    assert isinstance(dispatch, Dispatch)
     assert (dispatch.by, dispatch.outside) == ("a", None)
 
 
@@ -51,7 +50,6 @@ def test_a_stranger_among_the_lost_is_nobody(one: Arbiter) -> None:
     assert one.open(tick(), frozenset({"stranger", "cruise"}), 0) == ()
     one.receive(request("back_off"), MS)
     *_, verdict = one.receive(request("avoid"), MS)
-    assert isinstance(verdict, Verdict)
     assert verdict.fates == (("back_off", "silent"), ("avoid", "silent"), ("cruise", "lost"))
 
 
@@ -61,7 +59,6 @@ def test_whose_request_was_refused_is_noted_once(one: Arbiter) -> None:
         one.receive(Request(k=0, actuator="drive", client="avoid", bid="command", values=(1.0,)), MS)
     one.receive(request("avoid", "command"), MS)
     *_, verdict = one.open(tick(1), frozenset(), 50 * MS)
-    assert isinstance(verdict, Verdict)
     assert (len(verdict.notes), dict(verdict.fates)["avoid"]) == (1, "refused")
 
 
@@ -71,7 +68,6 @@ def test_who_is_late_is_noted_once(one: Arbiter) -> None:
     for _ in range(3):
         assert one.receive(request("avoid", "command"), 41 * MS) == ()
     (verdict,) = one.open(tick(1), frozenset(), 50 * MS)[:1]
-    assert isinstance(verdict, Verdict)
     assert verdict.notes == ("`avoid` commanded after the deadline",)
     assert not verdict.violation
 
@@ -83,7 +79,6 @@ def test_who_is_heard_within_the_deadline_after_the_dispatch_is_not_late(one: Ar
     assert isinstance(dispatch, Dispatch)
     one.receive(request("avoid", "command"), 7 * MS)
     (verdict,) = one.receive(request("back_off"), 8 * MS)
-    assert isinstance(verdict, Verdict)
     assert verdict.fates == (("back_off", "silent"), ("avoid", "overruled"), ("cruise", "won"))
     assert verdict.violation
 
@@ -133,7 +128,6 @@ def test_what_comes_after_the_verdict_changes_nothing(one: Arbiter) -> None:
     assert one.receive(Request(k=0, actuator="drive", client="x", bid="silent", values=None), 0) == ()
     assert one.receive(Request(k=-1, actuator="drive", client="x", bid="silent", values=None), 0) == ()
     *_, verdict = one.open(tick(1), frozenset(PLACES), 0)
-    assert isinstance(verdict, Verdict)
     assert verdict.notes == ()
 
 
@@ -141,7 +135,6 @@ def test_before_the_first_frame_nothing_is_noted(one: Arbiter) -> None:
     for client in ("stranger", "cruise"):
         one.receive(Request(k=-1, actuator="drive", client=client, bid="command", values=(1.0,)), 0)
     *_, verdict = one.open(tick(), frozenset(PLACES), 0)
-    assert isinstance(verdict, Verdict)
     assert verdict.notes == ()
 
 
@@ -154,7 +147,6 @@ def test_a_command_with_a_fault_is_not_sent_whatever_its_values(one: Arbiter) ->
     (dispatch,) = one.receive(faulty, MS)
     assert dispatch == Dispatch(0, "back_off", (0.0, 0.0), "odd")
     *_, verdict = one.finish()
-    assert isinstance(verdict, Verdict)
     assert (verdict.t_ns, verdict.fault, verdict.values) == (77, "odd", (0.0, 0.0))
 
 
@@ -236,7 +228,6 @@ def test_a_note_of_the_longest_length_is_whole(one: Arbiter) -> None:
     for n in range(MAX_NOTES):
         one.add_note(str(n))
     *_, verdict = one.finish()
-    assert isinstance(verdict, Verdict)
     assert verdict.notes[0] == "x" * MAX_NOTE_LENGTH
     assert verdict.notes[1] == "y" * (MAX_NOTE_LENGTH - 3) + "..."
     assert len(verdict.notes) == MAX_NOTES
@@ -250,8 +241,6 @@ def test_a_remark_while_dispatched_is_of_this_frame_and_one_after_it_of_the_next
     one.add_note("later")
     one.open(tick(1), frozenset(), 50 * MS)
     *_, after = one.finish()
-    assert isinstance(verdict, Verdict)
-    assert isinstance(after, Verdict)
     assert (verdict.notes, after.notes) == (("now",), ("later",))
 
 
@@ -270,14 +259,6 @@ def test_a_lost_client_that_commands_counts_neither_as_command_nor_as_heard() ->
     ballot.take(request("avoid"))
     assert ballot.complete
     assert ballot.choose(Interventions()) == Choice("cruise", None, True)
-
-
-def test_of_two_that_are_gone_the_higher_keeps_a_command_from_outside_out() -> None:
-    for gone in (("back_off", "cruise"), ("cruise", "back_off")):
-        ballot = Ballot(ClientRanking(ranked(*PLACES)), gone)
-        ballot.take(request("avoid"))
-        assert ballot.choose(Interventions(commands=(outside(2),))) == Choice(None, None, True)
-        assert ballot.choose(Interventions(commands=(outside(4),))) == Choice(None, outside(4), True)
 
 
 def test_the_highest_of_several_commands_counts() -> None:

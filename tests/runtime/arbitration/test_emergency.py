@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
-from msgspec import structs
 
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.emergency import StopButton, StopReport
@@ -17,32 +15,23 @@ from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import data, emergency
 from colony.runtime.library.ask import Ask
+from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import NoArguments
-from colony.runtime.protocol.messages import Call, Stopped, Tick
+from colony.runtime.protocol.messages import ServerFrame, Stopped, Tick
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release
 from tests.kit.calling import call_of, opening
-from tests.kit.data import DataStage
-from tests.kit.node_stage import MS, Caller
+from tests.kit.data import LAMP, DataStage, program, request
+from tests.kit.node_stage import MS, S, messages
 from tests.runtime.programs import roam
 from tests.runtime.scripted import Log, Script, session
-from tests.runtime.servers.test_dserver import LAMP, deploy, field, program, request, table, tick
 from tests.waiting import until
-
-S = 1000 * MS
 
 # --- among all servers, in virtual time ------------------------------------------------------------
 
 
-def call(server: str, method: str, number: int = 1) -> tuple[str, Call]:
-    ask = opening("ann") if method == "open" else Ask(method, NoArguments(), None, "command")
-    ask = emergency.stop() if method == emergency.stop().method else ask
-    return topics.calls(server), call_of(ask, "ann/1", number)
-
-
-def at(whole: VirtualSession, t_ns: int, server: str, method: str, number: int = 1) -> None:
-    topic, made = call(server, method, number)
-    whole.transport.at(t_ns, lambda: whole.transport.inject(topic, made))
+def at(whole: VirtualSession, t_ns: int, server: str, ask: Ask[Any], number: int = 1) -> None:
+    call = call_of(ask, "ann/1", number)
+    whole.transport.at(t_ns, lambda: whole.transport.inject(topics.calls(server), call))
 
 
 def moved(script: Script, since_ns: int, until_ns: int) -> bool:
@@ -54,9 +43,9 @@ def moved(script: Script, since_ns: int, until_ns: int) -> bool:
 def test_a_stop_that_one_server_heard_holds_everywhere_until_the_clock_releases_it(server: str) -> None:
     script, log = Script(), Log()
     whole = session(roam(), script, log)
-    at(whole, 1 * S, server, "emergency_stop")
-    at(whole, 3 * S, "Clock", "open")
-    at(whole, 3 * S + 1, "Clock", "release", 2)
+    at(whole, 1 * S, server, emergency.stop())
+    at(whole, 3 * S, "Clock", opening("ann"))
+    at(whole, 3 * S + 1, "Clock", clock_library.release(), 2)
     assert whole.run(4 * S)
     assert moved(script, 0, 1 * S)
     assert not moved(script, 1 * S + 51 * MS, 3 * S)
@@ -68,23 +57,14 @@ def test_a_stop_that_one_server_heard_holds_everywhere_until_the_clock_releases_
 
 
 @pytest.mark.parametrize("killed", ["RServer", "Clock"])
-def test_it_survives_the_death_of_any_one_of_them(killed: str, tmp_path: Path) -> None:
+def test_it_survives_the_death_of_any_one_of_them(killed: str) -> None:
     script = Script()
     whole = session(roam(), script, Log())
-    at(whole, 1 * S, "RServer", "emergency_stop")
+    at(whole, 1 * S, "RServer", emergency.stop())
     whole.transport.at(2 * S, lambda: whole.restart(killed))
     assert whole.run(4 * S)
     assert moved(script, 0, 1 * S)
     assert not moved(script, 1 * S + 1, 4 * S)
-
-
-def test_the_base_is_halted_in_the_moment_in_which_the_server_hears_of_it() -> None:
-    script = Script()
-    whole = session(roam(), script, Log())
-    at(whole, 1 * S + 20 * MS, "RServer", "emergency_stop")
-    assert whole.run(2 * S)
-    assert 1 * S + 20 * MS in script.stopped
-    assert not moved(script, 1 * S + 20 * MS, 2 * S)
 
 
 # --- DServer's actuators ---------------------------------------------------------------------------
@@ -98,7 +78,7 @@ def lit() -> DataStage:
     stage = DataStage()
     leader = stage.connect("ada/leader")
     leader.do(deploy(msgspec.structs.replace(program("run", IDLE_LAMP), reads=("Lamp",))))
-    tick(stage, 1)
+    stage.tick(1)
     stage.handle(request(1, "lamp", True))
     assert leader.do(data.get("Lamp")) is True
     return stage
@@ -110,29 +90,12 @@ def lamp(stage: DataStage) -> bool:
 
 
 def test_a_stop_makes_variables_idle_at_once_and_says_so_in_frames(lit: DataStage) -> None:
-    _, stop = call("DServer", "emergency_stop")
-    lit.handle(stop)
+    lit.handle(call_of(emergency.stop(), "ann/1"))
     assert not lamp(lit)
-    effects = tick(lit, 2)
-    frames = [e.message for e in effects if getattr(e, "topic", "") == "DServer/frames"]
-    assert frames[0].stopped is not None  # type: ignore[attr-defined, unused-ignore]
+    (frame,) = messages(lit.tick(2), ServerFrame)
+    assert frame.stopped is not None
     lit.handle(request(2, "lamp", True))
     assert not lamp(lit), "and stay idle"
-
-
-def test_variables_become_idle_when_the_run_ends(lit: DataStage) -> None:
-    tick(lit, 2)
-    lit.handle(request(2, "lamp", True))
-    assert lamp(lit)
-    tick(lit, 3, run="")
-    assert not lamp(lit)
-
-
-def test_variables_become_idle_when_another_run_begins(lit: DataStage) -> None:
-    leader = Caller(lit, "ada/leader", 0)
-    leader.number = 10  # calls with the numbers before were made already
-    leader.do(deploy(program("next", structs.replace(IDLE_LAMP, command="Other"))))
-    assert not lamp(lit)
 
 
 def test_an_old_tick_does_not_bring_back_a_stop(lit: DataStage) -> None:
@@ -154,10 +117,10 @@ def test_variables_become_idle_when_the_ticks_stop(lit: DataStage) -> None:
 def test_what_is_held_when_idle_is_left_as_it_is() -> None:
     stage = DataStage()
     leader = stage.connect("ada/leader")
-    leader.do(deploy(program("run", table("lamp", field("on", "bool")))))
-    tick(stage, 1)
+    leader.do(deploy(program("run", LAMP)))
+    stage.tick(1)
     stage.handle(request(1, "lamp", True))
-    stage.handle(call("DServer", "emergency_stop")[1])
+    stage.handle(call_of(emergency.stop(), "ann/1"))
     stage.pass_time(500 * MS)
     assert lamp(stage)
 
@@ -244,10 +207,10 @@ def test_a_stop_that_arrives_again_after_the_release_is_no_other_stop() -> None:
     """It comes by two links from the gateway, and is sent again when its answer was lost."""
     script = Script()
     whole = session(roam(), script, Log())
-    at(whole, 1 * S, "RServer", "emergency_stop", 7)
-    at(whole, 2 * S, "Clock", "open")
-    at(whole, 2 * S + 1, "Clock", "release", 2)
-    at(whole, 3 * S, "RServer", "emergency_stop", 7)
+    at(whole, 1 * S, "RServer", emergency.stop(), 7)
+    at(whole, 2 * S, "Clock", opening("ann"))
+    at(whole, 2 * S + 1, "Clock", clock_library.release(), 2)
+    at(whole, 3 * S, "RServer", emergency.stop(), 7)
     assert whole.run(4 * S)
     assert not moved(script, 1 * S + 1, 2 * S)
     assert moved(script, 3 * S + 50 * MS, 4 * S)

@@ -5,13 +5,9 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.arbitration.locks import LockQueue
-from colony.runtime.arbitration.motion import STILL, ConstantSpeeds, Motion
-from colony.runtime.arbitration.outside import MAX_LEASE_S, OutsideCommanders, lease_end
 from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.connections import Caller
-from tests.runtime.arbitration.test_outside import PLACES, caller
-
-S = 1_000_000_000
+from tests.kit.node_stage import S
 
 
 def asked(name: str, number: int = 1, priority: int = 0) -> CallId:
@@ -28,13 +24,6 @@ def test_the_first_who_asks_gets_it_and_may_ask_again(lock: LockQueue) -> None:
     assert lock.holder == asked("ann").caller
     assert lock.release(asked("ann").caller) == ()
     assert lock.holder is None
-
-
-def test_who_does_not_wait_is_refused_by_name(lock: LockQueue) -> None:
-    lock.acquire(asked("ann"), 0, wait_ns=0)
-    with pytest.raises(RefusedError, match="ann holds the lock"):
-        lock.acquire(asked("bob"), 0, wait_ns=0)
-    assert lock.queue == ()
 
 
 def test_those_who_wait_are_served_by_priority_and_then_in_turn(lock: LockQueue) -> None:
@@ -57,16 +46,6 @@ def test_all_calls_of_a_connection_that_wait_are_granted_together(lock: LockQueu
         lock.acquire(asked(name, number), 0, wait_ns=S)
     assert lock.release(asked("ann").caller) == (asked("bob", 1), asked("bob", 2))
     assert lock.release(asked("bob").caller) == (asked("cy"),)
-
-
-def test_only_the_holder_gives_it_back(lock: LockQueue) -> None:
-    with pytest.raises(RefusedError) as refused:
-        lock.release(asked("ann").caller)
-    assert refused.value.problem.code == "unlocked"
-    lock.acquire(asked("ann"), 0, wait_ns=0)
-    with pytest.raises(RefusedError):
-        lock.release(asked("bob").caller)
-    assert lock.holder == asked("ann").caller
 
 
 def test_the_dead_neither_hold_nor_wait(lock: LockQueue) -> None:
@@ -92,12 +71,6 @@ def test_nobody_waits_for_longer_than_asked(lock: LockQueue) -> None:
     assert lock.expire(5 * S) == ()
 
 
-# --- locks, leases and the stop at their edges ---
-
-
-# --- locks -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("wait_ns", "waits"), [(-1, False), (0, False), (1, True)])
 def test_who_waits_for_a_moment_waits(lock: LockQueue, wait_ns: int, waits: bool) -> None:
     lock.acquire(asked("ann"), 0, wait_ns=0)
@@ -117,13 +90,17 @@ def test_who_asked_first_is_served_first_however_long_anybody_waits(lock: LockQu
     assert [c.name for c in lock.queue] == ["patient", "hasty", "other"]
 
 
-def test_a_lock_that_nobody_holds(lock: LockQueue) -> None:
+@pytest.mark.parametrize("holder", [None, asked("bob").caller])
+def test_only_the_holder_gives_it_back(lock: LockQueue, holder: Caller | None) -> None:
     assert lock.refusal().problem.message == "nobody holds the lock"
+    if holder is not None:
+        lock.acquire(asked("bob"), 0, wait_ns=0)
     with pytest.raises(RefusedError) as refused:
         lock.release(asked("ann").caller)
     found = refused.value.problem
     assert (found.code, found.message) == ("unlocked", "ann does not hold the lock")
     assert lock.drop(asked("ann").caller) == ()
+    assert lock.holder == holder
 
 
 def test_who_gives_up_several_calls_is_out_of_all(lock: LockQueue) -> None:
@@ -143,62 +120,3 @@ def test_those_who_are_late_are_told_in_the_order_in_which_they_were_to_be_serve
         lock.acquire(asked(name, priority=priority), 0, wait_ns=9 * S if name == "patient" else S)
     assert names(lock.expire(S)) == ["high", "low"]
     assert [c.name for c in lock.queue] == ["patient"]
-
-
-# --- connections from outside ------------------------------------------------------------------------
-
-
-def test_a_lease_up_to_the_longest_and_no_longer() -> None:
-    assert lease_end(MAX_LEASE_S, 3) == 60 * S + 3
-    assert lease_end(1.0, 3) == S + 3
-    assert lease_end(1e-9, 3) == 4
-    assert lease_end(2.6e-9, 0) == 3
-    for lease in (MAX_LEASE_S + 1e-6, 0.0):
-        with pytest.raises(RefusedError) as refused:
-            lease_end(lease, 0)
-        assert refused.value.problem.code == "arguments"
-        text = f"a lease of {lease:g} s; expected more than 0 and at most 60 s"
-        assert refused.value.problem.message == text
-
-
-def test_the_end_of_a_lease_is_its_last_moment_and_then_there_is_none() -> None:
-    outside_commanders = OutsideCommanders[Motion]()
-    ann = outside_commanders.enter(caller("ann", 2), {})
-    assert (ann.command, ann.lease_end_ns, ann.call_id) == (None, None, None)
-    assert outside_commanders.commanding == ()
-    ann.command, ann.lease_end_ns = ConstantSpeeds(speeds=STILL), 10
-    outside_commanders.expire(9)
-    assert outside_commanders.commanding == (ann,)
-    outside_commanders.expire(10)
-    assert (ann.command, ann.lease_end_ns) == (None, None)
-    assert outside_commanders.all == (ann,)
-    assert OutsideCommanders[Motion]().commanding == OutsideCommanders[Motion]().all == ()
-
-
-def test_ties_are_told_in_full() -> None:
-    outside_commanders = OutsideCommanders[Motion]()
-    outside_commanders.enter(caller("ann", 9), PLACES)
-    for priority, holder in ((9, "ann (user/ann)"), (3, "`back_off`, a client of the program,")):
-        with pytest.raises(RefusedError) as refused:
-            outside_commanders.enter(caller("bob", priority), PLACES)
-        found = refused.value.problem
-        assert found.code == "tie"
-        assert found.message == (
-            f"priority {priority} is taken: {holder} commands with it; open the connection with another"
-        )
-    assert outside_commanders.find(caller("ann", 9)) is outside_commanders.all[0]
-    assert outside_commanders.find(caller("bob", 9)) is None
-    assert outside_commanders.find(caller("ann", 8)) is None
-    assert outside_commanders.find_tie({}) is None
-    assert (
-        outside_commanders.find_tie({9: "cruise"})
-        == "`cruise` has priority 9, with which ann (user/ann) commands"
-    )
-
-
-def test_somebody_outside_who_was_there_first_is_named_before_a_client_of_the_program() -> None:
-    outside_commanders = OutsideCommanders[Motion]()
-    outside_commanders.enter(caller("ann", 3), {})
-    with pytest.raises(RefusedError, match=r"ann \(user/ann\) commands with it"):
-        outside_commanders.enter(caller("bob", 3), PLACES)
-    assert outside_commanders.enter(caller("ann", 3), PLACES) is outside_commanders.all[0]

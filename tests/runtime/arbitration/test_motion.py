@@ -144,7 +144,6 @@ def test_a_base_that_was_held_fast_does_not_swing_by_what_it_integrated() -> Non
         speeds, wanted, _ = step(
             wanted, BaseObservation(OdometerPose(0.0, 0.0, 30.0), Speeds(100.0, 0.0), DT)
         )
-    assert isinstance(wanted, Go)
     assert wanted.integral == -motion.MAX_INTEGRAL
     assert speeds.turn == -motion.MAX_CORRECTION
 
@@ -200,10 +199,8 @@ def test_after_an_interruption_go_holds_the_heading_it_finds_and_a_move_goes_on(
     go = step(
         Go(velocity=10.0, acceleration=1000.0), BaseObservation(OdometerPose(0.0, 0.0, 5.0), STILL, DT)
     ).motion
-    assert isinstance(go, Go)
     assert go.heading == 5.0
     left = interrupt(go)
-    assert isinstance(left, Go)
     assert left.heading is None
     move = step(
         Move(distance=100.0, velocity=50.0, acceleration=400.0),

@@ -17,10 +17,10 @@ from colony.runtime.arbitration import stop_file
 from colony.runtime.arbitration.stop_file import FILE_BYTES
 from colony.runtime.arbitration.stop_latch import MAX_AUTHOR_LENGTH, UNREADABLE, StopFollower, StopLatch
 from colony.runtime.protocol.messages import Stopped, Tick
+from tests.kit.node_stage import MS
 
 ANN = Stopped(by="ann/1", t_ns=5)
 BOB = Stopped(by="bob/1", t_ns=6)
-MS = 1_000_000
 
 
 @pytest.fixture

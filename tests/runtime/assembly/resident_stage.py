@@ -28,9 +28,6 @@ from colony.runtime.transport.exchange import Delay
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 from tests.robot_servers import ROME_SERVERS
 
-MS = 1_000_000
-S = 1000 * MS
-
 SERVERS = ("RServer", "PServer", "DServer", "Runtime")
 
 

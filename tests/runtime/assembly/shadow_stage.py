@@ -10,12 +10,11 @@ from colony.ir.program import Program
 from colony.runtime.assembly.shadow import Shadow
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
-from colony.runtime.protocol.messages import Message, Sample, ServerFrame, Tick
+from colony.runtime.protocol.messages import Sample, ServerFrame, Tick
 from colony.verify.audit.audit import audit
+from tests.kit.node_stage import MS, NodeStage
 from tests.robot_servers import ROME_SERVERS
 from tests.runtime.scripted import FAR, Log
-
-MS = 1_000_000
 
 ROBOT = """language 1
 robot rome {
@@ -56,26 +55,25 @@ READINGS: Mapping[str, Mapping[str, object]] = {
 }
 
 
-class Stage:
+class Stage(NodeStage):
     """Ticks of 50 ms from frame 1000 on, and the servers that answer them."""
+
+    node: Shadow
 
     def __init__(self, text: str = RAMP) -> None:
         self.log = Log()
-        self.shadow = shadow(text, self.log)
-        self.effects: list[object] = list(self.shadow.start(0))
-
-    def take(self, message: Message, now_ns: int = 0) -> None:
-        self.effects += self.shadow.handle(message, now_ns)
+        super().__init__(shadow(text, self.log))
 
     def tick(self, k: int, *, now_ns: int = 0, **members: object) -> None:
         settings = {"start": 17, "run": "another", **members}
-        self.take(Tick(k=1000 + k, t_ns=(1000 + k) * 50 * MS, **settings), now_ns)  # type: ignore[arg-type]
+        self.advance(now_ns)
+        self.handle(Tick(k=1000 + k, t_ns=(1000 + k) * 50 * MS, **settings))  # type: ignore[arg-type]
 
     def answer(self, k: int, *servers: str) -> None:
         t_ns = (1000 + k) * 50 * MS
         for server in servers or READINGS:
             fields = {name: Sample(value, t_ns) for name, value in READINGS[server].items()}  # type: ignore[arg-type]
-            self.take(ServerFrame(server=server, k=1000 + k, fields=fields))
+            self.handle(ServerFrame(server=server, k=1000 + k, fields=fields))
 
     def frames(self, ks: range, *servers: str, **members: object) -> None:
         for k in ks:
@@ -89,7 +87,7 @@ class Stage:
         return [log.tick.k - 1000 for log in self.log.frames if log.restart]
 
     def close(self) -> None:
-        self.shadow.close()
+        self.node.close()
         assert self.effects == []
         assert audit(program(RAMP), self.log.frames).agrees
         assert not any(log.disagreements for log in self.log.frames)

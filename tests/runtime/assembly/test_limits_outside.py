@@ -18,11 +18,9 @@ from colony.runtime.library import robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Sample
 from colony.verify.audit.audit import audit
+from tests.kit.node_stage import MS, S
 from tests.runtime.scripted import FAR, Log, Script, session
 from tests.verify.audit.test_audit import changed
-
-MS = 1_000_000
-S = 1000 * MS
 
 TEXT = """
 robot r {
@@ -55,17 +53,15 @@ class Run:
         *calls: tuple[float, Ask[Any]],
         script: Script | None = None,
         program: Program = PROGRAM,
-        priority: int = 50,
-        duration_ns: int = 4 * S,
         prepare: Callable[[VirtualSession], None] = lambda one: None,
         isolate: bool = False,
     ) -> None:
         self.devices, self.log, self.refusals = script or Script(), Log(), list[tuple[str, str]]()
         self.program = program
-        node = ScriptNode("joystick", self._drive(calls), ("RServer",), priority=priority, delay_ns=1)
+        node = ScriptNode("joystick", self._drive(calls), ("RServer",), priority=50, delay_ns=1)
         run = session(program, self.devices, self.log, nodes=(node,), isolate=isolate)
         prepare(run)
-        assert run.run(duration_ns)
+        assert run.run(4 * S)
         assert node.problem is None
         assert not [log.disagreements for log in self.log.frames if log.disagreements]
 
@@ -103,52 +99,6 @@ def test_a_joystick_is_held_to_the_limits_of_each_frame(isolate: bool) -> None:
     assert not any(log.breaches for log in run.log.frames)
 
 
-def test_limits_that_tighten_in_the_middle_of_a_motion_hold_in_that_frame() -> None:
-    near = Script(sonar_at=lambda t: Sample((max(0.0, 5000.0 - t / 1e6), *FAR[1:]), t))
-    run = Run((0.3, robot.go(400.0, lease=4.0)), (3.5, robot.mode()), script=near, duration_ns=6 * S)
-    for log in run.log.frames:
-        verdict = log.verdicts["drive"]
-        if verdict.outside is not None:
-            ahead = log.frame.readings["sonar"][0]  # type: ignore[index]
-            assert verdict.values[0] <= ahead / 10.0
-    assert len({v for v, _ in run.sent_outside()}) > 40
-    assert run.report().agrees
-
-
-def test_each_field_has_its_own_limits() -> None:
-    run = Run(*joystick(-300.0, -60.0), script=Script(bumper_at=lambda t: 1 * S <= t < 2 * S))
-    assert set(run.sent_outside()) == {(-300.0, -60.0), (-300.0, -30.0)}
-
-
-@pytest.mark.parametrize("motion", [robot.move(1000.0, velocity=300.0), robot.turn(90.0, velocity=30.0)])
-def test_a_motion_that_limits_hold_at_rest_ends_after_two_seconds(motion: Ask[Any]) -> None:
-    text = TEXT + "limit drive.velocity <= 0 mm/s\nlimit drive.turn >= 0 deg/s\n"
-    run = Run((0.3, motion), program=load_text(text), duration_ns=5 * S)
-    ((code, message),) = run.refusals
-    assert code == "limits"
-    assert "the program's limits held the base for 2 s, after 0" in message
-    assert set(run.sent_outside()) == {(0.0, 0.0)}
-    assert 38 <= len(run.sent_outside()) <= 44
-
-
-def test_a_motion_that_nothing_holds_back_but_the_world_is_stalled() -> None:
-    run = Run((0.3, robot.move(1000.0, velocity=300.0)), duration_ns=5 * S)
-    assert [code for code, _ in run.refusals] == ["stalled"]
-
-
-def test_the_holder_of_the_lock_obeys() -> None:
-    run = Run((0.3, robot.lock()), *joystick(500.0), script=Script(sonar_at=ranges(1000.0)))
-    assert {velocity for velocity, _ in run.sent_outside()} == {100.0}
-    assert run.report().agrees
-
-
-def test_a_joystick_below_the_modules_that_drive_commands_in_vain() -> None:
-    run = Run(*joystick(500.0), priority=0)
-    overridden = [v for v in run.verdicts if "overridden" in dict(v.fates).values()]
-    assert {v.by for v in overridden} == {"cruise"}
-    assert run.report().agrees
-
-
 def test_a_connection_that_ignores_limits_is_recorded_as_such() -> None:
     calls = ((0.1, robot.ignore_limits()), *joystick(500.0, seconds=1.2), (0.0, robot.ignore_limits(False)))
     run = Run(*calls, *joystick(500.0, seconds=1.2), script=Script(sonar_at=ranges(1000.0)))
@@ -179,27 +129,6 @@ def test_without_the_client_of_bounds_the_base_stands(process: str) -> None:
     assert {(v.values, v.fault) for v in dead} == {((0.0, 0.0), "limits unknown")}
     assert {v.values for t, v in outside if t > 2500 * MS and v.outside is not None} == {(200.0, 0.0)}
     assert run.report().agrees
-
-
-def test_a_frozen_client_of_bounds_is_late_and_then_lost() -> None:
-    def prepare(one: VirtualSession) -> None:
-        one.transport.at(1 * S, lambda: one.freeze("drive/.bounds"))
-
-    run = Run(*joystick(500.0), prepare=prepare, isolate=True)
-    frozen = [v for v in run.verdicts if v.fault is not None]
-    fates = [dict(v.fates)[".bounds"] for v in frozen]
-    assert fates[0] == "late"
-    assert fates[-1] == "lost"
-    assert {v.values for v in frozen} == {(0.0, 0.0)}
-
-
-def test_the_program_itself_does_not_wait_for_its_bounds() -> None:
-    def prepare(one: VirtualSession) -> None:
-        one.transport.at(1 * S, lambda: one.freeze("drive/.bounds"))
-
-    run = Run(prepare=prepare, isolate=True)
-    late = [v for v in run.verdicts if v.k > run.verdicts[0].k + 21]
-    assert {v.by for v in late} == {"cruise"}
 
 
 def test_a_missing_reading_holds_whoever_drives_at_the_idle_value() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any
 
 import pytest
 
@@ -17,22 +16,19 @@ from colony.runtime.assembly.limits import (
     limit_servers,
 )
 from colony.runtime.frames.clock import Clock
-from colony.runtime.kit.commands import command, parameter
 from colony.runtime.kit.errors import RobotConnectionError
-from colony.runtime.kit.fields import FieldReader, Reading, field
+from colony.runtime.kit.fields import Reading, field
 from colony.runtime.kit.script import Script as Generator
 from colony.runtime.kit.script import do, sleep
 from colony.runtime.kit.script_node import ScriptNode
-from colony.runtime.kit.service import Service
-from colony.runtime.library import actuator, clock, data, emergency
-from colony.runtime.library.ask import Ask
-from colony.runtime.protocol import topics
+from colony.runtime.library import actuator, data
 from colony.runtime.protocol.deployment import LIMITS_RUN, client_addresses
 from colony.runtime.protocol.messages import Node, Sample, Verdict
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
-from tests.kit.calling import call_of, opening
-from tests.runtime.assembly.resident_stage import MS, Robot, S, description
+from tests.kit.lift import move_command, service
+from tests.kit.node_stage import MS, S
+from tests.runtime.assembly.resident_stage import Robot, description
 from tests.runtime.scripted import Script
 
 WANDER = """
@@ -93,14 +89,6 @@ def test_where_the_sonar_is_missing_the_robot_stands_as_the_language_says() -> N
     assert max(velocity for _, velocity, _ in script.told) == 600.0
 
 
-def test_it_is_never_driven_before_the_limits_are_known() -> None:
-    one, script = robot(sonar_at=wall)
-    one.run(300 * MS)
-    assert one.codes, "the joystick is there from the beginning"
-    for t_ns, velocity, _ in script.told:
-        assert velocity <= max(0.0, wall(t_ns).value[12] - 150.0)  # type: ignore[index]
-
-
 @pytest.mark.parametrize("killed", ["limits", "Clock", "RServer"])
 def test_what_dies_leaves_a_robot_that_stands_until_it_is_back(killed: str) -> None:
     one, script = robot(sonar_at=lambda t_ns: Sample((500.0,) * 24, t_ns))
@@ -130,21 +118,6 @@ def test_while_a_program_runs_its_limits_hold_and_then_those_of_the_description_
     for t_ns, velocity, _ in script.told:
         assert velocity in ((0.0, 100.0) if begun <= t_ns < ended else (0.0, 350.0)), t_ns
     assert {verdict.fates for verdict in one.verdicts if verdict.by == "cruise"} <= {(("cruise", "won"),)}
-    assert script.told[-1][1] == 350.0
-
-
-def test_an_emergency_stop_stops_it_until_it_is_released() -> None:
-    one, script = robot(sonar_at=lambda t_ns: Sample((500.0,) * 24, t_ns))
-
-    def call(ask: Ask[Any], connection: str, number: int) -> object:
-        return one.transport.inject(topics.calls("Clock"), call_of(ask, connection, number))
-
-    at(one, 2 * S, lambda: call(emergency.stop(), "eve/1", 1))
-    at(one, 4 * S, lambda: call(opening("eve"), "eve/2", 1))
-    at(one, 4 * S + 1, lambda: call(clock.release(), "eve/2", 2))
-    one.run(6 * S)
-    assert {velocity for t_ns, velocity, _ in script.told if 2050 * MS < t_ns < 4 * S} <= {0.0}
-    assert "stopped" in one.codes
     assert script.told[-1][1] == 350.0
 
 
@@ -197,18 +170,13 @@ def test_a_lift_of_its_own_server_is_held_to_the_limits_of_the_description() -> 
         yield from sleep(2.0)
         yield from do("DServer", data.set("Most", 250.0))
 
-    def lift() -> Service:
-        fields = [field("height", lambda: Reading(at_mm[0], age_ns=0), unit="mm", has_age=True)]
-        parameters = (parameter("height", unit="mm", low=0, high=400), parameter("fast", boolean=True))
-        moves = command("move", move, *parameters)
-        return Service("Lift", (), FieldReader("Lift", fields, print), print, commands=[moves])
-
+    height = field("height", lambda: Reading(at_mm[0], age_ns=0), unit="mm", has_age=True)
     transport = VirtualTransport(now, seed=1)
     servers = ("Lift", "DServer")
     nodes: list[Node] = [
         Clock(servers=servers, resident=limit_deployment(compiled)),
         DServer(),
-        lift(),
+        service([height], [move_command(move)], print),
         *limit_nodes(compiled, limit_bindings(compiled.robot)),
         ScriptNode("limits", lead_limits(compiled), ("Clock", *servers)),
         ScriptNode("console", console(), ("Lift",), priority=5),

@@ -10,10 +10,9 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Sample, Tick
 from colony.verify.audit.audit import audit
-from tests.runtime.assembly.shadow_stage import MS, RAMP, READINGS, ROBOT, Stage, program, shadow
+from tests.kit.node_stage import MS, S
+from tests.runtime.assembly.shadow_stage import RAMP, READINGS, ROBOT, Stage, program, shadow
 from tests.runtime.scripted import FAR, Log, Script, session
-
-S = 1000 * MS
 
 OTHER = f"""{ROBOT}
 module spin {{ when true  do drive(velocity = 0, turn = 45 deg/s) }}
@@ -212,7 +211,7 @@ def test_ticks_that_wait_during_a_suspension_make_no_server_silent() -> None:
 
 
 def test_it_listens_to_measurements_alone() -> None:
-    heard = set(Stage().shadow.listens)
+    heard = set(Stage().node.listens)
     assert heard == {topics.TICKS, *map(topics.frames, ("Clock", *READINGS))}
 
 

@@ -19,7 +19,7 @@ from colony.runtime.recordings.opening import read_recording
 from colony.verify.audit.audit import audit_recording
 from tests.runtime.assembly.shadow_stage import RAMP, Stage, program
 from tests.runtime.scripted import Log
-from tests.verify.audit.recorded_runs import run_info, written
+from tests.verify.audit.recorded_runs import Kept, run_info, written
 
 
 def _lines(log: Log, file: io.BytesIO) -> None:
@@ -31,21 +31,13 @@ def _mcap(log: Log, file: io.BytesIO) -> None:
     written(McapRecording(compile_program(program(RAMP)).compiled, info, file), log.frames)
 
 
-class Kept(io.BytesIO):
-    """A file whose content outlives it."""
-
-    def close(self) -> None:
-        self.seek(0)
-
-
 @pytest.mark.parametrize("write", [_lines, _mcap])
 def test_its_recording_says_that_nothing_was_sent(write: Callable[[Log, io.BytesIO], None]) -> None:
     stage, file = Stage(), Kept()
     stage.frames(range(4))
     stage.frames(range(6, 20))
     write(stage.log, file)
-    file.seek(0)
-    reader = read_recording(file, "run")
+    reader = read_recording(io.BytesIO(file.content), "run")
     report = audit_recording(program(RAMP), reader)
     assert report.agrees
     assert (report.frames, report.compared, report.restarts) == (18, 18, 1)
@@ -58,8 +50,7 @@ def test_other_tools_find_its_verdicts_under_another_topic() -> None:
     stage, file = Stage(), Kept()
     stage.frames(range(3))
     _mcap(stage.log, file)
-    file.seek(0)
-    topics_ = {channel.topic for _, channel, _ in NonSeekingReader(file).iter_messages()}
+    topics_ = {channel.topic for _, channel, _ in NonSeekingReader(io.BytesIO(file.content)).iter_messages()}
     assert topics_ == {"/frames", "/keyframes", "/shadow/verdicts/drive", "/shadow/requests/drive"}
 
 

@@ -23,11 +23,9 @@ from colony.ir.program import (
 from colony.ir.types import BOOL, DIMENSIONLESS
 from colony.runtime.protocol.messages import Announcement, Message, Sample, ServerFrame
 from colony.runtime.servers.runtime_server import random_of_frame
+from tests.kit.node_stage import MS, S
 from tests.runtime.programs import go, number, roam, robot
 from tests.runtime.scripted import FAR, Log, Script, session
-
-MS = 1_000_000
-S = 1000 * MS
 
 
 def near_after_2s(t: int) -> Sample:
@@ -112,18 +110,15 @@ def test_a_server_that_stops_answering_is_idle_first_and_then_its_sensors_are_mi
     assert all(not f.disagreements for f in log.frames)
 
 
-class TroubleError(Exception):
-    pass
-
-
-def test_an_exception_stops_the_robot_and_closes_the_sinks() -> None:
+@pytest.mark.parametrize("problem", [RecursionError, KeyboardInterrupt])
+def test_an_exception_stops_the_robot_and_closes_the_sinks(problem: type[BaseException]) -> None:
     def failing(t: int) -> Sample:
         if t >= 1 * S:
-            raise TroubleError
+            raise problem
         return Sample(FAR, t)
 
     stage, log = Script(sonar_at=failing), Log()
-    with pytest.raises(TroubleError):
+    with pytest.raises(problem):
         session(roam(), stage, log).run(5 * S)
     assert stage.stopped == [0, 1 * S]
     assert log.closed == 1
@@ -139,19 +134,6 @@ def test_the_robot_is_stopped_even_where_a_sink_fails_too() -> None:
     with pytest.raises(OSError, match="disk full"):
         session(roam(), stage, Full(), log).run(1 * S)
     assert stage.stopped == [0, 1 * S]
-    assert log.closed == 1
-
-
-def test_keyboard_interrupt_stops_the_robot() -> None:
-    def interrupted(t: int) -> Sample:
-        if t == 500 * MS:
-            raise KeyboardInterrupt
-        return Sample(FAR, t)
-
-    stage, log = Script(sonar_at=interrupted), Log()
-    with pytest.raises(KeyboardInterrupt):
-        session(roam(), stage, log).run(5 * S)
-    assert stage.stopped == [0, 500 * MS]
     assert log.closed == 1
 
 

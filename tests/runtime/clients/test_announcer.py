@@ -6,16 +6,8 @@ from __future__ import annotations
 from colony.ir.frame import Answer, Frame
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.frames.assembler import FrameAssembler
-from colony.runtime.protocol.messages import (
-    Announcement,
-    Fetch,
-    Message,
-    Ready,
-    Restart,
-    Send,
-    SentMessage,
-    Tick,
-)
+from colony.runtime.protocol.messages import Announcement, Fetch, Ready, Restart, Send, Tick
+from tests.kit.node_stage import sent
 
 ADDRESS = "DServer/activity/pulse"
 KEEP = 4
@@ -41,10 +33,6 @@ def announcer() -> Announcer:
     )
 
 
-def take(node: Announcer, *messages: Message) -> list[SentMessage]:
-    return [e.message for m in messages for e in node.handle(m, 0) if isinstance(e, Send)]
-
-
 def tick(k: int, start: int = 0) -> Tick:
     return Tick(k=k, t_ns=k, start=start, run="run")
 
@@ -56,23 +44,23 @@ def told(k: int, active: bool) -> Announcement:
 def test_every_frame_is_told_once_also_those_that_it_is_late_for() -> None:
     node = announcer()
     assert list(node.start(0)) == [Send("Clock/ready", Ready(client=ADDRESS, run="run"))]
-    assert take(node, tick(0), tick(0)) == [told(0, False)]
-    assert take(node, tick(2)) == [Fetch(server="Clock", k=1)]
-    assert take(node, tick(1)) == [told(1, False), told(2, True)]
+    assert sent(node, tick(0), tick(0)) == [told(0, False)]
+    assert sent(node, tick(2)) == [Fetch(server="Clock", k=1)]
+    assert sent(node, tick(1)) == [told(1, False), told(2, True)]
 
 
 def test_what_it_told_is_told_again_to_who_asks() -> None:
     node = announcer()
-    take(node, *(tick(k) for k in range(6)))
-    assert take(node, Fetch(server=ADDRESS, k=5)) == [told(5, True)]
-    assert take(node, Fetch(server=ADDRESS, k=1)) == []
-    assert take(node, Fetch(server="DServer", k=5)) == []
+    sent(node, *(tick(k) for k in range(6)))
+    assert sent(node, Fetch(server=ADDRESS, k=5)) == [told(5, True)]
+    assert sent(node, Fetch(server=ADDRESS, k=1)) == []
+    assert sent(node, Fetch(server="DServer", k=5)) == []
 
 
 def test_with_an_epoch_its_object_is_built_anew() -> None:
     node = announcer()
-    take(node, tick(0), tick(1))
-    assert take(node, *(tick(k, start=2) for k in (2, 3, 4))) == [
+    sent(node, tick(0), tick(1))
+    assert sent(node, *(tick(k, start=2) for k in (2, 3, 4))) == [
         told(2, False),
         told(3, False),
         told(4, True),
@@ -81,7 +69,7 @@ def test_with_an_epoch_its_object_is_built_anew() -> None:
 
 def test_one_that_comes_too_late_asks_for_a_new_epoch() -> None:
     node = announcer()
-    assert take(node, tick(KEEP)) == [Restart(client=ADDRESS, start=0)]
-    assert take(node, tick(KEEP + 1)) == [Restart(client=ADDRESS, start=0)]
+    assert sent(node, tick(KEEP)) == [Restart(client=ADDRESS, start=0)]
+    assert sent(node, tick(KEEP + 1)) == [Restart(client=ADDRESS, start=0)]
     young = announcer()
-    assert take(young, tick(KEEP - 1)) == [Fetch(server="Clock", k=k) for k in range(KEEP - 1)]
+    assert sent(young, tick(KEEP - 1)) == [Fetch(server="Clock", k=k) for k in range(KEEP - 1)]

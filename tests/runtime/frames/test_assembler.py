@@ -13,8 +13,8 @@ from colony.ir.frame import Answer, Frame
 from colony.runtime.frames.assembler import MAX_FETCHES_PER_TICK, Awaited, FrameAssembler, frames_to_keep
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
+from tests.kit.node_stage import MS
 
-MS = 1_000_000
 SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", max_age_ns=300 * MS, factor=1.0)
 BUMPER = SensorBinding(sensor="bumper", server="R", field="bumper", max_age_ns=None, factor=1.0)
 METERS = SensorBinding(sensor="m", server="P", field="sonar", max_age_ns=None, factor=1000.0)
@@ -197,21 +197,6 @@ def test_with_memory_from_elsewhere_it_goes_on(assembler: FrameAssembler) -> Non
     assert [f.t_ns for f in out] == [19 * 50 * MS, 20 * 50 * MS]
 
 
-def test_memory_that_saw_what_is_void_now_is_of_no_use() -> None:
-    assembler = FrameAssembler((SONAR,), frames_kept=4)
-    assembler.take(tick(20, void=(("P", 18),), down=("P",)))
-    assembler.resume(18)
-    assert assembler.lost
-
-
-def test_who_commands_nothing_can_do_without(assembler: FrameAssembler) -> None:
-    assembler.take(tick(0))
-    assembler.take(tick(9))
-    assert assembler.lost
-    assert assembler.skip() == 9
-    assert [f.t_ns for f in frames(assembler, base(9))] == [9 * 50 * MS]
-
-
 def test_what_waits_is_bounded(assembler: FrameAssembler) -> None:
     for k in range(1000):
         assembler.take(base(k))
@@ -273,18 +258,16 @@ def test_without_sensors_every_tick_is_a_frame() -> None:
     assert frames(FrameAssembler(()), tick(0), tick(1)) == [Frame(0, {}), Frame(50 * MS, {})]
 
 
-def test_values_enter_in_base_units_and_for_people_in_the_declared_unit() -> None:
-    for declared, values in ((False, (1500.0, 250.0)), (True, (1.5, 0.25))):
-        assembler = FrameAssembler((METERS,), declared_units=declared)
-        (frame,) = frames(assembler, tick(0), proximity(0, (1500.0, 250.0)))
-        assert frame.readings == {"m": values}
-
-
-def test_variables_are_in_the_declared_unit_already() -> None:
-    for declared, values in ((False, (1500.0, 250.0)), (True, (1.5, 0.25))):
-        assembler = FrameAssembler((replace(METERS, declared=True),), declared_units=declared)
-        (frame,) = frames(assembler, tick(0), proximity(0, (1.5, 0.25)))
-        assert frame.readings == {"m": values}
+@pytest.mark.parametrize("binding", [METERS, replace(METERS, declared=True)], ids=["device", "variable"])
+@pytest.mark.parametrize("value", [(1.5, 0.25), 1.5])
+def test_values_enter_in_base_units_and_for_people_in_the_declared_unit(
+    binding: SensorBinding, value: Any
+) -> None:
+    base_units = tuple(1000.0 * x for x in value) if isinstance(value, tuple) else 1000.0 * value
+    message = proximity(0, value if binding.declared else base_units)
+    for declared_units, entered in ((False, base_units), (True, value)):
+        assembler = FrameAssembler((binding,), declared_units=declared_units)
+        assert [f.readings for f in frames(assembler, tick(0), message)] == [{"m": entered}]
 
 
 @pytest.mark.parametrize("value", [True, "far", None, math.nan])
@@ -462,12 +445,6 @@ def test_a_portion_ends_with_a_whole_frame() -> None:
 
 def test_how_many_frames_are_kept() -> None:
     assert [frames_to_keep(ns) for ns in (50 * MS, 10**12, 1, 200_000)] == [40, 2, 10_000, 10_000]
-
-
-def test_a_single_value_enters_in_base_units() -> None:
-    meters = SensorBinding(sensor="m", server="P", field="sonar", max_age_ns=None, factor=1000.0)
-    message = ServerFrame(server="P", k=0, fields={"sonar": Sample(1500.0, 0)})
-    assert [f.readings for f in frames(FrameAssembler((meters,)), tick(0), message)] == [{"m": 1500.0}]
 
 
 def test_what_did_not_come_is_asked_for_in_portions() -> None:

@@ -50,9 +50,3 @@ def test_several_say_each_for_itself_that_they_are_ready_and_live_and_ask_for_an
     ]
     assert list(some.on_requests_sent(6, 71)) == []
     assert some.restart_request(42) == Send(topics.RESTARTS, Restart(client="drive/avoid", start=42))
-
-
-def test_it_asks_for_a_new_epoch_by_the_one_that_it_is_in() -> None:
-    one = Membership(("drive/avoid",), "run", FrameAssembler((), run="run"))
-    assert one.restart_request(42) == Send(topics.RESTARTS, Restart(client="drive/avoid", start=42))
-    assert one.run == "run"

@@ -18,7 +18,7 @@ from colony.runtime.kit.errors import (
 )
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments
-from tests.runtime.kit.stage import BATTERY, battery_process, battery_thread, charge, gone, level, plain
+from tests.runtime.kit.stage import BATTERY, battery_thread, charge, level, plain
 from tests.runtime.kit.test_connection import _Telling
 from tests.runtime.transport.live.stage import ROBOT, hosted
 
@@ -83,21 +83,6 @@ def test_notices(environment: Mapping[str, str]) -> None:
 
     with hosted(environment, [_Telling()]):
         _run(work())
-
-
-def test_a_server_that_is_started_anew_is_found_again(environment: Mapping[str, str]) -> None:
-    async def work() -> None:
-        with battery_process(environment) as first:
-            async with aio.connect(BATTERY, robot=ROBOT, environment=environment, timeout_s=20) as battery:
-                assert await battery.do(charge(1.0)) == pytest.approx(0.6)
-                os_level = asyncio.create_task(battery.do(level()))
-                assert await os_level == pytest.approx(0.6)
-                gone(first)
-                with battery_process(environment):
-                    assert await battery.do(level()) == 0.5
-                    assert battery.openings >= 2
-
-    _run(work())
 
 
 def test_closing_ends_what_is_awaited(environment: Mapping[str, str]) -> None:

@@ -24,9 +24,8 @@ from colony.runtime.kit.background import (
 )
 from colony.runtime.kit.devices import DeviceReader
 from colony.runtime.servers.drivers import Reading
+from tests.kit.node_stage import MS
 from tests.waiting import PATIENCE_S, until
-
-MS = 1_000_000
 
 
 class Line:

@@ -237,14 +237,6 @@ def test_two_runs_after_each_other() -> None:
     assert stage.take() == [(120.0, True)]
 
 
-def test_nobody_else_deploys_while_the_leader_is_there() -> None:
-    stage = Stage(program())
-    bob = stage.connect("bob/1")
-    assert bob.refusal(deploy(program("other"))) == "busy"
-    stage.leader.close()
-    bob.do(deploy(program("other")))
-
-
 WRONG = [
     (structs.replace(LIFT, command="turn"), "Lift has no command `turn`"),
     (structs.replace(LIFT, field_indices=(0,)), "1 parameters; expected 2"),

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from colony.runtime.arbitration.outside import MAX_LEASE_S
 from colony.runtime.kit.fields import FieldReader, field
 from colony.runtime.kit.service import Service, method
 from colony.runtime.library import actuator, emergency
@@ -75,16 +74,6 @@ def test_what_a_connection_commanded_is_last_in_the_next_frame() -> None:
     assert sent == {"height": 7.0, "last.lift.height": 100.0, "last.lift.fast": True}
 
 
-def test_nobody_commands_with_the_priority_of_somebody_else() -> None:
-    stage = Stage(program())
-    eve, bob, up = stage.connect("eve/1", 50), stage.connect("bob/1", 50), stage.connect("joe/1", 2)
-    eve.do(to(100.0))
-    assert bob.problem(to(100.0)).message.startswith("priority 50 is taken: eve (eve/1) commands with it")
-    assert up.problem(to(100.0)).message.startswith("priority 2 is taken: `up`, a client of the program,")
-    eve.close()
-    bob.do(to(100.0))
-
-
 def test_a_program_with_the_priority_of_a_connection_is_refused() -> None:
     stage = Stage()
     stage.leader.open("leader")
@@ -144,12 +133,6 @@ def test_where_the_program_holds_the_device_is_made_safe_when_a_command_of_a_con
     stage.decide(4)
     stage.decide(5)
     assert stage.take() == [(100.0, True), "safe"]
-
-
-@pytest.mark.parametrize("lease", [0.0, -1.0, math.nan, MAX_LEASE_S + 1.0])
-def test_a_lease_is_positive_and_finite(lease: float) -> None:
-    eve = Stage(program()).connect("eve/1", 50)
-    assert eve.refusal(to(100.0, lease=lease)) == "arguments"
 
 
 # --- locks -----------------------------------------------------------------------------------------------
@@ -366,13 +349,6 @@ def test_a_field_that_the_actuator_does_not_declare_may_be_left_out() -> None:
     [verdict] = verdicts(stage.decide(1))
     assert stage.take() == [(100.0, False)]
     assert verdict.values == (100.0,)
-
-
-def test_a_number_may_be_whole() -> None:
-    stage = Stage(program())
-    stage.connect("eve/1", 50).do(actuator.command("move", {"height": 100, "fast": True}))
-    stage.decide(1)
-    assert repr(stage.take()) == "[(100.0, True)]"
 
 
 # --- stops -----------------------------------------------------------------------------------------------

@@ -26,8 +26,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import EMERGENCY_STOP, NoArguments
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import Alive, Call, Notice, Problem, Reply
-
-MS = 1_000_000
+from tests.kit.node_stage import MS
 
 
 class _Blob(msgspec.Struct, frozen=True, kw_only=True):
@@ -78,7 +77,6 @@ def test_it_opens_with_a_call_and_then_calls_are_answered_by_number() -> None:
     talk, opened = _conversation(), list[Outcome]()
     begin, transmit = talk.open(opened.append, 0)
     assert begin == Listen("ada/1")
-    assert isinstance(transmit, Transmit)
     assert isinstance(transmit.message, Call)
     call = transmit.message
     assert (call.connection, call.number, call.method, call.priority, call.right) == (
@@ -101,7 +99,6 @@ def test_it_opens_with_a_call_and_then_calls_are_answered_by_number() -> None:
     _resolve(talk.receive(refused, 0))
     _resolve(talk.receive(refused, 0))
     problem = outcomes[1]
-    assert isinstance(problem, CallRefusedError)
     assert (problem.code, str(problem), len(outcomes)) == ("locked", "by bob", 2)
 
 
@@ -227,7 +224,6 @@ def test_a_call_is_sent_again_before_its_time_as_long_as_it_has_no_answer() -> N
     (first,) = talk.submit(pending, 1)
     assert isinstance(first, Transmit), "it does not wait until the connection is open"
     assert list(talk.resend(pending, 2)) == [first], "with the same number"
-    assert isinstance(first.message, Call)
     list(talk.receive(Reply(connection="ada/1", number=first.message.number), 3))
     assert list(talk.resend(pending, 4)) == []
 
@@ -238,8 +234,6 @@ def test_a_call_that_was_refused_as_one_too_many_is_sent_again() -> None:
     list(talk.receive(Reply(connection="ada/1", number=1), 0))
     outcomes: list[object] = []
     (sent,) = talk.submit(Pending(Ask("m", NoArguments(), type(None), "read"), outcomes.append), 0)
-    assert isinstance(sent, Transmit)
-    assert isinstance(sent.message, Call)
     flood = Problem(code="flood", message="too many")
     assert list(talk.receive(Reply(connection="ada/1", number=sent.message.number, problem=flood), 1)) == []
     assert (outcomes, talk.server_error) == ([], "too many")

@@ -1,30 +1,17 @@
-"""Fields of servers written with the kit: their age, what they cannot be, and devices that fail."""
+"""Fields of servers written with the kit: their age, and what they cannot be."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import pytest
 
-from colony.compile.pipeline import compile_program
-from colony.dsl.load import check_text
-from colony.runtime.assembly.virtual import Builders, VirtualRobot
-from colony.runtime.kit.description import Description, server_spec
 from colony.runtime.kit.fields import MAX_AGE_NS, FieldReader, Reading, field
 from colony.runtime.kit.once import exception_text
-from colony.runtime.kit.service import Service
-from colony.runtime.protocol.bindings import bind
-from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.dserver import DServer
-from colony.runtime.servers.rserver import RServer
-from tests.robot_servers import ROME_SERVERS
-from tests.runtime.scripted import Log, Script
+from tests.kit.node_stage import MS
 
-MS = 1_000_000
 NOW_NS = 10_000 * MS
 
 # --- what a read returns ---------------------------------------------------------------------------------
@@ -122,133 +109,6 @@ def test_each_kind_of_problem_is_reported_once_for_each_field() -> None:
     assert "OSError: c" in reports[2]
 
 
-# --- devices that fail, and a robot that drives by them ----------------------------------------------------
-
-PROGRAM = """
-language 1
-robot rome {
-  sensor   scan[3] : mm  from Lidar.scan  within 300 ms
-  actuator drive { velocity : mm/s range -300 .. 300, turn : deg/s range -45 .. 45 }
-           to RServer.drive  idle drive(velocity = 0, turn = 0)
-}
-module go { when min(scan) > 500 mm  do drive(velocity = 200 mm/s, turn = 0 deg/s) }
-network { drive = go }
-"""
-FRAME_NS = 50 * MS
-FAILS_AT_NS = 2_000 * MS
-
-
-@dataclass
-class Scan:
-    ranges: tuple[float, ...]
-    number: int
-    stamp_ns: int
-    """By the device's clock."""
-
-
-class Lidar:
-    """A driver: a thread of its own takes scans in, the server reads the newest. Mutable.
-
-    It dates a scan by its arrival, and takes in only scans with a new number.
-    """
-
-    def __init__(self, now: Callable[[], int]) -> None:
-        self._now = now
-        self._newest: tuple[Scan, int] | None = None
-
-    def on_scan(self, scan: Scan) -> None:
-        """Take a scan from the device, in the thread of the driver."""
-        if self._newest is None or scan.number != self._newest[0].number:
-            self._newest = scan, self._now()
-
-    def read(self) -> Reading | None:
-        if self._newest is None:
-            return None
-        scan, arrived_ns = self._newest
-        return Reading(scan.ranges, self._now() - arrived_ns)
-
-
-class TrustingLidar(Lidar):
-    """A driver that believes the stamps of its device, whose clock may be ahead."""
-
-    def on_scan(self, scan: Scan) -> None:
-        self._newest = scan, scan.stamp_ns
-
-
-def scans_until_it_dies(now_ns: int) -> Iterator[Scan]:
-    if now_ns < FAILS_AT_NS:
-        yield Scan((900.0, 900.0, 900.0), now_ns, now_ns)
-
-
-def scans_that_repeat(now_ns: int) -> Iterator[Scan]:
-    new_ns = min(now_ns, FAILS_AT_NS - FRAME_NS)
-    yield Scan((900.0, 900.0, 900.0), new_ns, new_ns)
-
-
-def scans_from_the_future(now_ns: int) -> Iterator[Scan]:
-    ahead_ns = 0 if now_ns < FAILS_AT_NS else 3_600_000 * MS
-    yield Scan((900.0, 900.0, 900.0), now_ns, now_ns + ahead_ns)
-
-
-def driven(
-    scans: Callable[[int], Iterator[Scan]], driver: type[Lidar] = Lidar
-) -> tuple[Script, Log, list[str]]:
-    """4 s of a robot with such a lidar: what the base was told, the frames, and what the server reported."""
-    checked = check_text(PROGRAM)
-    assert checked.program is not None
-    base, log, reports = Script(), Log(), list[str]()
-    lidar = driver(base.clock)
-    scan = field("scan", lidar.read, unit="mm", size=3, has_age=True)
-
-    def reading() -> Reading | None:
-        for arrived in scans(base.clock()):  # as the thread of the driver would have, before the frame
-            lidar.on_scan(arrived)
-        return lidar.read()
-
-    scanned = FieldReader("Lidar", [scan._replace(read=reading)], reports.append)
-
-    def servers(deployed: Deployment, frames_kept: int) -> Builders:
-        return {
-            "RServer": lambda: RServer(base, deployment=deployed, frames_kept=frames_kept),
-            "DServer": lambda: DServer(deployment=deployed, frames_kept=frames_kept),
-            "Lidar": lambda: Service("Lidar", (), scanned, reports.append),
-        }
-
-    spec = server_spec(Description(server="Lidar", fields=(scan.description,)))
-    compiled = compile_program(checked.program).compiled
-    bindings = bind(compiled.robot, (*ROME_SERVERS, spec))
-    robot = VirtualRobot(compiled, bindings, servers, clock=base.clock, seed=0, sinks=(log,))
-    robot.start()
-    robot.transport.run_until(2 * FAILS_AT_NS)
-    robot.observer.close()
-    return base, log, reports
-
-
-@pytest.mark.parametrize(
-    ("scans", "driver", "last_driven_ns"),
-    [
-        (scans_until_it_dies, Lidar, FAILS_AT_NS - FRAME_NS + 300 * MS),
-        (scans_that_repeat, Lidar, FAILS_AT_NS - FRAME_NS + 300 * MS),
-        (scans_from_the_future, TrustingLidar, FAILS_AT_NS - FRAME_NS),
-    ],
-)
-def test_a_robot_stands_when_the_scan_that_it_drives_by_is_old(
-    scans: Callable[[int], Iterator[Scan]], driver: type[Lidar], last_driven_ns: int
-) -> None:
-    base, log, reports = driven(scans, driver)
-    assert len(base.told) == 80
-    assert {t: velocity for t, velocity, _ in base.told} == {
-        k * FRAME_NS: 200.0 if k * FRAME_NS <= last_driven_ns else 0.0 for k in range(80)
-    }
-    missing = [frame.frame.t_ns for frame in log.frames if frame.frame.readings.get("scan") is None]
-    assert missing == list(range(last_driven_ns + FRAME_NS, 2 * FAILS_AT_NS, FRAME_NS))
-    if driver is TrustingLidar:
-        assert reports == [f"Lidar.scan has an age of {-3_600_000 * MS} ns: a reading from the future; "
-                           "expected 0 or more"]  # fmt: skip
-    else:
-        assert reports == []
-
-
 def test_an_exception_may_have_no_text() -> None:
     class UnprintableError(Exception):
         def __str__(self) -> str:
@@ -258,7 +118,7 @@ def test_an_exception_may_have_no_text() -> None:
     assert exception_text(UnprintableError()) == "(an exception without a text)"
 
 
-# --- what is declared
+# --- what is declared ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -8,16 +8,7 @@ from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_local import ScriptError
 from colony.runtime.library import data, robot
-from tests.script_stage import FRAME_NS, ScriptStage
-
-
-class Stage(ScriptStage):
-    """Scripts and a data server, frame by frame. Mutable."""
-
-    def run(self, frames: int) -> None:
-        for _ in range(frames):
-            self.settle()
-            self.now_ns += FRAME_NS
+from tests.kit.script_stage import FRAME_NS, ScriptStage
 
 
 def test_a_script_goes_on_in_the_first_frame_after_its_time() -> None:
@@ -28,8 +19,8 @@ def test_a_script_goes_on_in_the_first_frame_after_its_time() -> None:
             now_ns = yield from sleep(seconds)
             times.append(now_ns // FRAME_NS)
 
-    stage = Stage({"one": script()})
-    stage.run(10)
+    stage = ScriptStage({"one": script()})
+    stage.run(0.5)
     assert times == [0, 1, 4, 5]
     assert stage.scripts.has_ended("one")
 
@@ -48,8 +39,8 @@ def test_who_waits_goes_on_in_the_moment_of_the_signal_in_the_order_of_the_queue
             yield from do("DServer", data.signal("$S"))
         order.append(("signaler", 4))
 
-    stage = Stage({"a": waiter("a"), "b": waiter("b"), "s": signaler()})
-    stage.run(10)
+    stage = ScriptStage({"a": waiter("a"), "b": waiter("b"), "s": signaler()})
+    stage.run(0.5)
     assert order == [("signaler", 4), ("a", 4), ("b", 4)]
 
 
@@ -64,8 +55,8 @@ def test_patience_ends_in_the_first_frame_at_or_after_its_time() -> None:
             except CallRefusedError as refused:
                 found.append((refused.code, (yield from sleep(0.0)) // FRAME_NS))
 
-    stage = Stage({"one": script()})
-    stage.run(10)
+    stage = ScriptStage({"one": script()})
+    stage.run(0.5)
     assert found == [("timeout", 0), ("timeout", 3), ("timeout", 4)]
 
 
@@ -82,7 +73,7 @@ def test_strange_servers_and_methods_are_refused() -> None:
         except CallRefusedError as refused:
             found.append(refused.code)
 
-    Stage({"one": script()}).run(1)
+    ScriptStage({"one": script()}).run(0.05)
     assert found == ["there is no server `RServer` in this run; it has DServer", "method"]
 
 
@@ -96,9 +87,9 @@ def test_a_script_that_raises_or_never_rests_is_named() -> None:
             yield from do("DServer", data.set("X", 1))
 
     with pytest.raises(ScriptError, match="the script `bad` raised ValueError: no such light"):
-        Stage({"bad": raises()}).run(3)
+        ScriptStage({"bad": raises()}).run(0.15)
     with pytest.raises(ScriptError, match="20000 calls without a `sleep`"):
-        Stage({"spinner": spins()}).run(1)
+        ScriptStage({"spinner": spins()}).run(0.05)
 
 
 def test_closing_ends_all_scripts() -> None:
@@ -110,7 +101,7 @@ def test_closing_ends_all_scripts() -> None:
         finally:
             ends.append(name)
 
-    stage = Stage({"a": script("a"), "b": script("b")})
-    stage.run(2)
+    stage = ScriptStage({"a": script("a"), "b": script("b")})
+    stage.run(0.1)
     stage.scripts.close()
     assert ends == ["a", "b"]

@@ -11,8 +11,7 @@ from colony.runtime.library import data
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.store.store import MemoryStore
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
-
-S = 1_000_000_000
+from tests.kit.node_stage import S
 
 
 class Stage:

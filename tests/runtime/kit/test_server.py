@@ -4,84 +4,64 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import pytest
 
 from colony.ir.program import Sensor
 from colony.ir.servers import FieldSpec
 from colony.ir.types import BOOL, DIMENSIONLESS, Array, Quantity
-from colony.runtime.kit.connection import Session, connect
+from colony.runtime.kit.connection import Session
 from colony.runtime.kit.description import Description, FieldDescription, describe, field_type, server_spec
 from colony.runtime.kit.errors import CallRefusedError
+from colony.runtime.kit.fields import FieldReader
 from colony.runtime.kit.server import Offer, Server, Servers, field
-from colony.runtime.protocol import topics
+from colony.runtime.kit.service import Service
 from colony.runtime.protocol.bindings import SensorBinding, bind
-from colony.runtime.protocol.messages import Effect, Fetch, Message, Send, ServerFrame, Tick, Wake, WakeAt
+from colony.runtime.protocol.messages import Fetch, ServerFrame, Tick
 from colony.runtime.transport.live.errors import AlreadyRunningError
 from colony.text.diagnostics import DiagnosticError
 from colony.text.units import LENGTH, TIME
+from tests.kit.node_stage import Caller, NodeStage, messages
 from tests.robot_servers import ROME_SERVERS
 from tests.runtime.kit.stage import (
     BATTERY,
     Battery,
-    battery_process,
     battery_thread,
     level,
     plain,
     several_process,
 )
 from tests.runtime.programs import robot
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted
-from tests.waiting import until
+from tests.runtime.transport.live.stage import ROBOT
 
 
-class _Ticking(Recorder):
-    """A Clock of sorts: ticks until a frame of each server came, and then asks for the first again."""
+@pytest.fixture
+def reports() -> list[str]:
+    return []
 
-    def __init__(self, *servers: str) -> None:
-        frames = map(topics.frames, servers)
-        super().__init__(topics.CLOCK, *frames, on=self._tick, begin=lambda now: [WakeAt(now)])
-        self.servers = set(servers)
-        self.k = 0
 
-    @property
-    def frames(self) -> list[ServerFrame]:
-        return [message for message in self.got if isinstance(message, ServerFrame)]
-
-    def _tick(self, message: Message, now_ns: int) -> Iterator[Effect]:
-        if isinstance(message, Wake) and {frame.server for frame in self.frames} != self.servers:
-            self.k += 1
-            yield Send(topics.TICKS, Tick(k=self.k, t_ns=now_ns))
-            yield WakeAt(now_ns + 5_000_000)
-        elif isinstance(message, ServerFrame) and len(self.frames) == 1:
-            yield Send(topics.fetches(message.server), Fetch(server=message.server, k=message.k))
+@pytest.fixture
+def ada(reports: list[str]) -> Caller:
+    battery = Battery()
+    fields = FieldReader(BATTERY, battery.fields(), reports.append)
+    return NodeStage(Service(BATTERY, battery.methods(), fields, reports.append)).connect()
 
 
 def test_its_fields_are_in_the_frames_also_in_those_that_are_asked_for_again(
-    environment: Mapping[str, str],
+    ada: Caller, reports: list[str]
 ) -> None:
-    reports: list[str] = []
-    clock = _Ticking(BATTERY)
-    with battery_thread(environment, report=reports.append), hosted(environment, [clock]):
-        until(
-            lambda: sum(frame.k == clock.frames[0].k for frame in clock.frames) >= 2, "the same frame twice"
-        )
-    first, *others = clock.frames
-    assert first in others
-    values = {name: sample and sample.value for name, sample in first.fields.items()}
+    frame, *_ = messages(ada.stage.handle(Tick(k=1, t_ns=0)), ServerFrame)
+    assert messages(ada.stage.handle(Fetch(server=BATTERY, k=1)), ServerFrame)[0] == frame
+    values = {name: sample and sample.value for name, sample in frame.fields.items()}
     assert values == {"level": 0.5, "cells": (3.0, 4.0), "broken": None, "nothing": None}
-    assert "Battery.broken failed" in reports[0]
-    assert "ZeroDivisionError" in reports[0]
+    [report] = reports
+    assert "Battery.broken failed" in report
+    assert "ZeroDivisionError" in report
 
 
-def test_it_says_what_it_has_so_that_programs_can_be_bound_to_it(environment: Mapping[str, str]) -> None:
-    with (
-        battery_thread(environment),
-        Session.open(ROBOT, environment=environment) as session,
-        session.connect(BATTERY) as connection,
-    ):
-        description = connection.do(describe())
+def test_it_says_what_it_has_so_that_programs_can_be_bound_to_it(ada: Caller) -> None:
+    description = ada.do(describe())
     spec = server_spec(description)
     assert [(m.name, m.right) for m in description.methods][:2] == [("level", "read"), ("charge", "command")]
     assert spec.name == BATTERY
@@ -91,6 +71,13 @@ def test_it_says_what_it_has_so_that_programs_can_be_bound_to_it(environment: Ma
         FieldSpec("broken", DIMENSIONLESS, "", has_age=False),
         FieldSpec("nothing", BOOL, "", has_age=False),
     )
+
+
+def test_what_a_handler_raises_is_reported_and_the_server_lives_on(ada: Caller, reports: list[str]) -> None:
+    assert ada.refusal(plain("fail")) == "failed"
+    assert ada.do(level()) == 0.5
+    [report] = reports
+    assert "Traceback" in report
 
 
 def test_units_of_fields() -> None:
@@ -104,19 +91,6 @@ def test_units_of_fields() -> None:
         server_spec(
             Description(server="S", fields=(FieldDescription(name="d", kind="number", unit="parsec"),))
         )
-
-
-def test_what_a_handler_raises_is_reported_and_the_server_lives_on(environment: Mapping[str, str]) -> None:
-    reports: list[str] = []
-    with (
-        battery_thread(environment, report=reports.append),
-        connect(BATTERY, robot=ROBOT, environment=environment) as connection,
-    ):
-        with pytest.raises(CallRefusedError, match=r"Battery\.fail failed: ZeroDivisionError") as refused:
-            connection.do(plain("fail"))
-        assert refused.value.code == "failed"
-        assert connection.do(level()) == 0.5
-    assert "Traceback" in reports[0]
 
 
 def test_its_name_is_taken_as_long_as_it_is_open(environment: Mapping[str, str]) -> None:
@@ -153,17 +127,6 @@ def test_several_servers_share_a_process(environment: Mapping[str, str]) -> None
         pass
 
 
-def test_frames_of_several_servers_of_a_process(environment: Mapping[str, str]) -> None:
-    clock = _Ticking("Lidar", "Button")
-    with several_process(environment), hosted(environment, [clock]):
-        until(lambda: {frame.server for frame in clock.frames} == {"Lidar", "Button"}, "frames of both")
-    fields = {frame.server: frame.fields for frame in clock.frames}
-    assert {server: list(names) for server, names in fields.items()} == {
-        "Lidar": ["scan"],
-        "Button": ["pressed"],
-    }
-
-
 def test_names_of_several_servers_must_be_right(environment: Mapping[str, str]) -> None:
     for names in ((), ("Lidar", "Lidar")):
         with pytest.raises(ValueError, match="expected one or more, each once"):
@@ -174,12 +137,6 @@ def test_names_of_several_servers_must_be_right(environment: Mapping[str, str]) 
                 servers.mainloop(offered)
     with Server.open("Button", robot=ROBOT, environment=environment):  # nothing of it is left
         pass
-
-
-def test_a_signal_ends_the_loop(environment: Mapping[str, str]) -> None:
-    with battery_process(environment) as process:
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(20) == 0
 
 
 def test_a_program_reads_it() -> None:

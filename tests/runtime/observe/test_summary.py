@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 from msgspec import structs
@@ -16,11 +17,9 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import RunSummary, Tally, Travel, render
 from colony.runtime.protocol.messages import Hold, Message, Request, Sample
 from colony.runtime.transport.exchange import Link, deliver_immediately
+from tests.kit.node_stage import MS, S
 from tests.runtime.programs import go, number, roam
-from tests.runtime.scripted import FAR, Script, session
-
-MS = 1_000_000
-S = 1000 * MS
+from tests.runtime.scripted import FAR, Log, Script, session
 
 
 def summarize(
@@ -33,6 +32,18 @@ def summarize(
     )
 
 
+def tallied(program: Program, change: Callable[[FrameLog], FrameLog], duration_ns: int = 1 * S) -> RunSummary:
+    """The summary of a run whose frames were changed before they were counted."""
+    tally = Tally(compile_program(program).compiled)
+
+    class Changing(Log):
+        def take(self, log: FrameLog) -> None:
+            tally.take(change(log))
+
+    session(program, Script(), Changing()).run(duration_ns)
+    return tally.summary(seed=0, duration_s=duration_ns / 1e9, interrupted=False, travel=None)
+
+
 def awake() -> Program:
     """roam whose contract does not hold, without chance."""
     program = roam()
@@ -41,9 +52,7 @@ def awake() -> Program:
 
 
 def cruise(program: Program) -> Module:
-    module = program.modules[0]
-    assert isinstance(module, Module)
-    return module
+    return program.modules[0]
 
 
 def test_shares_and_breaches() -> None:
@@ -100,34 +109,19 @@ def test_troubles() -> None:
 
 
 def test_the_client_of_bounds_is_named_by_its_address() -> None:
-    tally = Tally(compile_program(awake()).compiled)
+    def marked(log: FrameLog) -> FrameLog:
+        fates = (*log.verdicts["drive"].fates, (BOUNDS, "late"))
+        verdict = structs.replace(log.verdicts["drive"], fates=fates, outside="joystick")
+        return replace(log, verdicts={"drive": verdict})
 
-    class Marked:
-        def take(self, log: FrameLog) -> None:
-            fates = (*log.verdicts["drive"].fates, (BOUNDS, "late"))
-            verdict = structs.replace(log.verdicts["drive"], fates=fates, outside="joystick")
-            tally.take(replace(log, verdicts={"drive": verdict}))
-
-        def close(self) -> None:
-            tally.close()
-
-    session(awake(), Script(), Marked()).run(100 * MS)
-    summary = tally.summary(seed=0, duration_s=0.1, interrupted=False, travel=None)
-    assert "client drive/.bounds: late in 2 frames" in render(summary)
+    assert "client drive/.bounds: late in 2 frames" in render(tallied(awake(), marked, 100 * MS))
 
 
 def test_a_server_without_verdicts_is_named() -> None:
-    tally = Tally(compile_program(awake()).compiled)
+    def deaf(log: FrameLog) -> FrameLog:
+        return replace(log, verdicts={} if log.tick.k % 4 == 0 else log.verdicts)
 
-    class Deaf:
-        def take(self, log: FrameLog) -> None:
-            tally.take(replace(log, verdicts={} if log.tick.k % 4 == 0 else log.verdicts))
-
-        def close(self) -> None:
-            tally.close()
-
-    session(awake(), Script(), Deaf()).run(4 * S)
-    summary = tally.summary(seed=0, duration_s=4.0, interrupted=False, travel=None)
+    summary = tallied(awake(), deaf, 4 * S)
     (drive,) = summary.actuators
     assert (drive.unheard.server, drive.unheard.frames, drive.unheard.percent) == ("RServer", 20, 25.0)
     assert sum(share.frames for share in drive.shares) + drive.unheard.frames == summary.frames
@@ -154,29 +148,21 @@ def test_no_frames() -> None:
 
 
 def test_what_kept_the_network_from_deciding() -> None:
-    program = awake()
-    tally = Tally(compile_program(program).compiled)
+    marks: dict[int, tuple[str | None, Hold | None]] = {
+        0: ("joystick", None),
+        1: ("joystick", None),
+        2: (None, "stopped"),
+        3: (None, "locked"),
+        4: ("inspector", "locked"),
+    }
 
-    class Marked:
-        def take(self, log: FrameLog) -> None:
-            marks: dict[int, tuple[str | None, Hold | None]] = {
-                0: ("joystick", None),
-                1: ("joystick", None),
-                2: (None, "stopped"),
-                3: (None, "locked"),
-                4: ("inspector", "locked"),
-            }
-            outside, hold = marks.get(log.tick.k, (None, None))
-            unlimited = log.tick.k == 1
-            verdict = structs.replace(log.verdicts["drive"], outside=outside, hold=hold, unlimited=unlimited)
-            skipped, restart = {5: (3, False), 6: (0, True)}.get(log.tick.k, (0, False))
-            tally.take(replace(log, verdicts={"drive": verdict}, skipped=skipped, restart=restart))
+    def marked(log: FrameLog) -> FrameLog:
+        k = log.tick.k
+        outside, hold = marks.get(k, (None, None))
+        verdict = structs.replace(log.verdicts["drive"], outside=outside, hold=hold, unlimited=k == 1)
+        return replace(log, verdicts={"drive": verdict}, skipped=3 * (k == 5), restart=k == 6)
 
-        def close(self) -> None:
-            tally.close()
-
-    session(program, Script(), Marked()).run(1 * S)
-    summary = tally.summary(seed=0, duration_s=1.0, interrupted=False, travel=None)
+    summary = tallied(awake(), marked)
     assert [(i.by, i.hold, i.frames, i.unlimited) for i in summary.interventions] == [
         ("joystick", None, 2, 1),
         (None, "stopped", 1, 0),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 from dataclasses import replace
@@ -22,23 +21,10 @@ from colony.runtime.recordings.lines import Recording, add_checksum, encoder, se
 from colony.runtime.recordings.replay import Rows, has_valid_checksum
 from colony.text.diagnostics import DiagnosticError
 from colony.text.units import nanoseconds
+from tests.kit.node_stage import MS, S
 from tests.runtime.programs import roam
 from tests.runtime.scripted import FAR, Log, Script, session
-
-MS = 1_000_000
-S = 1000 * MS
-
-
-class Kept(io.BytesIO):
-    """A file whose text outlives it, and that counts its writes."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.writes: list[bytes] = []
-
-    def write(self, data: object, /) -> int:
-        self.writes.append(bytes(data))  # type: ignore[call-overload]
-        return len(self.writes[-1])
+from tests.verify.audit.recorded_runs import Kept
 
 
 def recorded(script: Script, duration_ns: int = 5 * S) -> tuple[list[bytes], Log]:

@@ -98,7 +98,6 @@ from colony.files import open_exclusive
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.mcap_files import PROGRAM, SOURCES, trace
 from tests.verify.audit.recorded_runs import logs, mcap_to
-from tests.sampling import sampled
 
 recording = mcap_to(open_exclusive(sys.argv[1]), PROGRAM, *SOURCES)
 [log] = logs(PROGRAM, trace(1))

@@ -7,18 +7,15 @@ a key of its own is told so.
 
 from __future__ import annotations
 
-import heapq
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from random import Random
 from typing import Any, get_args
 
 import msgspec
 
 from colony.runtime.frames.clock import Clock
-from colony.runtime.kit.commands import command, parameter
-from colony.runtime.kit.fields import FieldReader, field
-from colony.runtime.kit.service import Service
+from colony.runtime.kit.fields import field
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import CallDispatcher, Method, Open
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
@@ -43,11 +40,9 @@ from colony.runtime.protocol.messages import (
     Send,
     SentMessage,
     ServerFrame,
-    SettlingNode,
     Tick,
     Verdict,
     Wake,
-    WakeAt,
 )
 from colony.runtime.protocol.plausibility import check_plausible
 from colony.runtime.servers.cserver import CServer
@@ -57,7 +52,8 @@ from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
 from colony.runtime.transport.live.keys import CallKey, carries_calls, check_call
 from tests.kit.base import CLIENTS, RollingBase, deployed
-from tests.kit.node_stage import FRAME_NS
+from tests.kit.lift import move_command, service
+from tests.kit.node_stage import FRAME_NS, NodeStage, S, messages
 from tests.runtime.servers.nonsense import Grammar, Hints, Vandal, tree_bytes
 
 KEEP = 40
@@ -92,14 +88,10 @@ def _clock() -> Node:
 def lift(done: list[tuple[float, bool]] | None = None) -> Node:
     """A server of a user, with a command; what it is made to do goes to `done`."""
     told = [] if done is None else done
-    move = command(
-        "move",
-        lambda height, fast: told.append((height, fast)),
-        parameter("height", unit="mm", low=0.0, high=400.0),
-        parameter("fast", boolean=True),
+    height = field("height", lambda: 1.0, unit="mm")
+    return service(
+        [height], [move_command(lambda height, fast: told.append((height, fast)))], lambda problem: None
     )
-    fields = [field("height", lambda: 1.0, unit="mm")]
-    return Service("Lift", [], FieldReader("Lift", fields, print), lambda problem: None, commands=[move])
 
 
 BUILD: dict[str, Callable[[], Node]] = {
@@ -125,9 +117,10 @@ def methods_of(node: Node) -> dict[str, Method]:
     return {name: method for name, (method, _) in desk._methods.items()}
 
 
-class Stage:
-    """One server, and all that anybody may send to it. Mutable: the present, who has called, what is due,
-    and the newest `ticks` where it is a Clock.
+class Stage(NodeStage):
+    """One server, and all that anybody may send to it; it keeps the effects of the last message alone.
+
+    Mutable: who has called, and the newest `ticks` where it is a Clock.
 
     Args:
         node: the server.
@@ -148,8 +141,7 @@ class Stage:
         run: str = "",
         without: tuple[str, ...] = (),
     ) -> None:
-        self.node, self.random, self.run = node, random, run
-        self.now_ns, self.k = 1_000_000_000, 1000
+        self.random, self.run, self.k, self.now_ns, self.node = random, run, 1000, S, node
         self.given = self.refused = self.answered = self.malformed = 0
         self._rights, self._tame = rights, tame
         self._grammar = Grammar(random, self._hints())
@@ -157,11 +149,10 @@ class Stage:
         self._methods = {n: m for n, m in methods_of(node).items() if n not in without}
         self._topics = tuple(node.listens)
         self._kinds = get_args(SentMessage)
-        self._wakes: list[int] = []
         self._numbers = dict.fromkeys(USERS, 0)
         self._deployment = msgspec.to_builtins(deployed())
         self.ticks: deque[Tick] = deque(maxlen=10)
-        self._take(node.start(self.now_ns))
+        super().__init__(node, S)
 
     # --- what is sent --------------------------------------------------------------------------------
 
@@ -300,39 +291,22 @@ class Stage:
         """Let the server handle this, and hold what it does to what a host can carry out."""
         self.given += 1
         try:
-            return self._take(self.node.handle(message, self.now_ns))
+            return messages(self.handle(message), object)
         except Exception as problem:
             raise AssertionError(f"{self.node.address} failed at {message!r:.2000}: {problem!r}") from problem
 
-    def pass_time(self, ns: int) -> None:
-        """Let time go by, with the wakes that were asked for."""
-        end = self.now_ns + ns
-        while self._wakes and self._wakes[0] <= end:
-            self.now_ns = max(self.now_ns, heapq.heappop(self._wakes))
-            self.give(Wake())
-        self.now_ns = end
+    def wake(self) -> None:
+        self.give(Wake())
 
-    @property
-    def wakes(self) -> int:
-        """How many are due."""
-        return len(self._wakes)
-
-    def _take(self, effects: Iterable[Effect]) -> list[SentMessage]:
-        effects = list(effects)
-        if isinstance(self.node, SettlingNode):
-            self.node.settle()
-        said = []
+    def keep(self, effects: Sequence[Effect]) -> None:
+        self.effects.clear()
+        self.replies.clear()
+        super().keep(effects)
         for effect in effects:
-            match effect:
-                case WakeAt(t_ns):
-                    heapq.heappush(self._wakes, t_ns)
-                case Send(topic, message):
-                    assert topic
-                    assert len(codec.encode(message)) <= MAX_MESSAGE_BYTES
-                    said.append(message)
-                    if isinstance(message, Tick):
-                        self.ticks.append(message)
-        return said
+            if isinstance(effect, Send):
+                assert effect.topic
+                assert len(codec.encode(effect.message)) <= MAX_MESSAGE_BYTES
+        self.ticks += messages(effects, Tick)
 
 
 _USUAL: dict[str, tuple[type, ...]] = {

@@ -7,38 +7,24 @@ import math
 import pytest
 
 from colony.runtime.library import data
-from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.library.clock import deploy
 from colony.runtime.servers.frame_content import (
     MAX_LIST_LENGTH,
     MAX_NAMES_PER_CONNECTION,
     MAX_NAMES_REQUESTED,
 )
-from tests.kit.data import DataStage
-from tests.kit.node_stage import MS, Caller, S
-
-
-def program(run: str, *reads: str) -> Deployment:
-    return Deployment(run=run, program="demo", frame_ns=50 * MS, seed=1, actuators=(), reads=reads)
-
-
-def deploy(deployed: Deployment) -> Ask[None]:
-    return Ask("deploy", deployed, type(None), "command")
-
-
-def test_frames_are_empty_unless_somebody_asked(stage: DataStage, ada: Caller) -> None:
-    ada.do(data.set_many({f"V{i}": i for i in range(1000)}))
-    assert stage.frame(1).fields == {}
+from tests.kit.data import DataStage, program
+from tests.kit.node_stage import Caller, S
 
 
 def test_a_program_reads_what_it_is_bound_to_in_the_frames_of_its_run(stage: DataStage, ada: Caller) -> None:
     ada.do(data.set_many({"X": 1, "Y": 2, "Z": 3}))
-    ada.do(deploy(program("first", "X", "Later")))
+    ada.do(deploy(program("first", reads=("X", "Later"))))
     assert stage.fields(1) == {}
     assert stage.fields(2, "first") == {"X": 1.0}
     ada.do(data.set("Later", True))
     assert stage.fields(3, "first") == {"X": 1.0, "Later": True}
-    ada.do(deploy(program("second", "Y")))
+    ada.do(deploy(program("second", reads=("Y",))))
     assert stage.fields(4, "second") == {"Y": 2.0}
     assert stage.fields(5) == {}
 
@@ -47,7 +33,7 @@ def test_a_program_reads_what_it_is_bound_to_in_the_frames_of_its_run(stage: Dat
 def test_a_value_that_frames_cannot_show_is_a_fault_where_the_program_reads_it(
     stage: DataStage, ada: Caller, value: object
 ) -> None:
-    ada.do(deploy(program("run", "X")))
+    ada.do(deploy(program("run", reads=("X",))))
     ada.do(data.set_many({"X": value, "Y": value}))
     ada.do(data.publish(["X", "Y"]))
     fields = stage.fields(1, "run")
@@ -63,13 +49,13 @@ def test_a_value_that_frames_cannot_show_is_a_fault_where_the_program_reads_it(
 
 def test_what_the_program_reads_survives_a_death(stage: DataStage, ada: Caller) -> None:
     ada.do(data.set("X", 1))
-    ada.do(deploy(program("run", "X")))
+    ada.do(deploy(program("run", reads=("X",))))
     stage.kill_and_restart()
     assert stage.fields(1, "run") == {"X": 1.0}
 
 
 def test_a_program_that_is_there_from_the_beginning_reads_too() -> None:
-    stage = DataStage(deployment=program("run", "X"))
+    stage = DataStage(deployment=program("run", reads=("X",)))
     stage.connect().do(data.set_many({"X": 1, "Y": 2}))
     assert stage.fields(1, "run") == {"X": 1.0}
 
@@ -77,7 +63,7 @@ def test_a_program_that_is_there_from_the_beginning_reads_too() -> None:
 def test_a_deleted_variable_is_missing_from_the_next_frame_on(stage: DataStage, ada: Caller) -> None:
     ada.do(data.set_history("X", 3))
     ada.do(data.set_many({"X": 1}))
-    ada.do(deploy(program("run", "X")))
+    ada.do(deploy(program("run", reads=("X",))))
     ada.do(data.watch("X"))
     assert stage.fields(1, "run") == {"X": 1.0}
     effects = ada.begin(data.delete("X"))
@@ -111,7 +97,7 @@ def test_what_a_program_and_a_connection_ask_for_stays_while_one_of_them_does(
 ) -> None:
     bob = stage.connect("bob/1")
     ada.do(data.set("X", 1))
-    ada.do(deploy(program("run", "X")))
+    ada.do(deploy(program("run", reads=("X",))))
     bob.do(data.publish(["X"]))
     assert stage.fields(1, "run") == stage.fields(2) == {"X": 1.0}
     bob.close()
@@ -134,7 +120,9 @@ def test_publishing_has_an_end(stage: DataStage, ada: Caller) -> None:
     ada.close()
     others[-1].do(data.publish(["one more"]))
     assert (
-        others[-1].refusal(deploy(program("run", *(f"R{i}" for i in range(MAX_NAMES_REQUESTED + 1)))))
+        others[-1].refusal(
+            deploy(program("run", reads=tuple(f"R{i}" for i in range(MAX_NAMES_REQUESTED + 1))))
+        )
         == "arguments"
     )
 
@@ -149,7 +137,7 @@ def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(stage: Dat
     assert set(stage.fields(2)) == {"B"}, "it is left out"
     ada.do(data.publish(["C"]))
     assert set(stage.fields(3)) == {"B", "C"}
-    ada.do(deploy(program("run", "P", "B")))
+    ada.do(deploy(program("run", reads=("P", "B"))))
     ada.do(data.set("P", [0.5] * (3 * MAX_LIST_LENGTH // 4 - 20)))
     assert set(stage.fields(4, "run")) == {"B", "C", "P"}, "nobody takes the program's room"
     assert ada.refusal(data.set("P", [0.5] * MAX_LIST_LENGTH)) == "full"
@@ -160,7 +148,7 @@ def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(stage: Dat
 
 def test_what_the_program_reads_without_room_is_missing(stage: DataStage, ada: Caller) -> None:
     ada.do(data.set_many({"Long": [0.5] * (MAX_LIST_LENGTH - 20), "Second": [0.5] * 100, "Short": 1}))
-    ada.do(deploy(program("run", "Long", "Second", "Short")))
+    ada.do(deploy(program("run", reads=("Long", "Second", "Short"))))
     assert set(stage.fields(1, "run")) == {"Long", "Short"}
     assert ada.refusal(data.set("Second", [0.5] * 99)) == "full"
     ada.do(data.set("Long", 1))

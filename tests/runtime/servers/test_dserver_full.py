@@ -7,14 +7,13 @@ from typing import Any
 import pytest
 
 from colony.runtime.library import data
-from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import NoArguments, Status
-from colony.runtime.protocol.messages import Request, Send, Tick, Verdict
+from colony.runtime.library.ask import STATUS, Ask
+from colony.runtime.library.clock import deploy
+from colony.runtime.protocol.messages import Verdict
 from colony.runtime.servers.dserver import SPACE_CHECK_INTERVAL_NS
 from colony.runtime.store.store import StoreFullError
-from tests.kit.data import Cramped, DataStage
-from tests.kit.node_stage import Caller, CallError, S
-from tests.runtime.servers.test_dserver import DRIVE, LAMP, POSE, checkpoint, deploy, program, recalled
+from tests.kit.data import DRIVE, LAMP, POSE, Cramped, DataStage, checkpoint, program, request
+from tests.kit.node_stage import Caller, CallError, S, messages
 
 KEPT = [
     data.set("New", 1),
@@ -61,26 +60,15 @@ def fill(stage: DataStage, store: Cramped) -> None:
     """Let the disk get full, as a change that nobody was promised finds out."""
     store.room = False
     stage.handle(checkpoint(1))
-    stage.handle(Tick(k=1, t_ns=stage.now_ns, run="run"))
-    stage.handle(lamp(1, True))
+    stage.tick(1)
+    stage.handle(request(1, "lamp", True))
     assert store.full == "no room"
-
-
-def lamp(k: int, on: bool) -> Request:
-    return Request(k=k, actuator="lamp", client="counter", bid="command", values=(on,))
 
 
 def lit(stage: DataStage, k: int, on: bool) -> None:
     """Have the program switch the lamp in frame k."""
-    stage.handle(Tick(k=k, t_ns=stage.now_ns, run="run"))
-    sent = stage.handle(lamp(k, on))
-    assert [e.message.by for e in sent if isinstance(e, Send) and isinstance(e.message, Verdict)] == [
-        "counter"
-    ]
-
-
-def status(connection: Caller) -> Status:
-    return connection.do(Ask("status", NoArguments(), Status, "read"))
+    stage.tick(k)
+    assert [verdict.by for verdict in messages(stage.handle(request(k, "lamp", on)), Verdict)] == ["counter"]
 
 
 @pytest.mark.parametrize("ask", KEPT, ids=lambda ask: ask.method)
@@ -89,9 +77,8 @@ def test_what_must_be_kept_is_refused_before_anything_is_changed(
 ) -> None:
     fill(stage, store)
     before = stage.fields(2, "run"), ada.do(data.semaphore("free")), ada.do(data.semaphore("taken"))
-    with pytest.raises(CallError, match="DServer keeps nothing new: no room") as failed:
-        ada.do(ask)
-    assert failed.value.code == "full"
+    problem = ada.problem(ask)
+    assert (problem.code, problem.message.partition(":")[0]) == ("full", "DServer keeps nothing new")
     assert before == (
         stage.fields(3, "run"),
         ada.do(data.semaphore("free")),
@@ -122,17 +109,17 @@ def test_the_program_and_its_clients_find_their_memory(stage: DataStage, store: 
     stage = DataStage(store, deployment=program("run", LAMP, DRIVE))
     fill(stage, store)
     stage.handle(checkpoint(7))
-    assert recalled(stage).k == 7
+    assert stage.recalled().k == 7
 
 
 def test_status_tells_and_room_is_noticed(stage: DataStage, store: Cramped, ada: Caller) -> None:
-    assert status(ada).full == ()
+    assert ada.do(STATUS).full == ()
     fill(stage, store)
-    assert status(ada).full == ("nothing new is kept: no room",)
+    assert ada.do(STATUS).full == ("nothing new is kept: no room",)
     store.room = True
     stage.now_ns += SPACE_CHECK_INTERVAL_NS
     ada.open()
-    assert status(ada).full == ()
+    assert ada.do(STATUS).full == ()
     ada.do(data.set("X", 2))
     stage.kill_and_restart()
     ada.open()

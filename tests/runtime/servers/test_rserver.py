@@ -260,19 +260,6 @@ def test_deploying_again_changes_nothing_and_may_come_from_a_new_leader() -> Non
     assert stage.do("lead/2", robot.arbitration()).leader == "lead/2"
 
 
-def test_another_run_waits_for_the_leader_to_be_gone() -> None:
-    stage = Stage()
-    stage.open("lead/1", name="colony run a")
-    stage.open("lead/2")
-    stage.do("lead/1", robot.deploy(deployed("r1")))
-    busy = stage.problem("lead/2", robot.deploy(deployed("r2")))
-    assert busy.code == "busy"
-    assert "colony run a" in busy.message
-    stage.close("lead/1")
-    stage.do("lead/2", robot.deploy(deployed("r2")))
-    assert stage.do("lead/2", robot.arbitration()).run == "r2"
-
-
 def test_a_frame_that_is_open_when_a_run_begins_ends_as_it_stands() -> None:
     stage = Stage(run="r1", deployment=deployed("r1"))
     stage.open("lead/1")

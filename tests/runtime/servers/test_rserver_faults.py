@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
+from functools import lru_cache
 from typing import get_args
 
 import msgspec
@@ -137,6 +138,7 @@ class Crowd:
         stage.until(stage.k * FRAME_NS + FRAME_NS - 1)
 
 
+@lru_cache
 def run(seed: int) -> Crowd:
     crowd = Crowd(seed)
     for _ in range(500):

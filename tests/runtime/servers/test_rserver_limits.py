@@ -201,7 +201,7 @@ def test_a_base_that_is_blocked_is_not_held_by_limits_that_only_slow_it_down(mot
     frames(stage, bounds(low=(-100.0, -20.0), high=(100.0, 20.0)), *silent(), count=45)
     problem = stage.replies["ann/1", number].problem
     assert problem.code == "stalled"
-    assert problem.message.startswith("no progress for 2 s, after 0 ")
+    assert problem.message.startswith("no progress for 2 s, after ")
 
 
 @pytest.mark.parametrize(
@@ -217,3 +217,4 @@ def test_a_motion_that_limits_keep_at_rest_ends_with_the_code_limits(
     frames(stage, bounds(high=high), *silent(), count=45)
     problem = stage.replies["ann/1", number].problem
     assert problem.code == "limits"
+    assert problem.message.startswith("the program's limits held the base for 2 s, after ")

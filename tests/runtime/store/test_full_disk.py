@@ -44,9 +44,14 @@ class StoreProcess:
 
     def ask(self, *command: Any) -> dict[str, Any]:
         """What came of a command: its answer, whether the store is full, and what was wrong."""
-        assert self.process.stdout is not None
-        self.process.stdin.write(json.dumps(command) + "\n")
+        self.send(command)
+        return self.receive()
+
+    def send(self, *commands: tuple[Any, ...]) -> None:
+        self.process.stdin.writelines(json.dumps(command) + "\n" for command in commands)
         self.process.stdin.flush()
+
+    def receive(self) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(self.process.stdout.readline())
         return found
 
@@ -96,6 +101,21 @@ def until_full(store: StoreProcess, size: int = 5000) -> list[str]:
             assert str(store.disk.path) in found["full"]
             assert "free some space" in found["full"]
             return kept
+
+
+@pytest.mark.parametrize("answers", [1, 20, 80])
+def test_a_store_that_is_killed_at_any_moment_has_all_that_it_answered(start: Start, answers: int) -> None:
+    store, names = start(), [f"N{number:03}" for number in range(100)]
+    store.well("open")
+    store.send(*(("put", name, 5000) for name in names))
+    for _ in range(answers):
+        assert store.receive()["problem"] is None
+    store.kill()
+    store = start()
+    store.well("open")
+    kept = store.well("names")
+    assert kept == names[: len(kept)]
+    assert len(kept) >= answers
 
 
 @pytest.mark.parametrize("dies", [False, True], ids=["closed", "killed"])

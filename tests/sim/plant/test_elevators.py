@@ -22,8 +22,8 @@ from colony.sim.plant.protocol import Truth
 from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Cabin, cabin_of
 from colony.sim.world.operator import DELAY_S, POLL_INTERVAL_S, RIDE_S, STANDSTILL_S, operator
 from tests.buildings import HALLWAY
+from tests.kit.script_stage import RobotStage
 from tests.nav.floors import two_floors
-from tests.nav.script_stage import Stage
 from tests.sim.plant.plants import START
 from tests.sim.robots import FRONT_CAMERA, IDEAL, UP_CAMERA
 from tests.waiting import PATIENCE_S
@@ -156,7 +156,7 @@ class Outside:
     def __init__(self, control: PlantControl, building: Building) -> None:
         self._control = control
         elevators = RemoteElevators(control, "rome", building, IDEAL.radius_mm)
-        self.stage = Stage(operator=operator(elevators, seed=1))
+        self.stage = RobotStage(operator=operator(elevators, seed=1))
 
     def until(self, condition: Callable[[Truth], bool], most_s: float) -> None:
         end_ns = self.stage.now_ns + round(most_s * 1e9)

@@ -11,7 +11,7 @@ from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Elevators, cabin_of
 from colony.sim.world.operator import DELAY_S, POLL_INTERVAL_S, RIDE_S, STANDSTILL_S, operator
 from colony.sim.world.world import World
-from tests.nav.script_stage import Stage
+from tests.kit.script_stage import RobotStage
 from tests.paths import MAPS
 from tests.sim.robots import IDEAL
 
@@ -32,7 +32,7 @@ class Hall:
     def __init__(self, seed: int = 1, pose: tuple[float, float, float] = BEFORE) -> None:
         self.world = World(walls=FLOORS[THIRD], poses=[pose], config=IDEAL)
         self.elevators = Elevators(self.world, BUILDING, FLOORS, THIRD)
-        self.stage = Stage(operator=operator(self.elevators, seed=seed))
+        self.stage = RobotStage(operator=operator(self.elevators, seed=seed))
         self.openings: list[float] = []
 
     def call(self, call: list[str]) -> None:

@@ -32,7 +32,7 @@ from colony.runtime.library import data, robot
 from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
-from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server, Shutter
+from tests.kit.script_stage import ASKED, FRAME_NS, ScriptStage, Server, Shutter
 
 FRAME_S = FRAME_NS / 1e9
 _SAMPLES = 4  # a pixel

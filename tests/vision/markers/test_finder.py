@@ -36,8 +36,8 @@ from colony.sim.shots import LevelShot
 from colony.sim.world.world import World
 from colony.vision.level_camera import AHEAD, LevelCamera
 from colony.vision.markers.finder import marker_finder
+from tests.kit.script_stage import FRAME_NS, ScriptStage
 from tests.paths import MAPS
-from tests.script_stage import FRAME_NS, ScriptStage
 from tests.sim.robots import FRONT_CAMERA
 
 NAME = "msu_engineering_3"

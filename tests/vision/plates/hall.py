@@ -16,7 +16,7 @@ from colony.runtime.protocol.calls import CallId, Handler, RefusedError
 from colony.runtime.protocol.images import Image
 from colony.vision.level_camera import SIDE
 from studies.thesis.wall_view import WallView
-from tests.script_stage import FRAME_NS, ScriptStage, Server, Shutter
+from tests.kit.script_stage import FRAME_NS, ScriptStage, Server, Shutter
 from tests.vision.plates.walls import Board, wall_image
 
 
