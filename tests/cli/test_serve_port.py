@@ -38,7 +38,7 @@ def test_the_robot_of_the_page(machine: Machine, tmp_path: Path) -> None:
 
     try:
         robot = f"rome={tmp_path / 'robots' / 'rover'}"
-        served = machine.start("serve", "all", "--robot", robot, "--port", os.fspath(rover.port))
+        served = machine.start("serve", "all", "--robot", robot, "--port", rover.port)
         until(lambda: machine.pid("DServer") or served.ended(), "the robot runs")
         run = machine.start("run", str(tmp_path / "cruise.colony"), "--robot", robot, "--connect")
         until(lambda: moves() or served.ended() or run.ended(), "the robot drives and grasps")
