@@ -80,11 +80,10 @@ def test_a_recording_is_input_of_trace(colony: Colony, behavior: Path) -> None:
 
 
 def test_json(colony: Colony, behavior: Path) -> None:
-    result = colony(
+    out = colony.output(
         "run", behavior, "--map", MAP, "--format", "json", "--duration", "5", "--picture", "way.svg"
     )
-    assert result.code == 0
-    row = json.loads(result.out)
+    row = json.loads(out)
     assert row["frames"] == 100
     assert row["picture"] == "way.svg"
     assert row["recording"] is None
@@ -107,10 +106,9 @@ def test_a_broken_contract_is_exit_code_1(colony: Colony, behavior: Path) -> Non
 
 def test_errors_in_the_program_are_located_and_exit_code_1(colony: Colony, behavior: Path) -> None:
     behavior.write_text(ROAM.replace("PServer.sonar", "PServer.sonor"))
-    result = colony("run", behavior, "--map", MAP, "--record", "run.jsonl")
-    assert result.code == 1
-    assert "roam.colony:3:12: error[R002]: `sonar`: PServer has no field `sonor`" in result.err
-    assert "did you mean `sonar`?" in result.err
+    err = colony.refusal("run", behavior, "--map", MAP, "--record", "run.jsonl", code=1)
+    assert "roam.colony:3:12: error[R002]: `sonar`: PServer has no field `sonor`" in err
+    assert "did you mean `sonar`?" in err
     assert not Path("run.jsonl").exists()
 
 
@@ -132,11 +130,9 @@ MISUSE = [
 def test_misuse_is_one_line_and_exit_code_2(
     colony: Colony, behavior: Path, arguments: tuple[str, ...], text: str
 ) -> None:
-    result = colony("run", "roam.colony", "--map", MAP, *arguments)
-    assert result.code == 2
-    assert text in result.err
-    assert len(result.err.splitlines()) == 1
-    assert result.out == ""
+    err = colony.refusal("run", "roam.colony", "--map", MAP, *arguments)
+    assert text in err
+    assert len(err.splitlines()) == 1
     assert behavior.read_text() == ROAM
 
 
