@@ -37,26 +37,24 @@ def driven(
 
 
 @pytest.mark.parametrize(
-    ("heading", "x", "y"),
-    [(0, 0, 900), (90, -900, 0), (180, 0, -900), (270, 900, 0), (45, -636.396, 636.396)],
+    ("drive", "heading", "pose"),
+    [
+        *(
+            ((300.0, 0.0), h, (x, y, h))
+            for h, x, y in ((0, 0, 900), (90, -900, 0), (180, 0, -900), (270, 900, 0))
+        ),
+        ((300.0, 0.0), 45, (-636.396, 636.396, 45)),
+        ((-300.0, 0.0), 0, (0, -900, 0)),
+        ((0.0, 30.0), 0, (0, 0, 90)),  # counterclockwise
+        ((0.0, -30.0), 0, (0, 0, 270)),
+    ],
 )
-def test_straight_ahead(heading: float, x: float, y: float) -> None:
-    world = driven(300.0, 0.0, 3.0, heading)
-    assert world.true_pose(0) == pytest.approx((x, y, heading), abs=1e-3)
-    assert world.distance(0) == pytest.approx(900.0)
-
-
-def test_backward() -> None:
-    world = driven(-300.0, 0.0, 3.0)
-    assert world.true_pose(0) == pytest.approx((0.0, -900.0, 0.0), abs=1e-9)
-    assert world.distance(0) == pytest.approx(900.0)
-
-
-def test_a_positive_turn_is_counterclockwise() -> None:
-    world = driven(0.0, 30.0, 3.0)
-    assert world.true_pose(0) == pytest.approx((0.0, 0.0, 90.0))
-    assert driven(0.0, -30.0, 3.0).true_pose(0).heading_deg == pytest.approx(270.0)
-    assert world.distance(0) == 0.0
+def test_a_base_drives_ahead_and_back_and_turns(
+    drive: tuple[float, float], heading: float, pose: tuple[float, float, float]
+) -> None:
+    world = driven(*drive, 3.0, heading)
+    assert world.true_pose(0) == pytest.approx(pose, abs=1e-3)
+    assert world.distance(0) == pytest.approx(900.0 if drive[0] else 0.0)
 
 
 def test_an_arc_is_part_of_a_circle() -> None:
@@ -204,11 +202,6 @@ def test_a_step_may_be_cut_into_smaller_ones() -> None:
     for _ in range(10):
         parts.advance(0.1)
     assert whole.true_pose(0) == pytest.approx(parts.true_pose(0))
-
-
-def test_odometry_without_errors_is_the_true_pose() -> None:
-    world = driven(400.0, 25.0, 20.0, heading=123.0, walls=[NORTH_WALL])
-    assert world.odometry(0) == pytest.approx(world.true_pose(0))
 
 
 def test_odometry_can_be_set_and_counts_on_from_there() -> None:
