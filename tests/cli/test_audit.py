@@ -19,6 +19,7 @@ from tests.cli.explained import recorded as recorded_run
 from tests.cli.run.test_run import MAP, ROAM
 from tests.commands import Ran
 from tests.paths import ROOT
+from tests.runtime.recordings.test_mcap import messages
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,20 @@ def test_as_json(colony: Colony, recorded: Callable[..., Ran]) -> None:
     assert row["agrees"] is True
     assert (row["program"], row["robot"], row["seed"], row["run"]) == ("roam.colony", "rome", 0, "")
     assert (row["frames"], row["compared"], row["first"], row["truncated"]) == (60, 60, None, None)
+
+
+def test_a_recording_holds_the_requests_of_all_clients(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+    found = messages(Path("run.mcap").read_bytes())["/requests/drive"]
+    assert len(found) == 60
+    assert all(set(row["clients"]) == {"avoid", "cruise", "stagger"} for row in found)
+
+
+def test_a_recording_of_another_program_differs(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+    Path("roam.colony").write_text(ROAM.replace("velocity = 500 mm/s", "velocity = 501 mm/s"))
+    code, out, _ = colony("audit", "run.mcap", "roam.colony")
+    assert (code, "DIFFERS in 60 frames, first at 0 s (frame 0), drive" in out) == (1, True)
 
 
 def test_a_program_of_several_files(colony: Colony, recorded: Callable[..., Ran], tmp_path: Path) -> None:
