@@ -51,3 +51,9 @@ class Command:
         ran = self(*arguments, stdin=stdin)
         assert (ran.code, ran.out) == (code, ""), ran.err
         return ran.err
+
+    def one_line(self, *arguments: str | Path, code: int = 2, stdin: str = "") -> str:
+        """Run it with arguments that it refuses in one line; return the line."""
+        err = self.refusal(*arguments, code=code, stdin=stdin)
+        assert err.count("\n") == 1, err
+        return err

@@ -85,11 +85,9 @@ def test_audit_and_trace_refuse_a_recording_of_another_version(
         *([("audit", name)] if name == "run.mcap" else []),
         *((*trace, backend) for backend in ("network", "clients", "python")),
     ):
-        code, out, err = colony(*arguments)
-        assert (code, out) == (2, ""), arguments
+        err = colony.one_line(*arguments)
         assert err.startswith(f"{name}:1:")
         assert said in err
-        assert err.count("\n") == 1
         assert "record the run again" in err
     program = load("roam.colony")
     for read in (lambda: list(recorded(name, program)), lambda: audit(name, program)):
@@ -107,9 +105,8 @@ def test_a_compiled_program_of_another_version_is_refused(colony: Colony, behavi
     data = Path("b.colonyc").read_bytes()
     assert data[8] == SEMANTICS
     Path("b.colonyc").write_bytes(data[:8] + bytes([OTHER]) + data[9:])
-    err = colony.refusal("run", "b.colonyc", "--map", MAP)
+    err = colony.one_line("run", "b.colonyc", "--map", MAP)
     assert f"of version {OTHER} of the semantics; this is version {SEMANTICS}; compile it again" in err
-    assert err.count("\n") == 1
 
 
 def test_clients_in_json_of_another_version_are_refused(colony: Colony, behavior: Path) -> None:

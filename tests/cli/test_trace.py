@@ -101,10 +101,9 @@ def test_bad_frames_are_one_located_line(
     colony: Colony, behavior: Path, line: str, place: str, code: str, said: str
 ) -> None:
     stdin = '{"t": 0.5, "near": 3}\n' + line + "\n"
-    err = colony.refusal("trace", behavior, "--input", "-", stdin=stdin)
+    err = colony.one_line("trace", behavior, "--input", "-", stdin=stdin)
     assert err.startswith(f"<stdin>:{place}: error[{code}]: ")
     assert said in err
-    assert err.count("\n") == 1
 
 
 def test_a_bad_frame_leaves_the_output_as_it_was(colony: Colony, behavior: Path, tmp_path: Path) -> None:
@@ -120,9 +119,8 @@ def test_a_bad_frame_leaves_the_output_as_it_was(colony: Colony, behavior: Path,
 
 def test_missing_input(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     for name in (tmp_path / "none.jsonl", tmp_path):
-        err = colony.refusal("trace", behavior, "--input", name)
+        err = colony.one_line("trace", behavior, "--input", name)
         assert err.startswith(f"{name}:1:1: error[F008]: cannot read the frames")
-        assert err.count("\n") == 1
 
 
 def test_a_pipe_is_read_as_standard_input_only(colony: Colony, behavior: Path, tmp_path: Path) -> None:

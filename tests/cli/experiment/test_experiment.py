@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import sqlite3
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.cli.conftest import Colony
-from tests.waiting import PATIENCE_S, killed_in_the_end, until
+from tests.cli.machine import Machine, failed
+from tests.waiting import until
 
 QUICK = ("--map", "loop", "--duration", "1", "--vary", "start", "--engine", "serial")
 
@@ -121,7 +118,7 @@ def test_experiment_with_a_param_that_does_not_exist_is_refused_before_the_first
     assert "100 %" not in err
 
 
-def test_experiment_interrupted_keeps_finished_runs(tmp_path: Path) -> None:
+def test_experiment_interrupted_keeps_finished_runs(machine: Machine, tmp_path: Path) -> None:
     kept = tmp_path / "r.sqlite"
     endless = ("wander", *QUICK, "--runs", "5000", "-o", str(kept))
 
@@ -132,17 +129,8 @@ def test_experiment_interrupted_keeps_finished_runs(tmp_path: Path) -> None:
         except sqlite3.Error:
             return 0
 
-    process = subprocess.Popen(
-        [sys.executable, "-m", "colony", "experiment", *endless],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
-    with killed_in_the_end(process):
-        until(lambda: finished() >= 2, "two runs are finished")
-        os.kill(process.pid, signal.SIGINT)
-        out, _ = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 130
-    assert "wander on rome in loop" in out
+    run = machine.start("experiment", *endless)
+    until(lambda: failed(run) or finished() >= 2, "two runs are finished")
+    assert run.interrupt() == 130
+    assert "wander on rome in loop" in run.out
     assert finished() >= 2

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,7 +10,8 @@ import pytest
 
 from colony.cli import site_proof
 from tests.cli.conftest import Colony
-from tests.paths import ROOT
+from tests.cli.machine import Machine, failed
+from tests.waiting import until
 
 BEHAVIOR = """language 1
 import "rome"
@@ -190,19 +188,12 @@ def test_other_commands_take_params(colony: Colony, site: Path) -> None:
     assert '"by": "go"' in colony("trace", "b.colony", *option, "--input", "-", stdin=frame).out
 
 
-def test_ctrl_c_ends_the_proof(tmp_path: Path) -> None:
-    (tmp_path / "site.toml").write_text('[hallway]\ncruising = "450 mm/s"\n')
-    words = ["run", "navigator", *("--map", "loop", "--from", "201", "--to", "216"), "--no-picture"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "colony", *words, "--params", "site.toml", "--record", "r.mcap"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")},
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    with process:
-        assert process.stderr.readline() == "proving contracts with the params of site.toml\n"
-        process.send_signal(signal.SIGINT)
-        assert "Traceback" not in process.stderr.read()
-    assert process.returncode == 130
-    assert not (tmp_path / "r.mcap").exists()
+def test_ctrl_c_ends_the_proof(machine: Machine, tmp_path: Path) -> None:
+    params = tmp_path / "site.toml"
+    params.write_text('[hallway]\ncruising = "450 mm/s"\n')
+    machine.environment["XDG_CACHE_HOME"] = str(tmp_path / "cache")
+    way = ("--map", "loop", "--from", "201", "--to", "216", "--no-picture")
+    run = machine.start("run", "navigator", *way, "--params", str(params), "--record", "r.mcap")
+    until(lambda: failed(run) or "proving contracts with the params of " in run.err, "it proves")
+    assert run.interrupt() == 130
+    assert not (run.folder / "r.mcap").exists()

@@ -5,9 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,9 +14,9 @@ import z3
 from colony.cli.verify.work import Work, load
 from colony.verify.contracts import certificate
 from tests.cli.conftest import Colony
-from tests.paths import ROOT
+from tests.cli.machine import Machine, failed
 from tests.sampling import long
-from tests.waiting import PATIENCE_S, killed_in_the_end, until
+from tests.waiting import until
 
 TRUE = "contract backs: drive by back implies drive.velocity <= 0\n"
 FALSE = "contract quick: drive.velocity > -100 mm/s\n"
@@ -451,37 +448,27 @@ ENDLESS = ["--depth", "64", "--timeout", "1000"]
 """With these, `OPEN` takes a minute."""
 
 
-def busy_seconds(process: subprocess.Popen[str]) -> float:
+def busy_seconds(pid: int) -> float:
     """The processor time that a process has had."""
-    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="there is no /proc")
 @pytest.mark.parametrize("format_", [long("text"), "json"])
-def test_ctrl_c_tells_what_was_found_so_far(behavior: Path, format_: str) -> None:
+def test_ctrl_c_tells_what_was_found_so_far(machine: Machine, behavior: Path, format_: str) -> None:
     add(behavior, TRUE, OPEN)
-    started = subprocess.Popen(
-        [sys.executable, "-m", "colony.cli.main", "verify", *ENDLESS, "--format", format_, str(behavior)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    )
-    with killed_in_the_end(started) as process:
-        until(lambda: process.poll() is not None or busy_seconds(process) >= 2, "it is at work")
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=PATIENCE_S)
-    assert "Traceback" not in err
-    assert process.returncode == 130, out + err
-    assert "interrupted" in err
+    started = machine.start("verify", *ENDLESS, "--format", format_, str(behavior))
+    until(lambda: failed(started) or busy_seconds(started.pid) >= 2, "it is at work")
+    assert started.interrupt() == 130
+    assert "interrupted" in started.err
     if format_ == "json":
-        told = json.loads(out)
+        told = json.loads(started.out)
         assert told["interrupted"] is True
         assert [c["contract"] for c in told["files"][0]["contracts"]] == ["backs"]
     else:
-        assert "proved   backs" in out
-        assert "interrupted before the end" in out
+        assert "proved   backs" in started.out
+        assert "interrupted before the end" in started.out
 
 
 def test_what_can_never_act_is_asked_for_a_while_only(colony: Colony, tmp_path: Path) -> None:
