@@ -2,54 +2,31 @@
 
 from __future__ import annotations
 
-import io
 import json
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
 from colony.cli.main import main
+from tests.body.test_disagreements import BODY, INTERFACE
 from tests.cli.machine import Machine
+from tests.commands import Command
 
-
-class Ran(NamedTuple):
-    """What a command left behind."""
-
-    code: int
-    out: str
-    err: str
-
-
-Colony = Callable[..., Ran]
+Colony = Command
 
 
 @pytest.fixture
 def colony(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Colony:
-    """Run `colony ARGUMENTS` in an empty directory; `stdin` is what it reads there."""
+    """Run `colony ARGUMENTS` in an empty directory."""
     monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str | Path, stdin: str = "") -> Ran:
-        monkeypatch.setattr(sys, "argv", ["colony", *map(str, arguments)])
-        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin.encode())))
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        captured = capsys.readouterr()
-        assert isinstance(stopped.value.code, int)
-        assert "Traceback" not in captured.err
-        return Ran(stopped.value.code, captured.out, captured.err)
-
-    return run
+    return Command(main, monkeypatch, capsys)
 
 
 def server_states(colony: Colony) -> dict[str, str]:
     """Return the states of the servers of the only robot, as `colony ps` shows them."""
-    result = colony("ps", "--format", "json")
-    assert result.code == 0
-    (found,) = json.loads(result.out)
+    (found,) = json.loads(colony.output("ps", "--format", "json"))
     return {server["server"]: server["state"] for server in found["servers"]}
 
 
@@ -60,6 +37,16 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Machine
         for name in ("COLONY_RUN_DIR", "XDG_STATE_HOME"):
             monkeypatch.setenv(name, made.environment[name])
         yield made
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """A robot of a project, in a folder of its own."""
+    folder = tmp_path / "robots" / "small"
+    folder.mkdir(parents=True)
+    (folder / "small.colony").write_text(INTERFACE)
+    (folder / "small.toml").write_text(BODY)
+    return folder
 
 
 @pytest.fixture

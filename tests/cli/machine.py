@@ -23,7 +23,7 @@ from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import Truth
 from tests.paths import ROOT
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, until
 
 MAP = str(ROOT / "maps" / "loop.stickrep")
 WANDER = str(ROOT / "behaviors" / "wander.colony")
@@ -140,6 +140,12 @@ class Machine:
         """The same, to its end."""
         started = self.start(*arguments)
         started.wait(patience_s)
+        return started
+
+    def serve(self, *arguments: str) -> Started:
+        """Run `colony serve ARGUMENTS`, and wait until the server listens."""
+        started = self.start("serve", *arguments)
+        until(lambda: failed(started) or "listens at" in started.err, f"{arguments[0]} listens")
         return started
 
     def close(self) -> None:

@@ -18,9 +18,7 @@ def test_good_files(colony: Colony, behavior: Path) -> None:
 def test_all_errors_with_place_caret_and_hint(colony: Colony, tmp_path: Path) -> None:
     path = tmp_path / "bad.colony"
     path.write_text("robot r { sensor sonar : mm from P.s }\nlet a = sonnar\nlet b = 3 mm + 2 s\n")
-    code, out, err = colony("check", path)
-    assert code == 1
-    assert out == ""
+    err = colony.refusal("check", path, code=1)
     assert f"{path}:2:9: error[E101]: unknown name `sonnar`" in err
     assert "hint: did you mean `sonar`?" in err
     assert f"{path}:3:9: error[E201]" in err
@@ -46,10 +44,7 @@ def test_json(colony: Colony, tmp_path: Path) -> None:
 
 def test_unreadable_files_are_misuse(colony: Colony, tmp_path: Path) -> None:
     for path in (tmp_path / "none.colony", tmp_path):
-        code, _, err = colony("check", path)
-        assert code == 2
-        assert f"{path}:1:1: error[E001]: cannot read" in err
-        assert err.count("\n") == 1
+        assert f"{path}:1:1: error[E001]: cannot read" in colony.one_line("check", path)
 
 
 # --- the version of the language ---------------------------------------------------------------------
@@ -98,8 +93,7 @@ def test_other_commands_give_no_note(colony: Colony, behavior: Path, arguments: 
 
 def test_a_file_that_cannot_be_read_to_its_end_gets_errors_only(colony: Colony, tmp_path: Path) -> None:
     (tmp_path / "a.colony").write_text(ROBOT + "language 1\n")
-    code, _, err = colony("check", "a.colony")
-    assert code == 1
+    err = colony.refusal("check", "a.colony", code=1)
     assert "hint: a file has this line once, before its first declaration" in err
     assert "note[N001]" not in err
 
@@ -121,15 +115,10 @@ network { drive = go }
 """
 
 
-@pytest.fixture
-def small(tmp_path: Path) -> Path:
-    """A robot of a project, in a folder of its own, and a behavior for it."""
-    folder = tmp_path / "robots" / "small"
-    folder.mkdir(parents=True)
-    (folder / "small.colony").write_text(INTERFACE)
-    (folder / "small.toml").write_text(BODY)
-    (tmp_path / "go.colony").write_text(GO)
-    return folder
+@pytest.fixture(autouse=True)
+def go(colony: Colony) -> None:
+    """A behavior for any robot."""
+    Path("go.colony").write_text(GO)
 
 
 def test_a_program_that_fits_the_body_of_its_robot(colony: Colony, small: Path) -> None:
@@ -143,8 +132,7 @@ def test_errors_in_either_file_of_a_robot(colony: Colony, small: Path) -> None:
     (small / "small.toml").write_text(
         BODY.replace('rate = "10 Hz"', 'rate = "4 Hz"').replace('"1 Hz"', '"0.1 Hz"')
     )
-    code, out, err = colony("check", "go.colony", "--robot", "small")
-    assert (code, out) == (1, "")
+    err = colony.refusal("check", "go.colony", "--robot", "small", code=1)
     assert "robots/small/small.colony:4:12: error[R002]: `scan`: Lidar has no field `scn`" in err
     assert "hint: did you mean `scan`?" in err
     assert "robots/small/small.toml:17:31: error[B017]: `celsius` is measured every 10 s" in err
@@ -161,15 +149,13 @@ def test_errors_in_either_file_of_a_robot(colony: Colony, small: Path) -> None:
 
 def test_a_body_that_cannot_be_used(colony: Colony, small: Path) -> None:
     (small / "small.toml").write_text(BODY.replace("wheel_base", "wheelbase"))
-    code, _, err = colony("check", "go.colony", "--robot", "small")
-    assert code == 1
+    err = colony.refusal("check", "go.colony", "--robot", "small", code=1)
     assert "robots/small/small.toml:6:34: error[B003]: `body.drive` has no key `wheelbase`" in err
 
 
 def test_findings_about_the_body_of_one_of_several_robots(colony: Colony, small: Path) -> None:
     (small / "small.toml").write_text(BODY.replace('"0.5 m/s"', '"0.4 m/s"'))
-    code, out, err = colony("check", "go.colony", "--robot", "rome", "--robot", "small")
-    assert (code, out) == (1, "")
+    err = colony.refusal("check", "go.colony", "--robot", "rome", "--robot", "small", code=1)
     assert "error[B016]: `small`: `drive.velocity` reaches -0.5 m/s, and the base at most 0.4 m/s" in err
 
 
@@ -194,12 +180,7 @@ network { drive = go }
 def test_a_robot_without_a_body_is_noted_once(colony: Colony, tmp_path: Path) -> None:
     Path("own.colony").write_text(OWN)
     Path("more.colony").write_text('language 1\nimport "own.colony"\n')
-    code, out, err = colony("check", "own.colony", "more.colony")
-    assert (code, out) == (0, "own.colony: ok\nmore.colony: ok\n")
-    assert err.startswith("own.colony:2:7: note[N003]: `tug` has no body")
-    assert "hint: write `tug.toml` beside `own.colony`, or begin with `colony robot new`" in err
-    assert err.endswith("`colony run --map` takes the body of `rome`, which fits\n")
-    assert err.count("note") == 1
+    assert colony("check", "own.colony", "more.colony").err.count("note[N003]: `tug` has no body") == 1
 
 
 def test_the_note_says_whether_the_robot_fits_the_body_that_it_gets(colony: Colony, tmp_path: Path) -> None:
@@ -208,9 +189,10 @@ def test_the_note_says_whether_the_robot_fits_the_body_that_it_gets(colony: Colo
     )
     end = "which does not fit: `hit`: there is no server `Bumper`, and 1 more\n"
     assert colony("check", "own.colony").err.endswith(end)
-    run = colony("run", "own.colony", "--map", ROOT / "maps" / "loop.stickrep", "--no-picture")
-    assert run.code == 1
-    assert "error[R001]: `hit`: there is no server `Bumper`" in run.err
+    err = colony.refusal(
+        "run", "own.colony", "--map", ROOT / "maps" / "loop.stickrep", "--no-picture", code=1
+    )
+    assert "error[R001]: `hit`: there is no server `Bumper`" in err
 
 
 def test_a_robot_that_shares_variables_alone_needs_no_body(colony: Colony, tmp_path: Path) -> None:
@@ -223,7 +205,6 @@ def test_a_robot_that_shares_variables_alone_needs_no_body(colony: Colony, tmp_p
 @pytest.mark.parametrize("how", [("--map", ROOT / "maps" / "loop.stickrep", "--no-picture"), ("--connect",)])
 def test_a_run_is_refused_as_the_check_says(colony: Colony, small: Path, how: tuple[object, ...]) -> None:
     (small / "small.toml").write_text(BODY.replace('"0.5 m/s"', '"0.4 m/s"'))
-    code, out, err = colony("run", "go.colony", "--robot", "small", *how)
-    assert (code, out) == (1, "")
+    err = colony.refusal("run", "go.colony", "--robot", "small", *how, code=1)
     assert "error[B016]: `drive.velocity` reaches -0.5 m/s, and the base at most 0.4 m/s" in err
     assert colony("test", "go.colony", "--robot", "small").code == 0  # which needs no body

@@ -6,14 +6,13 @@ import json
 
 from colony.runtime.library import data
 from tests.cli.conftest import Colony
-from tests.cli.machine import ROBOT, Machine
+from tests.cli.machine import ROBOT, Machine, failed
 from tests.waiting import until
 
 
 def test_variables_are_set_shown_listed_and_deleted(machine: Machine, colony: Colony) -> None:
     served = machine.start("serve", "DServer", "--robot", ROBOT)
-    until(lambda: served.ended() or "DServer" in machine.directory.running(), "DServer runs")
-    assert not served.ended(), served.err
+    until(lambda: failed(served) or "DServer" in machine.directory.running(), "DServer runs")
     for name, value in (
         ("Goal.x", "-90.5"),
         ("Goal.y", "[1, true]"),
@@ -21,9 +20,7 @@ def test_variables_are_set_shown_listed_and_deleted(machine: Machine, colony: Co
         ("Map", '{"a": null}'),
     ):
         assert colony("data", "set", name, value) == (0, "", "")
-        shown = colony("data", "get", name, "--robot", ROBOT)
-        assert shown.code == 0
-        assert json.loads(shown.out) == json.loads(value)
+        assert json.loads(colony.output("data", "get", name, "--robot", ROBOT)) == json.loads(value)
     assert colony("data", "list") == (0, "Door\nGoal.x\nGoal.y\nMap\n", "")
     assert colony("data", "list", "Goal.") == (0, "Goal.x\nGoal.y\n", "")
     assert json.loads(colony("data", "list", "--format", "json").out) == ["Door", "Goal.x", "Goal.y", "Map"]
@@ -32,9 +29,7 @@ def test_variables_are_set_shown_listed_and_deleted(machine: Machine, colony: Co
     assert (missing.code, missing.out, missing.err.count("\n")) == (1, "", 2)
     assert "DServer has no variable `Door`" in missing.err
     assert colony("data", "list") == (0, "Goal.y\n", "")
-    refused = colony("data", "get", "Door")
-    assert (refused.code, refused.out) == (1, "")
-    assert refused.err == "colony: error: DServer has no variable `Door`\n"
+    assert colony.refusal("data", "get", "Door", code=1) == "colony: error: DServer has no variable `Door`\n"
     with machine.session() as session, session.connect("DServer") as server:
         server.do(data.set("Bytes", b"\x00\xff"))
         for begin in range(0, 2500, 500):  # more names than one reply has

@@ -89,9 +89,8 @@ def test_frames_have_the_numbers_of_the_recording(colony: Colony, file: Path) ->
     stdin = "\n".join(map(json.dumps, rows))
     ran = colony("trace", file, "--input", "-", "--frame", "12", stdin=stdin)
     assert (ran.code, json.loads(ran.out)["t"]) == (0, 2.0)
-    ran = colony("trace", file, "--input", "-", "--frame", "2", stdin=stdin)
-    assert (ran.code, ran.out) == (2, "")
-    assert ran.err == "<stdin>: error: --frame: found no frame 2; it has frames 10 to 12\n"
+    err = colony.refusal("trace", file, "--input", "-", "--frame", "2", stdin=stdin)
+    assert err == "<stdin>: error: --frame: found no frame 2; it has frames 10 to 12\n"
     ran = colony("trace", file, "--input", "-", "--frame", "2")
     assert ran.err == "<stdin>: error: --frame: found no frame 2; it has no frame\n"
 
@@ -105,20 +104,15 @@ def test_frames_have_the_numbers_of_the_recording(colony: Colony, file: Path) ->
     ],
 )
 def test_what_cannot_be_drawn_is_refused(colony: Colony, file: Path, arguments: list[str], said: str) -> None:
-    ran = colony("trace", file, "--input", "-", *arguments, stdin=FRAMES)
-    assert (ran.code, ran.out) == (2, "")
-    assert said in ran.err
+    assert said in colony.refusal("trace", file, "--input", "-", *arguments, stdin=FRAMES)
 
 
 def test_a_program_without_bearings_is_refused(colony: Colony, file: Path) -> None:
     file.write_text(BEHAVIOR.replace("bearing -60 deg step 30 deg", "").replace("[0 deg]", "[2]"))
     expected = "error: --picture: found no sensor with bearings"
-    ran = colony("trace", file, "--input", "-", "--picture", "scan.png", stdin=FRAMES)
-    assert (ran.code, ran.out) == (2, "")
-    assert expected in ran.err
-    ran = colony("test", file, "--only", "goes", "--picture", "scan.png")
-    assert ran.code == 2
-    assert expected in ran.err
+    assert expected in colony.refusal("trace", file, "--input", "-", "--picture", "scan.png", stdin=FRAMES)
+    code, _, err = colony("test", file, "--only", "goes", "--picture", "scan.png")
+    assert (code, expected in err) == (2, True)
 
 
 def test_without_frames_there_is_nothing_to_draw(colony: Colony, file: Path) -> None:
@@ -145,19 +139,17 @@ def test_decisions_are_lines() -> None:
 def test_a_recording_knows_its_bearings(colony: Colony, drawn: Drawn) -> None:
     map_ = ROOT / "maps" / "loop.stickrep"
     colony("run", "wander", "--map", map_, "--no-picture", "--duration", "0.5", "--record", "run.mcap")
-    ran = colony("trace", "--input", "run.mcap", "--frame", "4", "--picture", "scan.png")
-    assert ran.code == 0
+    out = colony.output("trace", "--input", "run.mcap", "--frame", "4", "--picture", "scan.png")
     [(title, frame, _, _)] = drawn
     assert title == "wander.colony, frame 4 at 0.2 s"
     assert "sonar" in frame.readings
-    assert ran.out == colony("trace", "wander", "--input", "run.mcap", "--frame", "4").out
+    assert out == colony("trace", "wander", "--input", "run.mcap", "--frame", "4").out
 
 
 def test_json_lines_have_no_program(colony: Colony) -> None:
-    ran = colony("trace", "--input", "-", stdin=FRAMES)
-    assert ran.code == 2
-    assert "error[A005]: a recording as JSON lines does not contain its program" in ran.err
-    assert "give the behavior that was run as FILE" in ran.err
+    err = colony.refusal("trace", "--input", "-", stdin=FRAMES)
+    assert "error[A005]: a recording as JSON lines does not contain its program" in err
+    assert "give the behavior that was run as FILE" in err
 
 
 # --- tests -----------------------------------------------------------------------------------------
@@ -176,9 +168,9 @@ def test_another_frame_of_a_test_may_be_chosen(colony: Colony, file: Path, drawn
     assert colony("test", file, "--only", "stops", "--picture", "scan.png", "--frame", "2").code == 1
     assert colony("test", file, "--only", "goes", "--picture", "scan.png").code == 0
     assert [title for title, *_ in drawn] == ["stops, frame 2 at 1 s", "goes, frame 0 at 0 s"]
-    ran = colony("test", file, "--only", "goes", "--picture", "scan.png", "--frame", "1")
-    assert ran.code == 2
-    assert ran.err == f'{file}: "goes": error: --frame: found no frame 1; it has frames 0 to 0\n'
+    code, _, err = colony("test", file, "--only", "goes", "--picture", "scan.png", "--frame", "1")
+    assert code == 2
+    assert err == f'{file}: "goes": error: --frame: found no frame 1; it has frames 0 to 0\n'
 
 
 def test_one_test_is_drawn(colony: Colony, file: Path) -> None:
@@ -188,9 +180,6 @@ def test_one_test_is_drawn(colony: Colony, file: Path) -> None:
     Path("none.colony").write_text(file.read_text().partition("\ntest ")[0])
     ran = colony("test", "none.colony", "--picture", "scan.png")
     assert (ran.code, "error: --picture: the file has no tests" in ran.err) == (2, True)
-    ran = colony("test", file, file, "--picture", "scan.png")
-    assert (ran.code, ran.out) == (2, "")
-    assert "--picture draws a frame of one test; found 2 files" in ran.err
-    ran = colony("test", file, "--frame", "2")
-    assert (ran.code, ran.out) == (2, "")
-    assert "--frame chooses the frame that --picture draws" in ran.err
+    err = colony.refusal("test", file, file, "--picture", "scan.png")
+    assert "--picture draws a frame of one test; found 2 files" in err
+    assert "--frame chooses the frame that --picture draws" in colony.refusal("test", file, "--frame", "2")

@@ -13,8 +13,7 @@ from tests.paths import ROOT
 
 
 def test_help_names_every_command(colony: Colony) -> None:
-    code, out, _ = colony("--help")
-    assert code == 0
+    out = colony.output("--help")
     assert all(name in out for name in COMMANDS)
 
 
@@ -26,8 +25,7 @@ def test_alone_it_shows_its_help_as_it_is_with_help(colony: Colony) -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_each_command_has_help_with_an_example(colony: Colony, name: str) -> None:
-    code, out, _ = colony(name, "--help")
-    assert code == 0
+    out = colony.output(name, "--help")
     assert "Example" in out
     assert f"colony {name}" in out
 
@@ -46,11 +44,7 @@ def test_each_command_has_help_with_an_example(colony: Colony, name: str) -> Non
     ],
 )
 def test_misuse_is_one_line_and_exit_code_2(colony: Colony, arguments: tuple[str, ...], said: str) -> None:
-    code, out, err = colony(*arguments)
-    assert code == 2
-    assert out == ""
-    assert said in err
-    assert err.count("\n") == 1
+    assert said in colony.one_line(*arguments)
 
 
 def test_a_reader_that_goes_away_is_no_error(behavior: Path) -> None:

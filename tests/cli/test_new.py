@@ -19,9 +19,7 @@ def test_a_behavior_alone_checks_passes_its_tests_and_compiles(colony: Colony, t
     assert colony("test", "patrol.colony").code == 0
     assert colony("compile", "patrol.colony").code == 0
     before = (tmp_path / "patrol.colony").read_text()
-    code, _, err = colony("new", "patrol.colony")
-    assert code == 2
-    assert "already exists" in err
+    assert "already exists" in colony.refusal("new", "patrol.colony")
     assert (tmp_path / "patrol.colony").read_text() == before
 
 
@@ -60,9 +58,7 @@ def test_nothing_that_exists_is_touched(colony: Colony, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["my patrol", "patrol.py", "-", "ä", "a/../b c"])
 def test_a_name_must_do_for_a_project(colony: Colony, tmp_path: Path, name: str) -> None:
-    code, _, err = colony("new", "--", name)
-    assert code == 2
-    assert "expected a name of letters" in err
+    assert "expected a name of letters" in colony.refusal("new", "--", name)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -10,18 +10,6 @@ import pytest
 from colony.shipped import Shipped
 from tests.body.test_disagreements import BODY, INTERFACE
 from tests.cli.conftest import Colony
-from tests.cli.conftest import colony as colony
-
-
-@pytest.fixture
-def small(tmp_path: Path) -> Path:
-    """A robot of a project, in a folder of its own."""
-    folder = tmp_path / "robots" / "small"
-    folder.mkdir(parents=True)
-    (folder / "small.colony").write_text(INTERFACE)
-    (folder / "small.toml").write_text(BODY)
-    return folder
-
 
 # --- check
 
@@ -62,8 +50,7 @@ def test_what_is_wrong_in_both_files_is_reported(colony: Colony, small: Path) ->
     assert "hint: did you mean `scan`?" in err
     (small / "small.colony").write_text("language 1\nrobot small { sensor }\n")
     (small / "small.toml").write_text(BODY.replace("wheel_base", "wheelbase"))
-    code, _, err = colony("robot", "check", "small")
-    assert code == 1
+    err = colony.refusal("robot", "check", "small", code=1)
     assert "error[E005]" in err
     assert "error[B003]" in err
 
@@ -72,8 +59,7 @@ def test_the_body_is_called_like_the_robot_and_not_like_the_file(colony: Colony,
     (small / "small.colony").rename(small / "other.colony")
     assert colony("robot", "check", small / "other.colony").code == 0
     (small / "small.toml").rename(small / "other.toml")
-    code, _, err = colony("robot", "check", small / "other.colony")
-    assert code == 2
+    err = colony.refusal("robot", "check", small / "other.colony")
     assert f"error[B001]: cannot read `{Path('robots/small/small.toml')}`" in err
 
 
@@ -100,8 +86,7 @@ def test_what_cannot_be_read(colony: Colony, small: Path) -> None:
     code, _, err = colony("robot", "check", "smal")
     assert (code, err) == (2, "error: there is no description `smal` (did you mean `small`?)\n")
     (small / "small.toml").unlink()
-    code, _, err = colony("robot", "check", "small")
-    assert code == 2
+    err = colony.refusal("robot", "check", "small")
     assert "error[B001]: cannot read `robots/small/small.toml`: No such file or directory" in err
     assert colony("robot", "check").code == 2
     assert colony("robot").code == 2
@@ -122,8 +107,7 @@ def test_control_characters_of_a_file_do_not_reach_the_terminal(colony: Colony, 
     (small / "small.toml").write_text(
         BODY.replace('"small"', '"\\u001b[2J"').replace("[robot]", "[robot]\n#\r\n")
     )
-    code, _, err = colony("robot", "check", "small")
-    assert code == 1
+    err = colony.refusal("robot", "check", "small", code=1)
     assert "\x1b" not in err
     assert "\\x1b[2J" in err
 
@@ -141,48 +125,21 @@ def test_a_base_that_drives_sideways_is_listed_with_its_limits(colony: Colony) -
     ]
 
 
-def test_a_robot_is_listed_and_drawn(colony: Colony, small: Path) -> None:
-    code, out, err = colony("robot", "show", "small", "--picture", "small.svg")
-    assert (code, err) == (0, "")
-    lines = out.splitlines()
-    assert lines.pop(4).split() == ["name", "type", "server", "device", "within", "rate"]
+def test_a_driver_is_listed_beside_its_device(colony: Colony, small: Path) -> None:
     driver = "lidar, colony.drivers.ldlidar:LD06"
-    assert lines == [
-        "small: round, 400 mm across, 1000 mm high",
-        "  differential drive, wheels 300 mm apart; frames of 50 ms",
-        "  at most 500 mm/s and 57.29577951 deg/s, 1000 mm/s^2 and 180 deg/s^2",
-        "",
-        f"  scan       m[360] 0 .. 359 deg  Lidar.scan         {driver}  200 ms  10 Hz",
-        f"  celsius    degC                 Lidar.temperature  {driver}  2 s     1 Hz",
-        "  bumper     bool                 RServer.bumper     base",
-        "  docked_at  number               DServer.DockedAt",
-        "  random     number               Runtime.random",
-        "  drive      { velocity, turn }   RServer.drive      base",
-        "  report     { goal }             DServer.Goal",
-        "drawn in small.svg",
-    ]
-    assert Path("small.svg").read_text().startswith("<?xml")
+    assert f"  celsius    degC                 Lidar.temperature  {driver}  2 s     1 Hz" in colony.output(
+        "robot", "show", "small"
+    )
 
 
 def test_rome_is_listed_with_its_cameras(colony: Colony) -> None:
-    code, out, _ = colony("robot", "show", "rome")
-    assert code == 0
+    out = colony.output("robot", "show", "rome")
     assert "  CServerSide      images                    CServerSide             camera\n" in out
-
-
-def test_a_polygon_is_listed(colony: Colony, small: Path) -> None:
-    corners = '[["-200 mm", "-150 mm"], ["250 mm", "-150 mm"], ["0 mm", "150 mm"]]'
-    round_ = 'shape = "circle", radius = "0.2 m"'
-    (small / "small.toml").write_text(BODY.replace(round_, f'shape = "polygon", corners = {corners}'))
-    out = colony("robot", "show", "small").out
-    assert out.startswith("small: 3 corners, 450 mm long, 300 mm wide, 1000 mm high\n")
 
 
 def test_what_has_errors_is_not_shown(colony: Colony, small: Path) -> None:
     (small / "small.toml").write_text(BODY.replace('name = "small"', 'name = "tiny"'))
-    code, out, err = colony("robot", "show", "small", "--picture", "small.png")
-    assert (code, out) == (1, "")
-    assert "error[B010]" in err
+    assert "error[B010]" in colony.refusal("robot", "show", "small", "--picture", "small.png", code=1)
     assert not Path("small.png").exists()
     (small / "small.toml").unlink()
     assert colony("robot", "show", "small").code == 2
@@ -194,8 +151,7 @@ def test_what_has_errors_is_not_shown(colony: Colony, small: Path) -> None:
 
 
 def test_a_new_robot_checks_and_runs_wander(colony: Colony) -> None:
-    code, out, _ = colony("robot", "new", "scout")
-    assert code == 0
+    out = colony.output("robot", "new", "scout")
     assert out == (
         "wrote robots/scout/scout.colony and robots/scout/scout.toml; try: colony robot check scout\n"
     )
@@ -209,8 +165,7 @@ def test_a_new_robot_checks_and_runs_wander(colony: Colony) -> None:
 
 @pytest.mark.parametrize("name", Shipped.ROBOT.names())
 def test_a_new_robot_does_not_hide_one_that_comes_with_colony(colony: Colony, name: str) -> None:
-    code, out, err = colony("robot", "new", name)
-    assert (code, out) == (2, "")
+    err = colony.refusal("robot", "new", name)
     assert f"`{name}` comes with colony, and would no longer be found; choose another name" in err
     assert not Path("robots").exists()
 
@@ -230,7 +185,5 @@ def test_nothing_is_overwritten(colony: Colony, small: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", "a b", "a/b", "..", "1a", "a" * 65, "true", "and", "naïve"])
 def test_what_is_no_name(colony: Colony, name: str) -> None:
-    code, _, err = colony("robot", "new", name)
-    assert code == 2
-    assert "expected a name" in err
+    assert "expected a name" in colony.refusal("robot", "new", name)
     assert not Path("robots").exists()

@@ -76,25 +76,20 @@ def test_help_says_it(colony: Colony, name: str) -> None:
 @pytest.mark.parametrize("text", ["", "=", "lab=", "=small"])
 def test_invalid_choices(colony: Colony, go: str, text: str) -> None:
     for command in (("test", go), ("check", go), ("run", go, "--map", MAP)):
-        ran = colony(*command, "--robot", text)
-        assert ran.code == 2
+        err = colony.refusal(*command, "--robot", text)
         is_name = command[0] == "run" and text != "lab="
-        assert ("cannot be the name of a robot" if is_name else "expected NAME[=DESCRIPTION]") in ran.err
+        assert ("cannot be the name of a robot" if is_name else "expected NAME[=DESCRIPTION]") in err
 
 
 def test_an_unknown_name(colony: Colony, go: str) -> None:
-    ran = colony("test", go, "--robot", "smal")
-    assert ran.code == 1
-    assert "hint: did you mean `small`?" in ran.err
-    ran = colony("run", go, "--map", MAP, "--robot", "lab")
-    assert ran.code == 1
-    assert "`lab` is no description: give --robot lab=DESCRIPTION" in ran.err
+    assert "hint: did you mean `small`?" in colony.refusal("test", go, "--robot", "smal", code=1)
+    err = colony.refusal("run", go, "--map", MAP, "--robot", "lab", code=1)
+    assert "`lab` is no description: give --robot lab=DESCRIPTION" in err
 
 
 def test_check_tells_of_which_robot_a_finding_is(colony: Colony, go: str) -> None:
     both = ("--robot", "small", "--robot", "bare")
-    code, out, err = colony("check", go, *both)
-    assert (code, out) == (1, "")
+    err = colony.refusal("check", go, *both, code=1)
     assert "error[E101]: `bare`: unknown name `bumper`" in err
     assert "note[N003]: `small`: `small` has no body" in err
     assert err.count("small.colony:") == 1  # and nothing else is about it
@@ -118,9 +113,7 @@ def test_a_program_with_its_own_robot_is_checked_as_ever(colony: Colony, go: str
 
 def test_diff_ignores_how_the_robot_came_in(colony: Colony, go: str) -> None:
     Path("by_path.colony").write_text(GO.replace("import robot", 'import "robots/small.colony"'))
-    code, out, _ = colony("diff", go, "by_path.colony", "--robot", "small")
-    assert code == 0
-    assert "DIFFERENT" not in out
+    assert "DIFFERENT" not in colony.output("diff", go, "by_path.colony", "--robot", "small")
 
 
 def test_a_compiled_program_runs_without_its_robot(colony: Colony, go: str) -> None:
@@ -129,9 +122,8 @@ def test_a_compiled_program_runs_without_its_robot(colony: Colony, go: str) -> N
     run = ("run", "go.colonyc", "--map", MAP, "--duration", "0.2", "--no-picture")
     assert colony(*run).out.startswith("small: 0.2 s")
     assert colony(*run, "--robot", "lab7").out.startswith("lab7: 0.2 s")
-    other = colony(*run, "--robot", "lab7=rome")
-    assert (other.code, other.out) == (2, "")
-    assert "compiled with the description of its robot; give --robot NAME alone" in other.err
+    err = colony.refusal(*run, "--robot", "lab7=rome")
+    assert "compiled with the description of its robot; give --robot NAME alone" in err
 
 
 def test_a_served_robot_refuses_a_program_for_another(machine: Machine, colony: Colony, go: str) -> None:
@@ -140,19 +132,18 @@ def test_a_served_robot_refuses_a_program_for_another(machine: Machine, colony: 
         machine.start("serve", server, "--robot", f"rome={folder}/small.colony")
     until(lambda: {"Clock", "RServer"} <= set(machine.directory.running()), "both servers run")
     Path("robots/wide.colony").write_text(SMALL.replace("-200 .. 200", "-300 .. 300"))
-    other = colony("run", go, "--connect", "--duration", "0.3", "--robot", f"rome={folder}/wide.colony")
-    assert other.code == 1
-    assert "interface (`small`) than the robot's (`small`): `drive` differs (field `velocity`)" in other.err
+    err = colony.refusal(
+        "run", go, "--connect", "--duration", "0.3", "--robot", f"rome={folder}/wide.colony", code=1
+    )
+    assert "interface (`small`) than the robot's (`small`): `drive` differs (field `velocity`)" in err
 
 
 def test_a_robot_cannot_be_served_with_an_unknown_description(colony: Colony, go: str) -> None:
-    ran = colony("serve", "RServer", "--robot", "lab=nobody")
-    assert ran.code == 1
-    assert "error[E321]: unknown description `nobody`" in ran.err
+    err = colony.refusal("serve", "RServer", "--robot", "lab=nobody", code=1)
+    assert "error[E321]: unknown description `nobody`" in err
 
 
 @pytest.mark.parametrize("command", ["test", "verify", "graph", "run"])
 def test_only_check_takes_several_robots(colony: Colony, command: str) -> None:
-    ran = colony(command, "wander", "--robot", "nobody", "--robot", "rome")
-    assert ran.code == 2
-    assert "given 2 times, but this is for one robot" in " ".join(ran.err.split())
+    err = colony.refusal(command, "wander", "--robot", "nobody", "--robot", "rome")
+    assert "given 2 times, but this is for one robot" in " ".join(err.split())

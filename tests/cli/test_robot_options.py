@@ -58,9 +58,8 @@ def test_a_user_without_a_home_folder_has_to_name_the_state(
     else:
         monkeypatch.setenv("HOME", home)
         monkeypatch.setenv("XDG_STATE_HOME", home)
-    ran = colony("serve", "DServer", "--robot", "rome")
-    assert ran.code == 2
-    assert "this user has no home folder: give --state FOLDER" in ran.err
+    err = colony.refusal("serve", "DServer", "--robot", "rome")
+    assert "this user has no home folder: give --state FOLDER" in err
     assert list(tmp_path.iterdir()) == []
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import os
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from colony.runtime.library.leader import RunStatus
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, Machine, Started, children_of, lives, status
+from tests.cli.machine import MAP, Machine, Started, children_of, failed, lives, status
 from tests.sampling import sampled
 from tests.waiting import until
 
@@ -60,13 +59,6 @@ CRIMES = {
 FATAL = {"exits", "aborts", "raises", "ends its group"}
 
 
-@pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    made = Machine(tmp_path)
-    yield made
-    made.close()
-
-
 def standing_of(run: RunStatus, address: str) -> str:
     return next(client.standing for client in run.clients if client.address == address)
 
@@ -78,8 +70,7 @@ def test_nothing_else_is_harmed(machine: Machine, colony: Colony, tmp_path: Path
     (tmp_path / "r.colony").write_text(PROGRAM)
     options = ("--map", MAP, "--processes", "--no-picture", "--record", "run.mcap", "--format", "json")
     run = machine.start("run", str(tmp_path / "r.colony"), *options, "--duration", "1000")
-    until(lambda: run.ended() or (tmp_path / "done").exists(), "the module misbehaves")
-    assert not run.ended(), run.err
+    until(lambda: failed(run) or (tmp_path / "done").exists(), "the module misbehaves")
     with machine.session() as session:
 
         def standing() -> RunStatus:

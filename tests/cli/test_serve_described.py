@@ -11,7 +11,7 @@ import pytest
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.description import describe
 from tests.cli.conftest import Colony, server_states
-from tests.cli.machine import MAP, ROBOT, Machine, Started
+from tests.cli.machine import MAP, ROBOT, Machine, Started, failed
 from tests.waiting import until
 
 AMR = f"{ROBOT}=amr"
@@ -40,8 +40,7 @@ def lifting(tmp_path: Path) -> Path:
 @pytest.fixture
 def served(machine: Machine) -> Started:
     started = machine.start("serve", "all", "--robot", AMR, "--map", MAP)
-    until(lambda: started.ended() or set(machine.directory.running()) >= SERVERS, "all servers run")
-    assert not started.ended(), started.err
+    until(lambda: failed(started) or set(machine.directory.running()) >= SERVERS, "all servers run")
     return started
 
 
@@ -55,9 +54,7 @@ def test_a_served_robot_takes_programs_and_stops_with_all_its_actuators(
     until(machine.moves, "the lift is up and the robot drives")
     with machine.session() as session, session.connect("Lift") as lift:
         assert [command.name for command in lift.do(describe()).commands] == ["move"]
-    stopped = colony("stop")
-    assert stopped.code == 0
-    assert "; acknowledged by Clock, RServer, DServer, Lift; " in stopped.out
+    assert "; acknowledged by Clock, RServer, DServer, Lift; " in colony.output("stop")
     until(machine.stands, "the robot stands")
     assert colony("stop", "--release").code == 0
     until(machine.moves, "the robot drives again")
@@ -81,10 +78,7 @@ def _kill(machine: Machine, server: str) -> None:
 def test_a_server_that_is_not_there_is_down_and_another_process_may_serve_it(
     machine: Machine, colony: Colony
 ) -> None:
-    started = [machine.start("serve", name, "--robot", AMR) for name in ("Clock", "DServer", "lift")]
-    for one in started:
-        until(lambda one=one: one.ended() or "listens at" in one.err, "it listens")  # type: ignore[misc]
-        assert not one.ended(), one.err
+    started = [machine.serve(name, "--robot", AMR) for name in ("Clock", "DServer", "lift")]
     assert f"Lift of {ROBOT} listens at" in started[2].err
     absent = DEVICES - {"Lift"}
     expected = {**dict.fromkeys(SERVERS, "up"), **dict.fromkeys(absent, "down")}

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Ran
 from tests.cli.machine import MAP, ROBOT, WANDER
+from tests.commands import Ran
 from tests.paths import ROOT
 from tests.sampling import long, sampled
 

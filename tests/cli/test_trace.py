@@ -25,8 +25,7 @@ def test_decisions_as_documented(colony: Colony, behavior: Path, backend: str) -
         {"t": 0.2, "near": 300, "bumper": True, "rays": [1e999, 2, 3]},
     ]
     stdin = "\n".join(map(json.dumps, frames))
-    code, out, _ = colony("trace", behavior, "--input", "-", "--backend", backend, stdin=stdin)
-    assert code == 0
+    out = colony.output("trace", behavior, "--input", "-", "--backend", backend, stdin=stdin)
     rows = [json.loads(line) for line in out.splitlines()]
     assert rows == [
         {"t": 0.0, "drive": {"by": "cruise", "velocity": 300.0, "turn": 0.0}, "lamp": None},
@@ -102,12 +101,9 @@ def test_bad_frames_are_one_located_line(
     colony: Colony, behavior: Path, line: str, place: str, code: str, said: str
 ) -> None:
     stdin = '{"t": 0.5, "near": 3}\n' + line + "\n"
-    ran = colony("trace", behavior, "--input", "-", stdin=stdin)
-    assert ran.code == 2
-    assert ran.out == ""
-    assert ran.err.startswith(f"<stdin>:{place}: error[{code}]: ")
-    assert said in ran.err
-    assert ran.err.count("\n") == 1
+    err = colony.one_line("trace", behavior, "--input", "-", stdin=stdin)
+    assert err.startswith(f"<stdin>:{place}: error[{code}]: ")
+    assert said in err
 
 
 def test_a_bad_frame_leaves_the_output_as_it_was(colony: Colony, behavior: Path, tmp_path: Path) -> None:
@@ -115,28 +111,24 @@ def test_a_bad_frame_leaves_the_output_as_it_was(colony: Colony, behavior: Path,
     target.write_text("before")
     frames = tmp_path / "frames.jsonl"
     frames.write_bytes(b'{"t": 0}\n\xff\n')
-    ran = colony("trace", behavior, "--input", frames, "-o", target)
-    assert ran.code == 2
-    assert ran.err.startswith(f"{frames}:2:1: error[F007]: not UTF-8 text")
+    err = colony.refusal("trace", behavior, "--input", frames, "-o", target)
+    assert err.startswith(f"{frames}:2:1: error[F007]: not UTF-8 text")
     assert target.read_text() == "before"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["b.colony", "frames.jsonl", "out.jsonl"]
 
 
 def test_missing_input(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     for name in (tmp_path / "none.jsonl", tmp_path):
-        ran = colony("trace", behavior, "--input", name)
-        assert ran.code == 2
-        assert ran.err.startswith(f"{name}:1:1: error[F008]: cannot read the frames")
-        assert ran.err.count("\n") == 1
+        err = colony.one_line("trace", behavior, "--input", name)
+        assert err.startswith(f"{name}:1:1: error[F008]: cannot read the frames")
 
 
 def test_a_pipe_is_read_as_standard_input_only(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for name in (tmp_path / "pipe", "/dev/null"):
-        ran = colony("trace", behavior, "--input", name)
-        assert ran.code == 2
+        err = colony.refusal("trace", behavior, "--input", name)
         why = "it is not a regular file; use `--input -` for a pipe or a device"
-        assert ran.err == f"{name}:1:1: error[F008]: cannot read the frames: {why}\n"
+        assert err == f"{name}:1:1: error[F008]: cannot read the frames: {why}\n"
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -150,9 +142,7 @@ def test_wrong_types_are_faults_and_the_sensor_is_missing(
 
 def test_times_beyond_doubles_keep_their_nanoseconds(colony: Colony, behavior: Path) -> None:
     stdin = '{"t": 1700000000.000000001}\n{"t": 1700000000.000000002}\n'
-    ran = colony("trace", behavior, "--input", "-", stdin=stdin)
-    assert ran.code == 0
-    assert '"t": 1700000000.000000002' in ran.out
+    assert '"t": 1700000000.000000002' in colony.output("trace", behavior, "--input", "-", stdin=stdin)
 
 
 def test_frames_that_cannot_be_read_to_the_end(
@@ -163,9 +153,8 @@ def test_frames_that_cannot_be_read_to_the_end(
         raise OSError(5, "Input/output error")
 
     monkeypatch.setattr("colony.runtime.recordings.replay.Rows.__iter__", broken)
-    ran = colony("trace", behavior, "--input", "-")
-    assert (ran.code, ran.out) == (2, "")
-    assert ran.err == "<stdin>:1:1: error[F008]: cannot read the frames: Input/output error\n"
+    err = colony.refusal("trace", behavior, "--input", "-")
+    assert err == "<stdin>:1:1: error[F008]: cannot read the frames: Input/output error\n"
 
 
 def test_standard_input_that_is_closed(behavior: Path) -> None:

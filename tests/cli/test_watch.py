@@ -22,23 +22,17 @@ from tests.watch.runs import recording
     ],
 )
 def test_misuse(colony: Colony, arguments: tuple[str, ...], message: str) -> None:
-    ran = colony("watch", *arguments)
-    assert ran.code == 2
-    assert message in ran.err
+    assert message in colony.refusal("watch", *arguments)
 
 
 def test_what_is_no_recording_is_refused(colony: Colony, tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_bytes(b"nothing")
-    ran = colony("watch", "run.mcap")
-    assert ran.code == 2
-    assert "A002" in ran.err
+    assert "A002" in colony.refusal("watch", "run.mcap")
 
 
 def test_a_robot_that_does_not_run(colony: Colony, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("COLONY_RUN_DIR", str(tmp_path / "r"))
-    ran = colony("watch", "--robot", "rome")
-    assert ran.code == 2
-    assert "rome" in ran.err
+    assert "rome" in colony.refusal("watch", "--robot", "rome")
 
 
 def test_a_port_that_is_taken(colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

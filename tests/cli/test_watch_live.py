@@ -11,7 +11,7 @@ import pytest
 
 from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import robot
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, release
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, failed, release
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.waiting import until
 from tests.watch.runs import Page, page
@@ -29,8 +29,7 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
 @pytest.fixture
 def driving(machine: Machine) -> Machine:
     run = machine.start("run", WANDER, "--map", MAP, "--processes", "--no-picture", "--duration", "1000")
-    until(lambda: run.ended() or machine.moves(), "the robot drives")
-    assert not run.ended(), run.err
+    until(lambda: failed(run) or machine.moves(), "the robot drives")
     return machine
 
 
@@ -45,8 +44,7 @@ def credentials(authority: Authority, name: str, folder: Path) -> Path:
 
 @contextmanager
 def opened(watcher: Started) -> Iterator[Page]:
-    until(lambda: watcher.ended() or "http" in watcher.out, "the page is served")
-    assert not watcher.ended(), watcher.err
+    until(lambda: failed(watcher) or "http" in watcher.out, "the page is served")
     host, token = watcher.out.split()[-1].removeprefix("http://").split("/#")
     with page(host, token=token) as shown:
         yield shown
@@ -57,10 +55,7 @@ def test_users_of_a_gateway_have_their_rights(driving: Machine, tmp_path: Path) 
     certificates.mkdir()
     authority, endpoint = Authority(certificates), f"tls/localhost:{free_port()}"
     table = authority.table({"bob": ("read",), "dora": ("read", "stop")})
-    gateway = driving.start(
-        "serve", "Gateway", "--robot", ROBOT, "--listen", endpoint, "--security", str(table)
-    )
-    until(lambda: gateway.ended() or "listens at" in gateway.err, "the gateway listens")
+    driving.serve("Gateway", "--robot", ROBOT, "--listen", endpoint, "--security", str(table))
     for name, may_stop in (("bob", False), ("dora", True)):
         file = credentials(authority, name, certificates)
         options = ("--connect", endpoint, "--security", str(file), "--allow-stop", "--port", "0")
@@ -112,8 +107,7 @@ def test_a_robot_is_watched_before_a_program_after_it_and_restarted(machine: Mac
             shown.until(lambda m: m.get("snapshot", {}).get("stopped_by") is not None)
             release(session)
     run = machine.start("run", WANDER, "--connect", "--robot", ROBOT)
-    until(lambda: run.ended() or "cruise" in shown_scene(watcher)["modules"], "the program is shown")
-    assert not run.ended(), run.err
+    until(lambda: failed(run) or "cruise" in shown_scene(watcher)["modules"], "the program is shown")
     assert run.interrupt() == 130
     until(lambda: shown_scene(watcher)["is_idle"], "the robot is shown without it")
 

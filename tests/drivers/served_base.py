@@ -197,7 +197,6 @@ class Served:
     @property
     def host(self) -> int:
         """The process id of the host of clients."""
-        assert self.leader is not None
         (pid,) = children_of(self.leader.pid)
         return pid
 

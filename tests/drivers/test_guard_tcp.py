@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from colony.drivers import guarded
-from colony.drivers.guarded import Command, GuardConnection, Up, connect
-from colony.drivers.link import LinkError
+from colony.drivers.guarded import Command, connect
 from colony.drivers.serial_base import SerialActuators, SerialBase, SerialFields
-from tests.drivers.test_guard import PATIENCE_S
+from tests.drivers.test_guard import PATIENCE_S, await_refusal, await_up
 from tests.drivers.tiny import HELLO, JAW, SPEEDS, Tiny, decoder, encoded
 
 
@@ -65,19 +65,9 @@ def kinds(connection: socket.socket, count: int) -> list[int]:
     return found
 
 
-def await_refusal(connection: GuardConnection) -> None:
-    """Wait until the guard refuses a connection, and close it."""
-    try:
-        while True:
-            connection.receive(PATIENCE_S)
-    except LinkError:
-        connection.close()
-
-
 def test_a_new_connection_begins_with_the_handshake(simulator: Simulator) -> None:
     simulator.listen()
-    driver = SerialBase(Polite(), simulator.port)
-    try:
+    with closing(SerialBase(Polite(), simulator.port)) as driver:
         for _ in range(2):  # the second one is opened again
             with simulator.accept() as connection:
                 assert kinds(connection, 2) == [HELLO, HELLO]
@@ -87,38 +77,29 @@ def test_a_new_connection_begins_with_the_handshake(simulator: Simulator) -> Non
             driver.close()
             while kinds(connection, 1) != [SPEEDS]:  # the stop, as the driver has ended
                 pass
-    finally:
-        driver.close()
 
 
 def test_a_guard_that_a_listener_starts_leaves_the_beginning_to_the_driver(simulator: Simulator) -> None:
     simulator.listen()
-    listener = SerialFields(Polite(), simulator.port, {"level": "volts"})
-    try:
-        with simulator.accept() as connection:
-            driver = SerialBase(Polite(), simulator.port)
-            try:
-                assert kinds(connection, 1) == [HELLO]
-            finally:
-                driver.close()
-    finally:
-        listener.close()
+    with (
+        closing(SerialFields(Polite(), simulator.port, {"level": "volts"})),
+        simulator.accept() as connection,
+        closing(SerialBase(Polite(), simulator.port)),
+    ):
+        assert kinds(connection, 1) == [HELLO]
 
 
 def test_what_was_sent_before_a_line_was_open_does_not_begin_it(simulator: Simulator) -> None:
     command = Command(stop=Tiny.stop_bytes, goodbye=b"", deadline_ns=150_000_000, handshake_first=True)
-    driver = connect(simulator.port, 0, b"", command)
-    try:
+    with closing(connect(simulator.port, 0, b"", command)) as driver:
         driver.send(Tiny.goodbye)
-        await_refusal(connect(simulator.port, 0, b"", command))  # the guard has read the goodbye then
+        with closing(connect(simulator.port, 0, b"", command)) as second:
+            await_refusal(second)  # the guard has read the goodbye then
         simulator.listen()
-        while not isinstance(driver.receive(PATIENCE_S), Up):
-            pass
+        await_up(driver)
         driver.send(encoded(bytes([HELLO])))
         with simulator.accept() as connection:
             assert kinds(connection, 1) == [HELLO]
-    finally:
-        driver.close()
 
 
 def test_an_actuator_that_is_added_during_the_handshake_does_not_disturb_it(simulator: Simulator) -> None:
@@ -140,9 +121,5 @@ def test_an_actuator_that_is_added_during_the_handshake_does_not_disturb_it(simu
 
 def test_any_other_device_hears_the_stop_first(simulator: Simulator) -> None:
     simulator.listen()
-    driver = SerialBase(Tiny(), simulator.port)
-    try:
-        with simulator.accept() as connection:
-            assert kinds(connection, 1) == [SPEEDS]
-    finally:
-        driver.close()
+    with closing(SerialBase(Tiny(), simulator.port)), simulator.accept() as connection:
+        assert kinds(connection, 1) == [SPEEDS]

@@ -20,7 +20,7 @@ class TinyRobot:
     """The robot. Its port is a link that stays, while pseudoterminals come and go. Mutable; has a thread."""
 
     def __init__(self, port: Path) -> None:
-        self.port = port
+        self.port, self._link = str(port), port
         self.heard: list[tuple[bytes, float]] = []  # data of frames, `time.monotonic`
         self.speeds = (0, 0)
         self.jaw = 0
@@ -38,14 +38,14 @@ class TinyRobot:
         tty.setraw(slave)
         name = os.ttyname(slave)
         os.close(slave)
-        self.port.unlink(missing_ok=True)
-        self.port.symlink_to(name)
+        self._link.unlink(missing_ok=True)
+        self._link.symlink_to(name)
         self._plugged.set()
 
     def pull_out(self) -> None:
         """Pull the cable: the other end finds the port gone."""
         self._plugged.clear()
-        self.port.unlink()
+        self._link.unlink()
         os.close(self._master)
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ from colony.body.model import Omnidirectional
 from colony.sim.cameras.camera import rome_camera
 from colony.sim.cameras.ceiling import rome_ceiling_camera
 from colony.sim.config import RingConfig, RobotConfig, rome_config, without_errors
+from colony.sim.world.world import World
 
 ROME = rome_config()
 
@@ -33,6 +34,12 @@ def ring_of(config: RobotConfig) -> RingConfig:
 def with_ring(config: RobotConfig, **changes: Any) -> RobotConfig:
     """A robot with changes to its ring."""
     return replace(config, ring=replace(ring_of(config), **changes))
+
+
+def pass_time(world: World, seconds: float, step_s: float = 0.1) -> None:
+    """Let time pass in a world, step by step."""
+    for _ in range(round(seconds / step_s)):
+        world.advance(step_s)
 
 
 RING = ring_of(IDEAL)

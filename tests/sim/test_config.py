@@ -15,7 +15,7 @@ from colony.body.shipped import shipped_body
 from colony.sim.config import config_of, limits_of, rome_config, without_errors
 from colony.sim.world.world import World
 from tests.paths import ROOT
-from tests.sim.robots import IDEAL, RING, ROME, ring_of, with_ring
+from tests.sim.robots import IDEAL, RING, ROME, pass_time, ring_of, with_ring
 
 WALL = np.array([[-5000.0, 2000.0, 5000.0, 2000.0]])
 
@@ -79,8 +79,7 @@ def test_a_robot_without_a_ring_has_no_sonars_to_read() -> None:
     assert without_errors(config).ring is None
     world = World(walls=WALL, poses=[(0.0, 0.0, 0.0)], config=config)
     world.command(0, 300.0, 0.0)
-    for _ in range(100):
-        world.advance(0.1)
+    pass_time(world, 10.0)
     assert world.true_pose(0).y_mm == pytest.approx(1600.0, abs=1e-6)
     assert world.bumper(0).front
     with pytest.raises(ValueError, match="no ring of sonars"):

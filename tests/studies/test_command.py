@@ -51,9 +51,7 @@ def test_published_runs_beside_ours(studies: Studies) -> None:
 def test_results_are_kept_and_not_made_again(studies: Studies, rounds: Path, tmp_path: Path) -> None:
     kept = tmp_path / "r.sqlite"
     arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "-o", str(kept))
-    first = studies(*arguments, "--format", "json")
-    assert first.code == 0
-    told = json.loads(first.out)
+    told = json.loads(studies.output(*arguments, "--format", "json"))
     assert [one["number"] for one in told["results"]] == [1, 2]
     assert all(one["reached"] for one in told["results"])
     assert told["variant"] == "ours/no-hazards"
@@ -71,10 +69,9 @@ def test_pictures_and_a_page(studies: Studies, rounds: Path, tmp_path: Path) -> 
     page, pictures = tmp_path / "page.md", tmp_path / "pictures"
     arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "--write", str(page))
     page.write_text("Before.\n\n<!-- x -->\nOld.\n<!-- end of x -->\n\nAfter.\n")
-    missing = studies(*arguments)
-    assert missing.code == 2
-    assert "100 %" not in missing.err
-    name = missing.err.split("<!-- ")[1].split(" -->")[0]
+    err = studies.refusal(*arguments)
+    assert "100 %" not in err
+    name = err.split("<!-- ")[1].split(" -->")[0]
     page.write_text(f"Before.\n\n<!-- {name} -->\nOld.\n<!-- end of {name} -->\n\nAfter.\n")
     result = studies(*arguments, "--plot", str(pictures), "--format", "json")
     assert result.code == 0
@@ -100,11 +97,9 @@ def test_ways_are_drawn_on_their_floor_and_none_on_two(studies: Studies, tmp_pat
     ways, pictures = tmp_path / "ways.csv", tmp_path / "pictures"
     ways.write_text("from,to\nA,C\nupper:A,upper:C\nliftR,upper:D\n")
     arguments = (str(ways), "--map", str(tmp_path / "ground.stickrep"), "--engine", "serial", "--no-hazards")
-    refused = studies(*arguments, "--plot", str(pictures))
-    assert refused.code == 2
-    assert "run 3 has one: `colony run ... --from liftR --to upper:D` draws each" in refused.err
-    drawn = studies(*arguments, "--plot", str(pictures), "--runs", "1,2")
-    assert drawn.code == 0
+    err = studies.refusal(*arguments, "--plot", str(pictures))
+    assert "run 3 has one: `colony run ... --from liftR --to upper:D` draws each" in err
+    studies.output(*arguments, "--plot", str(pictures), "--runs", "1,2")
     names = sorted(path.name for path in pictures.iterdir())
     assert names == ["A_to_C.png", "A_to_C_of_upper.png", "errors.png"]
 
@@ -126,9 +121,7 @@ def test_pages_that_cannot_be_filled_are_told_before_the_runs(studies: Studies, 
 @pytest.mark.thorough
 def test_random_pairs(studies: Studies) -> None:
     arguments = ("random", "--map", str(ROOT / "maps" / "loop.stickrep"), "--pairs", "2", "--seed", "3")
-    result = studies(*arguments, "--engine", "serial", "--format", "json")
-    assert result.code == 0
-    told = json.loads(result.out)
+    told = json.loads(studies.output(*arguments, "--engine", "serial", "--format", "json"))
     assert told["list"] == "random 2 pairs, seed 3, loop"
     assert len(told["results"]) == 2
 
@@ -136,10 +129,9 @@ def test_random_pairs(studies: Studies) -> None:
 @pytest.mark.thorough
 def test_an_audit_says_what_it_compared(studies: Studies, rounds: Path) -> None:
     arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "--runs", "1")
-    result = studies(*arguments, "--audit", "0.0001")
-    assert result.code == 0
-    assert "Audited: 1 runs, " in result.out
-    assert "decided the same in all of them" in result.out
+    out = studies.output(*arguments, "--audit", "0.0001")
+    assert "Audited: 1 runs, " in out
+    assert "decided the same in all of them" in out
 
 
 def test_differences_are_told() -> None:
@@ -177,10 +169,9 @@ def test_differences_are_told() -> None:
     ],
 )
 def test_misuse_is_one_line_and_2(studies: Studies, arguments: tuple[str, ...], told: str) -> None:
-    result = studies(*arguments)
-    assert result.code == 2
-    assert told in result.err
-    assert "Traceback" not in result.err
+    err = studies.refusal(*arguments)
+    assert told in err
+    assert "Traceback" not in err
 
 
 @pytest.mark.thorough

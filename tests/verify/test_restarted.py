@@ -25,8 +25,9 @@ from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.examples import run_examples
 from colony.verify.testing.frames import draw_trace
+from tests.diagnostics import problems_of
 from tests.executors import outcomes
-from tests.verify.audit.recorded_runs import as_mcap, read_mcap
+from tests.verify.audit.recorded_runs import brought
 from tests.verify.audit.recorded_runs import logs as recorded_logs
 
 MS = 1_000_000
@@ -100,15 +101,12 @@ def test_it_is_drawn_in_the_first_frame_where_it_is_read() -> None:
     ],
 )
 def test_nothing_else_has_its_name(declaration: str) -> None:
-    with pytest.raises(DiagnosticError) as raised:
-        program(SEARCH + declaration)
-    assert "E109" in {d.code for d in raised.value.diagnostics}
+    assert "E109" in {d.code for d in problems_of(program, SEARCH + declaration)}
 
 
 def test_no_sensor_has_its_name() -> None:
-    with pytest.raises(DiagnosticError) as raised:
-        load_text(ROBOT.replace("sensor bump", "sensor restarted"))
-    assert "E109" in {d.code for d in raised.value.diagnostics}
+    text = ROBOT.replace("sensor bump", "sensor restarted")
+    assert "E109" in {d.code for d in problems_of(load_text, text)}
 
 
 # --- proofs and tests --------------------------------------------------------------------------------
@@ -190,6 +188,5 @@ def test_lines_keep_it() -> None:
 
 
 def test_mcap_keeps_it() -> None:
-    logs = recorded_logs(program(), TRACE)
-    found, _ = read_mcap(program(), as_mcap(program(), logs).content)
+    found = brought("mcap", program(), recorded_logs(program(), TRACE))
     assert [r.frame for r in found] == list(TRACE)

@@ -156,9 +156,7 @@ class Page:
 
     def shown(self, k: int) -> dict[str, Any]:
         """Return the snapshot of frame `k`, once it comes."""
-        found = self.until(lambda m: m.get("snapshot", {}).get("k") == k)["snapshot"]
-        assert isinstance(found, dict)
-        return found
+        return self.until(lambda m: m.get("snapshot", {}).get("k") == k)["snapshot"]
 
 
 @contextmanager

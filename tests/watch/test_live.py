@@ -8,7 +8,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -40,23 +40,32 @@ from tests.watch.runs import FRAMES, PROGRAM, TEXT, page, run, scene, served, sn
 
 
 @pytest.fixture
-def store() -> SnapshotStore:
-    return SnapshotStore(scene().modules)
+def store() -> Iterator[SnapshotStore]:
+    with closing(SnapshotStore(scene().modules)) as made:
+        yield made
+
+
+@pytest.fixture
+def source(store: SnapshotStore) -> LiveSource:
+    return LiveSource(PROGRAM, store, Trail(PROGRAM))
+
+
+@pytest.fixture
+def watched(store: SnapshotStore) -> Watched:
+    return Watched(scene=scene(), store=store, is_live=True)
 
 
 def known(store: SnapshotStore) -> list[bool]:
     return [b'"is_known":true' in store.read(i) for i in range(store.span.end)]
 
 
-def test_it_shows_what_a_recording_shows(store: SnapshotStore) -> None:
-    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
+def test_it_shows_what_a_recording_shows(store: SnapshotStore, source: LiveSource) -> None:
     for log in run():
         source.take(log)
     source.close()
     assert store.is_complete
     assert store.span.end == FRAMES
     assert store.read(12) == store._encode(snapshots()[12])
-    store.close()
 
 
 class GatedStore(SnapshotStore):
@@ -94,11 +103,12 @@ def observed(k: int, log: FrameLog) -> FrameLog:
     return replace(log, tick=tick, expected=Outcome(()), keyframe=Keyframe(None) if k % 4 == 0 else None)
 
 
-def test_a_reader_that_joins_goes_on_from_the_memory_that_the_leader_gives(store: SnapshotStore) -> None:
+def test_a_reader_that_joins_goes_on_from_the_memory_that_the_leader_gives(
+    store: SnapshotStore, source: LiveSource
+) -> None:
     frames = run()
     keys = {log.tick.k: log.keyframe for log in frames if log.keyframe is not None}
     key = max(k for k in keys if k < 12)
-    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
     joiner = Joiner(source, lambda: (key, keys[key]), FRAMES)
     for k, log in enumerate(frames[5:12], 5):
         joiner.take(observed(k, log))
@@ -109,24 +119,18 @@ def test_a_reader_that_joins_goes_on_from_the_memory_that_the_leader_gives(store
     source.close()
     assert known(store) == [k >= key for k in range(5, FRAMES)]
     assert store.read(FRAMES - 6) == store._encode(snapshots()[FRAMES - 1])
-    store.close()
 
 
-def test_without_a_leader_frames_are_shown_without_memory(store: SnapshotStore) -> None:
-    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
+def test_without_a_leader_frames_are_shown_without_memory(store: SnapshotStore, source: LiveSource) -> None:
     joiner = Joiner(source, lambda: (-1, None), 4)
     for k, log in enumerate(run()[5:15], 5):
         joiner.take(observed(k, log))
     joiner.close()
     source.close()
     assert known(store) == [False] * 6
-    store.close()
 
 
-def test_a_page_that_does_not_read_keeps_no_other_page_waiting() -> None:
-    store = SnapshotStore(scene().modules)
-    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
-    watched = Watched(scene=scene(), store=store, is_live=True)
+def test_a_page_that_does_not_read_keeps_no_other_page_waiting(source: LiveSource, watched: Watched) -> None:
     with ExitStack() as resources:
         server = resources.enter_context(served(watched))
         resources.enter_context(page(server.host))  # its messages wait unread
@@ -135,7 +139,6 @@ def test_a_page_that_does_not_read_keeps_no_other_page_waiting() -> None:
             source.take(log)
         opened.shown(FRAMES - 1)  # another page gets what the frozen one does not read
     source.close()
-    store.close()
 
 
 def look_without_a_robot(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,11 +148,10 @@ def look_without_a_robot(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
-    store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
+    store: SnapshotStore, watched: Watched, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     look_without_a_robot(monkeypatch)
     monkeypatch.setattr(joined_run, "read_program", lambda session: SimpleNamespace(run="2"))
-    watched = Watched(scene=scene(), store=store, is_live=True)
     sink: Any = SimpleNamespace(heard_s=-math.inf)
     address: Any = None
     runs = {name: joined_run.JoinedRun(identity=name, watched=watched, sink=sink) for name in "12"}
@@ -173,17 +175,15 @@ def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
         succession.follow(shown.append)
         succession.follow(shown.append)
         assert shown == [watched]
-    store.close()
 
 
 def test_where_nothing_is_known_of_a_robot_without_a_program_it_is_said_once_and_its_last_run_stays(
-    store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
+    store: SnapshotStore, watched: Watched, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     look_without_a_robot(monkeypatch)
     alone = IdleRobot("", Interface(), frozenset())
     monkeypatch.setattr(joined_run, "read_program", lambda session: None)
     monkeypatch.setattr(joined_run, "idle_robot", lambda session: alone)
-    watched = Watched(scene=scene(), store=store, is_live=True)
     sink: Any = SimpleNamespace(heard_s=-math.inf)
     address: Any = None
     joined: list[str] = []
@@ -204,11 +204,10 @@ def test_where_nothing_is_known_of_a_robot_without_a_program_it_is_said_once_and
     assert not shown
     assert len(joined) == 2, "it is not tried again"
     assert store.problem == "the next run cannot be shown: its description is not found"
-    store.close()
 
 
 def test_after_a_silence_the_robot_is_asked_what_it_is_although_frames_come(
-    store: SnapshotStore, monkeypatch: pytest.MonkeyPatch
+    store: SnapshotStore, watched: Watched, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     look_without_a_robot(monkeypatch)
     monkeypatch.setattr(joined_run, "read_program", lambda session: None)
@@ -222,7 +221,6 @@ def test_after_a_silence_the_robot_is_asked_what_it_is_although_frames_come(
     monkeypatch.setattr(joined_run, "idle_robot", idle_robot)
     one, other = (IdleRobot("limits", Interface(robot=name), frozenset()) for name in ("one", "other"))
     sinks: list[Any] = [SimpleNamespace(heard_s=math.inf) for _ in range(2)]
-    watched = Watched(scene=scene(), store=store, is_live=True)
     address: Any = None
     joins = iter(zip((one, other), sinks, strict=True))
 
@@ -245,7 +243,6 @@ def test_after_a_silence_the_robot_is_asked_what_it_is_although_frames_come(
         succession.follow(shown.append)
     assert shown == [watched]
     assert len(answers) == 1, "once"
-    store.close()
 
 
 @pytest.mark.parametrize("path", ["{outside}", "../{name}", "a/../../{name}", ""])
@@ -270,7 +267,6 @@ def test_silence_is_said_and_taken_back(store: SnapshotStore, monkeypatch: pytes
         until(lambda: store.problem == "no frames come from rome", "it is said")
         sink.heard_s = time.monotonic() + 1000
         until(lambda: store.problem is None, "it is taken back")
-    store.close()
 
 
 def test_the_token_stays_and_only_its_user_can_read_it(tmp_path: Path) -> None:

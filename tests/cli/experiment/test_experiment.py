@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import sqlite3
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.cli.conftest import Colony
-from tests.waiting import PATIENCE_S, killed_in_the_end, until
+from tests.cli.machine import Machine, failed
+from tests.waiting import until
 
 QUICK = ("--map", "loop", "--duration", "1", "--vary", "start", "--engine", "serial")
 
@@ -36,14 +33,13 @@ def forward(tmp_path: Path) -> Path:
 
 
 def test_experiment_report_is_the_same_for_any_engine(colony: Colony, tmp_path: Path) -> None:
-    serial = colony("experiment", "wander", *QUICK, "--runs", "2", "--format", "json")
-    assert serial.code == 0
-    found = json.loads(serial.out)
+    out = colony.output("experiment", "wander", *QUICK, "--runs", "2", "--format", "json")
+    found = json.loads(out)
     assert found["experiment"] == "on rome in loop"
     assert [run["key"]["seed"] for run in found["runs"]] == [1, 2]
     assert found["behaviors"][0]["contacts"]["cases"] == 0
     pooled = colony("experiment", "wander", *QUICK[:-1], "pool", "--runs", "2", "--format", "json")
-    assert pooled.out == serial.out
+    assert pooled.out == out
 
 
 def test_experiment_with_stored_results_runs_only_what_is_missing(colony: Colony, tmp_path: Path) -> None:
@@ -52,9 +48,8 @@ def test_experiment_with_stored_results_runs_only_what_is_missing(colony: Colony
     assert "100 %: 2 of 2 runs, 0 bad" in first.err
     more = colony("experiment", "wander", *QUICK, "--runs", "3", "-o", str(kept))
     assert more.err.splitlines() == ["100 %: 3 of 3 runs, 0 bad"]
-    other = colony("experiment", "wander", *QUICK, "--movers", "1", "--runs", "2", "-o", str(kept))
-    assert other.code == 2
-    assert "with other options" in other.err
+    err = colony.refusal("experiment", "wander", *QUICK, "--movers", "1", "--runs", "2", "-o", str(kept))
+    assert "with other options" in err
 
 
 def test_experiment_that_breaks_a_contract_says_where_and_replays_it(
@@ -114,19 +109,16 @@ def test_experiment_against_another_behavior_pairs_runs_and_draws(
 def test_experiment_with_impossible_options_is_refused(
     colony: Colony, options: tuple[str, ...], message: str
 ) -> None:
-    result = colony("experiment", "wander", *options)
-    assert result.code == 2
-    assert message in result.err
+    assert message in colony.refusal("experiment", "wander", *options)
 
 
 def test_experiment_with_a_param_that_does_not_exist_is_refused_before_the_first_run(colony: Colony) -> None:
-    result = colony("experiment", "wander", *QUICK, "--param", "avoid.clearence=0.6..1.4m")
-    assert result.code == 1
-    assert "avoid.clearance" in result.err
-    assert "100 %" not in result.err
+    err = colony.refusal("experiment", "wander", *QUICK, "--param", "avoid.clearence=0.6..1.4m", code=1)
+    assert "avoid.clearance" in err
+    assert "100 %" not in err
 
 
-def test_experiment_interrupted_keeps_finished_runs(tmp_path: Path) -> None:
+def test_experiment_interrupted_keeps_finished_runs(machine: Machine, tmp_path: Path) -> None:
     kept = tmp_path / "r.sqlite"
     endless = ("wander", *QUICK, "--runs", "5000", "-o", str(kept))
 
@@ -137,17 +129,8 @@ def test_experiment_interrupted_keeps_finished_runs(tmp_path: Path) -> None:
         except sqlite3.Error:
             return 0
 
-    process = subprocess.Popen(
-        [sys.executable, "-m", "colony", "experiment", *endless],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
-    with killed_in_the_end(process):
-        until(lambda: finished() >= 2, "two runs are finished")
-        os.kill(process.pid, signal.SIGINT)
-        out, _ = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 130
-    assert "wander on rome in loop" in out
+    run = machine.start("experiment", *endless)
+    until(lambda: failed(run) or finished() >= 2, "two runs are finished")
+    assert run.interrupt() == 130
+    assert "wander on rome in loop" in run.out
     assert finished() >= 2

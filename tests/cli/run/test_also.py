@@ -72,15 +72,14 @@ def test_too_many_are_refused() -> None:
 def test_options_that_do_not_fit_are_refused(
     colony: Colony, arguments: tuple[str, ...], problem: str
 ) -> None:
-    result = colony("run", "wander", "--robot", "rome", *arguments)
-    assert result.code == 2
-    assert problem in result.err
+    assert problem in colony.refusal("run", "wander", "--robot", "rome", *arguments)
 
 
 def test_a_behavior_that_is_not_for_the_robot_is_refused(colony: Colony) -> None:
-    result = colony("run", "wander", "--robot", "rome", "--map", LOOP, "--also", "rome:warehouse")
-    assert result.code == 1
-    assert "warehouse" in result.err
+    err = colony.refusal(
+        "run", "wander", "--robot", "rome", "--map", LOOP, "--also", "rome:warehouse", code=1
+    )
+    assert "warehouse" in err
     nowhere = colony("run", "wander", "--robot", "rome", "--map", LOOP, "--also", "nobody:wander")
     assert nowhere.code in (1, 2)
     assert "nobody" in nowhere.err
@@ -89,9 +88,7 @@ def test_a_behavior_that_is_not_for_the_robot_is_refused(colony: Colony) -> None
 def test_a_run_names_the_others(colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     arguments = ("run", "wander", "--robot", "rome", "--map", LOOP, "--duration", "0.5", "--movers", "2")
-    text = colony(*arguments, "--also", "amr:wander")
-    assert text.code == 0
-    assert "\n  amr (amr with wander) traveled 0." in text.out
+    assert "\n  amr (amr with wander) traveled 0." in colony.output(*arguments, "--also", "amr:wander")
     assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
     data = colony(*arguments, "--also", "lift=amr:wander", "--format", "json", "--no-picture")
     [other] = json.loads(data.out)["others"]

@@ -9,7 +9,7 @@ import pytest
 
 from colony.nav.shared import FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
 from colony.runtime.library import data
-from tests.cli.machine import ROBOT, Machine, Started
+from tests.cli.machine import ROBOT, Machine, Started, failed
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
 from tests.waiting import until
@@ -37,8 +37,7 @@ def test_the_robot_is_led_to_the_elevator_and_somebody_is_asked_to_press_its_but
     ground = str(tmp_path / "ground.stickrep")
     served(machine, ground, "--camera", "CServerUp=up")
     run = led(machine, ground)
-    until(lambda: run.ended() or "No answers can be read here" in run.err, "it is asked for the buttons")
-    assert not run.ended(), run.err
+    until(lambda: failed(run) or "No answers can be read here" in run.err, "it is asked for the buttons")
     assert "Press the button of the elevator lift on floor 1, up." in run.err
     with machine.session() as session, session.connect("DServer", name="test") as store:
         told = store.do(data.get_many((FLOOR, FLOOR_REACHED, GOAL_TYPE)))

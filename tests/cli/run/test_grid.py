@@ -16,9 +16,7 @@ RUN = ("run", "wander", "--robot", "amr", "--map", "office", "--duration", "2")
 
 
 def test_a_robot_drives_in_a_grid_and_its_path_is_drawn(colony: Colony, tmp_path: Path) -> None:
-    result = colony(*RUN, "--format", "json")
-    assert result.code == 0
-    assert json.loads(result.out)["distance_mm"] > 200.0
+    assert json.loads(colony.output(*RUN, "--format", "json"))["distance_mm"] > 200.0
     assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -74,15 +72,11 @@ def test_a_start_from_where_a_robot_gets_nowhere_is_reported(colony: Colony, tmp
     ],
 )
 def test_what_a_grid_refuses(colony: Colony, more: tuple[str, ...], said: str) -> None:
-    code, _, err = colony(*RUN, *more)
-    assert code == 2
-    assert said in err
-    assert len(err.splitlines()) == 1
+    assert said in colony.one_line(*RUN, *more)
 
 
 def test_routes_require_a_building(colony: Colony) -> None:
-    code, _, err = colony("run", "navigator", "--map", "office", "--from", "a", "--to", "b")
-    assert code == 2
+    err = colony.refusal("run", "navigator", "--map", "office", "--from", "a", "--to", "b")
     assert "error[M037]: expected a building; found an occupancy grid" in err
 
 
@@ -93,8 +87,7 @@ def test_a_start_in_a_building(colony: Colony) -> None:
         code, _, err = colony("run", "wander", "--map", "loop", "--duration", "1", "--start", outside)
         assert code == 2
         assert "is not in free space" in err
-    code, _, err = colony("run", "wander", "--map", "loop", "--duration", "1", "--start", "0,0,0")
-    assert code == 2
+    err = colony.refusal("run", "wander", "--map", "loop", "--duration", "1", "--start", "0,0,0")
     assert "the robot cannot start there: robot 0 at (0, 0) is 0 mm from a wall" in err
 
 
@@ -109,9 +102,7 @@ def test_a_start_in_a_building(colony: Colony) -> None:
     ],
 )
 def test_what_serving_in_a_grid_refuses(colony: Colony, more: tuple[str, ...], said: str) -> None:
-    code, _, err = colony("serve", *more, "--robot", "amr", "--map", "office")
-    assert code == 2
-    assert said in err
+    assert said in colony.refusal("serve", *more, "--robot", "amr", "--map", "office")
 
 
 @pytest.mark.parametrize(
@@ -138,7 +129,6 @@ def test_errors_of_other_robots_name_them(colony: Colony, other: str, code: int,
 
 def test_a_robot_that_mujoco_cannot_simulate_is_refused_before_its_map_is_read(colony: Colony) -> None:
     run = ("run", "wander", "--map", "no_such_map", "--physics", "mujoco", "--duration", "1")
-    code, _, err = colony(*run, "--robot", "omni")
-    assert code == 2
+    err = colony.refusal(*run, "--robot", "omni")
     assert "error: `omni` cannot be simulated: MuJoCo simulates two driven wheels" in err
     assert "no_such_map" not in err

@@ -12,7 +12,7 @@ import pytest
 from colony.runtime.kit.connection import Connection
 from colony.runtime.library import robot
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, failed
 from tests.waiting import until
 
 
@@ -30,8 +30,7 @@ def test_what_a_joystick_sends_is_within_the_limits_of_each_frame(
     recording = tmp_path / "run.jsonl"
     arguments = ("--map", MAP, "--processes", "--duration", "8", "--no-picture", "--record", str(recording))
     run = machine.start("run", WANDER, *arguments)
-    until(lambda: run.ended() or machine.moves(), "the robot drives")
-    assert not run.ended(), run.err
+    until(lambda: failed(run) or machine.moves(), "the robot drives")
     with machine.session() as session, session.connect("RServer", name="joystick", priority=50) as base:
         drive(base, 10)
         base.do(robot.ignore_limits())

@@ -20,9 +20,7 @@ MAP = str(ROOT / "maps" / "msu_engineering_3.stickrep")
 @pytest.mark.long
 def test_a_robot_is_sent_around_a_corner_and_arrives(colony: Colony, tmp_path: Path) -> None:
     way = ("--from", "A392L", "--to", "A340R", "--hazards", "3")
-    result = colony("run", NAVIGATOR, "--map", MAP, *way, "--no-picture", "--format", "json")
-    assert result.code == 0
-    told = json.loads(result.out)
+    told = json.loads(colony.output("run", NAVIGATOR, "--map", MAP, *way, "--no-picture", "--format", "json"))
     assert told["arrival"]["arrived"] is True
     assert told["arrival"]["pictures"] == []
     assert "from A392L to A340R (lcd): arrived after" in told["arrival"]["text"]
@@ -32,9 +30,7 @@ def test_a_robot_is_sent_around_a_corner_and_arrives(colony: Colony, tmp_path: P
 def test_a_robot_is_sent_down_a_corridor_and_arrives(colony: Colony, tmp_path: Path) -> None:
     two_floors(tmp_path)
     way = ("--map", str(tmp_path / "ground.stickrep"), "--from", "liftL", "--to", "C")
-    result = colony("run", NAVIGATOR, *way, "--no-picture")
-    assert result.code == 0
-    assert "from liftL to C (d): arrived after" in result.out
+    assert "from liftL to C (d): arrived after" in colony.output("run", NAVIGATOR, *way, "--no-picture")
 
 
 def test_who_does_not_arrive_is_told_where_it_is_and_its_way_is_drawn_on_both_floors(
@@ -67,17 +63,15 @@ def test_rooms_that_are_not_there_and_half_a_way_are_refused(
     colony: Colony, tmp_path: Path, way: tuple[str, ...], said: str
 ) -> None:
     two_floors(tmp_path)
-    result = colony("run", NAVIGATOR, "--map", str(tmp_path / "ground.stickrep"), *way, "--no-picture")
-    assert result.code == 2
-    assert said in result.err
+    err = colony.refusal("run", NAVIGATOR, "--map", str(tmp_path / "ground.stickrep"), *way, "--no-picture")
+    assert said in err
 
 
 @pytest.mark.parametrize("options", [(), ("--processes",)], ids=["in one process", "processes"])
 def test_missions_are_for_the_body_of_rome(colony: Colony, options: tuple[str, ...]) -> None:
     way = ("--map", str(ROOT / "maps" / "loop.stickrep"), "--from", "201", "--to", "216")
-    result = colony("run", "wander", "--robot", "amr", *way, *options, "--no-picture")
-    assert result.code == 2
-    assert "--from and --to: error: `amr` has another body" in result.err
+    err = colony.refusal("run", "wander", "--robot", "amr", *way, *options, "--no-picture")
+    assert "--from and --to: error: `amr` has another body" in err
 
 
 def ridden(machine: Machine, ground: Path) -> tuple[Started, dict[str, Any]]:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,7 +10,8 @@ import pytest
 
 from colony.cli import site_proof
 from tests.cli.conftest import Colony
-from tests.paths import ROOT
+from tests.cli.machine import Machine, failed
+from tests.waiting import until
 
 BEHAVIOR = """language 1
 import "rome"
@@ -53,17 +51,15 @@ def test_a_contract_that_was_proved_is_proved_before_the_run_and_once(colony: Co
 
 def test_a_broken_proof_is_shown_with_the_value_and_the_run(colony: Colony, site: Path) -> None:
     for _ in range(2):  # the second time the verdicts are known, but the run is shown
-        ran = colony("run", "b.colony", *RUN, "--params", "fast.toml", "--record", "r.mcap")
-        assert ran.code == 1
-        assert ran.out == ""
+        err = colony.refusal("run", "b.colony", *RUN, "--params", "fast.toml", "--record", "r.mcap", code=1)
         assert (
             "fast.toml:3:12: error[V013]: with `go.boost = 2`, contract `slowly` is not proved any more"
-            in ran.err
+            in err
         )
-        assert "b.colony:7:10: note: the contract, which is proved with the program's own values" in ran.err
-        assert "b.colony: REFUTED  slowly" in ran.err
-        assert "by go: velocity = 400 mm/s" in ran.err
-        assert "`open`" not in ran.err
+        assert "b.colony:7:10: note: the contract, which is proved with the program's own values" in err
+        assert "b.colony: REFUTED  slowly" in err
+        assert "by go: velocity = 400 mm/s" in err
+        assert "`open`" not in err
         assert not Path("r.mcap").exists()
 
 
@@ -83,9 +79,7 @@ def test_a_recording_has_the_values(colony: Colony, site: Path, record: str) -> 
     assert "UNPROVED" in ran.out
     Path("fast.toml").unlink()
     file = [] if record == "r.mcap" else ["b.colony"]
-    audited = colony("audit", record, *file, "--format", "json")
-    assert audited.code == 0
-    found = json.loads(audited.out)
+    found = json.loads(colony.output("audit", record, *file, "--format", "json"))
     assert found["params"] == {"cruising": "200 mm/s", "go.boost": "2", "other": "2"}
     traced = colony("trace", "b.colony", "--input", record)
     assert '"velocity": 400.0' in traced.out
@@ -101,10 +95,9 @@ def test_errors_in_values_for_a_recorded_program_are_reported_in_their_file(
     Path("bad.toml").write_text("cruising = 200\ngo.speed = 2\n")
     checked = colony("check", "b.colony", "--params", "bad.toml")
     for command in (("audit", "r.mcap"), ("trace", "--input", "r.mcap")):
-        ran = colony(*command, "--params", "bad.toml")
-        assert (ran.code, ran.out) == (1, "")
-        assert ran.err == checked.err
-        assert ["E704" in ran.err, "E703" in ran.err] == [True, True]
+        err = colony.refusal(*command, "--params", "bad.toml", code=1)
+        assert err == checked.err
+        assert ["E704" in err, "E703" in err] == [True, True]
 
 
 def test_a_recording_with_other_values_than_its_hash_is_refused(colony: Colony, site: Path) -> None:
@@ -147,15 +140,12 @@ def test_a_compiled_program_has_its_values_and_its_proof(colony: Colony, site: P
         ran = colony("run", "x.colonyc", *RUN, *options, "--format", "json")
         assert "proving" not in ran.err
         assert json.loads(ran.out)["params"]["proved"] is True
-    other = colony("run", "x.colonyc", *RUN, "--params", "fast.toml")
-    assert other.code == 2
-    assert "it was not compiled with the params of fast.toml" in other.err
+    err = colony.refusal("run", "x.colonyc", *RUN, "--params", "fast.toml")
+    assert "it was not compiled with the params of fast.toml" in err
     assert colony("compile", "b.colony", "--params", "fast.toml", "-o", "y.colonyc").code == 1
     assert not Path("y.colonyc").exists()
     assert colony("compile", "b.colony", "--params", "fast.toml", "--no-proof", "-o", "y.colonyc").code == 0
-    refused = colony("run", "y.colonyc", *RUN)
-    assert refused.code == 2
-    assert "or give --unproved" in refused.err
+    assert "or give --unproved" in colony.refusal("run", "y.colonyc", *RUN)
     assert "UNPROVED" in colony("run", "y.colonyc", *RUN, "--unproved").out
 
 
@@ -164,27 +154,23 @@ def test_without_z3_a_run_is_refused_but_for_a_compiled_program(
 ) -> None:
     colony("compile", "b.colony", "--params", "safe.toml", "-o", "x.colonyc")
     monkeypatch.setattr(site_proof, "installed", lambda module: False)
-    refused = colony("run", "b.colony", *RUN, "--params", "safe.toml")
-    assert refused.code == 2
-    assert "8 contracts must be proved with these params, and z3 is not installed" in refused.err
-    assert "give --unproved" in refused.err
+    err = colony.refusal("run", "b.colony", *RUN, "--params", "safe.toml")
+    assert "8 contracts must be proved with these params, and z3 is not installed" in err
+    assert "give --unproved" in err
     assert "with the params of safe.toml" in colony("run", "x.colonyc", *RUN).out
 
 
 def test_a_program_with_errors_of_its_own_must_prove_everything(colony: Colony, site: Path) -> None:
     Path("b.colony").write_text(BEHAVIOR.replace("other = 1", "other = 1 / 0"))
-    ran = colony("run", "b.colony", *RUN, "--params", "safe.toml")
-    assert ran.code == 1
-    assert "E212" in ran.err  # the value in the text is checked as well
+    err = colony.refusal("run", "b.colony", *RUN, "--params", "safe.toml", code=1)
+    assert "E212" in err  # the value in the text is checked as well
 
 
 def test_misuse_is_reported(colony: Colony, site: Path) -> None:
     missing = colony("run", "b.colony", *RUN, "--params", "nothing.toml")
     assert (missing.code, missing.err.count("\n")) == (2, 1)
     assert "nothing.toml:1:1: error[E701]" in missing.err
-    alone = colony("run", "b.colony", *RUN, "--unproved")
-    assert alone.code == 2
-    assert "--unproved requires --params" in alone.err
+    assert "--unproved requires --params" in colony.refusal("run", "b.colony", *RUN, "--unproved")
 
 
 def test_other_commands_take_params(colony: Colony, site: Path) -> None:
@@ -202,19 +188,12 @@ def test_other_commands_take_params(colony: Colony, site: Path) -> None:
     assert '"by": "go"' in colony("trace", "b.colony", *option, "--input", "-", stdin=frame).out
 
 
-def test_ctrl_c_ends_the_proof(tmp_path: Path) -> None:
-    (tmp_path / "site.toml").write_text('[hallway]\ncruising = "450 mm/s"\n')
-    words = ["run", "navigator", *("--map", "loop", "--from", "201", "--to", "216"), "--no-picture"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "colony", *words, "--params", "site.toml", "--record", "r.mcap"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")},
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    with process:
-        assert process.stderr.readline() == "proving contracts with the params of site.toml\n"
-        process.send_signal(signal.SIGINT)
-        assert "Traceback" not in process.stderr.read()
-    assert process.returncode == 130
-    assert not (tmp_path / "r.mcap").exists()
+def test_ctrl_c_ends_the_proof(machine: Machine, tmp_path: Path) -> None:
+    params = tmp_path / "site.toml"
+    params.write_text('[hallway]\ncruising = "450 mm/s"\n')
+    machine.environment["XDG_CACHE_HOME"] = str(tmp_path / "cache")
+    way = ("--map", "loop", "--from", "201", "--to", "216", "--no-picture")
+    run = machine.start("run", "navigator", *way, "--params", str(params), "--record", "r.mcap")
+    until(lambda: failed(run) or "proving contracts with the params of " in run.err, "it proves")
+    assert run.interrupt() == 130
+    assert not (run.folder / "r.mcap").exists()

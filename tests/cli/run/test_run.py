@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from tests.cli.conftest import Colony
-from tests.paths import ROOT
+from tests.cli.machine import MAP, Machine, Started, failed
 from tests.sampling import long
-from tests.waiting import PATIENCE_S, killed_in_the_end, until
-
-MAP = str(ROOT / "maps" / "loop.stickrep")
+from tests.waiting import until
 
 ROAM = """
 robot rome {
@@ -80,11 +73,10 @@ def test_a_recording_is_input_of_trace(colony: Colony, behavior: Path) -> None:
 
 
 def test_json(colony: Colony, behavior: Path) -> None:
-    result = colony(
+    out = colony.output(
         "run", behavior, "--map", MAP, "--format", "json", "--duration", "5", "--picture", "way.svg"
     )
-    assert result.code == 0
-    row = json.loads(result.out)
+    row = json.loads(out)
     assert row["frames"] == 100
     assert row["picture"] == "way.svg"
     assert row["recording"] is None
@@ -107,10 +99,9 @@ def test_a_broken_contract_is_exit_code_1(colony: Colony, behavior: Path) -> Non
 
 def test_errors_in_the_program_are_located_and_exit_code_1(colony: Colony, behavior: Path) -> None:
     behavior.write_text(ROAM.replace("PServer.sonar", "PServer.sonor"))
-    result = colony("run", behavior, "--map", MAP, "--record", "run.jsonl")
-    assert result.code == 1
-    assert "roam.colony:3:12: error[R002]: `sonar`: PServer has no field `sonor`" in result.err
-    assert "did you mean `sonar`?" in result.err
+    err = colony.refusal("run", behavior, "--map", MAP, "--record", "run.jsonl", code=1)
+    assert "roam.colony:3:12: error[R002]: `sonar`: PServer has no field `sonor`" in err
+    assert "did you mean `sonar`?" in err
     assert not Path("run.jsonl").exists()
 
 
@@ -132,11 +123,7 @@ MISUSE = [
 def test_misuse_is_one_line_and_exit_code_2(
     colony: Colony, behavior: Path, arguments: tuple[str, ...], text: str
 ) -> None:
-    result = colony("run", "roam.colony", "--map", MAP, *arguments)
-    assert result.code == 2
-    assert text in result.err
-    assert len(result.err.splitlines()) == 1
-    assert result.out == ""
+    assert text in colony.one_line("run", "roam.colony", "--map", MAP, *arguments)
     assert behavior.read_text() == ROAM
 
 
@@ -153,44 +140,31 @@ def test_a_full_disk_is_said_in_one_line(colony: Colony, behavior: Path) -> None
     assert (result.code, result.err) == (2, "/dev/full: error: cannot write: No space left on device\n")
 
 
-@contextmanager
-def started() -> Iterator[subprocess.Popen[str]]:
+def recording(machine: Machine, behavior: Path) -> Started:
     """A run at wall-clock speed that has recorded a few frames."""
-    arguments = ("--realtime", "--record", "run.jsonl")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "colony.cli.main", "run", "roam.colony", "--map", MAP, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    record = Path("run.jsonl")
-
-    def has_begun() -> bool:
-        return record.exists() and record.read_bytes().count(b"\n") >= 3
-
-    with killed_in_the_end(process):
-        until(lambda: process.poll() is not None or has_begun(), "it records")
-        assert process.poll() is None, process.communicate()
-        yield process
+    run = machine.start("run", str(behavior), "--map", MAP, "--realtime", "--record", "run.jsonl")
+    record = run.folder / "run.jsonl"
+    until(lambda: failed(run) or (record.exists() and record.read_bytes().count(b"\n") >= 3), "it records")
+    return run
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, long(signal.SIGTERM)])
-def test_an_interrupted_run_closes_the_recording_and_tells_what_was_run(behavior: Path, number: int) -> None:
-    with started() as process:
-        process.send_signal(number)
-        out, _ = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 130
-    frames = Path("run.jsonl").read_text().splitlines()
-    rows = [json.loads(frame) for frame in frames]
-    assert f"{len(rows)} frames, seed 0, interrupted" in out
+def test_an_interrupted_run_closes_the_recording_and_tells_what_was_run(
+    machine: Machine, behavior: Path, number: int
+) -> None:
+    run = recording(machine, behavior)
+    run.tell(number)
+    assert run.wait() == 130
+    rows = [json.loads(frame) for frame in (run.folder / "run.jsonl").read_text().splitlines()]
+    assert f"{len(rows)} frames, seed 0, interrupted" in run.out
     assert all("drive" in row for row in rows)
-    assert "wrote run.png" in out
+    assert "wrote run.png" in run.out
 
 
-def test_a_killed_run_leaves_whole_lines(behavior: Path) -> None:
-    with started() as process:
-        process.kill()
-    data = Path("run.jsonl").read_bytes()
+def test_a_killed_run_leaves_whole_lines(machine: Machine, behavior: Path) -> None:
+    run = recording(machine, behavior)
+    run.tell(signal.SIGKILL)
+    run.process.wait()
+    data = (run.folder / "run.jsonl").read_bytes()
     assert data.endswith(b"\n")
     assert [json.loads(line)["t"] for line in data.splitlines()][:3] == [0.0, 0.05, 0.1]

@@ -10,7 +10,7 @@ import pytest
 
 from colony.robots.simulated import SUPERVISOR
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROBOT, Machine, Started, children_of, lives
+from tests.cli.machine import MAP, ROBOT, Machine, Started, children_of, failed, lives
 from tests.waiting import until
 
 AMR = f"{ROBOT}=amr"
@@ -93,8 +93,7 @@ def test_a_run_waits_for_a_simulator_that_is_being_started(machine: Machine, pre
     machine.directory.prepare()
     with machine.directory.claim(SUPERVISOR):
         run = machine.start("run", str(pressed), "--robot", AMR, "--connect", "--set", "estop=true")
-        until(lambda: run.ended() or f"waiting for the Simulator of {ROBOT}" in run.err, "it waits")
-        assert not run.ended(), run.err
+        until(lambda: failed(run) or f"waiting for the Simulator of {ROBOT}" in run.err, "it waits")
         assert run.interrupt() == 130
 
 
@@ -103,12 +102,10 @@ def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
     machine: Machine, colony: Colony, pressed: Path
 ) -> None:
     served = machine.start("serve", "all", "--robot", AMR, "--map", MAP)
-    until(lambda: served.ended() or SUPERVISOR in machine.directory.running(), "they are being started")
-    assert not served.ended(), served.err
+    until(lambda: failed(served) or SUPERVISOR in machine.directory.running(), "they are being started")
     check(machine.run(*arguments(pressed), "--robot", AMR, "--connect"))
     run = machine.start("run", str(pressed), "--robot", AMR, "--connect", "--set", "goal_number=7")
-    until(lambda: run.ended() or machine.moves(), "the robot drives")
-    assert not run.ended(), run.err
+    until(lambda: failed(run) or machine.moves(), "the robot drives")
     held = machine.start("sim", "hold", "Panel.estop=true", "--robot", ROBOT)
     until(lambda: held.ended() or "Ctrl-C ends it" in held.err, "the button is held")
     until(machine.stands, "the button is pressed, and the robot stands")
@@ -146,11 +143,9 @@ NOT_HELD = [
 
 def test_what_no_simulator_reads_is_refused(machine: Machine, colony: Colony, pressed: Path) -> None:
     assert "no Simulator runs on this machine" in colony("sim", "hold", "Panel.estop=true").err
-    refused = colony("sim", "hold", "Panel.estop=true", "--robot", ROBOT)
-    assert refused.code == 2
-    assert f"no Simulator of `{ROBOT}` runs on this machine" in refused.err
-    clock = machine.start("serve", "Clock", "--robot", AMR)
-    until(lambda: clock.ended() or "listens at" in clock.err, "it listens")
+    err = colony.refusal("sim", "hold", "Panel.estop=true", "--robot", ROBOT)
+    assert f"no Simulator of `{ROBOT}` runs on this machine" in err
+    machine.serve("Clock", "--robot", AMR)
     run = colony("run", pressed, "--robot", AMR, "--connect", "--set", "estop=true")
     assert run.code == 2
     assert (

@@ -61,11 +61,8 @@ def report(of: Program) -> Report:
     return last(of, 60)
 
 
-def test_what_was_tried_and_what_every_module_did(of: Program, report: Report) -> None:
-    first, *_, never = lines(of, report)
-    assert first == f"60 traces with {report.frames} frames from seed 1: all executors agree"
-    assert "  module  won  active  silent" in lines(of, report)
-    assert any(line.split()[:2] == ["stop", "-"] for line in lines(of, report))
+def test_modules_that_never_won_are_named(of: Program, report: Report) -> None:
+    *_, never = lines(of, report)
     assert never == "never won in any trace: never"
 
 
@@ -113,10 +110,6 @@ def test_an_object_for_other_programs(of: Program, report: Report) -> None:
     assert broken["contract"] == "no_forward_after_bump"
     assert len(broken["trace"]) == 2
     assert found["disagreement"] is None
-
-
-def test_with_faults(of: Program) -> None:
-    assert last(of, 8, faults=True).disagreement is None
 
 
 def test_a_mistake_in_the_compiler_is_told_as_a_bug_of_colony(

@@ -5,9 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,9 +14,9 @@ import z3
 from colony.cli.verify.work import Work, load
 from colony.verify.contracts import certificate
 from tests.cli.conftest import Colony
-from tests.paths import ROOT
+from tests.cli.machine import Machine, failed
 from tests.sampling import long
-from tests.waiting import PATIENCE_S, killed_in_the_end, until
+from tests.waiting import until
 
 TRUE = "contract backs: drive by back implies drive.velocity <= 0\n"
 FALSE = "contract quick: drive.velocity > -100 mm/s\n"
@@ -35,13 +32,6 @@ def add(behavior: Path, *texts: str) -> Path:
 
 
 # --- verdicts --------------------------------------------------------------------------------------
-
-
-def test_proved(colony: Colony, behavior: Path) -> None:
-    code, out, _ = colony("verify", add(behavior, TRUE))
-    assert code == 0
-    assert f"{behavior}: proved   backs  (operators too)\n" in out
-    assert "1 proved, 0 refuted, 0 unknown" in out.splitlines()[-1]
 
 
 def test_refuted_shows_the_run_and_the_place(colony: Colony, behavior: Path) -> None:
@@ -64,8 +54,7 @@ def test_unknown_says_why_and_is_no_error(colony: Colony, behavior: Path) -> Non
     assert f"{behavior}: unknown  never_quarter\n" in out
     assert "no run of up to 6 frames breaks it" in out
     assert "warning[V011]: contract `never_quarter` is neither proved nor refuted" in err
-    code, _, _ = colony("verify", "--strict", *QUICK, behavior)
-    assert code == 1
+    assert colony("verify", "--strict", *QUICK, behavior).code == 1
 
 
 def test_nothing_is_said_twice(colony: Colony, behavior: Path) -> None:
@@ -106,15 +95,7 @@ test "t" { at 0 s given gas = 80 expect m.half == 20 percent }
 
 
 def test_only_the_contracts_named(colony: Colony, behavior: Path) -> None:
-    code, out, _ = colony("verify", "--contract", "backs", add(behavior, TRUE, FALSE))
-    assert code == 0
-    assert "quick" not in out
-
-
-def test_a_name_that_no_contract_has(colony: Colony, behavior: Path) -> None:
-    code, out, err = colony("verify", "--contract", "bakcs", add(behavior, TRUE))
-    assert (code, out) == (2, "")
-    assert "no contract `bakcs`; did you mean `backs`?" in err
+    assert "quick" not in colony.output("verify", "--contract", "backs", add(behavior, TRUE, FALSE))
 
 
 @pytest.mark.parametrize("command", ["verify", "diff", "compile"])
@@ -139,19 +120,12 @@ def test_a_clock_that_jumps_changes_no_result(
     assert colony(command, *options, *files) == expected
 
 
-def test_no_contracts(colony: Colony, behavior: Path) -> None:
-    code, out, _ = colony("verify", behavior)
-    assert code == 0
-    assert f"{behavior}: no contracts found" in out
-
-
 def test_certificates_are_written_of_what_is_proved(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     folder = tmp_path / "proofs" / "new"
     folder.mkdir(parents=True)
     (folder / "quick.smt2").write_text("of an earlier version, in which it held")
     code, _, err = colony("verify", "--certificate", folder, add(behavior, TRUE, FALSE))
-    assert code == 1
-    assert "no certificate" not in err
+    assert (code, "no certificate" in err) == (1, False)
     assert [path.name for path in folder.iterdir()] == ["backs.smt2"]
     assert ";   contract backs: drive by back implies" in (folder / "backs.smt2").read_text()
 
@@ -167,37 +141,37 @@ def test_a_certificate_that_is_not_found_is_reported(
     assert list(Path("proofs").iterdir()) == []
 
 
-def test_certificates_of_several_files_would_have_the_same_names(colony: Colony, behavior: Path) -> None:
-    code, _, err = colony("verify", "--certificate", "proofs", behavior, behavior.with_name("other.colony"))
-    assert code == 2
-    assert "--certificate requires a single FILE" in err
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        *((("--timeout", seconds), "is not in the range 0<x<=1000000.0") for seconds in ("nan", "inf", "0")),
+        (("--contract", "bakcs"), "no contract `bakcs`; did you mean `backs`?"),
+        (("--faults",), "--faults requires --examples"),
+        (("--certificate", "proofs", "other.colony"), "--certificate requires a single FILE"),
+        (("--certificate", "b.colony/p"), "b.colony/p: error: cannot write: Not a directory"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(
+    colony: Colony, behavior: Path, options: tuple[str, ...], said: str
+) -> None:
+    assert said in colony.refusal("verify", add(behavior, TRUE), *options)
 
 
-def test_a_folder_of_certificates_that_cannot_be_made(colony: Colony, behavior: Path) -> None:
-    code, _, err = colony("verify", "--certificate", behavior / "proofs", behavior)
-    assert code == 2
-    assert f"{behavior / 'proofs'}: error: cannot write: Not a directory" in err
+def test_a_behavior_without_contracts_is_said_to_have_none(colony: Colony, behavior: Path) -> None:
+    assert f"{behavior}: no contracts found" in colony.output("verify", behavior)
 
 
 LATE = "contract acts: back is active implies drive by back or not drive is idle\n"
 
 
-def test_proved_only_while_every_client_is_in_time(colony: Colony, behavior: Path) -> None:
-    code, out, err = colony("verify", "--contract", "acts", add(behavior, LATE))
-    assert code == 0
-    assert f"{behavior}: proved in time  acts\n" in out
-    assert "late, idle: " in out
-    assert (
-        "1 proved (1 of them only while every client is in time), 0 refuted, 0 unknown"
-        in out.splitlines()[-1]
-    )
-    assert "note[V012]: contract `acts` is proved only while every client is in time" in err
-    _, out, _ = colony("verify", "--contract", "acts", "--format", "json", behavior)
-    [contract] = json.loads(out)["files"][0]["contracts"]
-    assert (contract["verdict"], contract["operators"]) == ("proved_in_time", False)
-    assert contract["trace"][0]["late"] == ["drive"]
-    _, out, _ = colony("verify", "--contract", "acts", "--format", "sarif", behavior)
-    [found] = json.loads(out)["runs"][0]["results"]
+def test_proved_only_while_every_client_is_in_time_is_summed_up_and_a_note(
+    colony: Colony, behavior: Path
+) -> None:
+    summary = colony.output("verify", "--contract", "acts", add(behavior, LATE)).splitlines()[-1]
+    assert "1 proved (1 of them only while every client is in time), 0 refuted, 0 unknown" in summary
+    [found] = json.loads(colony.output("verify", "--contract", "acts", "--format", "sarif", behavior))[
+        "runs"
+    ][0]["results"]
     assert (found["ruleId"], found["level"]) == ("V012", "note")
     assert found["codeFlows"]
 
@@ -228,13 +202,12 @@ def test_why_shows_the_run_in_which_an_operator_breaks_a_contract(
     add(behavior, f"contract c: {contract}\n", TRUE)
     _, out, _ = colony("verify", behavior)
     assert ("c  (without operators: --why c)\n" in out) == (shown is not None)
-    code, out, _ = colony("verify", "--why", "c", behavior)
-    assert code == 0
+    out = colony.output("verify", "--why", "c", behavior)
     assert "backs" not in out
     assert (f"{behavior}: proved   c  (operators too)\n" in out) == (shown is None)
     assert ("a command from outside the network breaks it, within the limits:" in out) == (shown is not None)
     assert shown is None or shown in out
-    code, out, _ = colony("verify", "--why", "c", "--format", "json", behavior)
+    _, out, _ = colony("verify", "--why", "c", "--format", "json", behavior)
     [row] = json.loads(out)["files"][0]["contracts"]
     runs = row.get("operator_runs")
     assert runs is None if shown is None else [list(frame["commanded"]) for frame in runs[0]] == [["drive"]]
@@ -254,9 +227,7 @@ def test_reaches_are_reached_or_never(colony: Colony, behavior: Path) -> None:
     code, out, _ = colony("verify", "--strict", "--contract", "gone", "--write-test", file)
     assert (code, file.read_text().count('test "reach: gone"')) == (0, 1)
     assert colony("test", file)[0] == 0
-    code, out, err = colony("verify", "--contract", "gonne", file)
-    assert code == 2
-    assert "did you mean `gone`?" in err
+    assert "did you mean `gone`?" in colony.refusal("verify", "--contract", "gonne", file)
 
 
 def test_reaches_are_in_json_and_sarif(colony: Colony, behavior: Path) -> None:
@@ -290,9 +261,7 @@ def test_what_cannot_be_read_is_misuse_and_the_rest_is_done(colony: Colony, beha
 
 
 def test_errors_in_a_file_are_told(colony: Colony, behavior: Path) -> None:
-    code, out, err = colony("verify", add(behavior, "contract c: nothing"))
-    assert (code, out) == (1, "")
-    assert "error[E" in err
+    assert "error[E" in colony.refusal("verify", add(behavior, "contract c: nothing"), code=1)
 
 
 def test_a_module_in_python_may_answer_anything(colony: Colony, tmp_path: Path) -> None:
@@ -314,16 +283,8 @@ contract slow: drive.velocity <= 100 mm/s
     assert "unknown  slow" in out
     assert "guess answers" in out
     assert "warning[V011]" in err
-    code, _, err = colony("verify", "--write-test", path)
-    assert code == 0
+    colony.output("verify", "--write-test", path)
     assert "test" not in path.read_text()
-
-
-@pytest.mark.parametrize("seconds", ["nan", "inf", "0"])
-def test_a_timeout_that_is_no_time_is_refused(colony: Colony, behavior: Path, seconds: str) -> None:
-    code, out, err = colony("verify", "--timeout", seconds, add(behavior, TRUE))
-    assert (code, out) == (2, "")
-    assert "is not in the range 0<x<=1000000.0" in err
 
 
 # --- tests that are written ------------------------------------------------------------------------
@@ -372,8 +333,7 @@ def test_a_second_counterexample_gets_a_name_of_its_own(colony: Colony, behavior
 def test_a_read_only_file_is_refused_before_the_work(colony: Colony, behavior: Path) -> None:
     add(behavior, FALSE).chmod(0o444)
     before = behavior.read_bytes()
-    code, out, err = colony("verify", "--write-test", behavior)
-    assert (code, out) == (2, "")
+    err = colony.refusal("verify", "--write-test", behavior)
     assert f"{behavior}: error: cannot write: Permission denied" in err
     assert behavior.read_bytes() == before
 
@@ -405,26 +365,11 @@ def test_a_file_that_cannot_be_written_stays_as_it_was(colony: Colony, behavior:
 # --- drawn traces ----------------------------------------------------------------------------------
 
 
-def test_drawn_traces_come_from_the_seed(colony: Colony, behavior: Path) -> None:
-    add(behavior, TRUE)
-    one = colony("verify", "--examples", "3", "--seed", "7", behavior)
-    assert one.code == 0
-    assert "3 traces" in one.out
-    assert "seed 7" in one.out
-    assert colony("verify", "--examples", "3", "--seed", "7", behavior).out == one.out
-
-
 def test_drawn_traces_break_what_could_not_be_decided(colony: Colony, behavior: Path) -> None:
     add(behavior, "contract c: fresh(rays) implies sin(rays[0] * 1 deg) * sin(rays[0] * 1 deg) < 0.9\n")
     code, _, err = colony("verify", "--examples", "60", behavior)
     assert code == 1
     assert "error[V010]: contract `c` is false" in err
-
-
-def test_faults_need_examples(colony: Colony, behavior: Path) -> None:
-    code, _, err = colony("verify", "--faults", behavior)
-    assert code == 2
-    assert "--faults requires --examples" in err
 
 
 # --- formats ---------------------------------------------------------------------------------------
@@ -444,8 +389,7 @@ def test_json_has_every_verdict(colony: Colony, behavior: Path) -> None:
     assert [step["broken"] for step in trace] == [[], ["lasts"]]
     assert {d["code"] for d in file["diagnostics"]} >= {"V010", "V011"}
     lines = "".join(json.dumps(step["frame"]) + "\n" for step in trace)
-    code, out, _ = colony("trace", behavior, "--input", "-", stdin=lines)
-    assert code == 0
+    out = colony.output("trace", behavior, "--input", "-", stdin=lines)
     decided = [json.loads(line) for line in out.splitlines()]
     assert [line["drive"] for line in decided] == [step["sent"]["drive"] for step in trace]
     assert [line.get("breaches", []) for line in decided] == [step["broken"] for step in trace]
@@ -504,37 +448,27 @@ ENDLESS = ["--depth", "64", "--timeout", "1000"]
 """With these, `OPEN` takes a minute."""
 
 
-def busy_seconds(process: subprocess.Popen[str]) -> float:
+def busy_seconds(pid: int) -> float:
     """The processor time that a process has had."""
-    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="there is no /proc")
 @pytest.mark.parametrize("format_", [long("text"), "json"])
-def test_ctrl_c_tells_what_was_found_so_far(behavior: Path, format_: str) -> None:
+def test_ctrl_c_tells_what_was_found_so_far(machine: Machine, behavior: Path, format_: str) -> None:
     add(behavior, TRUE, OPEN)
-    started = subprocess.Popen(
-        [sys.executable, "-m", "colony.cli.main", "verify", *ENDLESS, "--format", format_, str(behavior)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    )
-    with killed_in_the_end(started) as process:
-        until(lambda: process.poll() is not None or busy_seconds(process) >= 2, "it is at work")
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=PATIENCE_S)
-    assert "Traceback" not in err
-    assert process.returncode == 130, out + err
-    assert "interrupted" in err
+    started = machine.start("verify", *ENDLESS, "--format", format_, str(behavior))
+    until(lambda: failed(started) or busy_seconds(started.pid) >= 2, "it is at work")
+    assert started.interrupt() == 130
+    assert "interrupted" in started.err
     if format_ == "json":
-        told = json.loads(out)
+        told = json.loads(started.out)
         assert told["interrupted"] is True
         assert [c["contract"] for c in told["files"][0]["contracts"]] == ["backs"]
     else:
-        assert "proved   backs" in out
-        assert "interrupted before the end" in out
+        assert "proved   backs" in started.out
+        assert "interrupted before the end" in started.out
 
 
 def test_what_can_never_act_is_asked_for_a_while_only(colony: Colony, tmp_path: Path) -> None:
@@ -549,6 +483,5 @@ def test_what_can_never_act_is_asked_for_a_while_only(colony: Colony, tmp_path: 
 network {{ drive = {" suppresses ".join(f"m{i}" for i in range(60))} }}
 """
     )
-    code, out, _ = colony("verify", "--timeout", "0.05", str(file))
-    assert code == 0
+    out = colony.output("verify", "--timeout", "0.05", str(file))
     assert "about modules that can never act; raise --timeout" in out

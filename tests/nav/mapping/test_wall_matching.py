@@ -53,7 +53,6 @@ def test_a_line_in_the_building() -> None:
 
 def test_a_wall_on_the_left_and_in_pieces_on_the_right() -> None:
     left, right = match(line(0.0, 1_150.0)), match(line(0.0, -1_230.0))
-    assert right is not None
     assert (left.turn_deg, left.shift_mm) == pytest.approx((0.0, -50.0))
     assert (left.normal_x, left.normal_y) == pytest.approx((1.0, 0.0))
     assert right.shift_mm == pytest.approx(30.0)

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from colony.nav.maps.building import MAX_MAPS, Landing, Ride, load_building
-from colony.text.diagnostics import DiagnosticError, headline
+from colony.text.diagnostics import headline
+from tests.diagnostics import problems_of
 from tests.paths import MAPS
 
 
@@ -42,9 +43,7 @@ def tower(tmp_path: Path) -> Path:
 
 
 def errors_of(path: Path) -> list[str]:
-    with pytest.raises(DiagnosticError) as caught:
-        load_building(path)
-    return [headline(d).removeprefix(f"{path.parent}/") for d in caught.value.diagnostics]
+    return [headline(d).removeprefix(f"{path.parent}/") for d in problems_of(load_building, path)]
 
 
 def test_floors_are_loaded_once_and_near_ones_first(tower: Path) -> None:
@@ -127,9 +126,7 @@ def test_elevators_that_do_not_fit(tower: Path, line: str, expected: str) -> Non
 
 def test_the_missing_line_is_told(tower: Path) -> None:
     (tower / "up/3.stickrep").write_text(floor("three", level="3"))
-    with pytest.raises(DiagnosticError) as caught:
-        load_building(tower / "2.stickrep")
-    (problem,) = caught.value.diagnostics
+    (problem,) = problems_of(load_building, tower / "2.stickrep")
     assert problem.hint == f"add `elevator a.L ../2.stickrep b.L` to {tower}/up/3.stickrep"
 
 

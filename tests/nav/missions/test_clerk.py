@@ -28,6 +28,14 @@ def waiting() -> RobotStage:
     return stage
 
 
+def pursued() -> Stage:
+    """A clerk that has taken its first goal."""
+    stage = waiting()
+    stage.signal(GOAL_DATA)
+    stage.run(1.0)
+    return stage
+
+
 def test_goals_are_numbered_and_answered_when_they_are_reached() -> None:
     stage = waiting()
     for number in (1, 2, 3):
@@ -60,9 +68,7 @@ def test_it_looks_once_a_frame() -> None:
 
 
 def test_a_goal_in_place_of_another_takes_its_turn_at_once() -> None:
-    stage = waiting()
-    stage.signal(GOAL_DATA)
-    stage.run(1.0)
+    stage = pursued()
     stage.signal(GOAL_DATA)
     stage.run(0.1)
     assert stage.variable(GOAL_NUMBER) == 2
@@ -87,9 +93,7 @@ def test_a_clerk_that_starts_again_goes_on_counting() -> None:
 @pytest.mark.parametrize("meanwhile", [False, True])
 def test_a_clerk_that_starts_again_answers_the_goal_that_is_pursued(meanwhile: bool) -> None:
     """Else the Planner would wait for ever. It is reached after the new one begins, or before that."""
-    stage = waiting()
-    stage.signal(GOAL_DATA)
-    stage.run(1.0)
+    stage = pursued()
     stage.begin()
     if meanwhile:
         stage.tell(GOAL_REACHED, 1)
@@ -106,9 +110,7 @@ def test_a_clerk_that_starts_again_answers_the_goal_that_is_pursued(meanwhile: b
 
 
 def test_a_clerk_that_starts_again_answers_nobody_for_a_goal_that_was_replaced() -> None:
-    stage = waiting()
-    stage.signal(GOAL_DATA)
-    stage.run(1.0)
+    stage = pursued()
     stage.begin()
     stage.tell(GOAL_REACHED, 1)
     stage.signal(GOAL_DATA)  # another Planner's
@@ -118,28 +120,20 @@ def test_a_clerk_that_starts_again_answers_nobody_for_a_goal_that_was_replaced()
     assert stage.semaphore(ROBOT_STATUS) == 0
 
 
-def test_lights_are_held_back_until_the_old_count_is_gone() -> None:
+@pytest.mark.parametrize(
+    ("kind", "distance", "count", "seconds", "number"),
+    [
+        (GoalKind.LIGHTS, 3, 11, 0.5, None),
+        (GoalKind.LIGHTS, 3, 0, 0.15, 1),
+        (GoalKind.LIGHTS, 1, 1, TRACKER_TIMEOUT_S + 0.2, 1),  # not for ever
+        (GoalKind.ENTER_CORNER, 3, 11, 0.1, 1),
+    ],
+)
+def test_lights_alone_are_held_back_until_the_old_count_is_gone(
+    kind: GoalKind, distance: int, count: int, seconds: float, number: int | None
+) -> None:
     stage = waiting()
-    stage.ask(data.set_many({GOAL_TYPE: int(GoalKind.LIGHTS), GOAL_DISTANCE: 3, CEILING_LIGHT: 11}))
+    stage.ask(data.set_many({GOAL_TYPE: int(kind), GOAL_DISTANCE: distance, CEILING_LIGHT: count}))
     stage.signal(GOAL_DATA)
-    stage.run(0.5)
-    assert stage.told(GOAL_NUMBER) is None
-    stage.tell(CEILING_LIGHT, 0)
-    stage.run(0.15)
-    assert stage.variable(GOAL_NUMBER) == 1
-
-
-def test_lights_are_not_held_back_for_ever() -> None:
-    stage = waiting()
-    stage.ask(data.set_many({GOAL_TYPE: int(GoalKind.LIGHTS), GOAL_DISTANCE: 1, CEILING_LIGHT: 1}))
-    stage.signal(GOAL_DATA)
-    stage.run(TRACKER_TIMEOUT_S + 0.2)
-    assert stage.variable(GOAL_NUMBER) == 1
-
-
-def test_other_goals_do_not_wait_for_lights() -> None:
-    stage = waiting()
-    stage.ask(data.set_many({GOAL_TYPE: int(GoalKind.ENTER_CORNER), GOAL_DISTANCE: 3, CEILING_LIGHT: 11}))
-    stage.signal(GOAL_DATA)
-    stage.run(0.1)
-    assert stage.variable(GOAL_NUMBER) == 1
+    stage.run(seconds)
+    assert stage.told(GOAL_NUMBER) == number

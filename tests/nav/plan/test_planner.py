@@ -161,26 +161,25 @@ def test_what_a_goal_is_stands_before_it_is_announced() -> None:
     assert stage.variable(LIGHT_OFFSET) == [2000.0, 3000.0, 3000.0]
 
 
-def test_by_the_pose_each_goal_is_what_is_left() -> None:
-    stage = driven(PLAN, ahead=150.0)
-    # Each overshoot is taken off the next goal of the same leg. Behind the corner it is one to the side.
-    assert goals(stage) == [("L", 0.0, 3), ("E", 0.0, 3850.0), ("C", 90.0, 2000.0), ("D", 90.0, 3850.0)]
-    assert stage.x == pytest.approx(-6150.0)
-
-
 def by_overshoot(segment: Segment, overshoot_mm: float) -> Script:
     yield from ()
     return overshoot_mm
 
 
-def test_by_a_progress_of_its_own_only_the_overshoot_of_lights_is_taken_off() -> None:
-    stage = driven(PLAN, ahead=150.0, progress=by_overshoot)
-    assert goals(stage) == [("L", 0.0, 3), ("E", 0.0, 3850.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
-
-
-def test_by_a_progress_of_its_own_the_position_of_the_robot_changes_nothing() -> None:
-    made = driven(PLAN, progress=by_overshoot, at=(777.0, -999.0, 0.0))
-    assert goals(made) == [("L", 0.0, 3), ("E", 0.0, 4000.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
+@pytest.mark.parametrize(
+    ("options", "enter", "last"),
+    [
+        # Each overshoot is taken off the next goal of the same leg. Behind the corner it is one to the side.
+        ({"ahead": 150.0}, 3850.0, 3850.0),
+        # By a progress of its own that of lights is taken off, and the position changes nothing.
+        ({"ahead": 150.0, "progress": by_overshoot}, 3850.0, 4000.0),
+        ({"progress": by_overshoot, "at": (777.0, -999.0, 0.0)}, 4000.0, 4000.0),
+    ],
+    ids=["by the pose", "by the overshoot", "elsewhere"],
+)
+def test_each_goal_is_what_is_left(options: dict[str, Any], enter: float, last: float) -> None:
+    made = driven(PLAN, **options)
+    assert goals(made) == [("L", 0.0, 3), ("E", 0.0, enter), ("C", 90.0, 2000.0), ("D", 90.0, last)]
 
 
 def test_a_corner_is_turned_where_nothing_is_left_to_drive() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from colony.nav.missions.clerk import clerk
-from colony.nav.plan.plan import FloorPoint, Plan, Segment
+from colony.nav.plan.plan import FloorPoint, Plan
 from colony.nav.plan.planner import Progress, planner
 from colony.nav.shared import (
     CEILING_LIGHT,
@@ -23,6 +23,7 @@ from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 from colony.sim.world.world import World
 from tests.among_servers import run_among_servers
+from tests.nav.plan.test_planner import by_overshoot, segment
 
 # Turns to the goal's direction, and drives on until the distance is covered, or the lights are counted.
 NAVIGATOR = """
@@ -79,10 +80,6 @@ def _count(offsets: list[float]) -> Generator[Step, Any, None]:
             yield from do("DServer", data.set(CEILING_LIGHT, passed))
 
 
-def segment(kind: GoalKind, heading: float, start: FloorPoint, end: FloorPoint, *lights: float) -> Segment:
-    return Segment(kind=kind, heading_deg=heading, start=start, end=end, width_mm=2500.0, lights_mm=lights)
-
-
 A, B, C, D, E, F = (
     FloorPoint(x, y, "f") for x, y in ((0, 0), (0, 3e3), (0, 4e3), (-1e3, 4e3), (-3e3, 4e3), (-5e3, 4e3))
 )
@@ -100,11 +97,6 @@ PLAN = Plan(
     distance_mm=9000.0,
     modes="lcld",
 )
-
-
-def by_overshoot(segment: Segment, overshoot_mm: float) -> Generator[Step, Any, float]:
-    yield from ()
-    return overshoot_mm
 
 
 @pytest.mark.parametrize(("progress", "order"), [(None, 1), (by_overshoot, 2)])

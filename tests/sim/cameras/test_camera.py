@@ -123,16 +123,6 @@ def test_no_light_leaks_where_walls_meet() -> None:
         assert image.min() > 100
 
 
-def test_the_same_place_gives_the_same_image() -> None:
-    camera = Camera(scene_of(HALLWAY), FRONT_CAMERA, robot_radius_mm=400.0)
-    x, y, heading = HALLWAY.start
-    here, there = np.array([[x, y, heading]]), np.array([[x + 100.0, y, heading + 5.0]])
-    first = camera.image(here, 0)
-    other = camera.image(there, 0)
-    assert (first != other).any()
-    assert (camera.image(here, 0) == first).all()
-
-
 @pytest.mark.parametrize(
     ("options", "found"),
     [

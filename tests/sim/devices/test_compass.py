@@ -19,9 +19,7 @@ def compass(more: str = "") -> str:
 
 
 def heading(stage: Stage) -> float:
-    value = stage.read("Compass", "heading")
-    assert isinstance(value, float)
-    return value
+    return stage.read("Compass", "heading")
 
 
 def test_it_reads_the_heading_and_its_offset_within_a_turn() -> None:

@@ -85,24 +85,6 @@ def seen(faults: str, seed: int = 1, steps: int = 1200, every: int = 1) -> Seen:
     return found
 
 
-def test_missing_readings_have_no_value() -> None:
-    found, free = seen(MISSING), seen("{ missing = 0, frozen = 0 }")
-    assert 0.1 < found.ages.count(None) / len(found.ages) < 0.5
-    assert set(found.ages) == {None, 0}
-    for value, exact in zip(found.values, free.values, strict=True):
-        assert value in (None, exact)
-
-
-def test_frozen_readings_repeat_and_age() -> None:
-    found, free = seen(FROZEN), seen("{}")
-    assert None not in found.ages
-    assert 0.1 < sum(age != 0 for age in found.ages) / len(found.ages) < 0.5
-    for i, (value, age) in enumerate(zip(found.values, found.ages, strict=True)):
-        assert age is not None
-        assert value == free.values[i - age]
-    assert 20 <= max(age for age in found.ages if age is not None) <= 130
-
-
 def test_when_a_device_fails_does_not_depend_on_when_it_is_read() -> None:
     often, seldom = seen(FROZEN), seen(FROZEN, every=40)
     assert seldom.values == often.values[39::40]

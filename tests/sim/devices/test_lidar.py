@@ -110,7 +110,6 @@ def test_ranges_are_those_of_a_slow_caster_of_rays(seed: int) -> None:
         disks = [(other[0], other[1], HULL_MM) for other in poses if other != pose]
         angles = [pose[2] + bearing + i * step for i in range(count)]
         readings = stage.read("Lidar", "scan", robot)
-        assert isinstance(readings, tuple)
         expect_same(
             list(readings),
             [cast(x, y, angle, walls, disks) for angle in angles],
@@ -126,7 +125,6 @@ def test_ranges_in_a_building_have_no_leaks() -> None:
         pose = stage.world.true_pose(0)
         angles = [pose.heading_deg - 180.0 + i * 0.5 for i in range(720)]
         readings = stage.read("Lidar", "scan")
-        assert isinstance(readings, tuple)
         expect_same(
             list(readings),
             [cast(pose.x_mm, pose.y_mm, angle, walls, []) for angle in angles],
@@ -144,7 +142,6 @@ def test_beams_along_a_wall_and_into_its_corners_end_there() -> None:
     assert stage.read("Lidar", "scan") == pytest.approx([1000.0, corner] * 4)
     edge_on = Stage(lidar(8, -180.0, 45.0), walls=[(0, 500, 0, 2000), (-2000, 1000, 2000, 1000)])
     readings = edge_on.read("Lidar", "scan")
-    assert isinstance(readings, tuple)
     assert readings[4] == pytest.approx(1000.0)
 
 
@@ -156,7 +153,6 @@ def test_people_are_seen_and_glass_is_not(heading: float) -> None:
     scenery = replace(bare_scenery(walls), silent=np.array([True, False]), people=(person,))
     stage = Stage(lidar(5, -heading, 12.0), walls=scenery, poses=[(0.0, 0.0, heading)])
     readings = stage.read("Lidar", "scan")
-    assert isinstance(readings, tuple)
     assert readings[0] == pytest.approx(2750.0)
     assert readings[1:] == pytest.approx([4000.0 / math.cos(math.radians(a)) for a in (12, 24, 36, 48)])
 
@@ -171,7 +167,6 @@ blocked = ["40 deg .. 100 deg"]
     for bearing, step in ((-180.0, 30.0), (180.0, -30.0)):
         stage = Stage(blocked + lidar(12, bearing, step), walls=walls)
         readings = stage.read("Lidar", "scan")
-        assert isinstance(readings, tuple)
         seen = {bearing + i * step for i, reading in enumerate(readings) if reading < math.inf}
         assert {angle % 360.0 for angle in seen} == {0, 30, 120, 150, 180, 210, 240, 300, 330}
 
@@ -252,8 +247,7 @@ def test_a_scanner_with_a_rate_measures_then_and_gives_its_time() -> None:
     seen = []
     for _ in range(8):
         stage.world.advance(0.04)
-        reading = stage.read("Lidar", "scan")
-        assert isinstance(reading, tuple)
+        stage.read("Lidar", "scan")
         taken_ns = stage.time_of("Lidar", "scan")
         seen.append((stage.world.elapsed_ns // 1_000_000, (taken_ns or 0) // 1_000_000))
     assert seen == [(40, 0), (80, 0), (120, 120), (160, 120), (200, 200), (240, 200), (280, 200), (320, 320)]
@@ -291,6 +285,5 @@ def test_scanners_that_scan_together_read_what_each_reads_alone(seed: int) -> No
         for robot in rng.permutation(3)[: rng.integers(1, 4)].tolist():
             scan = together.read("Lidar", "scan", robot)
             assert scan == alone.read("Lidar", "scan", robot), f"seed {seed}"
-            assert isinstance(scan, tuple)
             seen |= set(scan)
     assert len(seen) > 50

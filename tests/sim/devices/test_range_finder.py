@@ -28,9 +28,7 @@ range  = "8 m"
 
 
 def ranges(stage: Stage, robot: int = 0) -> list[float]:
-    value = stage.read("Sharp", "range", robot)
-    assert isinstance(value, tuple)
-    return [float(element) for element in value]
+    return list(stage.read("Sharp", "range", robot))
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -169,7 +169,6 @@ def scanned(world: Physics, body: Body) -> NDArray[np.float64]:
     """A scan of the robot's lidar now, in mm."""
     devices = devices_of(body, servers_of(body), world, 0, seed=1, given=nothing_given)
     sample = devices["Lidar"].sense(world.elapsed_ns)["scan"]
-    assert sample is not None
     return np.array(sample.value, dtype=np.float64)
 
 

@@ -5,10 +5,15 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
+from colony.sim.plant.assembly import PlantOptions
+from colony.sim.plant.control import PlantControl
+from colony.sim.plant.process import serve_plant
 from tests.paths import MAPS
 from tests.waiting import PATIENCE_S, until
 
@@ -24,6 +29,21 @@ def wait_for(what: Callable[[], T | None]) -> T:
     found = until(what, "the plant does it")
     assert found is not None
     return found
+
+
+@contextmanager
+def controlled(given: PlantOptions) -> Iterator[PlantControl]:
+    """A plant in a thread, and a connection that controls it."""
+    ready, ended = threading.Event(), threading.Event()
+    thread = threading.Thread(target=lambda: serve_plant(given, stop=ended.is_set, ready=ready.set))
+    thread.start()
+    try:
+        assert ready.wait(PATIENCE_S)
+        with PlantControl(given.path, timeout_s=PATIENCE_S) as control:
+            yield control
+    finally:
+        ended.set()
+        thread.join()
 
 
 class PlantProcess:
@@ -56,7 +76,6 @@ class PlantProcess:
         process = subprocess.Popen(
             self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=MAPS.parent
         )
-        assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
         return process
 
@@ -70,14 +89,12 @@ class PlantProcess:
 
     def end(self) -> int:
         """End it as it wants to be ended; gives its exit code."""
-        assert self.process.stdin is not None
         self.process.stdin.close()
         return self._collect()
 
     def _collect(self) -> int:
         code = self.process.wait(PATIENCE_S)
         for stream in (self.process.stdin, self.process.stdout):
-            assert stream is not None
             stream.close()
         return code
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +15,14 @@ from colony.runtime.protocol.images import Image
 from colony.sim.plant.assembly import PlantOptions, assembled_devices
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.elevators import RemoteElevators
-from colony.sim.plant.process import serve_plant
 from colony.sim.plant.protocol import Truth
 from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Cabin, cabin_of
 from colony.sim.world.operator import DELAY_S, POLL_INTERVAL_S, RIDE_S, STANDSTILL_S, operator
 from tests.buildings import HALLWAY
 from tests.kit.script_stage import RobotStage
 from tests.nav.floors import two_floors
-from tests.sim.plant.plants import START
+from tests.sim.plant.plants import START, controlled
 from tests.sim.robots import FRONT_CAMERA, IDEAL, UP_CAMERA
-from tests.waiting import PATIENCE_S
 
 STEP_NS = 50_000_000
 DOORS = "liftL"
@@ -56,21 +52,6 @@ def options(building: Building, path: Path, pose: Pose, *floors: str) -> PlantOp
         config=IDEAL,
         logical_ns=STEP_NS,
     )
-
-
-@contextmanager
-def controlled(given: PlantOptions) -> Iterator[PlantControl]:
-    """A plant in a thread, whose time passes as the test says."""
-    ready, ended = threading.Event(), threading.Event()
-    thread = threading.Thread(target=lambda: serve_plant(given, stop=ended.is_set, ready=ready.set))
-    thread.start()
-    try:
-        assert ready.wait(PATIENCE_S)
-        with PlantControl(given.path, timeout_s=PATIENCE_S) as control:
-            yield control
-    finally:
-        ended.set()
-        thread.join()
 
 
 def wait(control: PlantControl, seconds: float) -> None:

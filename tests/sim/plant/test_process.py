@@ -7,7 +7,6 @@ import os
 import random
 import signal
 import socket
-import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,7 +48,7 @@ from colony.sim.plant.protocol import (
 from colony.sim.world.movers import movers
 from tests.buildings import HALLWAY
 from tests.paths import MAPS
-from tests.sim.plant.plants import OTHER, START, PlantProcess, wait_for
+from tests.sim.plant.plants import OTHER, START, PlantProcess, controlled, wait_for
 from tests.waiting import PATIENCE_S
 
 
@@ -76,6 +75,13 @@ class Line:
                 return None
             self._heard += map(read_from_plant, self._unpacker.feed(data))
         return self._heard.pop(0)
+
+    def refusal(self) -> str:
+        """Wait until it is refused, which ends it; return why."""
+        while not isinstance(heard := self.hear(), Refusal):
+            assert heard is not None
+        self.close()
+        return heard.message
 
     def close(self) -> None:
         self.sock.close()
@@ -192,13 +198,8 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
 def test_what_makes_no_sense_is_refused(
     plant: PlantProcess, control: PlantControl, said: bytes, found: str
 ) -> None:
-    line = Line(plant.path, said)
-    heard = line.hear()
-    while not isinstance(heard, Refusal):
-        assert heard is not None
-        heard = line.hear()
-    assert found in heard.message.lower() or found in heard.message
-    line.close()
+    refusal = Line(plant.path, said).refusal()
+    assert found in refusal.lower() or found in refusal
     assert control.truth("rome").velocity == 0.0
 
 
@@ -329,20 +330,9 @@ def test_a_plant_has_the_devices_and_fields_of_its_servers_alone(tmp_path: Path)
     body = replace(body, servers={**body.servers, "Probe": Server()})
     servers = (*(spec for spec in servers_of(body) if spec.name not in ("Panel", "Probe")), probe)
     amr = options(tmp_path / "plant", robots={"amr": START}, body=body, servers=servers)
-    ready, ended = threading.Event(), threading.Event()
-    thread = threading.Thread(target=lambda: serve_plant(amr, stop=ended.is_set, ready=ready.set))
-    thread.start()
-    try:
-        assert ready.wait(PATIENCE_S)
-        with (
-            PlantControl(amr.path) as control,
-            contextlib.closing(RemoteDevice(amr.path, "amr", "Probe")) as probe,
-        ):
-            with pytest.raises(ValueError, match="no device of `Panel`; it has"):
-                control.give("amr", "Panel", "estop", True)
-            assert wait_for(probe.fields) == {"moisture": None}
-            control.give("amr", "Probe", "moisture", 0.5)
-            wait_for(lambda: (reading := probe.fields()["moisture"]) is not None and reading.value == 0.5)
-    finally:
-        ended.set()
-        thread.join()
+    with controlled(amr) as control, contextlib.closing(RemoteDevice(amr.path, "amr", "Probe")) as probe:
+        with pytest.raises(ValueError, match="no device of `Panel`; it has"):
+            control.give("amr", "Panel", "estop", True)
+        assert wait_for(probe.fields) == {"moisture": None}
+        control.give("amr", "Probe", "moisture", 0.5)
+        wait_for(lambda: (reading := probe.fields()["moisture"]) is not None and reading.value == 0.5)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from colony.sim.config import RobotConfig
 from colony.sim.world.base import SLICE_S
 from colony.sim.world.world import Speed, World
-from tests.sim.robots import IDEAL
+from tests.sim.robots import IDEAL, pass_time
 
 RADIUS = IDEAL.radius_mm
 AGILE = replace(IDEAL, acceleration_mm_s2=1e9, turn_acceleration_deg_s2=1e9)
@@ -31,32 +31,29 @@ def driven(
 ) -> World:
     world = World(walls=walls, poses=[(0.0, 0.0, heading)], config=config)
     world.command(0, velocity, turn)
-    for _ in range(round(seconds / 0.1)):
-        world.advance(0.1)
+    pass_time(world, seconds)
     return world
 
 
 @pytest.mark.parametrize(
-    ("heading", "x", "y"),
-    [(0, 0, 900), (90, -900, 0), (180, 0, -900), (270, 900, 0), (45, -636.396, 636.396)],
+    ("drive", "heading", "pose"),
+    [
+        *(
+            ((300.0, 0.0), h, (x, y, h))
+            for h, x, y in ((0, 0, 900), (90, -900, 0), (180, 0, -900), (270, 900, 0))
+        ),
+        ((300.0, 0.0), 45, (-636.396, 636.396, 45)),
+        ((-300.0, 0.0), 0, (0, -900, 0)),
+        ((0.0, 30.0), 0, (0, 0, 90)),  # counterclockwise
+        ((0.0, -30.0), 0, (0, 0, 270)),
+    ],
 )
-def test_straight_ahead(heading: float, x: float, y: float) -> None:
-    world = driven(300.0, 0.0, 3.0, heading)
-    assert world.true_pose(0) == pytest.approx((x, y, heading), abs=1e-3)
-    assert world.distance(0) == pytest.approx(900.0)
-
-
-def test_backward() -> None:
-    world = driven(-300.0, 0.0, 3.0)
-    assert world.true_pose(0) == pytest.approx((0.0, -900.0, 0.0), abs=1e-9)
-    assert world.distance(0) == pytest.approx(900.0)
-
-
-def test_a_positive_turn_is_counterclockwise() -> None:
-    world = driven(0.0, 30.0, 3.0)
-    assert world.true_pose(0) == pytest.approx((0.0, 0.0, 90.0))
-    assert driven(0.0, -30.0, 3.0).true_pose(0).heading_deg == pytest.approx(270.0)
-    assert world.distance(0) == 0.0
+def test_a_base_drives_ahead_and_back_and_turns(
+    drive: tuple[float, float], heading: float, pose: tuple[float, float, float]
+) -> None:
+    world = driven(*drive, 3.0, heading)
+    assert world.true_pose(0) == pytest.approx(pose, abs=1e-3)
+    assert world.distance(0) == pytest.approx(900.0 if drive[0] else 0.0)
 
 
 def test_an_arc_is_part_of_a_circle() -> None:
@@ -101,8 +98,7 @@ def test_backing_into_a_wall_presses_the_rear_bumper() -> None:
 def test_the_robot_can_turn_at_a_wall_and_leave_it() -> None:
     world = driven(600.0, 0.0, 12.0, walls=[NORTH_WALL])
     world.command(0, 0.0, 90.0)
-    for _ in range(20):
-        world.advance(0.1)
+    pass_time(world, 2.0)
     assert world.true_pose(0).heading_deg == pytest.approx(180.0)
     assert world.bumper(0) == (False, True)
     assert world.bumps(0) == 1
@@ -174,8 +170,7 @@ def test_a_base_that_moves_farther_than_its_hull_in_a_slice_jumps_over_nothing(
     reach = {"wall": radius, "tip of a wall": 0.8 * radius, "robot": 2.0 * radius}[obstacle]
     world = World(walls=walls, poses=poses, config=fast)
     world.command(0, 30_000.0, 0.0)
-    for _ in range(5):
-        world.advance(0.1)
+    pass_time(world, 0.5)
     assert world.true_pose(0).y_mm == pytest.approx(5_000.0 - reach, abs=1e-3)
     assert world.bumps(0) == 1
 
@@ -206,11 +201,6 @@ def test_a_step_may_be_cut_into_smaller_ones() -> None:
     assert whole.true_pose(0) == pytest.approx(parts.true_pose(0))
 
 
-def test_odometry_without_errors_is_the_true_pose() -> None:
-    world = driven(400.0, 25.0, 20.0, heading=123.0, walls=[NORTH_WALL])
-    assert world.odometry(0) == pytest.approx(world.true_pose(0))
-
-
 def test_odometry_can_be_set_and_counts_on_from_there() -> None:
     world = driven(0.0, 0.0, 0.0)
     world.set_odometry(0, (1_000.0, 2_000.0, 450.0))
@@ -227,8 +217,7 @@ def straight_runs(config: RobotConfig, seconds: float, robots: int = 400) -> np.
     world = World(walls=[], poses=poses, config=config, seed=11)
     for robot in range(robots):
         world.command(robot, 500.0, 0.0)
-    for _ in range(round(seconds / 0.5)):
-        world.advance(0.5)
+    pass_time(world, seconds, 0.5)
     found = np.array([world.odometry(robot) for robot in range(robots)])
     found[:, 0] -= 2_000.0 * np.arange(robots)
     found[:, 2] = (found[:, 2] + 180.0) % 360.0 - 180.0

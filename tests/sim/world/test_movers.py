@@ -14,7 +14,7 @@ from colony.sim.hazards.scenery import PERSON_RADIUS_MM, bare_scenery
 from colony.sim.world.movers import free_pose, movers, with_movers
 from colony.sim.world.world import World
 from tests.paths import MAPS
-from tests.sim.robots import IDEAL
+from tests.sim.robots import IDEAL, pass_time
 
 LOOP, OFFICE = load_world(MAPS / "loop.stickrep"), load_world(MAPS / "office.yaml")
 MAPS_OF_BOTH_KINDS = pytest.mark.parametrize("world_map", [LOOP, OFFICE], ids=["loop", "office"])
@@ -59,8 +59,7 @@ def test_a_seed_gives_the_same_people_and_a_number_of_them_the_first(world_map: 
 
 def test_nobody_bumps_into_a_robot_that_stands_still() -> None:
     world = populated(LOOP, 20, seed=5)
-    for _ in range(600):
-        world.advance(0.1)
+    pass_time(world, 60.0)
     assert world.bumps(0) == 0
 
 

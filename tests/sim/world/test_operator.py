@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.maps.building import load_building
 from colony.nav.missions.elevator_calls import decode_elevator_call
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
-from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Elevators, cabin_of
 from colony.sim.world.operator import DELAY_S, POLL_INTERVAL_S, RIDE_S, STANDSTILL_S, operator
 from colony.sim.world.world import World
 from tests.kit.script_stage import RobotStage
-from tests.paths import MAPS
 from tests.sim.robots import IDEAL
+from tests.sim.world.test_elevators import BUILDING, CABIN, FLOORS, NODE, SECOND, THIRD
 
-BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")
-THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"
-FLOORS = {floor.name: draw(Hazards.none(), floor, 1) for floor in BUILDING.maps}
-NODE = "acs.elev.L"
-CABIN = cabin_of(BUILDING.map_named(THIRD), NODE)
 CALL = [NODE, THIRD, SECOND]
 BEFORE = (*CABIN.point_at(0.0, -1200.0), CABIN.heading_deg)
 INSIDE = (*CABIN.point_at(0.0, CABIN_DEPTH_MM / 2), CABIN.heading_deg + 180.0)

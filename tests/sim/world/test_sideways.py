@@ -15,7 +15,7 @@ from colony.body.devices import Pose
 from colony.body.model import Omnidirectional
 from colony.sim.config import RobotConfig
 from colony.sim.world.world import STILL, Speed, World
-from tests.sim.robots import IDEAL, ROME, SIDEWAYS
+from tests.sim.robots import IDEAL, ROME, SIDEWAYS, pass_time
 
 MECANUM = replace(IDEAL, **SIDEWAYS)
 FAST = replace(MECANUM, acceleration_mm_s2=1e9, turn_acceleration_deg_s2=1e9, sideways_acceleration_mm_s2=1e9)
@@ -44,8 +44,7 @@ def driven(
 ) -> World:
     world = World(walls=walls, poses=[(0.0, 0.0, heading)], config=config, seed=seed)  # type: ignore[arg-type]
     world.command(0, velocity, turn, sideways)
-    for _ in range(round(seconds / 0.1)):
-        world.advance(0.1)
+    pass_time(world, seconds)
     return world
 
 
@@ -148,8 +147,7 @@ def test_wheels_of_both_kinds_drive_in_one_world() -> None:
     )
     for robot in (0, 1):
         world.command(robot, 200.0, 20.0)
-    for _ in range(20):
-        world.advance(0.1)
+    pass_time(world, 2.0)
     for robot in (0, 1):
         assert world.odometry(robot) == pytest.approx(world.true_pose(robot), abs=1e-6)
     assert [len(world.travel(robot)) for robot in (0, 1)] == [4, 2]

@@ -15,7 +15,7 @@ from colony.sim.hazards.scenery import CompassDisturbance, Joint, Scenery, Slip,
 from colony.sim.sensors.compass import disturbance_deg
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
-from tests.sim.robots import IDEAL, RING, ROME
+from tests.sim.robots import IDEAL, RING, ROME, pass_time
 from tests.sim.world.test_world import history
 
 BOX = np.array(
@@ -33,8 +33,7 @@ def passed(scenery: Scenery, *, dt: float = 0.05, speed: float = 500.0) -> World
     """A robot without errors of its own that has driven over the joint."""
     world = World(walls=scenery, poses=[(0.0, 4000.0, 0.0)], config=IDEAL)
     world.command(0, speed, 0.0)
-    for _ in range(round(4.0 / dt)):
-        world.advance(dt)
+    pass_time(world, 4.0, dt)
     return world
 
 
@@ -73,8 +72,7 @@ def test_a_robot_that_does_not_cross_does_not_slip() -> None:
 def test_a_robot_that_backs_over_a_joint_loses_way_backward() -> None:
     world = World(walls=with_joints(JOINT), poses=[(0.0, 6000.0, 0.0)], config=IDEAL)
     world.command(0, -500.0, 0.0)
-    for _ in range(60):
-        world.advance(0.05)
+    pass_time(world, 3.0, 0.05)
     assert 30.0 <= (6000.0 - world.odometry(0).y_mm) - world.distance(0) <= 80.0
 
 
@@ -99,8 +97,7 @@ def test_crossings_are_counted_on_from_floor_to_floor() -> None:
     world = passed(one)
     first = world.true_pose(0).heading_deg
     world.enter(again, [(0.0, 4000.0, 0.0)])
-    for _ in range(80):
-        world.advance(0.05)
+    pass_time(world, 4.0, 0.05)
     assert world.true_pose(0).y_mm > 5000.0
     assert world.true_pose(0).heading_deg not in (0.0, first)
 

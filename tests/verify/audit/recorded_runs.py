@@ -141,6 +141,19 @@ def as_lines(program: Program, frames: Iterable[FrameLog]) -> Kept:
     return file
 
 
+WAYS = ("logs", "mcap", "lines")
+"""Ways of the frames of a run to an auditor: as they are, and through each format of recordings."""
+
+
+def brought(way: str, program: Program, frames: Sequence[FrameLog]) -> Sequence[RecordedFrame]:
+    """Return the frames of a run as they are on one of `WAYS`."""
+    if way == "logs":
+        return frames
+    if way == "mcap":
+        return read_mcap(program, as_mcap(program, frames).content)[0]
+    return read_lines(program, as_lines(program, frames).content)[0]
+
+
 def read_mcap(program: Program, data: bytes) -> tuple[list[RecordedFrame], McapReader]:
     reader = McapReader(io.BytesIO(data), "run.mcap")
     return list(reader.frames(program)), reader

@@ -20,14 +20,13 @@ from colony.ir.frame import Answer, Frame, Outcome
 from colony.runtime.observe.observer import FrameLog
 from colony.text.diagnostics import DiagnosticError
 from colony.verify.audit.audit import Auditor, audit
-from colony.verify.audit.report import AuditReport
 from colony.verify.explain.follower import Follower
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from tests.drawn.strategies import Run, network_runs, run_of_seed, runs
 from tests.paths import BEHAVIORS
 from tests.sampling import sampled
-from tests.verify.audit.recorded_runs import MS, as_lines, as_mcap, logs, read_lines, read_mcap
+from tests.verify.audit.recorded_runs import MS, WAYS, as_mcap, brought, logs, read_mcap
 
 TEXT = """
 robot r {
@@ -65,12 +64,8 @@ def changed(frames: list[FrameLog], at: int, actuator: str = "drive", **changes:
 def test_agrees_on_any_program_through_both_formats(run: Run) -> None:
     program, frames = run
     right = logs(program, frames)
-    assert audit(program, right).first is None
-    for found in (
-        read_mcap(program, as_mcap(program, right).content)[0],
-        read_lines(program, as_lines(program, right).content)[0],
-    ):
-        report = audit(program, found)
+    for way in WAYS:
+        report = audit(program, brought(way, program, right))
         assert report.first is None
         assert report.frames == len(frames)
         assert report.compared == len(frames) * len(program.robot.actuators)
@@ -109,16 +104,12 @@ def test_counts_what_there_is() -> None:
     json.dumps(report.as_json())
 
 
-@pytest.mark.parametrize("through", ["logs", "mcap", "lines"])
-def test_a_value_that_differs_in_the_last_bit(through: str) -> None:
+@pytest.mark.parametrize("way", WAYS)
+def test_a_value_that_differs_in_the_last_bit(way: str) -> None:
     right = logs(PROGRAM, trace())
     values = right[2].verdicts["drive"].values
-    found: Any = changed(right, 2, values=(math.nextafter(values[0], math.inf), values[1]))
-    if through == "mcap":
-        found, _ = read_mcap(PROGRAM, as_mcap(PROGRAM, found).content)
-    elif through == "lines":
-        found, _ = read_lines(PROGRAM, as_lines(PROGRAM, found).content)
-    report = audit(PROGRAM, found)
+    found = changed(right, 2, values=(math.nextafter(values[0], math.inf), values[1]))
+    report = audit(PROGRAM, brought(way, PROGRAM, found))
     assert (report.first.k, report.first.actuator, report.differing) == (2, "drive", 1)
     assert report.first.message == "the command sent is not the interpreter's"
     assert report.first.expected.values == values
@@ -141,23 +132,14 @@ def test_the_difference_tells_what_each_client_does() -> None:
     assert parts == [("back", "silent", "wins"), ("cruise", "won", "active"), ("stop", None, "inactive")]
 
 
-@pytest.mark.parametrize("through", ["logs", "mcap", "lines"])
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("at", [0, 4, 11])
-def test_a_dropped_frame(through: str, at: int) -> None:
+def test_a_dropped_frame(way: str, at: int) -> None:
     right = logs(PROGRAM, trace())
-    found: Any = [*right[:at], *right[at + 1 :]]
-    if through == "mcap":
-        found, _ = read_mcap(PROGRAM, as_mcap(PROGRAM, found).content)
-    elif through == "lines":
-        found, _ = read_lines(PROGRAM, as_lines(PROGRAM, found).content)
-    report = audit(PROGRAM, found)
-    first = report.first
-    if at == 11:  # nothing tells that there was one
-        assert first is None
-    elif at:
-        assert first.message == "frame 5 follows frame 3: 1 between them are not in the recording"
-    else:
-        assert first is None
+    report = audit(PROGRAM, brought(way, PROGRAM, [*right[:at], *right[at + 1 :]]))
+    message = "frame 5 follows frame 3: 1 between them are not in the recording"
+    assert (report.first and report.first.message) == (message if at == 4 else None)  # no last one is missed
+    if at == 0:
         assert (report.forgotten, report.resumed) == (7, 1), "memory is known from the second keyframe on"
 
 
@@ -222,8 +204,6 @@ def test_what_is_counted() -> None:
 
 def test_a_restart_begins_anew() -> None:
     right = logs(PROGRAM, trace(), restarts=[9])
-    report = audit(PROGRAM, right)
-    assert (report.agrees, report.restarts) == (True, 1)
     assert right[9].verdicts["drive"].by == "cruise"  # the bump is forgotten
     forgotten = [
         replace(log, restart=False, tick=msgspec.structs.replace(log.tick, start=0)) for log in right
@@ -235,11 +215,9 @@ def test_a_restart_begins_anew() -> None:
         10,
         "frame 10 follows frame 8: 1 between them are not in the recording",
     )
-    for found in (
-        read_mcap(PROGRAM, as_mcap(PROGRAM, right).content)[0],
-        read_lines(PROGRAM, as_lines(PROGRAM, right).content)[0],
-    ):
-        assert (audit(PROGRAM, found).agrees, audit(PROGRAM, found).restarts) == (True, 1)
+    for way in WAYS:
+        report = audit(PROGRAM, brought(way, PROGRAM, right))
+        assert (report.agrees, report.restarts) == (True, 1)
 
 
 def test_nothing_is_compared_while_memory_is_not_known() -> None:
@@ -250,12 +228,8 @@ def test_nothing_is_compared_while_memory_is_not_known() -> None:
         for log in changed(right, 7, by="cruise")
         if log.tick.k not in (3, 4)
     ]
-    for frames in (
-        found,
-        read_mcap(PROGRAM, as_mcap(PROGRAM, found).content)[0],
-        read_lines(PROGRAM, as_lines(PROGRAM, found).content)[0],
-    ):
-        report = audit(PROGRAM, frames)
+    for way in WAYS:
+        report = audit(PROGRAM, brought(way, PROGRAM, found))
         assert (report.agrees, report.unknown, report.compared, report.restarts) == (True, 4, 12, 1)
     assert not audit(PROGRAM, [*found[:3], *found[4:]]).agrees
 
@@ -331,10 +305,10 @@ contract gentle: drive.velocity <= 300 mm/s
 """)
 
 
-@pytest.mark.parametrize("through", ["logs", "mcap", "lines"])
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("missed", [1, 3, 8])
 def test_after_a_missing_answer_of_a_module_in_python_memory_is_known_from_the_next_keyframe_on(
-    through: str, missed: int
+    way: str, missed: int
 ) -> None:
     frames = tuple(Frame(k * 50 * MS, {"near": 100.0 + k}) for k in range(40))
     whole, right = logs(PULSES, frames), logs(PULSES, frames, missing=(missed,))
@@ -344,17 +318,10 @@ def test_after_a_missing_answer_of_a_module_in_python_memory_is_known_from_the_n
         if other.keyframe is not None and other.keyframe.memory is not None:
             assert other.keyframe == one.keyframe
 
-    def audited(found: list[FrameLog]) -> AuditReport:
-        if through == "mcap":
-            return audit(PULSES, read_mcap(PULSES, as_mcap(PULSES, found).content)[0])
-        return audit(
-            PULSES, read_lines(PULSES, as_lines(PULSES, found).content)[0] if through == "lines" else found
-        )
-
-    report = audited(right)
+    report = audit(PULSES, brought(way, PULSES, right))
     assert (report.agrees, report.resumed) == (True, 1)
     assert report.forgotten <= 8, "less than half a second"
-    assert not audited(changed(right, 39, values=(5.0,))).agrees
+    assert not audit(PULSES, brought(way, PULSES, changed(right, 39, values=(5.0,)))).agrees
     follower = Follower(PULSES)
     moments = [follower.take(log) is not None for log in right]
     assert moments[missed + 15 :] == [True] * (25 - missed)
@@ -364,7 +331,6 @@ def test_after_a_missing_answer_of_a_module_in_python_memory_is_known_from_the_n
 def test_an_answer_with_other_fields_is_not_one_of_this_program(command: tuple[float | bool, ...]) -> None:
     (log,) = logs(PULSES, (Frame(0, {"near": 1.0}),))
     wrong = [replace(log, answers={"pulse": Answer(command)})]
-    with pytest.raises(DiagnosticError, match=r"A004.*does not have the fields of its actuator"):
-        read_mcap(PULSES, as_mcap(PULSES, wrong).content)
-    with pytest.raises(DiagnosticError, match=r"A004.*does not have the fields of its actuator"):
-        read_lines(PULSES, as_lines(PULSES, wrong).content)
+    for way in ("mcap", "lines"):
+        with pytest.raises(DiagnosticError, match=r"A004.*does not have the fields of its actuator"):
+            brought(way, PULSES, wrong)

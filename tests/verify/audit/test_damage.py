@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-import msgspec
 import pytest
 
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.recordings.recorded import RecordedFrame
-from colony.verify.audit.audit import Auditor
+from colony.verify.audit.audit import Auditor, audit
 from colony.verify.audit.report import AuditReport, DamagedSpan
 from tests.programs import program
-from tests.verify.audit.recorded_runs import MS, Kept, as_lines, as_mcap, logs, read_lines, read_mcap
-from tests.verify.audit.test_audit import DEGRADING
+from tests.verify.audit.recorded_runs import MS, as_lines, as_mcap, logs, read_lines, read_mcap
+from tests.verify.audit.test_audit import DEGRADING, changed
 from tests.verify.audit.test_audit import trace as short
 from tests.verify.audit.test_resuming import EVERYTHING
 
@@ -35,11 +33,8 @@ def trace(frames: int = FRAMES) -> tuple[Frame, ...]:
     )
 
 
-Write = Callable[[Program, Sequence[FrameLog]], Kept]
-Read = Callable[[Program, bytes], tuple[list[RecordedFrame], object]]
-
-
-def audited(of: Program, frames: Sequence[RecordedFrame], *, end: bool = False) -> AuditReport:
+def audited(of: Program, frames: Sequence[RecordedFrame], *, end: bool) -> AuditReport:
+    """Audit frames, after which there is damage if it is damaged in the end."""
     auditor = Auditor(of)
     for frame in frames:
         auditor.take(frame)
@@ -90,12 +85,9 @@ def test_a_damaged_line_costs_half_a_second(line: int) -> None:
 def test_what_was_decided_wrongly_after_damage_is_found() -> None:
     of = program(EVERYTHING)
     right = logs(of, trace())
-    verdicts = dict(right[30].verdicts)
-    verdicts["base"] = msgspec.structs.replace(verdicts["base"], values=(1.0, 0.0))
-    wrong = [*right[:30], replace(right[30], verdicts=verdicts), *right[31:]]
-    file = as_mcap(of, wrong)
+    file = as_mcap(of, changed(right, 30, "base", values=(1.0, 0.0)))
     file.writes[2] = damaged(file.writes[2])
-    report = audited(of, read_mcap(of, file.content)[0])
+    report = audit(of, read_mcap(of, file.content)[0])
     assert (report.first.k, report.differing) == (30, 1)
 
 
@@ -104,8 +96,7 @@ def test_a_restart_among_what_is_damaged() -> None:
     for write, read, at in ((as_mcap, read_mcap, 2), (as_lines, read_lines, 13)):
         file = write(of, logs(of, trace(), restarts=[13]))
         file.writes[at] = damaged(file.writes[at])
-        found, _ = read(of, file.content)
-        report = audited(of, found)
+        report = audit(of, read(of, file.content)[0])
         assert report.first is None
         assert report.frames - report.forgotten >= FRAMES - A_CHUNK
 
@@ -115,13 +106,13 @@ def test_without_a_keyframe_nothing_is_compared_until_memory_is_initial() -> Non
     bare = [replace(log, keyframe=None) for log in logs(of, trace(), restarts=[20])]
     file = as_lines(of, bare)
     file.writes[5] = damaged(file.writes[5])
-    report = audited(of, read_lines(of, file.content)[0])
+    report = audit(of, read_lines(of, file.content)[0])
     assert (report.first, report.forgotten) == (None, 14)
 
 
 def test_after_a_client_was_lost_its_actuator_is_not_compared() -> None:
     """What `on_loss degrade` makes of lost clients is memory that no keyframe has."""
-    frames = tuple(replace_time(frame, k) for k, frame in enumerate(short() * 3))
+    frames = tuple(frame._replace(t_ns=k * 50 * MS) for k, frame in enumerate(short() * 3))
     right = logs(DEGRADING, frames)
     degraded = [
         log if log.keyframe is None else replace(log, keyframe=log.keyframe._replace(degraded=True))
@@ -129,12 +120,8 @@ def test_after_a_client_was_lost_its_actuator_is_not_compared() -> None:
     ]
     file = as_mcap(DEGRADING, degraded)
     file.writes[2] = damaged(file.writes[2])
-    report = audited(DEGRADING, read_mcap(DEGRADING, file.content)[0])
+    report = audit(DEGRADING, read_mcap(DEGRADING, file.content)[0])
     rest = len(frames) - A_CHUNK
     assert report.first is None
     assert report.compared == rest + A_CHUNK  # the lamp everywhere, the drive before the damage
     assert (report.undecided, report.forgotten) == (rest - A_CHUNK, 0)
-
-
-def replace_time(frame: Frame, k: int) -> Frame:
-    return frame._replace(t_ns=k * 50 * MS)

@@ -6,6 +6,7 @@ import math
 
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
@@ -42,13 +43,8 @@ def check(run: Run) -> None:
             assert repr(found) == repr(outcome), f"resumed before frame {k}: {found}, not {outcome}"
 
 
-@given(network_runs(max_frames=12))
-def test_networks_go_on(run: Run) -> None:
-    check(run)
-
-
-@given(runs(python=False, max_frames=12))
-def test_programs_go_on(run: Run) -> None:
+@given(st.one_of(network_runs(max_frames=12), runs(python=False, max_frames=12)))
+def test_networks_and_programs_go_on(run: Run) -> None:
     check(run)
 
 

@@ -33,17 +33,17 @@ def result(contract: str, more: str = "", idle: str = "lift(height = 0)", loss: 
     return prove_contracts(load_text(text), Options(depth=2, max_frames=4, resources=3_000_000))[-1]
 
 
-def in_time(contract: str, more: str = "", idle: str = "lift(height = 0)", loss: str = "") -> ProvedInTime:
+def in_time(contract: str, more: str = "", **options: str) -> ProvedInTime:
     """A contract that a run with late clients breaks."""
-    found = result(contract, more, idle, loss)
+    found = result(contract, more, **options)
     assert isinstance(found, ProvedInTime)
     assert found.trace is not None
     return found
 
 
-def always(contract: str, more: str = "", idle: str = "lift(height = 0)", loss: str = "") -> Proved:
+def always(contract: str, more: str = "", **options: str) -> Proved:
     """A contract that holds while clients are late."""
-    found = result(contract, more, idle, loss)
+    found = result(contract, more, **options)
     assert isinstance(found, Proved)
     return found
 
@@ -146,22 +146,14 @@ def test_of_a_contract_in_time_no_late_clients_are_asked() -> None:
 
 
 def test_with_on_loss_degrade_lesser_modules_act() -> None:
-    contract = "go implies not (drive by creep)"
-    assert always(contract).operators
-    more = "module slow { when true do drive(velocity = 0.05 m/s) }"
+    assert always("go implies not (drive by creep)").operators
     text = ROBOT.replace("cruise suppresses creep", "cruise suppresses slow suppresses creep")
-    [found] = prove_contracts(
-        load_text(
-            text.format(idle="hold", loss="on_loss degrade")
-            + more
-            + "\ncontract c: go implies not (drive by slow)"
-        )
-    )
+    text += "module slow {{ when true do drive(velocity = 0.05 m/s) }}\n"
+    text += "contract c: go implies not (drive by slow)"
+    [found] = prove_contracts(load_text(text.format(idle="hold", loss="on_loss degrade")))
     assert isinstance(found, ProvedInTime)
     assert [s.lost for s in found.trace.snapshots] == [frozenset({"cruise"})]
-    [found] = prove_contracts(
-        load_text(text.format(idle="hold", loss="") + more + "\ncontract c: go implies not (drive by slow)")
-    )
+    [found] = prove_contracts(load_text(text.format(idle="hold", loss="")))
     assert isinstance(found, Proved)
 
 

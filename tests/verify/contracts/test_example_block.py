@@ -55,6 +55,15 @@ def test_arrays_are_one_value_with_exceptions_or_element_by_element() -> None:
     ]
 
 
+def read_again(rays: str, *readings: Value) -> tuple[str, list[Value]]:
+    """Return the test that is written of readings of another array of rays, and what it gives."""
+    text = ROBOT.replace("rays[6] : m range", f"{rays} range") + "contract c: rays[1] > rays[0]"
+    made = load_text(text)
+    block = example_block(made, made.contracts[0], trace(*({"rays": reading} for reading in readings)))
+    again = load_text(f"{text}\n{block}")
+    return block, [s.readings["rays"] for s in snapshots_of(again, again.tests[0])]
+
+
 @pytest.mark.parametrize(
     ("bearing", "index"),
     [
@@ -65,15 +74,10 @@ def test_arrays_are_one_value_with_exceptions_or_element_by_element() -> None:
     ],
 )
 def test_elements_are_given_by_angle_where_that_reads_back(bearing: str, index: str) -> None:
-    robot = ROBOT.replace("rays[6] : m range", f"rays[6] : m {bearing} range")
-    text = robot + "contract c: rays[1] > rays[0]"
     readings: Value = (1000.0, 1000.0, 250.0, 1000.0, 1000.0, 1000.0)
-    made = load_text(text)
-    block = example_block(made, made.contracts[0], trace({"rays": readings}))
-    assert block is not None
+    block, again = read_again(f"rays[6] : m {bearing}", readings)
     assert f"rays[{index}] = 0.25 m" in block
-    again = load_text(f"{text}\n{block}")
-    assert [s.readings for s in snapshots_of(again, again.tests[0])] == [{"rays": readings}]
+    assert again == [readings]
 
 
 @pytest.mark.parametrize(
@@ -85,16 +89,11 @@ def test_elements_are_given_by_angle_where_that_reads_back(bearing: str, index: 
     ],
 )
 def test_runs_are_given_as_slices(bearing: str, size: int, place: str) -> None:
-    robot = ROBOT.replace("rays[6] : m range", f"rays[{size}] : m {bearing} range")
-    text = robot + "contract c: rays[1] > rays[0]"
     near: Value = tuple(250.0 if 56 <= i <= 62 else 1000.0 for i in range(size))
     nearer: Value = tuple(250.0 if 56 <= i <= 70 else 1000.0 for i in range(size))
-    made = load_text(text)
-    block = example_block(made, made.contracts[0], trace({"rays": near}, {"rays": nearer}))
-    assert block is not None
+    block, again = read_again(f"rays[{size}] : m {bearing}", near, nearer)
     assert f"given rays = 1 m, rays[{place}] = 0.25 m" in block
-    again = load_text(f"{text}\n{block}")
-    assert [s.readings["rays"] for s in snapshots_of(again, again.tests[0])] == [near, nearer]
+    assert again == [near, nearer]
 
 
 def test_an_infinite_reading_cannot_be_written() -> None:

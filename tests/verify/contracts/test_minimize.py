@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
+
 from colony.ir.program import Program
+from colony.ir.types import Value
 from colony.verify.contracts.minimize import minimize
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
@@ -35,31 +38,28 @@ def test_what_comes_after_the_breach_is_left_out() -> None:
     assert len(trace.snapshots) == 1
 
 
-def test_numbers_become_round_in_the_declared_unit() -> None:
-    _, trace = least(
-        "contract c: not fresh(far) or far < 4.7 m", Snapshot(t_ns=0, readings={"far": 4781.234567})
-    )
-    assert trace.snapshots[0].readings == {"far": 10_000.0}
-    _, trace = least(
-        "contract c: not (fresh(far) and far in 4.7 m .. 4.85 m)",
-        Snapshot(t_ns=0, readings={"far": 4781.234567}),
-    )
-    assert trace.snapshots[0].readings == {"far": 4800.0}
+RAYS = (1.5, 2.25, 700.123, 9000.0, 17.0, 3.0)
 
 
-def test_elements_that_make_no_difference_are_all_the_same() -> None:
-    rays = (1.5, 2.25, 700.123, 9000.0, 17.0, 3.0)
-    _, trace = least(
-        "contract c: not (fresh(rays) and rays[2] in 650 mm .. 750 mm)",
-        Snapshot(t_ns=0, readings={"rays": rays}),
-    )
-    assert trace.snapshots[0].readings == {"rays": (700.0,) * 6}
-    _, trace = least(
-        "contract c: not (fresh(rays) and rays[2] in 650 mm .. 750 mm and rays[3] > 8 m)",
-        Snapshot(t_ns=0, readings={"rays": rays}),
-    )
+@pytest.mark.parametrize(
+    ("contract", "readings", "simpler"),
+    [
+        ("not fresh(far) or far < 4.7 m", {"far": 4781.234567}, {"far": 10_000.0}),
+        ("not (fresh(far) and far in 4.7 m .. 4.85 m)", {"far": 4781.234567}, {"far": 4800.0}),
+        ("not (fresh(rays) and rays[2] in 650 mm .. 750 mm)", {"rays": RAYS}, {"rays": (700.0,) * 6}),
+    ],
+)
+def test_readings_become_round_in_the_declared_unit_and_alike(
+    contract: str, readings: dict[str, Value], simpler: dict[str, Value]
+) -> None:
+    _, trace = least(f"contract c: {contract}", Snapshot(t_ns=0, readings=readings))
+    assert trace.snapshots[0].readings == simpler
+
+
+def test_elements_that_make_a_difference_are_kept() -> None:
+    contract = "contract c: not (fresh(rays) and rays[2] in 650 mm .. 750 mm and rays[3] > 8 m)"
+    _, trace = least(contract, Snapshot(t_ns=0, readings={"rays": RAYS}))
     [value] = trace.snapshots[0].readings.values()
-    assert isinstance(value, tuple)
     assert (len(set(value)), value[2], value[3]) == (2, 700.0, 9000.0)
 
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from colony.dsl.load import load_file, load_text
-from colony.text.diagnostics import DiagnosticError
 from colony.verify.difference import Different, Same, Undecided, difference
 from colony.verify.difference.content import contents
 from colony.verify.difference.report import lines
+from tests.diagnostics import problems_of
 from tests.paths import BEHAVIORS, ROOT
 from tests.sampling import sampled
-from tests.verify.difference.programs import QUICK, compare, program, verdict
+from tests.verify.difference.programs import QUICK, ROBOT, compare, program, verdict
 from tests.verify.small_robot import go
 
 CRUISE = go("cruise", "true")
@@ -235,14 +235,10 @@ def test_fields_actuators_and_modules_can_be_ignored() -> None:
 
 
 def test_an_unknown_name_is_refused_with_those_that_there_are() -> None:
-    with pytest.raises(DiagnosticError) as raised:
-        compare(ROAM, ROAM, "drive.velocty")
-    [problem] = raised.value.diagnostics
+    [problem] = problems_of(compare, ROAM, ROAM, "drive.velocty")
     assert (problem.code, problem.hint) == ("V040", "did you mean `drive.velocity`?")
-    with pytest.raises(DiagnosticError) as raised:
-        compare(ROAM, ROAM, "xyz")
     hint = "known names: drive, lamp, drive.turn, drive.velocity, lamp.on, avoid, cruise"
-    assert raised.value.diagnostics[0].hint == hint
+    assert problems_of(compare, ROAM, ROAM, "xyz")[0].hint == hint
 
 
 # --- robots that differ ----------------------------------------------------------------------------
@@ -264,11 +260,8 @@ def test_an_unknown_name_is_refused_with_those_that_there_are() -> None:
     ],
 )
 def test_robots_must_be_alike(old: str, new: str, message: str) -> None:
-    from tests.verify.difference.programs import ROBOT
-
-    with pytest.raises(DiagnosticError) as raised:
-        difference(program(ROAM), load_text(ROBOT.replace(old, new) + ROAM), options=QUICK)
-    [problem] = raised.value.diagnostics
+    other = load_text(ROBOT.replace(old, new) + ROAM)
+    [problem] = problems_of(difference, program(ROAM), other, options=QUICK)
     assert problem.code == "V041"
     assert problem.message.startswith(message)
 

@@ -118,8 +118,7 @@ def test_clients_in_another_order_are_found() -> None:
         first, second = clients.findall(text)[:2]
         return text.replace(first, "").replace(second, second + first)
 
-    found = changed_text(reordered)
-    assert isinstance(found, WrongWinner)
+    assert isinstance(changed_text(reordered), WrongWinner)
 
 
 @pytest.mark.parametrize(
@@ -167,25 +166,24 @@ def test_json_of_its_own_is_held_against_the_network() -> None:
     assert isinstance(prove_json(of.program, unsimplified), Proved), "other guards, but the same winners"
 
 
-def test_a_dropped_condition_in_json_is_found() -> None:
-    found = changed_json(lambda d: a_node(d, "and").update(op="or"))
-    assert isinstance(found, WrongWinner)
+def without_the_lowest(document: dict[str, object]) -> None:
+    clients = document["actuators"]["drive"]["clients"]  # type: ignore[index]
+    clients.pop()
+    for client in clients:
+        client["priority"] -= 1
 
 
-def test_another_time_constant_in_json_is_found() -> None:
-    found = changed_json(lambda d: a_node(d, "recently").update(window_ns=1))
-    assert isinstance(found, WrongWinner)
-    assert found.frame.recent
-
-
-def test_a_client_left_out_of_json_is_found() -> None:
-    def without_the_lowest(document: dict[str, object]) -> None:
-        clients = document["actuators"]["drive"]["clients"]  # type: ignore[index]
-        clients.pop()
-        for client in clients:
-            client["priority"] -= 1
-
-    assert isinstance(changed_json(without_the_lowest), WrongWinner)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: a_node(d, "and").update(op="or"),
+        lambda d: a_node(d, "recently").update(window_ns=1),
+        without_the_lowest,
+    ],
+    ids=["a condition", "a time constant", "a client"],
+)
+def test_a_change_in_json_is_found(change: Callable[[dict[str, list[dict[str, object]]]], None]) -> None:
+    assert isinstance(changed_json(change), WrongWinner)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"nodes": [{"op": "not", "of": 0}]}', '{"nodes": 3}'])

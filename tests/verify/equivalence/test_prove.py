@@ -1,13 +1,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from colony.compile import pipeline
 from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_file
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.equivalence.prove import prove
@@ -15,19 +13,11 @@ from colony.verify.equivalence.results import Malformed, Proved, Result, Undecid
 from colony.verify.testing.agreement import EXECUTORS, disagreement
 from tests.drawn.strategies import run_of_seed
 from tests.networks import chain, ladder, random_program
-from tests.paths import BEHAVIORS
-from tests.sampling import sampled
 from tests.verify.testing.bugs_in_passes import lists
 from tests.verify.testing.seeded_bugs import BUGS, Bug
 
 NOT_OF_THE_COMPILER = {"windows that include their end"}  # a mistake in what an operator of the executor does
 PASSES = [bug for bug in BUGS if bug.network and bug.name not in NOT_OF_THE_COMPILER]
-
-
-@pytest.mark.parametrize("path", sampled(BEHAVIORS, every=4), ids=lambda path: path.stem)
-def test_shipped_behaviors_are_proved(path: Path) -> None:
-    program = load_file(path)
-    assert isinstance(prove(program, compile_program(program)), Proved)
 
 
 @pytest.mark.parametrize("seed", range(120))

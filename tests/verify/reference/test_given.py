@@ -41,29 +41,25 @@ def both_executors(text: str) -> tuple[Interpreter, ProgramExecutor]:
     return Interpreter(program), ProgramExecutor(compile_program(program).compiled)
 
 
-def test_what_somebody_outside_commands_is_what_contracts_see() -> None:
-    text = contracts(
-        "drive.velocity == 0.25 m/s",
-        "drive is commanded",
-        "not (drive is idle)",
-        "not (drive by cruise)",
-        "cruise is active",
-    )
-    for executor in both_executors(text):
-        outcome = executor.step(Frame(0, {"go": True}), given={"drive": Given((250.0,))})
-        assert outcome.breaches == ()
-        assert outcome.decisions[0] == Decision("drive", None, (0.25,))
-        assert outcome.records == ()
-
-
-def test_an_actuator_whose_client_is_late_is_idle() -> None:
-    text = contracts(
-        "drive.velocity == 0", "drive is idle", "not (drive is commanded)", "not (drive by cruise)"
-    )
-    for executor in both_executors(text):
-        outcome = executor.step(Frame(0, {"go": True}), given={"drive": Given()})
-        assert outcome.breaches == ()
-        assert outcome.decisions[0] == Decision("drive", None, (0.0,))
+@pytest.mark.parametrize(
+    ("given", "sent", "true"),
+    [
+        (
+            Given((250.0,)),
+            0.25,
+            ("drive.velocity == 0.25 m/s", "drive is commanded", "not (drive is idle)", "cruise is active"),
+        ),
+        (Given(), 0.0, ("drive.velocity == 0", "drive is idle", "not (drive is commanded)")),
+    ],
+    ids=["from outside", "of a late client"],
+)
+def test_contracts_see_the_command_that_an_actuator_is_given(
+    given: Given, sent: float, true: tuple[str, ...]
+) -> None:
+    for executor in both_executors(contracts(*true, "not (drive by cruise)")):
+        outcome = executor.step(Frame(0, {"go": True}), given={"drive": given})
+        assert (outcome.breaches, outcome.records) == ((), ())
+        assert outcome.decisions[0] == Decision("drive", None, (sent,))
 
 
 def test_idle_hold_holds_what_was_given_last() -> None:

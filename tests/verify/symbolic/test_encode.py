@@ -48,19 +48,20 @@ def test_a_contract_shares_the_memory_of_a_time_constant() -> None:
     assert broken(encode(program(text + contract)), "quiet").check() == z3.unsat
 
 
-def test_memory_that_moves_on_in_other_frames_is_not_shared() -> None:
-    text = "let one = recently(p, 1 s)  let other = recently(p, 1 s) and x > 3 mm"
-    assert sum("recently.ever" in name for name in names(encode(program(text)))) == 2
-
-
-def test_rising_falling_and_previous_remember_the_same() -> None:
-    text = "let v = rising(p) or falling(p) or previous(p, false) or changed(p)"
-    assert sum("last" in name and name != "last" for name in names(encode(program(text)))) == 1
-
-
-def test_calls_that_end_alike_are_one_memory() -> None:
-    system = encode(program("let v = count(every(100 ms) for k in 0 .. 4)"))
-    assert sum("every" in name for name in names(system)) == 1
+@pytest.mark.parametrize(
+    ("text", "kind", "cells"),
+    [
+        ("let one = recently(p, 1 s)  let other = recently(p, 1 s) and x > 3 mm", "recently.ever", 2),
+        ("let v = rising(p) or falling(p) or previous(p, false) or changed(p)", "last", 1),
+        ("let v = count(every(100 ms) for k in 0 .. 4)", "every", 1),
+    ],
+    ids=["in other frames", "of several functions", "of calls that end alike"],
+)
+def test_memory_is_shared_by_what_remembers_the_same_in_the_same_frames(
+    text: str, kind: str, cells: int
+) -> None:
+    found = [name for name in names(encode(program(text))) if kind in name and name != "last"]
+    assert len(found) == cells
 
 
 # --- bounds of memory ----------------------------------------------------------------------------

@@ -67,46 +67,47 @@ def test_given_values_reach_the_program_unrounded() -> None:
     assert results(f'test "t" {{ at 0 s {given} expect where_to == 0.1 ft, ahead == 0.1 inch }}')[0].passed
 
 
-def test_a_false_expectation_says_what_was_found() -> None:
-    [message] = failed("""
-      test "t" { at 0.5 s given sonar = 3 m, bumper = false expect drive by back_off }
-    """)
-    assert message == (
-        'error[T001]: in "t" at 0.5 s: expected `drive by back_off`; found: drive by cruise, speed = 0.3 m/s'
-    )
+FAILED = {
+    "an expectation": (
+        BEHAVIOR,
+        "at 0.5 s given sonar = 3 m, bumper = false expect drive by back_off",
+        'T001]: in "t" at 0.5 s: expected `drive by back_off`; found: drive by cruise, speed = 0.3 m/s',
+    ),
+    "what an expectation reads": (
+        BEHAVIOR,
+        "at 0 s given sonar = 3 m, bumper = true "
+        "expect ahead < 2 m and bumper and fresh(bumper) and cruise is active and sonar[1] > 0 mm",
+        "ahead = 3000 mm; bumper = true; bumper is fresh; cruise is active; sonar = [3 m, 3 m, 3 m, 3 m]",
+    ),
+    "an expectation that says nothing": (
+        BEHAVIOR,
+        "at 0 s expect ahead > 1 m",
+        'T002]: in "t" at 0 s: `ahead > 1 m` is unknown; found: `ahead` is missing since `sonar` is',
+    ),
+    "a step": (
+        BEHAVIOR,
+        "from 0 s to 1 s every 100 ms given sonar = 3 m, bumper = false expect drive is idle",
+        'in "t" at 0 s, and in 10 more frames: expected `drive is idle`',
+    ),
+    "a contract": (
+        BEHAVIOR + "contract ahead_only: drive.speed > 0 m/s\n",
+        "from 0 s to 0.2 s every 100 ms given sonar = 3 m, bumper = true expect drive by back_off",
+        'T003]: in "t" at 0 s, and in 2 more frames: contract `ahead_only: drive.speed > 0 m/s` is false; '
+        "found: drive by back_off, speed = -0.2 m/s",
+    ),
+    "a record": (
+        BEHAVIOR.replace("back_off suppresses", "bad suppresses")
+        + "module bad { when bumper do drive(speed = 1 m/s / (1 - 1)) }\n",
+        "at 0 s given bumper = true expect drive is commanded",
+        "drive by bad (not finite), speed = 0 m/s; recorded: not finite of bad",
+    ),
+}
 
 
-def test_values_that_an_expectation_reads_are_said() -> None:
-    [message] = failed("""
-      test "t" { at 0 s given sonar = 3 m, bumper = true
-                 expect ahead < 2 m and bumper and fresh(bumper) and cruise is active and sonar[1] > 0 mm }
-    """)
-    assert "ahead = 3000 mm; bumper = true; bumper is fresh; cruise is active" in message
-    assert "sonar = [3 m, 3 m, 3 m, 3 m]" in message
-
-
-def test_an_expectation_that_says_nothing_fails() -> None:
-    [message] = failed('test "t" { at 0 s expect ahead > 1 m }')
-    assert message.startswith('error[T002]: in "t" at 0 s: `ahead > 1 m` is unknown')
-    assert message.endswith("found: `ahead` is missing since `sonar` is")
-
-
-def test_failures_of_one_step_are_counted() -> None:
-    [message] = failed("""
-      test "t" { from 0 s to 1 s every 100 ms given sonar = 3 m, bumper = false expect drive is idle }
-    """)
-    assert 'in "t" at 0 s, and in 10 more frames: expected `drive is idle`' in message
-
-
-def test_contracts_are_checked_in_every_frame() -> None:
-    behavior = BEHAVIOR + "contract slow: drive.speed < 0.2 m/s\n"
-    [message] = failed(
-        'test "t" { from 0 s to 0.2 s every 100 ms given sonar = 3 m, bumper = false }', behavior
-    )
-    assert message == (
-        'error[T003]: in "t" at 0 s, and in 2 more frames: '
-        "contract `slow: drive.speed < 0.2 m/s` is false; found: drive by cruise, speed = 0.3 m/s"
-    )
+@pytest.mark.parametrize(("behavior", "steps", "said"), FAILED.values(), ids=FAILED)
+def test_what_fails_says_where_and_what_was_found(behavior: str, steps: str, said: str) -> None:
+    [message] = failed(f'test "t" {{ {steps} }}', behavior)
+    assert said in message
 
 
 @pytest.mark.parametrize(
@@ -194,42 +195,36 @@ robot r {
 """
 
 
-def test_a_reading_ages_from_when_it_was_taken_until_it_is_given_again() -> None:
-    [result] = results(
-        """
-      test "t" {
-        at 1 s            given lidar = 5 m taken 300 ms ago  expect lidar == 5 m
-        at 1.000000001 s                                      expect not fresh(lidar)
-        at 2 s            given lidar = 4 m                   expect lidar == 4 m
-        at 9 s                                                expect fresh(lidar)
-        from 10 s to 11 s every 1 ms
-          given lidar = 3 m taken 0 s ago, bumper = true taken 300 ms ago
-          expect fresh(lidar) == (now <= 9.3 s), bumper == (now == 9 s), fresh(bumper) == bumper
-        at 12 s           given lidar = missing               expect not fresh(lidar)
-        at 13 s           given lidar = 2 m                   expect fresh(lidar)
-      }
-    """,
-        AGING,
-    )
-    assert result.passed, result
+READING = """
+test "t" {
+  at 1 s            given lidar = 5 m taken 300 ms ago  expect lidar == 5 m
+  at 1.000000001 s                                      expect not fresh(lidar)
+  at 2 s            given lidar = 4 m                   expect lidar == 4 m
+  at 9 s                                                expect fresh(lidar)
+  from 10 s to 11 s every 1 ms
+    given lidar = 3 m taken 0 s ago, bumper = true taken 300 ms ago
+    expect fresh(lidar) == (now <= 9.3 s), bumper == (now == 9 s), fresh(bumper) == bumper
+  at 12 s           given lidar = missing               expect not fresh(lidar)
+  at 13 s           given lidar = 2 m                   expect fresh(lidar)
+}
+"""
+ELEMENT = """
+test "t" {
+  at 0 s    given sonar = 5 m                                                expect fresh(sonar)
+  at 1 s    given sonar[1] = 1 m taken 200 ms ago                            expect sonar[1] == 1 m
+  at 1.1 s  given sonar[2] = 2 m                                             expect sonar[2] == 2 m
+  at 1.2 s                                                                   expect not fresh(sonar)
+  at 2 s    given sonar = [1, 2, 3] taken 100 ms ago, sonar[0] = 9           expect sonar[0] == 9 m
+  at 2.3 s                                                                   expect not fresh(sonar)
+  at 3 s    given sonar = [1, 2, 3] taken 1 s ago, sonar = 4                 expect sonar[0] == 4 m
+  at 9 s                                                                     expect fresh(sonar)
+}
+"""
 
 
-def test_the_age_of_an_element_is_the_age_of_its_array() -> None:
-    [result] = results(
-        """
-      test "t" {
-        at 0 s    given sonar = 5 m                                                expect fresh(sonar)
-        at 1 s    given sonar[1] = 1 m taken 200 ms ago                            expect sonar[1] == 1 m
-        at 1.1 s  given sonar[2] = 2 m                                             expect sonar[2] == 2 m
-        at 1.2 s                                                                   expect not fresh(sonar)
-        at 2 s    given sonar = [1, 2, 3] taken 100 ms ago, sonar[0] = 9           expect sonar[0] == 9 m
-        at 2.3 s                                                                   expect not fresh(sonar)
-        at 3 s    given sonar = [1, 2, 3] taken 1 s ago, sonar = 4                 expect sonar[0] == 4 m
-        at 9 s                                                                     expect fresh(sonar)
-      }
-    """,
-        AGING,
-    )
+@pytest.mark.parametrize("text", [READING, ELEMENT], ids=["until it is given again", "that of its array"])
+def test_a_reading_and_an_element_age_from_when_they_were_taken(text: str) -> None:
+    [result] = results(text, AGING)
     assert result.passed, result
 
 
@@ -250,17 +245,6 @@ def test_an_element_that_cannot_be_set_leaves_no_age() -> None:
     )
     assert first.startswith("error[T004]")
     assert second.endswith("found: `sonar` is missing")
-
-
-def test_records_are_told_where_an_expectation_fails() -> None:
-    [message] = failed(
-        """
-      module bad { when bumper do drive(speed = 1 m/s / (1 - 1)) }
-      test "t" { at 0 s given bumper = true expect drive is commanded }
-    """,
-        BEHAVIOR.replace("back_off suppresses", "bad suppresses"),
-    )
-    assert "drive by bad (not finite), speed = 0 m/s; recorded: not finite of bad" in message
 
 
 def test_enumerators_and_idle_hold_are_shown() -> None:

@@ -175,20 +175,10 @@ def test_what_is_no_image_is_refused(image: object) -> None:
         find_markers(image)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("level", [0, 128, 255])
-def test_an_even_image_has_no_marker(level: int) -> None:
-    assert find_markers(np.full((120, 240), level, dtype=np.uint8)) == ()
-
-
-@pytest.mark.parametrize("shape", [(4, 4), (5, 240), (120, 8), (480, 640)])
-def test_images_of_any_size_are_looked_at(shape: tuple[int, int]) -> None:
-    noise = np.random.default_rng(1).integers(0, 256, shape).astype(np.uint8)
-    assert find_markers(noise) == ()
-
-
-def test_noise_has_no_marker() -> None:
+@pytest.mark.parametrize("shape", [(4, 4), (5, 240), (120, 8), (480, 640), (120, 240)])
+def test_noise_of_any_size_has_no_marker(shape: tuple[int, int]) -> None:
     for seed in range(20):
-        noise = np.random.default_rng(seed).integers(0, 256, (120, 240)).astype(np.uint8)
+        noise = np.random.default_rng(seed).integers(0, 256, shape).astype(np.uint8)
         assert find_markers(noise) == (), seed
 
 

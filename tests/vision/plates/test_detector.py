@@ -126,12 +126,6 @@ def test_a_plate_that_is_half_beyond_the_image_is_not_told() -> None:
     assert find_plates(wall_image([plate("352", 860.0)], WallView(1500.0, 0.0))) == ()
 
 
-@pytest.mark.parametrize("level", [0, 1, 128, 255])
-@pytest.mark.parametrize("shape", [(120, 240), (4, 4), (480, 640, 3), (120, 4), (4, 240)])
-def test_an_image_of_one_shade_shows_nothing(level: int, shape: tuple[int, ...]) -> None:
-    assert find_plates(np.full(shape, level, dtype=np.uint8)) == ()
-
-
 @given(
     arrays.arrays(
         np.uint8,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, failed, release
 from tests.paths import ROOT
 from tests.waiting import until
 from tests.watch.browser.chromium import Browser, needs_chromium
@@ -33,8 +33,7 @@ def test_live_stopped_and_reconnected(machine: Machine, browser: Browser) -> Non
     until(lambda: run.ended() or machine.moves(), "the robot drives")
     arguments = ("watch", "--robot", ROBOT, "--map", MAP, "--allow-stop", "--port")
     server = machine.start(*arguments, "0")
-    until(lambda: server.ended() or "http" in server.out, "the page is served")
-    assert not server.ended(), server.err
+    until(lambda: failed(server) or "http" in server.out, "the page is served")
     url = server.out.split()[-1]
     browser.open(url)
     until(lambda: browser.text("#mode") == "live", f"it is live: {browser.text('#mode')}")
@@ -53,8 +52,7 @@ def test_live_stopped_and_reconnected(machine: Machine, browser: Browser) -> Non
     until(lambda: browser.text("#mode") == "no connection", "the page notices")
     port = url.split(":")[2].split("/")[0]
     again = machine.start(*arguments, port)
-    until(lambda: again.ended() or browser.text("#mode").startswith("STOPPED"), "the page is back")
-    assert not again.ended(), again.err
+    until(lambda: failed(again) or browser.text("#mode").startswith("STOPPED"), "the page is back")
     with machine.session() as session:
         release(session)
     until(machine.moves, "the robot drives on")
@@ -107,8 +105,7 @@ def test_the_page_says_that_no_program_runs_until_one_does(machine: Machine, bro
 
 def test_a_run_shows_itself_and_one_looks_back(machine: Machine, browser: Browser) -> None:
     run = machine.start("run", WANDER, "--map", MAP, "--watch", "--no-picture", "--duration", "1000")
-    until(lambda: run.ended() or "watch at" in run.err, "the page is served")
-    assert not run.ended(), run.err
+    until(lambda: failed(run) or "watch at" in run.err, "the page is served")
     browser.open(run.err.partition("watch at ")[2].split()[0])
     until(lambda: frame(browser) > 10, "frames are shown")
     browser.press("\ue011")  # Home

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.machine import MAP, WANDER, Machine
+from tests.cli.machine import MAP, WANDER, Machine, failed
 from tests.waiting import until
 from tests.watch.browser.chromium import SIZES, Browser, needs_chromium
 
@@ -25,8 +25,7 @@ def test_pictures_of_a_recording(browser: Browser, tmp_path: Path) -> None:
     ran = machine.run("run", WANDER, *options)
     assert ran.wait() == 0
     server = machine.start("watch", str(recording), "--map", MAP, "--port", "0")
-    until(lambda: server.ended() or "http" in server.out, "the page is served")
-    assert not server.ended(), server.err
+    until(lambda: failed(server) or "http" in server.out, "the page is served")
     browser.open(server.out.split()[-1])
     end = "return document.querySelector('#timeline').getAttribute('aria-valuemax')"
     until(lambda: browser.run(end) == "60.0" or float(browser.run(end)) > 59, "the recording is read")

@@ -221,7 +221,6 @@ class Stranger:
         self._thread.start()
 
     def _serve(self, socket: ServerConnection) -> None:
-        assert socket.request is not None
         self.got += map(str, socket.request.headers.raw_items())
         socket.send('{"nonce": "00", "proof": "00"}')
         socket.send('{"scene": {"title": "false"}}')

@@ -7,8 +7,8 @@ import math
 import pytest
 
 from colony.nav.maps.grid.keys import GridKeys, Mode, read_keys
-from colony.text.diagnostics import Diagnostic, DiagnosticError
 from colony.text.source import Source
+from tests.diagnostics import place_of, problems_of
 from tests.nav.maps.grid.small_grids import yaml_of
 
 
@@ -17,17 +17,10 @@ def read(text: str) -> GridKeys:
 
 
 def problems(text: str) -> list[str]:
-    with pytest.raises(DiagnosticError) as failure:
-        read(text)
     return [
-        _place(d) + f" {d.code} {d.message}" + (f" ({d.hint})" if d.hint else "")
-        for d in failure.value.diagnostics
+        f"{place_of(d)}: {d.code} {d.message}" + (f" ({d.hint})" if d.hint else "")
+        for d in problems_of(read, text)
     ]
-
-
-def _place(found: Diagnostic) -> str:
-    line, column = found.span.source.position(found.span.start)
-    return f"{line}:{column}:"
 
 
 CELL = "`resolution`: expected meters from 0.001 to 10"

@@ -131,6 +131,4 @@ def test_they_are_summarized_and_drawn(path: Path, colony: Colony, tmp_path: Pat
 )
 def test_a_robot_drives_in_them(robot: str, name: str, colony: Colony) -> None:
     where = ("--map", PUBLISHED / f"{name}.yaml", "--no-picture", "--duration", "20", "--format", "json")
-    code, out, _ = colony("run", "wander", "--robot", robot, *where)
-    assert code == 0
-    assert json.loads(out)["distance_mm"] > 1000.0
+    assert json.loads(colony.output("run", "wander", "--robot", robot, *where))["distance_mm"] > 1000.0

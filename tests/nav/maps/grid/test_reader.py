@@ -18,7 +18,8 @@ from colony.nav.maps.grid.reader import load_grid
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.world_map import load_world, world_of_grid
 from colony.sim.hazards.hazards import Hazards, scenery_of
-from colony.text.diagnostics import DiagnosticError, headline
+from colony.text.diagnostics import headline
+from tests.diagnostics import problems_of
 from tests.nav.maps.grid.small_grids import written
 
 F, O, U = Cell.FREE, Cell.OCCUPIED, Cell.UNKNOWN  # noqa: E741
@@ -229,9 +230,7 @@ def test_an_image_elsewhere(tmp_path: Path) -> None:
 
 
 def problem(path: Path) -> str:
-    with pytest.raises(DiagnosticError) as failure:
-        load_grid(path)
-    [found] = failure.value.diagnostics
+    [found] = problems_of(load_grid, path)
     return headline(found).replace(str(path.parent), "FOLDER")
 
 
@@ -316,7 +315,5 @@ def test_a_dock_that_is_not_in_a_free_cell_is_reported(tmp_path: Path) -> None:
 def test_the_image_of_a_grid_is_no_map(tmp_path: Path, name: str) -> None:
     image = tmp_path / name
     image.write_bytes(b"P5\n1 1\n255\n\xfe")
-    with pytest.raises(DiagnosticError) as caught:
-        load_world(image)
-    [found] = caught.value.diagnostics
+    [found] = problems_of(load_world, image)
     assert (found.code, found.hint) == ("M002", "this is an image: give the YAML file of the occupancy grid")

@@ -9,8 +9,8 @@ from colony.nav.maps.stickrep.geometry import Point, link_endpoints
 from colony.nav.maps.stickrep.model import ElevatorLink, Link, Map, Site
 from colony.nav.maps.stickrep.reader import read_map
 from colony.nav.maps.stickrep.writer import write_map
-from colony.text.diagnostics import DiagnosticError
 from colony.text.source import Source
+from tests.diagnostics import place_of, problems_of
 
 BLOCKS = """stickrep 1
 map blocks
@@ -46,13 +46,7 @@ def read(*lines: str) -> Map:
 
 def found(*lines: str) -> list[str]:
     """Line, column, code and message of everything that is wrong."""
-    with pytest.raises(DiagnosticError) as caught:
-        read(*lines)
-    out = []
-    for d in caught.value.diagnostics:
-        line, column = d.span.source.position(d.span.start)
-        out.append(f"{line}:{column} {d.code} {d.message}")
-    return out
+    return [f"{place_of(d)} {d.code} {d.message}" for d in problems_of(read, *lines)]
 
 
 FIRST = len(BLOCKS.splitlines()) + 1
@@ -120,9 +114,7 @@ def test_all_links_are_judged_at_once_and_only_when_the_rings_are_sound() -> Non
         "M025",
     ]
     broken = BLOCKS.replace("W 0 20", "W 0 21") + "link A O\n"
-    with pytest.raises(DiagnosticError) as caught:
-        read_map(Source("blocks.stickrep", broken))
-    assert [d.code for d in caught.value.diagnostics] == ["M018"]
+    assert [d.code for d in problems_of(read_map, Source("blocks.stickrep", broken))] == ["M018"]
 
 
 def test_lines_may_not_be_told_twice() -> None:
@@ -160,9 +152,7 @@ def test_elevators_that_are_none(line: str, error: str) -> None:
 
 def test_a_map_with_elevators_says_which_floor_it_is() -> None:
     text = BLOCKS.replace("floor 1\n", "") + "elevator lift.L two.stickrep lift.L\n"
-    with pytest.raises(DiagnosticError) as caught:
-        read_map(Source("blocks.stickrep", text))
-    assert [d.code for d in caught.value.diagnostics] == ["M028"]
+    assert [d.code for d in problems_of(read_map, Source("blocks.stickrep", text))] == ["M028"]
 
 
 def test_joints_are_written_as_they_were_read() -> None:
