@@ -28,7 +28,7 @@ def waiting() -> RobotStage:
     return stage
 
 
-def pursued() -> Stage:
+def pursued() -> RobotStage:
     """A clerk that has taken its first goal."""
     stage = waiting()
     stage.signal(GOAL_DATA)
