@@ -206,7 +206,8 @@ def _resident(participants: Participants) -> str:
 def _processes(run: RunStatus, servers: set[str]) -> Iterator[str]:
     """Yield the processes of a run that are not servers: those of clients and of Python modules."""
     rows = [(name, str(pid)) for name, pid in run.processes.items() if name not in servers]
-    yield from _table([("process", "id"), *rows])
+    if rows:
+        yield from _table([("process", "id"), *rows])
 
 
 def _table(rows: Iterable[tuple[str, ...]]) -> Iterator[str]:

@@ -58,7 +58,9 @@ PROCESSES = (*RUN, "--processes", "--no-picture")
 SERVE = ("serve", "all", "--robot", ROBOT, "--map", MAP)
 
 
-@pytest.mark.parametrize(("command", "room"), [(PROCESSES, 0), (SERVE, 20_000), (PROCESSES, 100_000)])
+@pytest.mark.parametrize(
+    ("command", "room"), [(PROCESSES, 0), (SERVE, 20_000), ((*SERVE, "--isolate"), 80_000)]
+)
 def test_a_run_directory_that_is_full_is_said_before_anything_begins(
     cramped: Machine, disk: SmallDisk, command: tuple[str, ...], room: int
 ) -> None:
@@ -74,7 +76,8 @@ def test_a_run_directory_that_is_full_is_said_before_anything_begins(
 
 @pytest.mark.long
 def test_a_run_goes_on_when_its_run_directory_gets_full(cramped: Machine, disk: SmallDisk) -> None:
-    run = cramped.start(*RUN, "--processes", "--no-picture", "--duration", "6", "--format", "json")
+    options = ("--processes", "--isolate", "--no-picture", "--duration", "6", "--format", "json")
+    run = cramped.start(*RUN, *options)
     until(lambda: run.ended() or "10 %" in run.err, "the robot drives")
     disk.fill()
     for server in ("RServer", "DServer"):

@@ -107,7 +107,7 @@ def test_the_scout_of_the_page_drives_by_its_drivers_and_stands_when_its_scanner
         assert run.interrupt() == 130
         assert served.interrupt() == 0
         assert _commands(commands)[-1] == "stop"
-    assert f"{ROBOT}: Clock, RServer, Lidar, DServer, Limits; Ctrl-C ends them" in served.err
+    assert f"{ROBOT}: Clock, DServer, Limits, RServer, Lidar; Ctrl-C ends them" in served.err
 
 
 # --- drivers that fail -----------------------------------------------------------------------------------

@@ -63,6 +63,12 @@ def result_of(ask: Ask[T], reply: Reply) -> T:
     return result
 
 
+def settle(settling: SettlingNode) -> None:
+    """Let a node, or its journal, finish what it must do before it acknowledges."""
+    if (finish := settling.settle()) is not None:
+        finish()
+
+
 class NodeStage:
     """A node and the present. Mutable.
 
@@ -85,7 +91,7 @@ class NodeStage:
         """Hand the node a batch of messages; gives the effects."""
         effects = [effect for message in batch for effect in self.node.handle(message, self.now_ns)]
         if isinstance(self.node, SettlingNode):
-            self.node.settle()
+            settle(self.node)
         self.keep(effects)
         return effects
 

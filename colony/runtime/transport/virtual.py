@@ -125,11 +125,14 @@ class VirtualTransport:
             if receiver.address in self._frozen:
                 self._frozen[receiver.address].append(content)
             else:
-                self._carry_out(receiver, self._exchange.handle(receiver, content))
+                self._carry_out(receiver, receiver.node.handle(content, self._clock.now_ns))
 
     def _carry_out(self, sender: Member, effects: Iterable[Effect]) -> None:
-        if (finish := self._exchange.settle(sender)) is not None:
-            finish()  # after the message is handled and before any effect is sent
+        """Carry out effects as the node yields them; those of a node that settles after it has settled."""
+        if sender.settling is not None:
+            effects = list(effects)
+            if (finish := self._exchange.settle(sender)) is not None:
+                finish()
         for effect in effects:
             if isinstance(effect, Send):
                 self._exchange.post(sender.address, effect.topic, effect.message)

@@ -48,12 +48,13 @@ def audit(colony: Colony, recording: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_run_of_isolated_clients_decides_as_the_interpreter_does_and_leaves_nothing_behind(
-    machine: Machine, colony: Colony
+@pytest.mark.parametrize(("options", "names"), [((), {"Simulator"}), (("--isolate",), {*SERVERS, "clients"})])
+def test_a_run_decides_as_the_interpreter_does_and_leaves_nothing_behind(
+    machine: Machine, colony: Colony, options: tuple[str, ...], names: set[str]
 ) -> None:
-    run = start(machine, "--record", "run.mcap", "--format", "json", "--isolate", duration="3")
+    run = start(machine, "--record", "run.mcap", "--format", "json", *options, duration="3")
     processes = driving(machine, run)
-    assert len(processes) == len(SERVERS) + len(CLIENTS)
+    assert len(processes) == len(names)
     assert run.wait() == 0, run.err
     assert not any(map(lives, processes))
     assert machine.directory.running() == {}
@@ -73,11 +74,12 @@ def test_ps_shows_the_processes_and_ctrl_c_keeps_the_recording(machine: Machine,
         until(lambda: (found := status(session)) is not None and found.frames > 10, "it has heard of frames")
     (state,) = json.loads(colony("ps", "--format", "json").out)
     shown = state["run"]["processes"]
-    assert {*shown} == {*SERVERS, "clients"}
     assert {*shown.values()} == {*children_of(run.pid)}
     printed = colony("ps", "--robot", ROBOT).out
-    assert f"      process  id\n      clients  {shown['clients']}\n" in printed
+    assert "process  id" not in printed
     assert f"  Simulator  up, process {shown['Simulator']}\n" in printed
+    for server in ("Clock", "RServer", "PServer", "DServer", "Leader"):
+        assert re.search(rf"  {server} +up, process {run.pid}\n", printed), printed
     assert run.interrupt() == 130
     assert "interrupted" in run.out
     assert contracts_held(run.out), run.out
@@ -88,22 +90,16 @@ def test_ps_shows_the_processes_and_ctrl_c_keeps_the_recording(machine: Machine,
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("isolate", [True, False], ids=["alone", "together"])
-def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony, isolate: bool) -> None:
-    def with_it(address: str) -> tuple[str, tuple[str, ...]]:
-        """The process of a client, and the clients that it is."""
-        return (address, (address,)) if isolate else ("clients", CLIENTS)
-
-    options = ("--isolate",) if isolate else ()
-    run = start(machine, "--record", "run.mcap", "--no-picture", "--format", "json", *options)
+def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony) -> None:
+    run = start(machine, "--record", "run.mcap", "--no-picture", "--format", "json", "--isolate")
     driving(machine, run)
     with machine.session() as session:
 
         def standing() -> RunStatus:
             return until(lambda: status(session), "the leader answers")
 
-        def clients(*addresses: str) -> list[ClientStanding]:
-            return [c for c in standing().clients if c.address in addresses]
+        def clients() -> tuple[ClientStanding, ...]:
+            return standing().clients
 
         def goes_on() -> None:
             """All of them are there again, and the robot drives."""
@@ -123,22 +119,16 @@ def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony, isol
             os.kill(pid, signal.SIGKILL)
             until(lambda name=name, pid=pid: machine.pid(name) not in (None, pid), f"{name} is started again")
             goes_on()
-        killed, gone = with_it("drive/cruise")
-        until(lambda: all(c.on_time > 0 for c in clients(*gone)), "they are on time")
-        (victim,) = _client_processes(run, killed)
-        os.kill(victim, signal.SIGKILL)
-        until(lambda: all(c.restarts == 1 for c in clients(*gone)), "they are started again")
-        assert {c.last_error for c in clients(*gone)} == {"was killed by SIGKILL"}
-        assert {c.restarts for c in clients(*CLIENTS) if c.address not in gone} <= {0}
+        until(lambda: all(c.on_time > 0 for c in clients()), "they are on time")
+        os.kill(standing().processes["clients"], signal.SIGKILL)
+        until(lambda: all(c.restarts == 1 for c in clients()), "they are started again")
+        assert {c.last_error for c in clients()} == {"was killed by SIGKILL"}
         shown = colony("ps", "--robot", ROBOT).out
-        assert shown.count("was killed by SIGKILL") == len(gone), shown
+        assert shown.count("was killed by SIGKILL") == len(CLIENTS), shown
         goes_on()
-        driver = f"drive/{standing().commanded_by['drive']}"  # whoever it is: while it is lost, nobody drives
-        frozen, gone = with_it(driver)
-        (victim,) = _client_processes(run, frozen)
+        victim = standing().processes["clients"]
         os.kill(victim, signal.SIGSTOP)
-        until(lambda: all(c.standing == "lost" for c in clients(*gone)), "they are lost")
-        assert "lost" not in {c.standing for c in clients(*CLIENTS) if c.address not in gone}
+        until(lambda: all(c.standing == "lost" for c in clients()), "they are lost")
         until(machine.stands, "the robot stands")
         os.kill(victim, signal.SIGCONT)
         goes_on()
@@ -151,14 +141,9 @@ def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony, isol
         run.tell(signal.SIGINT)
     assert run.wait() == 130
     assert json.loads(run.out)["disagreements"] == []
-    for name in (*SERVERS, killed):
+    for name in (*SERVERS, "clients"):
         assert f"{name} was killed by SIGKILL; it is restarted" in run.err
     audit(colony, run.folder / "run.mcap")
-
-
-def _client_processes(run: Started, name: str) -> list[int]:
-    spec = re.compile(rf"/{re.escape(name.replace('/', '.'))}\.json\0$")
-    return [pid for pid in children_of(run.pid) if spec.search(Path(f"/proc/{pid}/cmdline").read_text())]
 
 
 def test_a_leader_that_is_killed_leaves_nothing_behind(machine: Machine) -> None:

@@ -16,7 +16,7 @@ from colony.runtime.servers.names import SortedNames
 from colony.runtime.servers.notices import SLICE_BYTES, SLICE_INTERVAL_NS, SLICE_NOTICES
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.kit.data import DataStage
-from tests.kit.node_stage import Caller
+from tests.kit.node_stage import Caller, settle
 
 # --- one call ------------------------------------------------------------------------------------
 
@@ -159,7 +159,7 @@ def test_answers_of_long_ago_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = CallAnswers(journal)
     for i in range(20):
         answers.record(f"ada/{i}", 1, b"\xc0")
-    journal.settle()
+    settle(journal)
     loaded = CallAnswers(journal)
     loaded.load(dict(store.load()))
     for one in (answers, loaded):

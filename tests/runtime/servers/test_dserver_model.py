@@ -16,7 +16,7 @@ from colony.runtime.protocol.calls import LEASE_NS
 from colony.runtime.protocol.messages import Effect
 from colony.runtime.servers.data_calls import RECONNECT_GRACE_NS
 from tests.kit.data import DataStage
-from tests.kit.node_stage import Caller, S, result_of
+from tests.kit.node_stage import Caller, S, result_of, settle
 from tests.runtime.servers.data_model import CallOf, Model, Outcome
 
 CONNECTIONS = ("ada/1", "bob/1", "eve/1")
@@ -126,7 +126,7 @@ class DServerMachine(RuleBasedStateMachine):
 
     @rule()
     def settle(self) -> None:
-        self.stage.node.settle()
+        settle(self.stage.node)
         self.model.commit()
         self.unacknowledged = []
 

@@ -10,7 +10,7 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.servers.call_answers import ANSWERS_PER_CONNECTION, MAX_CONNECTIONS, CallAnswers
 from colony.runtime.store.store import Journal, MemoryStore
-from tests.kit.node_stage import Caller, CallError, S
+from tests.kit.node_stage import Caller, CallError, S, settle
 
 
 def again(connection: Caller) -> None:
@@ -128,7 +128,7 @@ def test_old_connections_are_forgotten() -> None:
     for i in range(MAX_CONNECTIONS + 1):
         answers.record(f"ada/{i}", 1, b"\xc0")
         answers.mark_pending(f"ada/{i}", 2)
-    journal.settle()
+    settle(journal)
     assert answers.find("ada/0", 1) is None
     assert answers.find("ada/1", 1) == b"\xc0"
     assert len(store.load()) == 2 * MAX_CONNECTIONS
@@ -142,7 +142,7 @@ def test_answers_that_were_taken_back_leave_no_gap_in_the_ring() -> None:
         answers.record("ada/1", number, b"\xc0")
         if number % 5 == 0:
             answers.forget("ada/1", number - 2)
-        journal.settle()
+        settle(journal)
     loaded = CallAnswers(journal)
     loaded.load(dict(store.load()))
     for number in range(1, 4 * ANSWERS_PER_CONNECTION):

@@ -15,6 +15,7 @@ import pytest
 from colony.runtime.store.reserve import RESERVE_BYTES
 from colony.runtime.store.store import Journal, Key, PendingStore, StoreFullError
 from tests.kit.data import Cramped
+from tests.kit.node_stage import settle
 from tests.paths import ROOT
 from tests.small_disk import SmallDisk, small_disk
 
@@ -279,9 +280,3 @@ def test_a_store_that_cannot_be_made_is_full_until_it_can() -> None:
     journal.check_space()
     assert store.full is None
     store.close()
-
-
-def settle(journal: Journal) -> None:
-    """Commit the changes of a journal, if there are any."""
-    if (commit := journal.settle()) is not None:
-        commit()

@@ -15,6 +15,7 @@ import pytest
 from colony.runtime.store.quarantine import damage_notes, list_quarantined
 from colony.runtime.store.sqlite import SqliteStore
 from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreError
+from tests.kit.node_stage import settle
 from tests.paths import ROOT
 from tests.small_disk import small_disk
 
@@ -315,9 +316,3 @@ def test_a_commit_that_cannot_be_done_is_told_and_undone(tmp_path: Path) -> None
     reopened = SqliteStore(path)
     assert dict(reopened.load()) == {X: b"1"}
     reopened.close()
-
-
-def settle(journal: Journal) -> None:
-    """Commit the changes of a journal, if there are any."""
-    if (commit := journal.settle()) is not None:
-        commit()

@@ -152,6 +152,7 @@ class ComposedStage(LiveStage):
     def add(self, node: Node) -> None:
         self._composed.add([node])
         self._addresses.add(node.address)
+        until(lambda: self._composed._exchange.member(node.address) is not None, "it does not start")
         until(lambda: self._addresses <= set(self._outside.alive()), "not all are linked")
 
     def kill(self, address: str) -> None:

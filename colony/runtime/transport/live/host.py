@@ -233,7 +233,10 @@ class Host:
         replacement = self._on_failure(failed.node, problem)
         with suppress(Exception):
             close_all(self._remove(replacement.addresses))
-        self._exchange.at(self._time() + replacement.pause_ns, lambda: self._admit(replacement.make()))
+        if replacement.pause_ns:
+            self._exchange.at(self._time() + replacement.pause_ns, lambda: self._admit(replacement.make()))
+        else:
+            self._admit(replacement.make())
 
     def _run_once(self) -> None:
         """Handle all messages but calls, then wakes that are due, then one call; if there is none, sleep."""
