@@ -82,7 +82,6 @@ def _cases() -> Iterator[Case]:
     for number in (signal.SIGKILL, signal.SIGSTOP):
         yield _case("RServer", lambda base: base.pid("RServer"), number, 250.0)
         yield _case("the Clock", lambda base: base.pid("Clock"), number, 250.0)
-        yield _case("the host of clients", lambda base: base.host, number, 250.0)
         yield _case("the leader of the program", _leader, number, 600.0)
         most_ms = 1000.0 if number == signal.SIGKILL else 2500.0
         yield _case("the guard", lambda base: base.guard, number, most_ms)
@@ -110,7 +109,7 @@ def _stopped_after_ms(base: Served, case: Case, rng: random.Random) -> float | N
         return None if found is None else 1e3 * (found - then)
     finally:
         case.undo(base)
-        if "leader" in case.name or "host" in case.name:
+        if "leader" in case.name:
             base.end_program()
 
 

@@ -70,7 +70,9 @@ def test_a_served_robot_passes(machine: Machine, temporary: Path) -> None:
     assert all(stop["slip"] is None and "Clock" in stop["acknowledged"] for stop in found["stops"])
     assert {fault["kind"] for fault in found["faults"]} == {"kill", "freeze"}
     assert found["audit"]["compared"] > 0
-    assert {"Clock, Runtime", "RServer", "clients"} <= found["memory"].keys()
+    servers, leader, *_ = sorted(found["memory"])
+    assert servers.startswith("Clock, ")
+    assert "Leader" in leader.split(", ")
     audit = machine.run("audit", str(ran.folder / "run.mcap"), "--format", "json")
     assert json.loads(audit.out)["agrees"]
     assert bool(list(temporary.glob("colony-test-*"))) is not found["passes"]
@@ -93,7 +95,7 @@ def test_real_devices_are_tested_through_their_drivers(machine: Machine) -> None
 @pytest.mark.long
 def test_ctrl_c_ends_the_test_with_what_was_found_so_far(machine: Machine, temporary: Path) -> None:
     started = machine.start("robot", "test", "rome", "--duration", "1000")
-    until(lambda: started.ended() or len(children_of(started.pid)) > 3, "the robot is served")
+    until(lambda: started.ended() or len(children_of(started.pid)) > 2, "the robot is served")
     started.tell(signal.SIGINT)
     assert started.wait() == 130, started.err
     assert "so far: interrupted after" in started.out

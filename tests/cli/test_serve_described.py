@@ -64,7 +64,7 @@ def test_a_served_robot_takes_programs_and_stops_with_all_its_actuators(
     assert not run.ended(), run.err
     assert run.interrupt() == 130
     assert served.interrupt() == 0
-    assert "Lidar was killed by SIGKILL; it is restarted" in served.err
+    assert ", Lift, DServer, Limits) was killed by SIGKILL; it is restarted" in served.err
 
 
 def _kill(machine: Machine, server: str) -> None:

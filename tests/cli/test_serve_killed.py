@@ -32,7 +32,6 @@ def leader(base: Served) -> int:
 FROZEN: dict[str, Callable[[Served], int]] = {
     "RServer": lambda base: base.pid("RServer"),
     "Clock": lambda base: base.pid("Clock"),
-    "host": lambda base: base.host,
     "leader": leader,
 }
 

@@ -48,4 +48,4 @@ def test_wander_drives_until_the_stop_button_is_pressed(machine: Machine) -> Non
         assert audited(machine, run)
         assert served.interrupt() == 0
         until(lambda: not robot.is_open, "the session has ended")
-    assert "pioneer: Clock, RServer, Sonar, Panel, Battery, DServer, Limits" in served.err
+    assert "pioneer: Clock, DServer, Limits, RServer, Sonar, Panel, Battery" in served.err

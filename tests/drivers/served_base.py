@@ -194,12 +194,6 @@ class Served:
         """The process id of the port's guard."""
         return int(Path(f"{self._runs.guard(self.emulator.port)}.lock").read_text())
 
-    @property
-    def host(self) -> int:
-        """The process id of the host of clients."""
-        (pid,) = children_of(self.leader.pid)
-        return pid
-
     # --- driving -------------------------------------------------------------------------------------
 
     def moves(self) -> bool:
