@@ -201,8 +201,8 @@ class Host:
         members = [self._exchange.add(node) for node in nodes]
         joining = [member.address for member in members if member.address not in self._announced]
         for topic in dict.fromkeys(topic for node in nodes for topic in node.listens):
-            self._reception.listen(topic, self._declared)
-            if self._learned is not None and topic == topics.TICKS:
+            is_new = self._reception.listen(topic, self._declared)
+            if is_new and self._learned is not None and topic == topics.TICKS:
                 self._learned.stop_listening()  # `_read` passes ticks on, so each is decoded once
         for member in members:
             self._carry_out(member, self._exchange.start(member))

@@ -42,10 +42,13 @@ class Reception:
         self._rate_limits = RateLimits(local_user())
         self._topics: set[str] = set()
 
-    def listen(self, topic: str, declared: ExitStack) -> None:
-        """Receive messages of other processes on a topic until `declared` is closed."""
+    def listen(self, topic: str, declared: ExitStack) -> bool:
+        """Receive messages of other processes on a topic until `declared` is closed.
+
+        Returns False if they are received already.
+        """
         if topic in self._topics:
-            return
+            return False
         self._topics.add(topic)
         robot = self._network.robot
         if keys.carries_calls(topic):
@@ -57,6 +60,7 @@ class Reception:
         else:
             handler = self._frame_handler(topic)
             self._subscribe(keys.subscription_key(robot, topic), handler, declared, own=False)
+        return True
 
     def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
         """Put messages sent with the `stop` right into a lane, over both sessions if there are two.
