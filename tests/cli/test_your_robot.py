@@ -53,7 +53,7 @@ def test_the_robot_drives_with_its_drivers(machine: Machine, tmp_path: Path) -> 
     assert _text(hitch).endswith("safe\n")
     names = re.findall(r"^\| (?:a server|`(\w+)`)", PAGE, re.MULTILINE)
     assert set(filter(None, names)) == {"Clock", "DServer", "Limits", "Simulator"}
-    assert "t1: Simulator, Clock, RServer, Lidar, Battery, Panel, Hitch, DServer, Limits;" in served.err
+    assert "t1: Simulator, Clock, RServer, Lidar, Battery, DServer, Limits, Panel, Hitch;" in served.err
 
 
 def _text(path: Path) -> str:
