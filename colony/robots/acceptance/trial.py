@@ -204,9 +204,7 @@ class RobotTrial:
                 process.kill()
                 process.wait()
                 self._findings.losses.append((None, f"the run did not end within {END_S:g} s of Ctrl-C"))
-            if (
-                not over and self._began_s is not None
-            ):  # it has had a frame
+            if not over and self._began_s is not None:  # it has had a frame
                 self._findings.disagreements = _disagreements(folder / "run.out")
 
     def _wait_until_driven(self) -> None:

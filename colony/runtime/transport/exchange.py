@@ -1,13 +1,15 @@
 """The nodes of a process, and the messages that they hand to each other in memory, for live and virtual time.
 
-A message reaches a node of the same process as the object that was sent, in a queue ordered by time. What is
-due at one time is delivered in the order in which it was sent, or in one that `order` draws. Each node has a
-lock: another thread can hand an emergency stop to one node while a different one is busy.
+A message reaches a node of the same process as the object that was sent. In live time messages are handed
+over in the order in which they were sent, before any wake that is due. In virtual time they have a delay, and
+what is due at one time is delivered in an order that `order` draws. Each node has a lock: another thread can
+hand an emergency stop to one node while a different one is busy.
 """
 
 from __future__ import annotations
 
 import heapq
+from collections import deque
 from collections.abc import Callable, Iterable
 from threading import Event, Lock
 from typing import NamedTuple
@@ -39,15 +41,17 @@ def in_order() -> float:
 class Member:
     """A node in an exchange, its lock, and itself once more if its effects have to be settled.
 
-    `no_stop_waits` is cleared while an emergency stop waits for the node: nothing else may come between.
+    While an emergency stop waits for the node, `stop_waits` is True and `no_stop_waits` is cleared: nothing
+    else may come between.
     """
 
-    __slots__ = ("address", "lock", "no_stop_waits", "node", "settling")
+    __slots__ = ("address", "lock", "no_stop_waits", "node", "settling", "stop_waits")
 
     def __init__(self, node: Node) -> None:
         self.address = node.address
         self.node = node
         self.lock = Lock()
+        self.stop_waits = False
         self.no_stop_waits = Event()
         self.no_stop_waits.set()
         self.settling = node if isinstance(node, SettlingNode) else None
@@ -72,7 +76,6 @@ class Exchange:
         *,
         order: Callable[[], float] = in_order,
         link: Link = deliver_immediately,
-        messages_first: bool = False,
     ) -> None:
         """Create an exchange without nodes.
 
@@ -80,15 +83,13 @@ class Exchange:
             time: the time in nanoseconds.
             order: returns what decides between two messages that are due at one time, the lower one first.
             link: returns the delay of each message.
-            messages_first: True to deliver all messages before any wake, however long it has been due: no
-                deadline passes while what it waits for is in the queue.
         """
         self._time = time
-        self._messages_first = messages_first
         self._order = order
         self._link = link
         self._members: dict[str, Member] = {}
         self._listeners: dict[str, tuple[Member, ...]] = {}
+        self._handed_over: deque[tuple[Member, Message]] = deque()
         self._queue: list[Delivery] = []
         self._count = 0
         self._lock = Lock()
@@ -126,6 +127,7 @@ class Exchange:
         member = self._members.pop(address)
         for topic in dict.fromkeys(member.node.listens):
             self._listeners[topic] = tuple(m for m in self._listeners[topic] if m is not member)
+        self._handed_over = deque(item for item in self._handed_over if item[0] is not member)
         with self._lock:
             self._queue = [delivery for delivery in self._queue if delivery.receiver is not member]
             heapq.heapify(self._queue)
@@ -138,17 +140,20 @@ class Exchange:
 
     def handle(self, member: Member, message: Message) -> tuple[Effect, ...]:
         """Let a node handle a message, once no other thread uses the node, and return the effects."""
-        member.no_stop_waits.wait()
+        if member.stop_waits:
+            member.no_stop_waits.wait()
         with member.lock:
             return tuple(member.node.handle(message, self._time()))
 
     def handle_stop(self, member: Member, message: Message) -> tuple[Effect, ...]:
         """Let a node handle an emergency stop ahead of all other messages, and return the effects."""
         member.no_stop_waits.clear()
+        member.stop_waits = True
         try:
             with member.lock:
                 return tuple(member.node.handle(message, self._time()))
         finally:
+            member.stop_waits = False
             member.no_stop_waits.set()
 
     def settle(self, member: Member) -> Callable[[], None] | None:
@@ -158,11 +163,25 @@ class Exchange:
         with member.lock:
             return member.settling.settle()
 
-    # --- the queue -----------------------------------------------------------------------------------
+    # --- messages that come before anything else -------------------------------------------------------
+
+    def hand_over(self, topic: str, message: Message) -> None:
+        """Queue a message for all listeners of a topic, ahead of everything in the queue of times.
+
+        No deadline passes while what it waits for is here.
+        """
+        for member in self._listeners.get(topic, ()):
+            self._handed_over.append((member, message))
+
+    def pop_message(self) -> tuple[Member, Message] | None:
+        """Take the message that was handed over first."""
+        return self._handed_over.popleft() if self._handed_over else None
+
+    # --- the queue of times ----------------------------------------------------------------------------
 
     def post(self, sender: str, topic: str, message: Message) -> None:
         """Queue a message for all listeners of a topic."""
-        now = 0 if self._messages_first else self._time()
+        now = self._time()
         for member in self.listeners(topic):
             delay = self._link(sender, member.address, message)
             if delay is None:

@@ -14,7 +14,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import NamedTuple
 
-from colony.runtime.protocol.messages import Checkpoint, Notice, Reply, Send, ServerFrame
+from colony.runtime.protocol.messages import Checkpoint, Notice, Reply, Send, SentMessage, ServerFrame
 from colony.runtime.transport.exchange import Exchange, Member
 
 MAX_DROPPABLE_BYTES = 1024
@@ -97,16 +97,14 @@ class Acknowledging:
         return batch, False
 
 
-def must_wait(send: Send, *, settles: bool) -> bool:
+def must_wait(message: SentMessage, *, settles: bool) -> bool:
     """Return True if a message must not leave at once.
 
     With `settles`, it is from a node that has to settle: only its frames, which acknowledge nothing, leave
     at once. Of other nodes, messages wait that may be too large for a link's queue but must not be dropped.
     """
-    match send.message:
-        case Reply(result=result):
-            return settles or len(bytes(result)) > MAX_DROPPABLE_BYTES
-        case Checkpoint() | Notice():
-            return True
-        case message:
-            return settles and not isinstance(message, ServerFrame)
+    if settles:
+        return not isinstance(message, ServerFrame)
+    if isinstance(message, Reply):
+        return len(bytes(message.result)) > MAX_DROPPABLE_BYTES
+    return isinstance(message, (Checkpoint, Notice))

@@ -98,7 +98,7 @@ class Host:
         self._learned = time if isinstance(time, LearnedTime) else None
         self._announces = announces
         self._report = report
-        self._exchange = Exchange(time, messages_first=True)
+        self._exchange = Exchange(time)
         self._outbox = self._new_outbox()
         self._batched: list[Send] = []
         self._unsettled: dict[Member, None] = {}
@@ -256,8 +256,8 @@ class Host:
     def _handle_messages(self) -> None:
         """Handle messages of this process, and those of others that are no calls, until none waits."""
         while True:
-            while (due := self._exchange.pop(0)) is not None:
-                self._deliver(due)
+            while (handed_over := self._exchange.pop_message()) is not None:
+                self._handle(*handed_over)
             queued = self._inbox.pop_frame()
             if queued is None:
                 return
@@ -351,11 +351,13 @@ class Host:
         for effect in effects:
             if not isinstance(effect, Send):
                 exchange.wake_at(member, effect.t_ns)
-                continue
-            waits = must_wait(effect, settles=settles)
-            (waiting if waits else at_once).append(effect)
-            if not (waits and settles):
-                exchange.post(member.address, effect.topic, effect.message)
+            elif not must_wait(effect.message, settles=settles):
+                exchange.hand_over(*effect)
+                at_once.append(effect)
+            elif settles or not exchange.listeners(effect.topic):
+                waiting.append(effect)
+            else:
+                exchange.hand_over(*effect)
         if waiting:
             assert self._acknowledging is not None
             self._acknowledging.put(member, waiting)
@@ -367,8 +369,8 @@ class Host:
 
         def send(member: Member, sends: Sequence[Send]) -> None:
             if member.settling is not None:
-                for topic, message in sends:
-                    self._exchange.post(member.address, topic, message)
+                for send in sends:
+                    self._exchange.hand_over(*send)
                 self._inbox.rouse()
             outbox.send_all(sends, self._time())
 

@@ -79,9 +79,10 @@ def carries_calls(topic: str) -> bool:
     return topic.endswith(_CALL)
 
 
-def carries_frames(topic: str) -> bool:
-    """Return True if a topic carries frames that can be fetched again."""
-    return topic.endswith("/frames")
+def carries_memory(topic: str) -> bool:
+    """Return True if a topic carries the memory of clients, which may be large."""
+    _, _, kind = topic.partition("/")
+    return kind == "checkpoints" or kind.startswith("recalled/")
 
 
 def user_message_kind(topic: str) -> str | None:

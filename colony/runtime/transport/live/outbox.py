@@ -86,7 +86,7 @@ class Outbox:
         self._may_block = may_block and not urgent
         self._urgent = urgent
         self._is_local = is_local
-        self._topic_publishers: dict[tuple[str, SendPriority], _TopicPublisher] = {}
+        self._topic_publishers: dict[str, _TopicPublisher] = {}
         self._connection_publishers: dict[str, tuple[zenoh.Publisher, int]] = {}
 
     def send_all(self, sends: Iterable[Send], now_ns: int) -> None:
@@ -154,9 +154,9 @@ class Outbox:
         return self._topic_publisher(topic, first).publisher
 
     def _topic_publisher(self, topic: str, message: SentMessage) -> _TopicPublisher:
-        priority = SendPriority.CALLS if isinstance(message, Checkpoint) else SendPriority.FRAMES
-        publisher = self._topic_publishers.get((topic, priority))
+        publisher = self._topic_publishers.get(topic)
         if publisher is None:
+            priority = SendPriority.CALLS if keys.carries_memory(topic) else SendPriority.FRAMES
             may_block = self._may_block and not isinstance(message, (Tick, ServerFrame, Verdict))
             key = keys.publication_key(self._robot, topic, message, user=self._user)
             publisher = _TopicPublisher(
@@ -164,7 +164,7 @@ class Outbox:
                     self._session, key, priority=priority, may_block=may_block, own=not self._is_local(topic)
                 )
             )
-            self._topic_publishers[topic, priority] = publisher
+            self._topic_publishers[topic] = publisher
         return publisher
 
     def _connection_publisher(self, key: str, message: SentMessage, now_ns: int) -> zenoh.Publisher:
