@@ -1,8 +1,8 @@
 """How fast a robot of processes is: frames in lockstep, many clients at one server, and the start of a run.
 
 Everything runs over the real transport on this machine. In lockstep a frame begins as soon as the one before
-it is decided: Clock, servers, ten clients, each in a process of its own or all in one, and the observer take
-part in each. The robot of these frames is scripted: its devices cost nothing. A start is that of `colony
+it is decided: Clock, servers, each in a process of its own, ten clients, in one of their own or in that of the
+run, and the observer take part in each. The robot of these frames is scripted: its devices cost nothing. A start is that of `colony
 run`, with the simulator.
 
     python -m benchmarks.processes
@@ -296,7 +296,7 @@ def run() -> list[Row]:
     ms = sorted(crowd.ms)
     return [
         row(
-            f"a frame of {CLIENTS} clients, each apart",
+            f"a frame of {CLIENTS} clients, in a process of their own",
             mean_ms,
             "ms",
             TARGET_FRAME_MS,
@@ -305,7 +305,7 @@ def run() -> list[Row]:
         row("its median", statistics.median(gaps) * 1e3, "ms", None, ""),
         row("its 99th percentile", _p99(gaps) * 1e3, "ms", None, f"{apart.bad} late or lost"),
         row(
-            "the same clients in one process, the default",
+            "the same clients in that of the run, the default",
             together_ms,
             "ms",
             None,
