@@ -1,9 +1,9 @@
 """How fast a robot of processes is: frames in lockstep, many clients at one server, and the start of a run.
 
 Everything runs over the real transport on this machine. In lockstep a frame begins as soon as the one before
-it is decided: Clock, servers, each in a process of its own, ten clients, in one of their own or in that of the
-run, and the observer take part in each. The robot of these frames is scripted: its devices cost nothing. A start is that of `colony
-run`, with the simulator.
+it is decided: Clock, servers, each in a process of its own, ten clients, in one of their own or in that of
+the run, and the observer take part in each. The robot of these frames is scripted: its devices cost nothing.
+A start is that of `colony run`, with the simulator.
 
     python -m benchmarks.processes
 """
