@@ -41,16 +41,18 @@ def in_order() -> float:
 class Member:
     """A node in an exchange, its lock, and itself once more if its effects have to be settled.
 
+    Once it is `removed`, it gets nothing more, also nothing that another thread had in hand for it.
     While an emergency stop waits for the node, `stop_waits` is True and `no_stop_waits` is cleared: nothing
     else may come between.
     """
 
-    __slots__ = ("address", "lock", "no_stop_waits", "node", "settling", "stop_waits")
+    __slots__ = ("address", "lock", "no_stop_waits", "node", "removed", "settling", "stop_waits")
 
     def __init__(self, node: Node) -> None:
         self.address = node.address
         self.node = node
         self.lock = Lock()
+        self.removed = False
         self.stop_waits = False
         self.no_stop_waits = Event()
         self.no_stop_waits.set()
@@ -123,8 +125,10 @@ class Exchange:
         return member
 
     def remove(self, address: str) -> Node:
-        """Remove a node, as a crash would; what waits for it is lost."""
+        """Remove a node, once no other thread uses it, as a crash would; what waits for it is lost."""
         member = self._members.pop(address)
+        with member.lock:
+            member.removed = True
         for topic in dict.fromkeys(member.node.listens):
             self._listeners[topic] = tuple(m for m in self._listeners[topic] if m is not member)
         self._handed_over = deque(item for item in self._handed_over if item[0] is not member)
@@ -142,26 +146,28 @@ class Exchange:
         """Let a node handle a message, once no other thread uses the node, and return the effects."""
         if member.stop_waits:
             member.no_stop_waits.wait()
-        with member.lock:
-            return tuple(member.node.handle(message, self._time()))
+        return self._handle(member, message)
 
     def handle_stop(self, member: Member, message: Message) -> tuple[Effect, ...]:
         """Let a node handle an emergency stop ahead of all other messages, and return the effects."""
         member.no_stop_waits.clear()
         member.stop_waits = True
         try:
-            with member.lock:
-                return tuple(member.node.handle(message, self._time()))
+            return self._handle(member, message)
         finally:
             member.stop_waits = False
             member.no_stop_waits.set()
+
+    def _handle(self, member: Member, message: Message) -> tuple[Effect, ...]:
+        with member.lock:
+            return () if member.removed else tuple(member.node.handle(message, self._time()))
 
     def settle(self, member: Member) -> Callable[[], None] | None:
         """Return a function that finishes what a node must do before it acknowledges; None if nothing is."""
         if member.settling is None:
             return None
         with member.lock:
-            return member.settling.settle()
+            return None if member.removed else member.settling.settle()
 
     # --- messages that come before anything else -------------------------------------------------------
 

@@ -156,8 +156,7 @@ class ComposedStage(LiveStage):
         until(lambda: self._addresses <= set(self._outside.alive()), "not all are linked")
 
     def kill(self, address: str) -> None:
-        (node,) = self._composed._remove([address])
-        node.close()
+        self._composed._exchange.remove(address).close()
 
     def close(self) -> None:
         self._running.end()

@@ -77,7 +77,8 @@ class Acknowledging:
                     if (finish := self._exchange.settle(member)) is not None:
                         finish()
                 for waiting in batch:
-                    self._send(waiting.member, waiting.sends)
+                    if not waiting.member.removed:  # else it may not be kept: callers ask again
+                        self._send(waiting.member, waiting.sends)
                 if ended:
                     return
         except BaseException as failure:

@@ -49,6 +49,9 @@ from colony.runtime.transport.live.reception import Reception
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.runtime.transport.live.robot_time import LearnedTime, time_of
 
+BATCH = 64
+"""Maximum number of messages of other processes that are handled before wakes that are due."""
+
 
 class Replacement(NamedTuple):
     """What takes the place of a node that failed.
@@ -164,7 +167,7 @@ class Host:
                 while not self._stopping:
                     self._run_once()
         finally:
-            close_all(self._remove(member.address for member in self._exchange.members))
+            close_all([self._exchange.remove(member.address) for member in self._exchange.members])
         if self._failure is not None:
             raise self._failure
 
@@ -212,16 +215,6 @@ class Host:
             key = keys.liveliness_key(self._network.robot, address)
             self._declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
 
-    def _remove(self, addresses: Iterable[str]) -> list[Node]:
-        """Remove nodes; nothing reaches them from now on, also none of the stops that were under way."""
-        removed = []
-        for address in tuple(addresses):
-            member = self._exchange.member(address)
-            assert member is not None
-            with member.lock:
-                removed.append(self._exchange.remove(address))
-        return removed
-
     def _replace(self, failed: Member, problem: Exception) -> None:
         """Let other nodes take the place of one that failed, and of those that belong to it.
 
@@ -232,7 +225,7 @@ class Host:
             raise problem
         replacement = self._on_failure(failed.node, problem)
         with suppress(Exception):
-            close_all(self._remove(replacement.addresses))
+            close_all([self._exchange.remove(address) for address in replacement.addresses])
         if replacement.pause_ns:
             self._exchange.at(self._time() + replacement.pause_ns, lambda: self._admit(replacement.make()))
         else:
@@ -254,8 +247,8 @@ class Host:
             self._inbox.sleep(self._time_to_wake_s())
 
     def _handle_messages(self) -> None:
-        """Handle messages of this process, and those of others that are no calls, until none waits."""
-        while True:
+        """Handle messages of this process, and those of others that are no calls: all, or a batch of them."""
+        for _ in range(BATCH):
             while (handed_over := self._exchange.pop_message()) is not None:
                 self._handle(*handed_over)
             queued = self._inbox.pop_frame()
