@@ -146,31 +146,26 @@ count("decode_all")
 """
 """Has each process of a run write down what messages it encodes and decodes, and goes on with it."""
 
-CRUISE = "the process of cruise"
 WAY = {
     "PServer": [("Tick", "")],
     "DServer": [("Tick", "")],
-    CRUISE: [("Tick", ""), ("ServerFrame", "PServer"), ("ServerFrame", "DServer")],
+    "clients": [("Tick", ""), ("ServerFrame", "PServer"), ("ServerFrame", "DServer")],
     "RServer": [("Tick", ""), ("Request", "cruise")],
     "leader": [("Tick", ""), ("ServerFrame", "PServer"), ("ServerFrame", "DServer"), ("Verdict", "drive")],
 }
 """What each process hears, and from whom, in a frame that `cruise` decides."""
 
 
-@pytest.mark.parametrize(
-    ("options", "cruise"),
-    [((), "clients"), long(("--isolate",), "drive.cruise")],
-)
-def test_each_message_is_decoded_once_in_each_process_that_hears_it(
-    tmp_path: Path, options: tuple[str, ...], cruise: str
-) -> None:
-    """Also where several clients of a process hear it."""
+@pytest.mark.parametrize("isolated", [False, long(True)], ids=["one process", "isolated"])
+def test_each_message_is_decoded_once_in_each_process_that_hears_it(tmp_path: Path, isolated: bool) -> None:
+    """Also where several clients of a process hear it; in one process only calls are encoded."""
     counted, inside = tmp_path / "counted", tmp_path / "inside"
     for folder in (counted, inside):
         folder.mkdir()
     (inside / "sitecustomize.py").write_text(COUNTING)
     (tmp_path / "roam.colony").write_text(TEXT)
     paths = {"PYTHONPATH": f"{inside}:{ROOT}", "COUNTED": str(counted)}
+    options: tuple[str, ...] = ("--isolate",) if isolated else ()
     options += ("--map", MAP, "--processes", "--set", f"Limit={LIMIT}", "--no-picture", "--duration", "1")
     with closing(Machine(tmp_path, **paths)) as machine:
         run = machine.run("run", str(tmp_path / "roam.colony"), *options, "--record", "run.jsonl")
@@ -191,8 +186,9 @@ def test_each_message_is_decoded_once_in_each_process_that_hears_it(
     frames = [json.loads(line) for line in (run.folder / "run.jsonl").read_text().splitlines()]
     commanded = [frame for frame in frames if frame.get("drive", {}).get("by") == "cruise"]
     assert {frame["drive"]["velocity"] for frame in commanded} == {LIMIT}
-    for frame in commanded:
-        for name, messages in WAY.items():
-            process = cruise if name == CRUISE else name
+    if not isolated:
+        assert {kind for _, kind, _, _ in heard} <= {"Alive", "Call", "Reply"}
+    for frame in commanded if isolated else ():
+        for process, messages in WAY.items():
             for kind, sender in messages:
                 assert (process, kind, sender, str(frame["@tick"])) in heard

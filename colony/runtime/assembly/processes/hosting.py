@@ -1,4 +1,4 @@
-"""The parts of a robot whose nodes share a process: they start together, and a part that fails starts anew.
+"""The parts of a robot whose nodes share a process: they start together, and a part that fails starts again.
 
 A node that raises an exception takes those of its own part along, because they share what they know; the
 other parts go on. What the new nodes have to know they learn as after the restart of a process: from the
@@ -35,7 +35,7 @@ TRACE_LINES = 8
 """Maximum number of lines that are shown of where a node failed."""
 
 OnPartFailure = Callable[[SinglePart, str, bool], None]
-"""A function that takes a part that failed, the reason in a line, and True if it starts anew."""
+"""A function that takes a part that failed, the reason in a line, and True if it starts again."""
 
 
 @dataclass(frozen=False, slots=True)
@@ -53,7 +53,7 @@ class HostedParts:
     Args:
         robot_address: the robot.
         devices: drivers of simulated devices, if there are any.
-        report: callback for what is to be told to users, of one line or several.
+        report: callback for messages to users, of one line or several.
         on_failure: callback for the failure of a part.
     """
 
