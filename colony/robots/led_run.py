@@ -129,8 +129,10 @@ class LedRun:
 
     @property
     def layout(self) -> Layout:
-        """Where the nodes of the run are."""
-        return "isolated" if self._request.isolate else "hosted"
+        """Where the nodes of the run are: on a mission, this process computes poses and looks at images."""
+        if self._request.isolate:
+            return "isolated"
+        return "hosted" if self._route is None else "composed"
 
     def client_processes(self) -> Processes:
         """Return the processes of the clients, which search this process's folders for Python modules."""
