@@ -7,8 +7,8 @@ from threading import Thread
 
 from colony.runtime.observe.observer import FrameLog, Sink
 
-MAX_WAITING = 4000
-"""Maximum number of frames that wait, a few minutes of a run."""
+MAX_WAITING = 20_000
+"""Maximum number of frames that wait: a quarter of an hour of most robots, some 100 MB."""
 
 
 class Background:
