@@ -440,6 +440,11 @@ class SettlingNode(Protocol):
     another thread may do; only then do answers leave. Frames acknowledge nothing, and leave at once.
     """
 
+    @property
+    def unsettled(self) -> bool:
+        """True if `settle` has something to finish."""
+        ...
+
     def settle(self) -> Callable[[], None] | None:
         """Return a function that finishes the work of the messages handled so far; None if there is none."""
         ...

@@ -212,6 +212,11 @@ class DServer:
             *(message for component in limited_components for message in component.limit_messages),
         )
 
+    @property
+    def unsettled(self) -> bool:
+        """True if there are changes to commit."""
+        return self._journal.unsettled
+
     def settle(self) -> Callable[[], None] | None:
         """Take the changes, and return a function that commits them; None if there are none.
 

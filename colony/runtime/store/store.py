@@ -163,7 +163,8 @@ class Journal:
         self._store = store
         self._changes: dict[Key, bytes | None] = {}
         self._unkept: dict[Key, bytes | None] = {}  # taken, but not in the store yet
-        self._ack_pending = self._waiting = False
+        self._ack_pending = self._must_keep = self._waiting = False
+        self._settled = 0
         self._changing, self._committing = Lock(), Lock()
 
     @property
@@ -202,20 +203,36 @@ class Journal:
         with self._changing:
             if not (self._changes or self._unkept) or (self._waiting and not self._ack_pending):
                 return None
-            changes, acknowledges = self._changes, self._ack_pending
+            self._unkept |= self._changes
+            self._must_keep |= self._ack_pending
             self._changes, self._ack_pending = {}, False
-        return lambda: self._commit(changes, acknowledges)
+            self._settled += 1
+        return self._commit
 
-    def _commit(self, changes: dict[Key, bytes | None], acknowledges: bool) -> None:
+    @property
+    def unsettled(self) -> bool:
+        """True if `settle` has something to commit."""
+        return bool(self._changes) and (self._ack_pending or not self._waiting)
+
+    def _commit(self) -> None:
+        """Commit all that was taken and is not in the store yet."""
         with self._committing:
-            self._unkept |= changes
+            with self._changing:
+                changes, must_keep, settled = dict(self._unkept), self._must_keep, self._settled
+            if not changes:
+                return
             try:
-                if self._unkept:
-                    self._store.commit(self._unkept)
+                self._store.commit(changes)
             except StoreError as problem:
                 self._waiting = True
-                if acknowledges or not isinstance(problem, StoreFullError):
-                    self._ack_pending = True
+                if must_keep or not isinstance(problem, StoreFullError):
+                    with self._changing:
+                        self._ack_pending = True
                     raise
-            else:
-                self._unkept, self._waiting = {}, False
+                return
+            self._waiting = False
+            with self._changing:
+                for key, data in changes.items():
+                    if self._unkept.get(key) is data:
+                        self._unkept.pop(key, None)
+                self._must_keep = self._must_keep and self._settled != settled

@@ -131,7 +131,6 @@ class Exchange:
             member.removed = True
         for topic in dict.fromkeys(member.node.listens):
             self._listeners[topic] = tuple(m for m in self._listeners[topic] if m is not member)
-        self._handed_over = deque(item for item in self._handed_over if item[0] is not member)
         with self._lock:
             self._queue = [delivery for delivery in self._queue if delivery.receiver is not member]
             heapq.heapify(self._queue)

@@ -300,6 +300,8 @@ def test_the_largest_message_arrives_and_a_larger_one_is_malformed(stage: Stage)
 class _Settler(Recorder):
     """Its answers may leave only after it settled."""
 
+    unsettled = True
+
     def __init__(self, *listens: str, on: Callable[[Message, int], Iterable[Effect]]) -> None:
         super().__init__("settler", *listens, on=on)
         self.settled = 0

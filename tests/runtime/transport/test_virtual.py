@@ -164,6 +164,8 @@ def test_nothing_leaves_before_a_node_has_settled() -> None:
     log: list[str] = []
 
     class Storing(Echo):
+        unsettled = True
+
         def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
             log.append("handles")
             yield Send("out", message)  # type: ignore[arg-type]

@@ -89,20 +89,20 @@ class HostedParts:
         """Return True if a node is of one of these parts."""
         return any(address in hosted.addresses for hosted in self._hosted)
 
-    def replacement(self, node: Node, problem: Exception) -> Replacement:
-        """Return what takes the place of the part of a node that raised `problem`.
+    def replacement(self, address: str, problem: Exception) -> Replacement:
+        """Return what takes the place of the part of the node at an address, which raised `problem`.
 
         Raises:
             Exception: `problem`: the process has to end, or the part has failed too often.
         """
-        hosted = next(h for h in self._hosted if node.address in h.addresses)
+        hosted = next(h for h in self._hosted if address in h.addresses)
         reason = f"{type(problem).__name__}: {problem}"
         now_ns = time.monotonic_ns()
         due_ns = None if _ends_process(problem) else hosted.restarts.next_start(hosted.began_ns, now_ns)
         self._on_failure(hosted.part, reason, due_ns is not None)
         if due_ns is None:
             raise problem
-        self._report(_failure_text(node.address, problem, (due_ns - now_ns) / 1e9))
+        self._report(_failure_text(address, problem, (due_ns - now_ns) / 1e9))
         return Replacement(hosted.addresses, due_ns - now_ns, lambda: self._restart(hosted))
 
     def close(self) -> None:

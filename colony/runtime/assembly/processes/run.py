@@ -21,7 +21,7 @@ from colony.runtime.assembly.processes.driver_factory import DriverFactory
 from colony.runtime.assembly.processes.hosting import HostedParts, leading
 from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
-from colony.runtime.assembly.processes.spec import ClientsPart, SinglePart
+from colony.runtime.assembly.processes.spec import ClientsPart, SinglePart, name_of
 from colony.runtime.assembly.processes.stalls import reporting_stalls
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.kit.connection import Session
@@ -84,6 +84,7 @@ class SupervisedRun:
     ) -> None:
         self._robot_address = robot_address
         self._hosted: HostedParts | None = None
+        self._given_up: str | None = None
         self._deployment = deployment
         self._servers = tuple(servers)
         self._window = window
@@ -237,6 +238,8 @@ class SupervisedRun:
 
     def _raise_failure(self) -> None:
         failure, self._failure = self._failure, None
+        if failure is not None and self._given_up is not None:
+            raise RunFailedError(self._given_up) from failure
         if failure is not None:
             raise failure
 
@@ -268,16 +271,18 @@ class SupervisedRun:
         joined = self._window.begun and job.name in self._joined
         return job.essential or not joined
 
-    def _replacement(self, node: Node, problem: Exception) -> Replacement:
+    def _replacement(self, address: str, problem: Exception) -> Replacement:
         """Return what takes the place of a hosted node; a failure of the observer ends the run."""
-        if self._hosted is None or not self._hosted.has(node.address):
+        if self._hosted is None or not self._hosted.has(address):
             raise problem
-        return self._hosted.replacement(node, problem)
+        return self._hosted.replacement(address, problem)
 
     def _note_failure(self, part: SinglePart, reason: str, restarted: bool) -> None:
         clients = part.clients if isinstance(part, ClientsPart) else ()
         addresses = tuple(client_address(*client) for client in clients)
         self._status_tracker.record_death(addresses, reason, restarted=restarted)
+        if not restarted:
+            self._given_up = f"{name_of(part)} failed, and is not restarted: {reason}"
 
     def _note_presence(self, address: str, present: bool) -> None:
         """Record the nodes that have joined the robot; called in a network thread."""

@@ -27,7 +27,6 @@ BATCH = 64
 class _Waiting(NamedTuple):
     member: Member
     sends: Sequence[Send]
-    finish: Callable[[], None] | None
 
 
 class Acknowledging:
@@ -49,17 +48,19 @@ class Acknowledging:
         self._send = send
         self._on_failure = on_failure
         self._queue: SimpleQueue[_Waiting | None] = SimpleQueue()
+        self._queued: set[Member] = set()
         self._thread = Thread(target=self._run, name="acknowledging", daemon=True)
         self._thread.start()
 
     def finish(self, member: Member) -> None:
-        """Let a node settle that has nothing to acknowledge, without blocking."""
-        if (finish := self._exchange.settle(member)) is not None:
-            self._queue.put(_Waiting(member, (), finish))
+        """Let a node settle soon that has nothing to acknowledge, without blocking."""
+        if member.settling is not None and member.settling.unsettled and member not in self._queued:
+            self._queued.add(member)
+            self._queue.put(_Waiting(member, ()))
 
     def put(self, member: Member, sends: Sequence[Send]) -> None:
         """Queue messages of a node without blocking, to be sent after it has settled if it has to."""
-        self._queue.put(_Waiting(member, sends, None))
+        self._queue.put(_Waiting(member, sends))
 
     def close(self) -> None:
         """Settle and send what waits, and end the thread."""
@@ -70,10 +71,8 @@ class Acknowledging:
         try:
             while (first := self._queue.get()) is not None:
                 batch, ended = self._more(first)
-                for waiting in batch:
-                    if waiting.finish is not None:
-                        waiting.finish()
-                for member in dict.fromkeys(waiting.member for waiting in batch if waiting.sends):
+                for member in dict.fromkeys(waiting.member for waiting in batch):
+                    self._queued.discard(member)
                     if (finish := self._exchange.settle(member)) is not None:
                         finish()
                 for waiting in batch:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
+from functools import partial
 from typing import NamedTuple
 
 from colony.runtime.observe.closing import close_all
@@ -64,8 +65,8 @@ class Replacement(NamedTuple):
     make: Callable[[], Sequence[Node]]
 
 
-OnFailure = Callable[[Node, Exception], Replacement]
-"""A function that says what takes the place of a node that raised an exception.
+OnFailure = Callable[[str, Exception], Replacement]
+"""A function that says what takes the place of the node at an address, which raised an exception.
 
 It raises the exception if the host has to end.
 """
@@ -167,7 +168,8 @@ class Host:
                 while not self._stopping:
                     self._run_once()
         finally:
-            close_all([self._exchange.remove(member.address) for member in self._exchange.members])
+            members = reversed(self._exchange.members)  # what was added last may need what was there before
+            close_all([self._exchange.remove(member.address) for member in members])
         if self._failure is not None:
             raise self._failure
 
@@ -215,7 +217,7 @@ class Host:
             key = keys.liveliness_key(self._network.robot, address)
             self._declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
 
-    def _replace(self, failed: Member, problem: Exception) -> None:
+    def _replace(self, address: str, problem: Exception) -> None:
         """Let other nodes take the place of one that failed, and of those that belong to it.
 
         Raises:
@@ -223,13 +225,21 @@ class Host:
         """
         if self._on_failure is None:
             raise problem
-        replacement = self._on_failure(failed.node, problem)
+        replacement = self._on_failure(address, problem)
         with suppress(Exception):
-            close_all([self._exchange.remove(address) for address in replacement.addresses])
+            present = [a for a in replacement.addresses if self._exchange.member(a) is not None]
+            close_all([self._exchange.remove(address) for address in present])
+
+        def restart() -> None:
+            try:
+                self._admit(replacement.make())
+            except Exception as again:
+                self._replace(address, again)
+
         if replacement.pause_ns:
-            self._exchange.at(self._time() + replacement.pause_ns, lambda: self._admit(replacement.make()))
+            self._exchange.at(self._time() + replacement.pause_ns, restart)
         else:
-            self._admit(replacement.make())
+            restart()
 
     def _run_once(self) -> None:
         """Handle all messages but calls, then wakes that are due, then one call; if there is none, sleep."""
@@ -275,7 +285,7 @@ class Host:
         try:
             effects = self._exchange.handle(member, message)
         except Exception as problem:
-            self._replace(member, problem)
+            self._replace(member.address, problem)
         else:
             self._carry_out(member, effects)
 
@@ -380,13 +390,17 @@ class Host:
         """Return a function that hands an emergency stop to the nodes, ahead of all queued messages."""
         outbox = self._new_outbox(urgent=True)
 
+        def replace(member: Member, problem: Exception) -> None:
+            if not member.removed:
+                self._replace(member.address, problem)
+
         def stop(topic: str, message: Call) -> None:
-            try:
-                for member in self._exchange.listeners(topic):
+            for member in self._exchange.listeners(topic):
+                try:
                     effects = self._exchange.handle_stop(member, message)
                     outbox.send_all(self._put(member, effects), self._time())
-                self._inbox.rouse()
-            except BaseException as failure:
-                self._fail(failure)
+                except Exception as problem:
+                    self._exchange.at(self._time(), partial(replace, member, problem))
+            self._inbox.rouse()
 
         return stop

@@ -59,7 +59,7 @@ def test_the_part_of_a_node_that_fails_starts_anew(
     try:
         raise ArithmeticError("on purpose")
     except ArithmeticError as problem:
-        replacement = stage.parts.replacement(stage.node(failed), problem)
+        replacement = stage.parts.replacement(failed, problem)
     assert (replacement.addresses, replacement.pause_ns) == (replaced, 0)
     for address in replaced:
         stage.node(address).close()
@@ -75,18 +75,17 @@ def test_the_part_of_a_node_that_fails_starts_anew(
 @pytest.mark.parametrize("problem", [StoreError("no disk"), MemoryError()])
 def test_the_process_ends_where_a_new_node_would_not_help(stage: Stage, problem: Exception) -> None:
     with pytest.raises(type(problem)):
-        stage.parts.replacement(stage.node("DServer"), problem)
+        stage.parts.replacement("DServer", problem)
     assert [restarted for _, restarted in stage.failures] == [False]
 
 
 def test_the_process_ends_with_a_part_that_fails_again_and_again(stage: Stage) -> None:
     pauses = [
-        stage.parts.replacement(stage.node("Clock"), ArithmeticError()).pause_ns
-        for _ in range(MAX_QUICK_DEATHS - 1)
+        stage.parts.replacement("Clock", ArithmeticError()).pause_ns for _ in range(MAX_QUICK_DEATHS - 1)
     ]
     assert pauses == sorted(pauses)
     with pytest.raises(ArithmeticError):
-        stage.parts.replacement(stage.node("Clock"), ArithmeticError())
+        stage.parts.replacement("Clock", ArithmeticError())
 
 
 def test_code_that_keeps_the_interpreter_is_told_of() -> None:

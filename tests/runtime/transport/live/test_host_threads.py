@@ -34,6 +34,8 @@ from tests.waiting import until
 class Storing(Recorder):
     """A server that stores what it is told; the store is as slow as the test wants. Mutable: that."""
 
+    unsettled = True
+
     def __init__(self, *listens: str, on: Callable[[Message, int], Iterable[Effect]]) -> None:
         super().__init__(SERVER, *listens, on=on)
         self.busy, self.go = threading.Event(), threading.Event()

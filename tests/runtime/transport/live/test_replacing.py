@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.messages import Effect, Message, Node, Tick
+from colony.runtime.protocol.messages import Effect, Message, Tick
 from colony.runtime.transport.live.host import Host, Replacement
 from tests.runtime.transport.live.outside import SERVER, Outside
 from tests.runtime.transport.live.stage import Recorder, robot_address, running
@@ -30,10 +30,10 @@ def test_a_node_that_fails_is_replaced_with_its_part_and_the_others_go_on(
 ) -> None:
     failing, sibling, other = _fails_at(1), Recorder("Sibling", topics.TICKS), Recorder("Other", topics.TICKS)
     again = [Recorder(SERVER, topics.TICKS), Recorder("Sibling", topics.TICKS)]
-    problems: list[tuple[Node, Exception]] = []
+    problems: list[tuple[str, Exception]] = []
 
-    def replace(node: Node, problem: Exception) -> Replacement:
-        problems.append((node, problem))
+    def replace(address: str, problem: Exception) -> Replacement:
+        problems.append((address, problem))
         return Replacement((SERVER, "Sibling"), 0, lambda: again)
 
     went: list[tuple[str, bool]] = []
@@ -47,7 +47,7 @@ def test_a_node_that_fails_is_replaced_with_its_part_and_the_others_go_on(
         for k in range(3):
             _tick(outside, k)
         until(lambda: len(other.got) == 3 and again[0].got, "the others and the new one go on")
-    assert [str(problem) for node, problem in problems if node is failing] == ["on purpose"]
+    assert [(address, str(problem)) for address, problem in problems] == [(SERVER, "on purpose")]
     assert failing.closed == sibling.closed == 1
     assert again[0].got[-1] == again[1].got[-1] == Tick(k=2, t_ns=0)
     assert went[:1] != [(SERVER, False)], "nobody thinks that it left"
