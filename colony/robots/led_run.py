@@ -87,7 +87,11 @@ class LedRun:
         self._window = Window(
             request.length_ns,
             frame_ns=compiled.frame_ns,
-            sinks=(self._tally, self._status_tracker, ui.progress(request.length_ns)),
+            sinks=(
+                self._tally,
+                self._status_tracker,
+                Background(ui.progress(request.length_ns), dispensable=True),
+            ),
         )
         for sink in ui.sinks:
             self._window.record(sink)

@@ -10,15 +10,25 @@ from colony.runtime.observe.observer import FrameLog, Sink
 MAX_WAITING = 20_000
 """Maximum number of frames that wait: a quarter of an hour of most robots, some 100 MB."""
 
+PATIENCE_S = 10.0
+"""Seconds after which a sink is given up at the end of a run, if it takes no frame meanwhile."""
+
 
 class Background:
     """A sink that passes frames to another one in a thread of its own. Mutable.
 
     What the other sink raises is raised by the next `take`, or by `close`.
+
+    Args:
+        sink: the other sink.
+        dispensable: True for a sink that needs only the newest frames: others are dropped while it takes
+            none, and at the end it is not waited for.
     """
 
-    def __init__(self, sink: Sink) -> None:
+    def __init__(self, sink: Sink, *, dispensable: bool = False) -> None:
         self._sink = sink
+        self._dispensable = dispensable
+        self._taken = 0
         self._queue: SimpleQueue[FrameLog | None] = SimpleQueue()
         self._failure: BaseException | None = None
         self._has_failed = False
@@ -33,6 +43,8 @@ class Background:
             Exception: as raised by the sink.
         """
         self._raise_failure()
+        if self._dispensable and not self._queue.empty():
+            return
         if self._queue.qsize() >= MAX_WAITING:
             raise TimeoutError(f"{MAX_WAITING} frames wait to be shown and recorded: nothing takes them")
         self._queue.put(log)
@@ -41,15 +53,26 @@ class Background:
         """Pass on what waits, and close the sink.
 
         Raises:
+            TimeoutError: the sink takes nothing any more.
             Exception: as raised by the sink.
         """
         self._queue.put(None)
-        self._thread.join()
+        before = -1
+        while self._thread.is_alive() and before != self._taken:
+            before = self._taken
+            self._thread.join(0.0 if self._dispensable else PATIENCE_S)
+        if self._thread.is_alive():
+            if self._dispensable:
+                return
+            raise TimeoutError(
+                f"{self._queue.qsize()} frames were not shown and recorded: nothing takes them"
+            )
         self._sink.close()
         self._raise_failure()
 
     def _run(self) -> None:
         while (log := self._queue.get()) is not None:
+            self._taken += 1
             if not self._has_failed:
                 try:
                     self._sink.take(log)

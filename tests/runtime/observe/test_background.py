@@ -42,6 +42,23 @@ def test_frames_wait_for_a_slow_sink_and_all_arrive_before_it_is_closed() -> Non
     assert sink.closed
 
 
+@pytest.mark.parametrize("dispensable", [False, True])
+def test_a_sink_that_takes_nothing_holds_no_end_up(
+    monkeypatch: pytest.MonkeyPatch, dispensable: bool
+) -> None:
+    monkeypatch.setattr(background, "PATIENCE_S", 0.01)
+    sink = Slow()
+    behind = Background(sink, dispensable=dispensable)
+    for frame in ("a", "b", "c"):
+        behind.take(frame)  # type: ignore[arg-type]
+    if dispensable:
+        behind.close()
+    else:
+        with pytest.raises(TimeoutError, match="frames were not shown and recorded"):
+            behind.close()
+    sink.may.set()
+
+
 def test_what_a_sink_raises_is_raised_once_and_it_gets_no_more_frames() -> None:
     sink = Slow()
     sink.may.set()
