@@ -22,7 +22,7 @@ class Background:
     Args:
         sink: the other sink.
         dispensable: True for a sink that needs only the newest frames: others are dropped while it takes
-            none, and at the end it is not waited for.
+            none, and at the end a tenth of the patience is enough.
     """
 
     def __init__(self, sink: Sink, *, dispensable: bool = False) -> None:
@@ -60,13 +60,11 @@ class Background:
         before = -1
         while self._thread.is_alive() and before != self._taken:
             before = self._taken
-            self._thread.join(0.0 if self._dispensable else PATIENCE_S)
+            self._thread.join(PATIENCE_S / 10 if self._dispensable else PATIENCE_S)
         if self._thread.is_alive():
             if self._dispensable:
                 return
-            raise TimeoutError(
-                f"{self._queue.qsize()} frames were not shown and recorded: nothing takes them"
-            )
+            raise TimeoutError(f"{self._queue.qsize()} frames were not recorded: nothing takes them")
         self._sink.close()
         self._raise_failure()
 

@@ -54,7 +54,7 @@ def test_a_sink_that_takes_nothing_holds_no_end_up(
     if dispensable:
         behind.close()
     else:
-        with pytest.raises(TimeoutError, match="frames were not shown and recorded"):
+        with pytest.raises(TimeoutError, match="frames were not recorded"):
             behind.close()
     sink.may.set()
 
