@@ -39,12 +39,14 @@ class Storing(Recorder):
     def __init__(self, *listens: str, on: Callable[[Message, int], Iterable[Effect]]) -> None:
         super().__init__(SERVER, *listens, on=on)
         self.busy, self.go = threading.Event(), threading.Event()
+        self.finished: list[int] = []
 
     def settle(self) -> Callable[[], None]:
         handled = len(self.got)
 
         def finish() -> None:
             if handled:
+                self.finished.append(handled)
                 self.busy.set()
                 assert self.go.wait(20)
 
@@ -102,6 +104,22 @@ def test_answers_wait_for_the_store_and_frames_do_not(
         assert outside.heard == []
         node.go.set()
         until(lambda: bool(outside.heard), "the answer")
+
+
+def test_answers_that_wait_for_a_slow_store_share_a_commit(
+    environment: Mapping[str, str], outside: Outside
+) -> None:
+    many = 50
+    node = Storing(CALLS, on=_echo)
+    outside.hear(topics.replies(SERVER, "u/a"))
+    with hosted(environment, [node]):
+        for number in range(1, many + 1):
+            outside.call(plain_call("u/a", number))
+        assert node.busy.wait(20)
+        until(lambda: len(node.got) == many, "all are handled")
+        node.go.set()
+        until(lambda: len(outside.heard) == many, "all are answered")
+    assert len(node.finished) <= 5
 
 
 def test_what_must_not_be_dropped_is_sent_in_a_thread_of_its_own(

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import msgspec
+
 from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.calls import EMERGENCY_STOP
 from colony.runtime.protocol.messages import Effect, Message, Tick
 from colony.runtime.transport.live.host import Host, Replacement
-from tests.runtime.transport.live.outside import SERVER, Outside
+from tests.kit.calling import plain_call
+from tests.runtime.transport.live.outside import CALLS, SERVER, Outside
 from tests.runtime.transport.live.stage import Recorder, robot_address, running
 from tests.waiting import until
 
@@ -51,3 +55,30 @@ def test_a_node_that_fails_is_replaced_with_its_part_and_the_others_go_on(
     assert failing.closed == sibling.closed == 1
     assert again[0].got[-1] == again[1].got[-1] == Tick(k=2, t_ns=0)
     assert went[:1] != [(SERVER, False)], "nobody thinks that it left"
+
+
+def test_a_node_that_fails_at_a_stop_or_while_it_starts_is_replaced_like_any_other(
+    environment: Mapping[str, str], outside: Outside
+) -> None:
+    def fail(*_: object) -> Iterable[Effect]:
+        raise ArithmeticError("on purpose")
+
+    last = Recorder(SERVER, CALLS)
+    made = iter([[Recorder(SERVER, CALLS, begin=fail)], [last]])
+    nodes = [Recorder(SERVER, CALLS, on=fail)]
+
+    def replace(address: str, problem: Exception) -> Replacement:
+        return Replacement((SERVER,), 0, lambda: next(made))
+
+    stop = msgspec.structs.replace(plain_call("u/stop", 1, right="stop"), method=EMERGENCY_STOP)
+    with (
+        Host.open(robot_address(environment), nodes, serves=True, on_failure=replace) as host,
+        running(host),
+    ):
+        until(lambda: SERVER in outside.network.alive(), "it is there")
+        outside.call(stop)
+        until(
+            lambda: host._exchange.member(SERVER) is not None and host._exchange.members[0].node is last, ""
+        )
+        outside.call(stop)
+        until(lambda: last.got == [stop], "the last one gets the stop that is sent again")
