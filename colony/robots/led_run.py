@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING
@@ -95,7 +96,6 @@ class LedRun:
         )
         for sink in ui.sinks:
             self._window.record(sink)
-        self._origin_ns: int | None = None
         self._folder: Path | None = None
         self._recording: RunRecording | None = None
         self._interrupted: Callable[[], bool] = lambda: False
@@ -170,9 +170,13 @@ class LedRun:
         began_ns = self._window.begin_ns
         if began_ns is None or not isinstance(self._robot_address, Local):
             return None
-        if self._origin_ns is None:
-            self._origin_ns = self._robot_address.directory.origin_ns()
         return (t_ns - began_ns - self._origin_ns) / 1e9
+
+    @cached_property
+    def _origin_ns(self) -> int:
+        """The origin of the robot's time; the robot is on this machine."""
+        assert isinstance(self._robot_address, Local)
+        return self._robot_address.directory.origin_ns()
 
     def set_variables(self, supervised_run: SupervisedRun, held: Mapping[str, Value]) -> None:
         """Let the run set variables of DServer: `held` to their values, others as the scenario says."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import Protocol
 
+from colony.runtime.observe.repeating import repeating
 from colony.watch.store import SnapshotStore
 
 SILENCE_S = 2.0
@@ -26,24 +25,16 @@ class Heard(Protocol):
         ...
 
 
-@contextmanager
-def noting_silence(sink: Heard, store: SnapshotStore, text: str) -> Iterator[None]:
-    """Say `text` in the store whenever a robot is silent, as long as the context lasts."""
-    ended = threading.Event()
+def noting_silence(sink: Heard, store: SnapshotStore, text: str) -> AbstractContextManager[None]:
+    """Return a context in which `text` stands in the store whenever the robot is silent."""
+    said: str | None = None
 
     def check() -> None:
-        said = None
-        while not ended.wait(CHECK_INTERVAL_S):
-            is_silent = time.monotonic() - sink.heard_s > SILENCE_S
-            if is_silent and store.problem is None:
-                store.problem = said = text
-            elif not is_silent and said is not None and store.problem == said:
-                store.problem = said = None
+        nonlocal said
+        is_silent = time.monotonic() - sink.heard_s > SILENCE_S
+        if is_silent and store.problem is None:
+            store.problem = said = text
+        elif not is_silent and said is not None and store.problem == said:
+            store.problem = said = None
 
-    thread = threading.Thread(target=check, name="silence", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
+    return repeating("silence", check, interval_s=CHECK_INTERVAL_S)

@@ -42,18 +42,16 @@ class Member:
     """A node in an exchange, its lock, and itself once more if its effects have to be settled.
 
     Once it is `removed`, it gets nothing more, also nothing that another thread had in hand for it.
-    While an emergency stop waits for the node, `stop_waits` is True and `no_stop_waits` is cleared: nothing
-    else may come between.
+    While an emergency stop waits for the node, `no_stop_waits` is cleared: nothing else may come between.
     """
 
-    __slots__ = ("address", "lock", "no_stop_waits", "node", "removed", "settling", "stop_waits")
+    __slots__ = ("address", "lock", "no_stop_waits", "node", "removed", "settling")
 
     def __init__(self, node: Node) -> None:
         self.address = node.address
         self.node = node
         self.lock = Lock()
         self.removed = False
-        self.stop_waits = False
         self.no_stop_waits = Event()
         self.no_stop_waits.set()
         self.settling = node if isinstance(node, SettlingNode) else None
@@ -143,18 +141,15 @@ class Exchange:
 
     def handle(self, member: Member, message: Message) -> tuple[Effect, ...]:
         """Let a node handle a message, once no other thread uses the node, and return the effects."""
-        if member.stop_waits:
-            member.no_stop_waits.wait()
+        member.no_stop_waits.wait()
         return self._handle(member, message)
 
     def handle_stop(self, member: Member, message: Message) -> tuple[Effect, ...]:
         """Let a node handle an emergency stop ahead of all other messages, and return the effects."""
         member.no_stop_waits.clear()
-        member.stop_waits = True
         try:
             return self._handle(member, message)
         finally:
-            member.stop_waits = False
             member.no_stop_waits.set()
 
     def _handle(self, member: Member, message: Message) -> tuple[Effect, ...]:

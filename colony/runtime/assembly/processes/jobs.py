@@ -165,8 +165,8 @@ def server_parts(
 
 
 Layout = Literal["hosted", "composed", "isolated"]
-"""Where parts run that cannot hold each other up: in the process that starts the others, together in one of
-their own, or each in one of its own."""
+"""The place of parts that cannot hold each other up: the process that starts the others, one process of their
+own, or one each."""
 
 
 class Processes(NamedTuple):

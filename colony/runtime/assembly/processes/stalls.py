@@ -8,9 +8,10 @@ commands no longer arrive. Afterwards this thread says for how long it was.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from threading import Event, Thread
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+
+from colony.runtime.observe.repeating import repeating
 
 INTERVAL_S = 0.1
 """Seconds between two looks."""
@@ -19,28 +20,18 @@ STALL_S = 0.25
 """Seconds of delay that are reported, several frames of most robots."""
 
 
-@contextmanager
-def reporting_stalls(
-    report: Callable[[str], None], clock: Callable[[], float] = time.monotonic
-) -> Iterator[None]:
-    """Report stalls of this process inside the `with`."""
-    ended = Event()
+def reporting_stalls(report: Callable[[str], None]) -> AbstractContextManager[None]:
+    """Return a context in which stalls of this process are reported."""
+    last = time.monotonic()
 
     def look() -> None:
-        last = clock()
-        while not ended.wait(INTERVAL_S):
-            now = clock()
-            if (text := stall(now - last)) is not None:
-                report(text)
-            last = now
+        nonlocal last
+        now = time.monotonic()
+        if (text := stall(now - last)) is not None:
+            report(text)
+        last = now
 
-    thread = Thread(target=look, name="stalls", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
+    return repeating("stalls", look, interval_s=INTERVAL_S)
 
 
 def stall(waited_s: float) -> str | None:

@@ -93,6 +93,8 @@ class Outbox:
         """Send messages: first the single ones, then messages of clients to the same server, in batches."""
         batches: dict[str, list[Batched]] = {}
         for topic, message in sends:
+            if not self._is_heard(topic, message):
+                continue
             if isinstance(message, Batched) and not _is_large(message):
                 batches.setdefault(topic, []).append(message)
             else:
@@ -103,8 +105,6 @@ class Outbox:
 
     def send(self, topic: str, message: SentMessage, now_ns: int) -> None:
         """Send a message; report one that is too large, and send an error instead of a reply that is."""
-        if not self._is_heard(topic, message):
-            return
         try:
             data = codec.encode(message)
         except ValueError as problem:

@@ -11,8 +11,9 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -39,15 +40,21 @@ SLACK_NS = 30_000_000
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    with _audited_run(tmp_path_factory.mktemp("faults"), served=False) as made:
+        yield made
+
+
+@contextmanager
+def _audited_run(folder: Path, *, served: bool) -> Iterator[Run]:
+    """A run that is held to the interpreter at its end."""
     print(f"seed {SEED}")
-    machine = Machine(tmp_path_factory.mktemp("faults"))
-    try:
-        options = ("--record", "run.mcap", "--format", "json")
-        with closing(Run(machine, *options, seed=SEED)) as made:
-            yield made
-            _every_decision_was_the_interpreters(made)
-    finally:
-        machine.close()
+    options = ("--record", "run.mcap", "--format", "json")
+    with (
+        closing(Machine(folder)) as machine,
+        closing(Run(machine, *options, seed=SEED, served=served)) as made,
+    ):
+        yield made
+        _every_decision_was_the_interpreters(made)
 
 
 def _every_decision_was_the_interpreters(run: Run) -> None:
@@ -239,15 +246,8 @@ def test_a_clock_that_is_killed_goes_on_in_the_epoch(run: Run, others: tuple[str
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
-    print(f"seed {SEED}")
-    machine = Machine(tmp_path_factory.mktemp("served"))
-    try:
-        options = ("--record", "run.mcap", "--format", "json")
-        with closing(Run(machine, *options, seed=SEED, served=True)) as made:
-            yield made
-            _every_decision_was_the_interpreters(made)
-    finally:
-        machine.close()
+    with _audited_run(tmp_path_factory.mktemp("served"), served=True) as made:
+        yield made
 
 
 def test_a_process_of_all_servers_that_is_killed_goes_on_in_the_epoch_and_soon(served: Run) -> None:

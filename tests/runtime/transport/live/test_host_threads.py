@@ -183,7 +183,7 @@ def test_an_emergency_stop_has_a_thread_of_its_own_and_goes_before_all_that_wait
         stop = _stop("u/stop", 1)
         outside.call(stop)
         member = host._exchange.members[0]
-        until(lambda: member.stop_waits, "the stop is next")
+        until(lambda: not member.no_stop_waits.is_set(), "the stop is next")
         node.go.set()
         until(lambda: len(node.got) == MAX_CALLS_PER_CONNECTION + 2, "all are handled")
     assert node.got[1] == stop
