@@ -11,7 +11,9 @@ one. So exactly one of the commands requested in a frame is dispatched, once:
   the exclusive guard of the command says that it is the right one. When all live clients have been heard
   from and none commands, the actuator is idle.
 - At the deadline the highest command that has arrived is dispatched, or the idle command. A late or lost
-  client therefore leads to idle, never to a lesser behavior.
+  client therefore leads to idle, never to a lesser behavior. The deadline passes with its wake, which a host
+  delivers after all messages that it has: a process that was held up for a moment finds nobody late who
+  waits in it. After twice the deadline a message is too old to be waited for.
 - Two commands in one frame are a violation: it is recorded, and the higher priority wins.
 - Connections from outside the network, locks and the emergency stop are `Interventions`. A command from
   outside is held to the bounds of its frame (`frame_bounds.py`), which its decision waits for, until the
@@ -134,6 +136,7 @@ class Arbiter:
         self._notes, self._next_notes = self._next_notes, []
         began_ns = now_ns if self._times.from_arrival else tick.t_ns
         self._deadline_ns = began_ns + self._times.deadline_ns
+        self._stale_ns = self._deadline_ns + self._times.deadline_ns
         self._decide_by = self._deadline_ns
         self._sent: Dispatch | None = None
 
@@ -193,7 +196,7 @@ class Arbiter:
 
     def wake(self, now_ns: int) -> tuple[Event, ...]:
         """Decide the frame if its deadline or grace period has passed."""
-        return self._advance(now_ns)
+        return self._advance(now_ns, passes=now_ns >= self._due_ns)
 
     def finish(self) -> tuple[Event, ...]:
         """End the current frame as it stands, because no other follows."""
@@ -235,13 +238,15 @@ class Arbiter:
         if request.bid == "command" and self._phase == "open":
             self._decide_by = min(self._decide_by, now_ns + self._times.grace_ns)
 
-    def _advance(self, now_ns: int) -> tuple[Event, ...]:
+    def _advance(self, now_ns: int, *, passes: bool = False) -> tuple[Event, ...]:
+        """Decide the frame if all that matters is known, if a deadline passes, or if it is too old."""
         dispatch: Dispatch | None = None
         if self._phase == "open":
             choice = self._ballot.choose(self._interventions)
             self._awaits_bounds = choice.outside is not None and self._bounds.awaited_for(choice.outside)
-            if (choice.settled and not self._awaits_bounds) or now_ns >= self._due_ns:
-                self._at_deadline = now_ns >= self._deadline_ns
+            settled = choice.settled and not self._awaits_bounds
+            if settled or passes or now_ns >= self._stale_ns:
+                self._at_deadline = not settled and now_ns >= self._deadline_ns
                 dispatch = self._dispatch(choice)
         if self._phase == "dispatched" and self._ballot.complete:
             verdict = self._verdict()

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from queue import SimpleQueue
-from threading import Thread
+from threading import Event, Thread
 
 from colony.runtime.observe.observer import FrameLog, Sink
 
 MAX_WAITING = 20_000
 """Maximum number of frames that wait: a quarter of an hour of most robots, some 100 MB."""
+
+PAUSE_S = 0.1
+"""Seconds after which the next frames are passed on: a thread that is woken by each frame takes as long to wake
+as the frame to record."""
 
 PATIENCE_S = 10.0
 """Seconds after which a sink is given up at the end of a run, if it takes no frame meanwhile."""
@@ -32,6 +36,7 @@ class Background:
         self._queue: SimpleQueue[FrameLog | None] = SimpleQueue()
         self._failure: BaseException | None = None
         self._has_failed = False
+        self._closing = Event()
         self._thread = Thread(target=self._run, name="sinks", daemon=True)
         self._thread.start()
 
@@ -57,6 +62,7 @@ class Background:
             Exception: as raised by the sink.
         """
         self._queue.put(None)
+        self._closing.set()
         before = -1
         while self._thread.is_alive() and before != self._taken:
             before = self._taken
@@ -69,13 +75,18 @@ class Background:
         self._raise_failure()
 
     def _run(self) -> None:
-        while (log := self._queue.get()) is not None:
+        while (log := self._next()) is not None:
             self._taken += 1
             if not self._has_failed:
                 try:
                     self._sink.take(log)
                 except BaseException as failure:
                     self._failure, self._has_failed = failure, True
+
+    def _next(self) -> FrameLog | None:
+        if self._queue.empty():
+            self._closing.wait(PAUSE_S)
+        return self._queue.get()
 
     def _raise_failure(self) -> None:
         failure, self._failure = self._failure, None

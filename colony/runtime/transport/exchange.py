@@ -141,7 +141,8 @@ class Exchange:
 
     def handle(self, member: Member, message: Message) -> tuple[Effect, ...]:
         """Let a node handle a message, once no other thread uses the node, and return the effects."""
-        member.no_stop_waits.wait()
+        if not member.no_stop_waits.is_set():
+            member.no_stop_waits.wait()
         return self._handle(member, message)
 
     def handle_stop(self, member: Member, message: Message) -> tuple[Effect, ...]:

@@ -70,6 +70,35 @@ def test_frames(bids: str, lost: str, winner: str | None, fates: str) -> None:
         assert not verdict.violation
 
 
+@pytest.mark.parametrize(
+    ("handled_ns", "winner", "late"),
+    [
+        (39 * MS, "cruise", ()),
+        (60 * MS, "cruise", ()),  # held up: all of them waited in the process, so nobody is late
+        (80 * MS, None, ("avoid", "cruise")),  # too old to be waited for
+    ],
+)
+def test_a_process_that_was_held_up_finds_nobody_late_who_waits_in_it(
+    one: Arbiter, handled_ns: int, winner: str | None, late: tuple[str, ...]
+) -> None:
+    one.open(tick(), frozenset(), 0)
+    bids = ("back_off", "silent"), ("avoid", "silent"), ("cruise", "command")
+    events = [e for client, bid in bids for e in one.receive(request(client, bid), handled_ns)]
+    (dispatch,) = (event for event in events if isinstance(event, Dispatch))
+    (verdict,) = (event for event in events if isinstance(event, Verdict))
+    assert dispatch.by == verdict.by == winner
+    assert tuple(client for client, fate in verdict.fates if fate == "late") == late
+
+
+def test_who_is_heard_after_a_late_decision_that_it_cannot_change_is_not_late(one: Arbiter) -> None:
+    one.open(tick(), frozenset(), 0)
+    for client, bid in (("back_off", "command"), ("avoid", "silent"), ("cruise", "silent")):
+        events = one.receive(request(client, bid), 60 * MS)
+    (verdict,) = events
+    assert isinstance(verdict, Verdict)
+    assert dict(verdict.fates) == {"back_off": "won", "avoid": "silent", "cruise": "silent"}
+
+
 @pytest.mark.parametrize("told_ns", [-10_000 * MS, 0, 10_000 * MS])
 def test_in_lockstep_the_deadline_counts_from_when_the_tick_came(told_ns: int) -> None:
     one = Arbiter(table(DRIVE, *PLACES), timing(50 * MS, lockstep=True))

@@ -33,6 +33,9 @@ TAIL_LINES = 8
 LOG_BYTES = 16 * 1024 * 1024
 """Size in bytes beyond which a log is emptied."""
 
+LOG_INTERVAL_NS = 1_000_000_000
+"""Nanoseconds between two checks of a log's size."""
+
 EXPLAINED_SIGNALS = frozenset({signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, signal.SIGBUS, signal.SIGILL})
 """Signals of which Python's fault handler writes into the log where they hit the process."""
 
@@ -89,6 +92,7 @@ class _Child:
     log_start: int = 0
     began_ns: int = 0
     due_ns: int | None = None
+    log_due_ns: int = 0
     restarts: Restarts = field(default_factory=Restarts)
 
 
@@ -171,7 +175,9 @@ class Children:
             return
         code = _exit_code(child.process)
         if code is None:
-            _limit_log(child.job.log)
+            if (now := self._clock()) >= child.log_due_ns:
+                child.log_due_ns = now + LOG_INTERVAL_NS
+                _limit_log(child.job.log)
             return
         _release(child)
         now = self._clock()
