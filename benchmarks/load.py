@@ -187,14 +187,14 @@ def _latencies(process: subprocess.Popen[bytes], folder: Path) -> list[float]:
     told = folder / "latency"
     for path in told.glob("*.json"):
         path.unlink()
-    for pid, _ in _tree(process.pid):
-        os.kill(pid, latency.TELL)
     until = time.monotonic() + STARTS_S
     while not (found := [*told.glob("*.json")]):
         expect_alive(process)
         if time.monotonic() > until:
             raise RuntimeError("no process tells how long its commands took")
-        time.sleep(0.01)
+        for pid, _ in _tree(process.pid):
+            os.kill(pid, latency.TELL)
+        time.sleep(0.1)
     ms: list[float] = json.loads(found[0].read_text())
     return ms
 

@@ -301,6 +301,7 @@ def test_the_example_with_more_around_it(ada: Machine) -> None:
         with pytest.raises(CallRefusedError, match="would harm the battery"):
             battery.do(charge(5000.0))
         assert 70.0 < battery.do(charge(-3000.0)) <= 80.0
+        until(lambda: battery.do(charge(-3000.0)) < 25.0, "the battery is low")
         until(lambda: base.do(robot.speed_setting()) == 0.0, "the robot rests")
         assert battery.do(charge(3000.0)) < 25.0
         until(lambda: base.do(robot.speed_setting()) == 150.0, "the robot drives again")

@@ -281,6 +281,12 @@ class Hardware:
         "after what time the device stops by itself when its computer falls silent",
         default=None,
     )
+    process: str | None = entry(
+        "process",
+        Text(NAME, "a name"),
+        "the process that it shares with all drivers with this name [default: with those of its port]",
+        default=None,
+    )
     options: Mapping[str, str | float | bool] = entry(
         "", Options(), "what the driver is given, such as `port`", default={}
     )

@@ -97,6 +97,7 @@ def _hardware(robot: DescribedRobot, name: str, server: Server) -> Hardware:
     return Hardware(
         driver=server.hardware.driver,
         options=dict(server.hardware.options),
+        process=server.hardware.process,
         search_path=tuple(dict.fromkeys([*folders, os.getcwd()])),
         origin=f"{where}server.{name}.hardware",
         frame_ns=DEFAULT_FRAME_NS if robot.interface is None else robot.interface.frame_ns,

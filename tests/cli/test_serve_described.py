@@ -68,7 +68,7 @@ def test_a_served_robot_takes_programs_and_stops_with_all_its_actuators(
 
 
 def _kill(machine: Machine, server: str) -> None:
-    """Kill a server, which another one in its process may just have taken along, and wait for the next one."""
+    """Kill a server, and wait for the next one; it may still start again with one that was killed before."""
     until(lambda: machine.pid(server) is not None, f"{server} runs")
     pid = machine.pid(server)
     assert pid is not None

@@ -75,9 +75,9 @@ def test_a_base_with_a_driver_alone_has_no_values_in_the_simulator(tmp_path: Pat
     assert found.server.fields == RSERVER.fields
 
 
-def test_the_servers_of_one_line_share_a_process(tmp_path: Path) -> None:
-    def hardware(module: str, **options: str) -> Hardware:
-        return Hardware(driver=f"{module}:make", options=dict(options))
+def test_the_servers_of_one_line_or_of_a_named_process_share_it(tmp_path: Path) -> None:
+    def hardware(module: str, process: str | None = None, **options: str) -> Hardware:
+        return Hardware(driver=f"{module}:make", process=process, options=dict(options))
 
     drivers = {
         "RServer": hardware("rover", port="/dev/a"),
@@ -85,7 +85,8 @@ def test_the_servers_of_one_line_share_a_process(tmp_path: Path) -> None:
         "Arm": hardware("rover", port="/dev/b"),
         "Lidar": hardware("lidar", port="/dev/a"),
         "Imu": hardware("rover"),
-        "Gps": hardware("rover"),
+        "Gps": hardware("rover", process="slow"),
+        "Gas": hardware("sniffer", port="/dev/a", process="slow"),
     }
     limits = BaseLimits(velocity=1.0, turn=1.0, acceleration=1.0, turn_acceleration=1.0)
     servers = tuple(ServerSpec(name) for name in drivers if name != "RServer")
@@ -98,9 +99,9 @@ def test_the_servers_of_one_line_share_a_process(tmp_path: Path) -> None:
         ("Arm",),
         ("Lidar",),
         ("Imu",),
-        ("Gps",),
+        ("Gps", "Gas"),
     ]
-    assert [(job.essential, job.gives_up) for job in jobs[1:6]] == [(False, False)] * 5
+    assert [(job.essential, job.gives_up) for job in jobs[1:]] == [(False, False)] * 5
     spec = read_spec(Path(jobs[1].arguments[0]))
     assert isinstance(spec.part, GroupPart)
     assert list(map(name_of, spec.part.parts)) == ["RServer", "Battery"]

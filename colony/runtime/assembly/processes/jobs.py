@@ -196,16 +196,14 @@ def _grouped(parts: Iterable[Part]) -> tuple[tuple[SinglePart, ...], tuple[Part,
     """Return the parts that can share a process, and those of other processes.
 
     Drivers of users, cameras and modules in Python may block, or hold the interpreter: they stay apart.
-    Drivers of one module for one port share a process.
+    Drivers share one with those of the same module for the same port, or as their description says.
     """
     together: list[SinglePart] = []
     apart: list[Part] = []
     lines: dict[object, list[SinglePart]] = {}
     for part in parts:
         if isinstance(part, (RServerPart, DevicePart)) and isinstance(hardware := part.device, Hardware):
-            port = hardware.options.get(PORT)
-            line = name_of(part) if port is None else (port, hardware.driver.partition(":")[0])
-            lines.setdefault(line, []).append(part)
+            lines.setdefault(_line(name_of(part), hardware), []).append(part)
         elif isinstance(part, (CServerPart, AnnouncerPart, GatewayPart, GroupPart)) or (
             isinstance(part, ClientsPart) and not part.shared
         ):
@@ -214,6 +212,14 @@ def _grouped(parts: Iterable[Part]) -> tuple[tuple[SinglePart, ...], tuple[Part,
             together.append(part)
     apart += [line[0] if len(line) == 1 else GroupPart(parts=tuple(line)) for line in lines.values()]
     return tuple(together), tuple(apart)
+
+
+def _line(server: str, hardware: Hardware) -> tuple[str | int | float, ...]:
+    """Return what the drivers of a process have in common, and no others."""
+    port = hardware.options.get(PORT)
+    if hardware.process is not None:
+        return ("process", hardware.process)
+    return ("server", server) if port is None else ("port", port, hardware.driver.partition(":")[0])
 
 
 def client_processes(

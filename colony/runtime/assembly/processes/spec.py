@@ -59,12 +59,14 @@ class Device(msgspec.Struct, frozen=True, kw_only=True, tag="plant"):
 class Hardware(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
     """A driver of a real device: the class `driver`, as `module:Class`, which is called with `options`.
 
-    `search_path` are additional folders of its module; `origin` is the place that names it, for messages.
+    Drivers with the same `process` share a process. `search_path` are additional folders of its module;
+    `origin` is the place that names it, for messages.
     `frame_ns` is the length of the robot's frames, which is given to a driver that has such a parameter.
     """
 
     driver: str
     options: dict[str, str | int | float | bool] = {}
+    process: str | None = None
     search_path: tuple[str, ...] = msgspec.field(default=(), name="search")
     origin: str = ""
     frame_ns: int = DEFAULT_FRAME_NS
