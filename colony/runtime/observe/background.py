@@ -11,7 +11,7 @@ MAX_WAITING = 20_000
 """Maximum number of frames that wait: a quarter of an hour of most robots, some 100 MB."""
 
 PAUSE_S = 0.1
-"""Seconds after which the next frames are passed on, as waking a thread takes as long as recording a frame."""
+"""Seconds until the next frames are passed on: waking a thread takes as long as recording a frame."""
 
 PATIENCE_S = 10.0
 """Seconds after which a sink is given up at the end of a run, if it takes no frame meanwhile."""
