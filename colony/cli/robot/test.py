@@ -54,6 +54,7 @@ DRIVES = "the robot will drive and be stopped hard, again and again: give it roo
 @map_option
 @click.option("--hardware", is_flag=True, help="Test real devices, by the drivers that the body names.")
 @click.option("--port", metavar="PORT", help="Test real devices at this port, as for `colony serve`.")
+@click.option("--isolate", is_flag=True, help="Give each server a process of its own, as `colony serve all`.")
 @click.option(
     "--duration", metavar="TIME", default="60", show_default=True, help="The length of the test, 90s or 2min."
 )
