@@ -181,7 +181,11 @@ class Children:
             return
         _release(child)
         now = self._clock()
-        child.due_ns = None if code == EXIT_FINAL else child.restarts.next_start(child.began_ns, now)
+        if code == EXIT_FINAL:
+            child.due_ns = None
+        else:
+            killed = code == -signal.SIGKILL
+            child.due_ns = child.restarts.next_start(child.began_ns, now, killed=killed)
         pause_s = None if child.due_ns is None else (child.due_ns - now) / 1e9
         yield Death(child.job, _cause(code), _explanation(child, code), pause_s, code == EXIT_FINAL)
         if child.due_ns is not None and child.due_ns <= now:

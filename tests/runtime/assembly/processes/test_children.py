@@ -13,7 +13,14 @@ from pathlib import Path
 import pytest
 
 from colony.runtime.assembly.processes.children import Children, Death, Job, describe, last_lines
-from colony.runtime.assembly.processes.restarts import MAX_PAUSE_NS, MAX_QUICK_DEATHS, STABLE_NS, Restarts
+from colony.runtime.assembly.processes.restarts import (
+    FIRST_PAUSE_NS,
+    MAX_PAUSE_NS,
+    MAX_QUICK_DEATHS,
+    STABLE_NS,
+    UNHURRIED_NS,
+    Restarts,
+)
 from tests.waiting import PATIENCE_S, until
 
 # Unbuffered, `print` writes a line and its end separately, so that a death in between would join two lines.
@@ -194,6 +201,16 @@ def test_who_lived_for_long_is_started_at_once_again() -> None:
         assert restarts.next_start(now, now + STABLE_NS) == now + STABLE_NS
         now += STABLE_NS
     assert restarts.total == 3 * MAX_QUICK_DEATHS
+
+
+def test_who_is_killed_is_never_given_up_and_waits_only_if_that_comes_at_once_again() -> None:
+    restarts, now = Restarts(), 0
+    for _ in range(3 * MAX_QUICK_DEATHS):
+        assert restarts.next_start(now, now, killed=True) == now
+        assert restarts.next_start(now, now, killed=True) == now + FIRST_PAUSE_NS
+        assert restarts.next_start(now, now + UNHURRIED_NS, killed=True) == now + UNHURRIED_NS
+        now += UNHURRIED_NS
+    assert restarts.next_start(now, now) == now, "none of them failed"
 
 
 def test_a_log_that_grows_too_large_is_emptied(
