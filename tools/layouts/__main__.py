@@ -8,6 +8,9 @@ import sys
 from tools.drawn_programs import run
 from tools.layouts.comparing import compare
 
+REPORTED = 100
+"""Number of programs after which the counts and findings so far are printed."""
+
 
 def main() -> int:
     """Compare the layouts over the programs of some seeds."""
@@ -16,8 +19,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="first seed")
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
-    seeds = range(given.seed, given.seed + given.programs)
-    return 0 if run("layouts", compare, seeds, given.workers) else 1
+    end = given.seed + given.programs
+    parts = [range(first, min(end, first + REPORTED)) for first in range(given.seed, end, REPORTED)]
+    results = [run("layouts", compare, seeds, given.workers) for seeds in parts]
+    return 0 if all(results) else 1
 
 
 if __name__ == "__main__":

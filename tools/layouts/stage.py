@@ -227,8 +227,12 @@ class Stage:
             robot_address, self.deployment, compiled, bindings, specs, layout=places.clients
         )
         self._resources.callback(self._end)
-        self._outsider = self._listen_outside()
-        self._begin()
+        try:
+            self._outsider = self._listen_outside()
+            self._begin()
+        except BaseException:
+            self.close()
+            raise
 
     # --- the robot -------------------------------------------------------------------------------------
 

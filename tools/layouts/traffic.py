@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import zenoh
 
-from colony.runtime.transport.live import acknowledging, inbox, stop_lane
+from colony.runtime.transport.live import acknowledging, inbox, network, stop_lane
 from colony.runtime.transport.live.network import ZenohSession
 from tests.waiting import PATIENCE_S
 
@@ -92,8 +92,12 @@ class Traffic:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """Watch the queues of all hosts that are made inside the `with`."""
+        """Watch the queues of all hosts that are made inside the `with`.
+
+        A session that closes slowly must not shut down the links of this process: other hosts have them.
+        """
         with ExitStack() as patches:
+            patches.enter_context(patch.object(network, "CLOSE_S", PATIENCE_S))
             for module in (acknowledging, inbox, stop_lane):
                 patches.enter_context(patch.object(module, "SimpleQueue", self._queue))
             yield
@@ -120,9 +124,9 @@ class Traffic:
             self._queues = {q: None for q in self._queues if q is not queue and q.maker is not thread}
         self._changed.set()
 
-    def meter(self, network: ZenohSession, *, listens: bool) -> None:
+    def meter(self, joined: ZenohSession, *, listens: bool) -> None:
         """Count what goes through a session, which others can dial if it `listens`."""
-        network.session = _MeteredSession(network.session, self, listens=listens)  # type: ignore[assignment]
+        joined.session = _MeteredSession(joined.session, self, listens=listens)  # type: ignore[assignment]
 
     def settle(self) -> None:
         """Wait until all threads wait for work, and all that was published is handled.
