@@ -59,6 +59,7 @@ loss: $(DEV)
 
 agreement: $(DEV)
 	$(BIN)/python -m tools.drawn_programs --workers $(WORKERS)
+	$(BIN)/python -m tools.layouts --workers $(WORKERS)
 
 angles: $(DEV)
 	$(BIN)/python -m tools.angles_trial --seed $(SEED) --workers $(WORKERS)

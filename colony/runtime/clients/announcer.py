@@ -42,7 +42,7 @@ class Announcer(QuietNode):
     """The node of a module in Python. Stateful: keeps its memory, its announcements, and incomplete frames.
 
     It announces the answer of every frame, even when it is late, because other nodes wait for it. It repeats
-    an announcement that is fetched from DServer, which may have been restarted. The memory of a Python object
+    an announcement that DServer, which may have been restarted, no longer has. The memory of a Python object
     cannot be saved: an announcer that replaces a dead one, and cannot step through all frames since the epoch
     began, requests a new epoch.
     """
@@ -57,7 +57,7 @@ class Announcer(QuietNode):
         frames_kept: int,
     ) -> None:
         self.address = topics.activity(DSERVER.name, module)
-        self.listens = tuple(dict.fromkeys((*assembler.listens, topics.fetches(DSERVER.name))))
+        self.listens = (*assembler.listens, topics.repeats(DSERVER.name, module))
         self._module = module
         self._assembler = assembler
         self._executor = executor

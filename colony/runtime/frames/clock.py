@@ -177,7 +177,7 @@ class Clock:
                 self._note_answer(message.server, message.k, message.since, now_ns)
                 self._latch.observe(message.stopped)
                 self._skip_past(message.k)
-                self._answered[message.server] = message.k
+                self._answered[message.server] = max(message.k, self._answered.get(message.server, -1))
             case Announcement():
                 self._note_answer(topics.activity(DSERVER.name, message.module), message.k, 0, now_ns)
             case Verdict():

@@ -53,6 +53,11 @@ def activity(server: str, module: str) -> str:
     return f"{server}/activity/{module}"
 
 
+def repeats(server: str, module: str) -> str:
+    """Return the topic on which a data server asks a module in Python to announce an answer again."""
+    return f"{server}/repeats/{module}"
+
+
 def calls(server: str) -> str:
     """Return the topic of calls, signs of life and malformed calls to a server."""
     return f"{server}/call"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from colony.runtime.frames.assembler import BLIND, COMMAND, ERROR
-from colony.runtime.frames.publishing import KEPT_BYTES, FetchBudget, frame_bytes
+from colony.runtime.frames.publishing import FRAME_BYTES, KEPT_BYTES, FetchBudget, frame_bytes
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame
 
@@ -14,8 +14,8 @@ class ActivityRelay:
     """A publisher of announcements as frames. Mutable.
 
     It keeps the newest `frames_kept` frames of each module, and answers fetches within a budget that each
-    tick renews. The module's process receives the same fetches, and announces again the answers that are not
-    kept here.
+    tick renews. It passes fetches of answers that are not kept here on to the module's process, which
+    announces them again: only DServer is linked to both that process and those that fetch.
     """
 
     def __init__(self, server: str, modules: tuple[str, ...], *, frames_kept: int) -> None:
@@ -28,6 +28,7 @@ class ActivityRelay:
     def deploy(self, modules: tuple[str, ...]) -> None:
         """Relay the answers of these modules from now on."""
         self._names = {module: topics.activity(self._server, module) for module in modules}
+        self._modules = {name: module for module, name in self._names.items()}
         self._frames: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
         self._bytes = dict.fromkeys(self._frames, 0)
         self._bytes_per_module = KEPT_BYTES // max(1, len(self._names))
@@ -55,8 +56,14 @@ class ActivityRelay:
         return (Send(topics.frames(name), frame),)
 
     def fetch(self, message: Fetch) -> Iterable[Effect]:
-        """Publish a frame again, if it is kept."""
-        frame = self._frames.get(message.server, {}).get(message.k)
-        if frame is None or not self._budget.take(message.server, message.k, frame_bytes(frame.fields)):
+        """Publish a frame again, or let the module announce it again if it is not kept."""
+        module = self._modules.get(message.server)
+        if module is None:
             return ()
+        frame = self._frames[message.server].get(message.k)
+        size = FRAME_BYTES if frame is None else frame_bytes(frame.fields)
+        if not self._budget.take(message.server, message.k, size):
+            return ()
+        if frame is None:
+            return (Send(topics.repeats(self._server, module), message),)
         return (Send(topics.frames(message.server), frame),)

@@ -63,6 +63,22 @@ def test_a_release_is_answered_once_all_servers_that_answer_ticks_know_it(
     assert abs(stage.now_ns - released_ns - at_ms * MS) <= 10 * MS
 
 
+def test_an_earlier_frame_that_a_server_sends_again_delays_no_release(stage: Stage) -> None:
+    ann = Leader(stage, "ann/1")
+    ann.ask(emergency.stop())
+    last(stage)
+    ann.alive()
+    ann.begin(clock_library.release())
+    count = len(stage.ticks)
+    while len(stage.ticks) == count:
+        stage.until(stage.now_ns + 10 * MS, answering=("PServer",))
+    k = stage.ticks[-1].k
+    stage.handle(ServerFrame(server="PServer", k=k - 1, fields={}))
+    assert ("ann/1", ann.number) not in stage.replies
+    stage.handle(ServerFrame(server="RServer", k=k, fields={}))
+    assert ("ann/1", ann.number) in stage.replies
+
+
 def test_a_stop_needs_no_connection_and_more_than_the_right_to_read(stage: Stage) -> None:
     nobody = Caller(stage, "nobody/1")
     assert nobody.refusal(emergency.stop()._replace(right="read")) == "right"

@@ -30,7 +30,7 @@ Rule = dict[str, Any]
 _READER_SUBSCRIPTIONS = ("Clock/ticks", "*/frames", "*/activity/*/frames", "verdicts")
 # not `**`, which matches any depth, and so the calls of other users
 _READER_PUBLICATIONS = ("*/fetches/{user}",)
-_RUNNER_SUBSCRIPTIONS = ("*/recalled/**",)
+_RUNNER_SUBSCRIPTIONS = ("*/recalled/**", "*/repeats/*")
 _RUNNER_PUBLICATIONS = (
     "*/requests/{user}",
     "*/announcements/{user}",

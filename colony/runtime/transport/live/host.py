@@ -357,10 +357,10 @@ class Host:
             elif not must_wait(effect.message, settles=settles):
                 exchange.hand_over(*effect)
                 at_once.append(effect)
-            elif settles or not exchange.listeners(effect.topic):
-                waiting.append(effect)
             else:
-                exchange.hand_over(*effect)
+                if not settles:
+                    exchange.hand_over(*effect)
+                waiting.append(effect)
         if waiting:
             assert self._acknowledging is not None
             self._acknowledging.put(member, waiting)

@@ -50,6 +50,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
     "announcements": (Announcement,),
     "checkpoints": (Checkpoint, Recall),
     "recalled": (Checkpoint,),
+    "repeats": (Fetch,),
     "ready": (Ready,),
     "restarts": (Restart,),
     "verdicts": (Verdict,),

@@ -14,6 +14,7 @@ from colony.runtime.protocol.messages import (
     Call,
     Effect,
     Message,
+    Notice,
     Reply,
     Send,
     ServerFrame,
@@ -81,6 +82,20 @@ def test_another_process_hears_what_a_node_of_the_host_hears_in_memory_once(
             outside.put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
         until(lambda: len(outside.heard) == 300 and len(listener.got) >= 300, "all were passed on")
     assert listener.got == outside.heard == [Tick(k=k, t_ns=0) for k in range(300)]
+
+
+def test_another_process_hears_what_must_not_be_dropped_and_a_node_of_the_host_hears_in_memory(
+    environment: Mapping[str, str], outside: Outside
+) -> None:
+    topic = topics.replies(SERVER, "u/a")
+    told = [Notice(connection="u/a", subject=str(n), body=msgspec.Raw(b"\xc0")) for n in range(100)]
+    server = Recorder(SERVER, topics.TICKS, on=lambda *_: [Send(topic, notice) for notice in told])
+    listener = Recorder("listener", topic)
+    outside.hear(topic)
+    with hosted(environment, [server, listener]):
+        outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        until(lambda: len(outside.heard) == 100 and len(listener.got) >= 100, "both hear it")
+    assert listener.got == outside.heard == told
 
 
 def test_answers_wait_for_the_store_and_frames_do_not(
