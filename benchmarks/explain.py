@@ -20,15 +20,14 @@ from typing import Any
 import msgspec
 
 from colony.compile.pipeline import compile_program
-from colony.ir.frame import Decision, Outcome
 from colony.ir.program import Program
 from colony.robots.moments.building import build_index
 from colony.robots.moments.index import encode
 from colony.robots.recorded_program import recorded_program
-from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
+from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.observe.observer import KEYFRAME_NS
 from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.opening import open_recording, read_recording
-from colony.runtime.recordings.recorded import RecordedFrame
 
 MINUTES = 60
 MINUTE_NS = 60_000_000_000
@@ -102,7 +101,7 @@ def _write_hour(minute: Path, hour: Path) -> None:
         recording.close()
 
 
-def _repeated(frames: list[RecordedFrame]) -> Iterator[FrameLog]:
+def _repeated(frames: list[RunFrame]) -> Iterator[RunFrame]:
     """Yield the frames of a minute again and again, with the times and numbers of a longer run.
 
     All keyframes are the first one: only damage would make a reader use them.
@@ -114,16 +113,12 @@ def _repeated(frames: list[RecordedFrame]) -> Iterator[FrameLog]:
         t_ns = frames[i].frame.t_ns + minute * MINUTE_NS
         is_due = t_ns - keyframe_ns >= KEYFRAME_NS
         keyframe_ns = t_ns if is_due else keyframe_ns
-        yield FrameLog(
+        yield RunFrame(
             tick=msgspec.structs.replace(frames[i].tick, k=k, t_ns=t_ns, start=0),
             frame=frames[i].frame._replace(t_ns=t_ns),
             verdicts={
                 name: msgspec.structs.replace(verdict, k=k, t_ns=t_ns)
                 for name, verdict in frames[i].verdicts.items()
             },
-            expected=Outcome(
-                tuple(Decision(v.actuator, v.by, v.values) for v in frames[i].verdicts.values())
-            ),
-            disagreements=(),
             keyframe=keyframe if is_due else None,
         )

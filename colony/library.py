@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from colony.execute.checked import CheckedExecutor
     from colony.execute.compiled import Compiled
     from colony.ir.program import Program
-    from colony.runtime.recordings.recorded import RecordedFrame, RecordingReader
+    from colony.runtime.frames.run_frame import RunFrame
+    from colony.runtime.recordings.recorded import RecordingReader
     from colony.verify.audit.report import AuditReport
     from colony.verify.contracts.results import Result as ContractResult
     from colony.verify.difference.results import Result as Difference
@@ -281,7 +282,7 @@ def compare(one: Program, other: Program) -> Difference:
     return difference(one, other)
 
 
-def recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFrame]:
+def recorded(path: str | PathLike[str], program: Program) -> Iterator[RunFrame]:
     """Yield the undamaged frames of a recording, each with its verdicts.
 
     Raises:
@@ -294,7 +295,7 @@ def recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFr
     return _recorded(path, program)
 
 
-def _recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFrame]:
+def _recorded(path: str | PathLike[str], program: Program) -> Iterator[RunFrame]:
     with _open_reader(path) as reader:
         yield from reader.frames(program)
 

@@ -24,7 +24,8 @@ from colony.files import open_regular, reason
 if TYPE_CHECKING:
     from colony.ir.frame import Outcome
     from colony.ir.program import Program
-    from colony.runtime.recordings.recorded import RecordedFrame, RecordingReader
+    from colony.runtime.frames.run_frame import RunFrame
+    from colony.runtime.recordings.recorded import RecordingReader
     from colony.verify.audit.deciding import Backend
 
 
@@ -149,7 +150,7 @@ class _Decided:
         self.lines: list[str] = []
         self.first, self.last = 0, -1
         self.is_found = False
-        self.shown: tuple[RecordedFrame, Outcome] | None = None
+        self.shown: tuple[RunFrame, Outcome] | None = None
         self.active: tuple[str, ...] | None = None
         self.damage: Sequence[str] = ()
         self.undecided = 0

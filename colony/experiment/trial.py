@@ -18,7 +18,7 @@ from colony.experiment.rows import Points
 from colony.ir.program import Program
 from colony.robots.building_run import run_in_building
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.opening import open_recording, read_recording
 from colony.text.diagnostics import DiagnosticError
 from colony.verify.audit.audit import audit_recording
@@ -181,7 +181,7 @@ class _Blindness:
         )
         self.frames = 0
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Take the next frame."""
         self.frames += not self._needed <= log.frame.readings.keys()
 
@@ -192,7 +192,7 @@ class _Blindness:
 class _NoProgress:
     """A sink that shows nothing. Stateless."""
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Do nothing."""
 
     def close(self) -> None:

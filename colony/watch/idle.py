@@ -20,10 +20,11 @@ from colony.robots.bound_servers import additional_servers
 from colony.robots.described import described_robot
 from colony.runtime.assembly.limits import limit_bindings, limit_servers
 from colony.runtime.assembly.nodes import build_observer
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library import clock
-from colony.runtime.observe.observer import FrameLog, Observer, Sink
+from colony.runtime.observe.observer import Observer, Sink
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import LIMITS_RUN
 from colony.runtime.protocol.interface import Interface
@@ -85,7 +86,7 @@ class IdleSink:
         self.heard_s = time.monotonic()
         """Time at which the last frame came, by this machine's monotonic clock."""
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Take a frame."""
         self.heard_s = time.monotonic()
         if log.restart or log.tick.k == log.tick.start:

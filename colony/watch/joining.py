@@ -27,11 +27,11 @@ from colony.robots.described import described_robot
 from colony.robots.recorded_program import recorded_program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.frames.assembler import frames_to_keep
+from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError, ServerNotFoundError
 from colony.runtime.library.leader import LEADER, RunProgram, run_keyframe, run_program
-from colony.runtime.observe.monitor import Keyframe
-from colony.runtime.observe.observer import FrameLog, Observer
+from colony.runtime.observe.observer import Observer
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import Effect, Message
 from colony.runtime.recordings.keyframes import read_keyframe
@@ -139,7 +139,7 @@ class Joiner:
     ) -> None:
         self._source, self._keyframe = source, keyframe
         self._modules = frozenset(modules)
-        self._held: deque[FrameLog] = deque()
+        self._held: deque[RunFrame] = deque()
         self._max_held = max_held
         self._lock = threading.Lock()
         self._is_following = False
@@ -149,7 +149,7 @@ class Joiner:
         self._thread = threading.Thread(target=self._seek, name="joiner", daemon=True)
         self._thread.start()
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Take a frame."""
         self.heard_s = time.monotonic()
         with self._lock:
@@ -177,7 +177,7 @@ class Joiner:
                 with suppress(RobotConnectionError):
                     self._resume(*self._keyframe())
 
-    def _put_unknown(self, log: FrameLog) -> None:
+    def _put_unknown(self, log: RunFrame) -> None:
         self._source.put(recorded_frame(log, damaged=True, memory_unknown=True))
 
     def _resume(self, k: int, keyframe: Keyframe | None) -> None:

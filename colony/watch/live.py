@@ -6,9 +6,7 @@ import threading
 from collections import deque
 
 from colony.ir.program import Program
-from colony.runtime.observe.monitor import Keyframe
-from colony.runtime.observe.observer import FrameLog
-from colony.runtime.recordings.recorded import RecordedFrame
+from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.watch.following import RunFollower
 from colony.watch.snapshot import ObservedFrame
 from colony.watch.store import SnapshotStore
@@ -39,7 +37,7 @@ class LiveSource:
         self._thread = threading.Thread(target=self._run, name="watcher", daemon=True)
         self._thread.start()
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Let a frame wait to be shown; never blocks."""
         self.put(log)
 
@@ -74,7 +72,7 @@ class LiveSource:
             return self._waiting.popleft() if self._waiting else None
 
 
-def _after_gap(frame: ObservedFrame) -> RecordedFrame:
+def _after_gap(frame: ObservedFrame) -> RunFrame:
     """Return a frame that says that frames before it are missing."""
     known = None if frame.keyframe is None else frame.keyframe.memory
     keyframe = None if known is None else Keyframe(known)
@@ -83,9 +81,9 @@ def _after_gap(frame: ObservedFrame) -> RecordedFrame:
 
 def recorded_frame(
     frame: ObservedFrame, *, damaged: bool, memory_unknown: bool, keyframe: Keyframe | None = None
-) -> RecordedFrame:
+) -> RunFrame:
     """Return a frame with other marks."""
-    return RecordedFrame(
+    return RunFrame(
         tick=frame.tick,
         frame=frame.frame,
         verdicts=frame.verdicts,

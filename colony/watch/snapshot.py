@@ -29,7 +29,7 @@ DECIMALS = 4
 
 
 class ObservedFrame(Followed, Protocol):
-    """A frame of a robot that runs (`FrameLog`), or of a recording (`RecordedFrame`)."""
+    """A frame of a robot that runs (`RunFrame`), or of a recording (`RunFrame`)."""
 
     @property
     def tick(self) -> Tick:

@@ -16,9 +16,8 @@ import msgspec
 from colony.ir.frame import Answer, Frame
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
-from colony.runtime.observe.monitor import Keyframe
+from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
-from colony.runtime.recordings.recorded import RecordedFrame
 from colony.verify.explain.answer import WhyNot, explain
 from colony.verify.explain.follower import Checkpoint, Follower
 from colony.verify.explain.text import lines
@@ -136,9 +135,9 @@ class Trail:
         return lines(explain(moment, WhyNot(module)))
 
 
-def _unpacked(kept: _KeptFrame) -> RecordedFrame:
+def _unpacked(kept: _KeptFrame) -> RunFrame:
     frame = Frame(kept.t_ns, kept.readings, kept.taken_ns, restarted=kept.restarted)
-    return RecordedFrame(
+    return RunFrame(
         tick=kept.tick,
         frame=frame,
         verdicts=kept.verdicts,

@@ -10,9 +10,9 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.checked import checked_frame
-from colony.ir.frame import Frame, Outcome
+from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick
 from colony.runtime.recordings.lines import encoder
 from colony.runtime.recordings.reader import FramesReader, LinesReader
@@ -170,12 +170,10 @@ def test_lines_keep_it() -> None:
     encode = encoder(compile_program(program()).compiled)
     text = "".join(
         encode(
-            FrameLog(
+            RunFrame(
                 tick=Tick(k=90 * (i > 1) + i, t_ns=f.t_ns, gaps=((1, 92),) if i > 1 else ()),
                 frame=f,
                 verdicts={},
-                expected=Outcome(()),
-                disagreements=(),
             )
         )
         + "\n"

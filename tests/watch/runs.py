@@ -16,7 +16,7 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.watch.following import RunFollower
 from colony.watch.greeting import Greeting, Reply
@@ -80,7 +80,7 @@ def frame(k: int) -> Frame:
     return Frame(k * 100 * MS, readings | ({"charge": 0.9} if k < 18 else {}))
 
 
-def run() -> list[FrameLog]:
+def run() -> list[RunFrame]:
     """Return the run; in frame 8 the winner was late, so that the robot idled."""
     out = logs(PROGRAM, [frame(k) for k in range(FRAMES)])
     verdict = out[8].verdicts["drive"]
@@ -95,7 +95,7 @@ def replace_verdict(verdict: Any, **changes: Any) -> Any:
     return msgspec.structs.replace(verdict, **changes)
 
 
-def snapshots(frames: list[FrameLog] | None = None) -> list[Snapshot]:
+def snapshots(frames: list[RunFrame] | None = None) -> list[Snapshot]:
     """Return the snapshots of the run."""
     store = SnapshotStore(scene().modules)
     follower = RunFollower(PROGRAM, store, Trail(PROGRAM))

@@ -17,8 +17,8 @@ from colony.ir.program import Program
 from colony.robots.described import described_robot
 from colony.robots.description import described_program
 from colony.runtime.frames.clock import Clock
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.errors import ServerNotFoundError
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.deployment import LIMITS_RUN
 from colony.runtime.protocol.interface import Interface, interface_of
 from colony.runtime.protocol.messages import Effect, Message, Sample
@@ -57,13 +57,13 @@ class Kept:
     """A sink that keeps the frames, and a node that notes what the listener would send. Mutable."""
 
     def __init__(self, program: Program, idle: IdleRobot) -> None:
-        self.frames: list[FrameLog] = []
+        self.frames: list[RunFrame] = []
         observer = idle_observer(program, idle, described_robot(program.robot).servers, self)
         self._listener = Listener(observer)
         self.address, self.listens = self._listener.address, self._listener.listens
         self.sent: list[Effect] = []
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         self.frames.append(log)
 
     def close(self) -> None:

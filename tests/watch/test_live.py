@@ -16,12 +16,10 @@ from typing import Any
 
 import pytest
 
-from colony.ir.frame import Outcome
 from colony.robots.description import NoDescriptionError
+from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library.leader import RunProgram, SourceText
-from colony.runtime.observe.monitor import Keyframe
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.interface import Interface
 from colony.text.diagnostics import DiagnosticError
 from colony.watch import joined_run
@@ -97,10 +95,10 @@ def test_a_watcher_that_falls_behind_drops_frames_and_recovers(monkeypatch: pyte
     store.close()
 
 
-def observed(k: int, log: FrameLog) -> FrameLog:
+def observed(k: int, log: RunFrame) -> RunFrame:
     """Return a frame as an observer that joined late has it: without memory, and without keyframes of use."""
     tick = type(log.tick)(k=log.tick.k, t_ns=log.tick.t_ns, start=0)
-    return replace(log, tick=tick, expected=Outcome(()), keyframe=Keyframe(None) if k % 4 == 0 else None)
+    return replace(log, tick=tick, memory_unknown=True, keyframe=Keyframe(None) if k % 4 == 0 else None)
 
 
 def test_a_reader_that_joins_goes_on_from_the_memory_that_the_leader_gives(

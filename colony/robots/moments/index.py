@@ -17,7 +17,7 @@ from typing import Any
 from colony import __version__
 from colony.ir.version import SEMANTICS
 from colony.robots.moments.tracks import Change, Tracks
-from colony.runtime.recordings.recorded import Place
+from colony.runtime.frames.run_frame import Place
 from colony.verify.explain.follower import Checkpoint
 from colony.verify.explain.saved import restored, saved
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from colony.ir.given import MISSED
-from colony.runtime.recordings.recorded import RecordedFrame
+from colony.runtime.frames.run_frame import RunFrame
 from colony.verify.explain.moment import Moment
 
 
@@ -36,7 +36,7 @@ class TrackWriter:
     def __init__(self) -> None:
         self.tracks: Tracks = {}
 
-    def take(self, recorded: RecordedFrame, moment: Moment | None) -> None:
+    def take(self, recorded: RunFrame, moment: Moment | None) -> None:
         """Take a frame."""
         t_ns, k = recorded.frame.t_ns, recorded.tick.k
         values = dict(_of_runtime(recorded))
@@ -49,7 +49,7 @@ class TrackWriter:
                 track.append(Change(t_ns, k, value))
 
 
-def _of_runtime(recorded: RecordedFrame) -> Iterator[tuple[str, str]]:
+def _of_runtime(recorded: RunFrame) -> Iterator[tuple[str, str]]:
     for actuator, verdict in recorded.verdicts.items():
         outside = verdict.outside is not None
         yield (

@@ -26,10 +26,10 @@ from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
 from colony.robots.recorded_program import recorded_program
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_records import Damage, read_records
 from colony.runtime.recordings.reader import MAGIC
-from colony.runtime.recordings.recorded import RecordedFrame
 from colony.text.diagnostics import DiagnosticError
 from tests.paths import ROOT
 from tests.runtime.recordings.mcap_files import (
@@ -142,7 +142,7 @@ def test_a_killed_process_leaves_every_frame_that_it_had_written(seed: int, tmp_
 DATA_END = 1 + 8 + 4
 
 
-def refused_or_read(data: bytes) -> tuple[list[RecordedFrame], McapReader | None]:
+def refused_or_read(data: bytes) -> tuple[list[RunFrame], McapReader | None]:
     """What is read of damaged bytes; nothing where they are refused as damaged should be."""
     try:
         return read_mcap(PROGRAM, data)

@@ -9,7 +9,7 @@ import pytest
 
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.recordings.recorded import RecordedFrame
+from colony.runtime.frames.run_frame import RunFrame
 from colony.verify.audit.audit import Auditor, audit
 from colony.verify.audit.report import AuditReport, DamagedSpan
 from tests.programs import program
@@ -33,7 +33,7 @@ def trace(frames: int = FRAMES) -> tuple[Frame, ...]:
     )
 
 
-def audited(of: Program, frames: Sequence[RecordedFrame], *, end: bool) -> AuditReport:
+def audited(of: Program, frames: Sequence[RunFrame], *, end: bool) -> AuditReport:
     """Audit frames, after which there is damage if it is damaged in the end."""
     auditor = Auditor(of)
     for frame in frames:

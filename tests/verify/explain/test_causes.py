@@ -7,8 +7,8 @@ import pytest
 from colony.dsl.load import load_text
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
-from colony.runtime.recordings.recorded import RecordedFrame
 from colony.verify.explain.answer import Why, WhyNot, explain
 from colony.verify.explain.follower import Follower
 from colony.verify.explain.text import lines
@@ -37,7 +37,7 @@ def answer(
         readings |= changed
         frame = Frame(100 * MS * k, dict(readings))  # type: ignore[arg-type]
         tick = Tick(k=k, t_ns=frame.t_ns, down=down if k == len(frames) - 1 else ())
-        follower.take(RecordedFrame(tick=tick, frame=frame, verdicts={}, answers=answers or {}))
+        follower.take(RunFrame(tick=tick, frame=frame, verdicts={}, answers=answers or {}))
     assert follower.moment is not None
     return "\n".join(lines(explain(follower.moment, question)))
 
@@ -166,7 +166,7 @@ def test_a_follower_goes_on_from_the_checkpoint_of_another_before_its_first_fram
     for k in range(2):
         frame = Frame(100 * MS * k, dict(FAR))  # type: ignore[arg-type]
         for follower in followers:
-            follower.take(RecordedFrame(tick=Tick(k=k, t_ns=frame.t_ns), frame=frame, verdicts={}))
+            follower.take(RunFrame(tick=Tick(k=k, t_ns=frame.t_ns), frame=frame, verdicts={}))
     first, second = (f.moment for f in followers)
     assert first is not None
     assert second is not None
@@ -196,7 +196,7 @@ def test_a_lost_client_lets_others_act_only_where_it_may() -> None:
         fates=(("a", "lost"), ("b", "won")),
     )
     follower.take(
-        RecordedFrame(
+        RunFrame(
             tick=Tick(k=0, t_ns=0, lost=("drive/a",)),
             frame=Frame(0, dict(FAR)),  # type: ignore[arg-type]
             verdicts={"drive": verdict},
@@ -213,7 +213,7 @@ def test_a_verdict_that_is_not_the_interpreters_is_told() -> None:
     fates = (("a", "won"), ("b", "suppressed"))
     verdict = Verdict(k=0, t_ns=0, actuator="drive", by="a", values=(300.0, 0.0), fates=fates)
     frame = Frame(0, dict(FAR))  # type: ignore[arg-type]
-    follower.take(RecordedFrame(tick=Tick(k=0, t_ns=0), frame=frame, verdicts={"drive": verdict}))
+    follower.take(RunFrame(tick=Tick(k=0, t_ns=0), frame=frame, verdicts={"drive": verdict}))
     assert follower.moment is not None
     told = lines(explain(follower.moment, Why("drive")))
     assert told[0] == "0 s: drive is by a, but in the interpreter it is not"
