@@ -19,11 +19,11 @@ from typing import Any
 
 import msgspec
 
+from colony.analysis.building import build_index
+from colony.analysis.index import encode
+from colony.analysis.recorded_program import recorded_program
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
-from colony.robots.moments.building import build_index
-from colony.robots.moments.index import encode
-from colony.robots.recorded_program import recorded_program
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.observe.observer import KEYFRAME_NS
 from colony.runtime.recordings.mcap_writer import McapRecording

@@ -16,6 +16,7 @@ from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
+    from colony.analysis.report import AuditReport
     from colony.compile.pipeline import Compilation
     from colony.dsl.site import SiteParams
     from colony.execute.checked import CheckedExecutor
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.runtime.frames.run_frame import RunFrame
     from colony.runtime.recordings.recorded import RecordingReader
-    from colony.verify.audit.report import AuditReport
     from colony.verify.contracts.results import Result as ContractResult
     from colony.verify.difference.results import Result as Difference
 
@@ -306,8 +306,8 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
     Raises:
         DiagnosticError: codes A and F, the file is not a recording, or is one of another program.
     """
+    from colony.analysis.audit import audit_recording
     from colony.ir.program import expect_program
-    from colony.verify.audit.audit import audit_recording
 
     _expect_path(path)
     expect_program(program)

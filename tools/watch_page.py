@@ -28,7 +28,7 @@ from colony.watch.scene import scene_of
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from colony.watch.watched import Watched
-from tests.verify.audit.recorded_runs import logs
+from tests.analysis.recorded_runs import logs
 from tests.watch.browser.chromium import Browser, chromium
 from tests.watch.runs import served
 

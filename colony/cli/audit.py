@@ -18,9 +18,9 @@ from colony.cli.shipped_files import BEHAVIOR
 from colony.ir.version import SEMANTICS
 
 if TYPE_CHECKING:
+    from colony.analysis.report import AuditReport
     from colony.ir.program import Program
     from colony.runtime.recordings.recorded import RecordingReader
-    from colony.verify.audit.report import AuditReport
 
 
 @click.command("audit", short_help="compare a recorded run with the reference interpreter")
@@ -79,9 +79,9 @@ def audited(recording: str, file: str | None = None) -> tuple[RecordingReader, P
     Raises:
         DiagnosticError: it cannot be audited, or there is nothing to compare.
     """
+    from colony.analysis.audit import audit_recording
     from colony.dsl.site_reading import params_of
     from colony.runtime.recordings.opening import open_recording, read_recording, recorded_site
-    from colony.verify.audit.audit import audit_recording
 
     with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
         reader = read_recording(stream, recording)

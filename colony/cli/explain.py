@@ -23,10 +23,10 @@ from colony.text.suggestions import did_you_mean
 from colony.text.wording import TIME_RESOLUTION_NS, counted, seconds_of, time_text
 
 if TYPE_CHECKING:
+    from colony.analysis.finding import Condition, Found
+    from colony.analysis.index import Index
+    from colony.analysis.tracks import Span
     from colony.ir.program import Program
-    from colony.robots.moments.finding import Condition, Found
-    from colony.robots.moments.index import Index
-    from colony.robots.moments.tracks import Span
     from colony.runtime.recordings.recorded import RecordingReader
     from colony.verify.explain.answer import Explanation, Why, WhyNot
 
@@ -189,7 +189,7 @@ class _Asked:
 
     def _index(self) -> Index:
         """Return the index in the cache, or build it."""
-        from colony.robots.moments.building import cached_index, index_path
+        from colony.analysis.building import cached_index, index_path
         from colony.runtime.recordings.opening import open_recording
 
         with open_recording(self.recording) as stream:
@@ -198,7 +198,7 @@ class _Asked:
         return cached_index(path) or self._built()
 
     def _built(self) -> Index:
-        from colony.robots.moments.building import build_index, keep_index
+        from colony.analysis.building import build_index, keep_index
         from colony.runtime.recordings.opening import open_recording, read_recording
 
         with open_recording(self.recording) as stream:
@@ -211,7 +211,7 @@ class _Asked:
 
     def chosen(self, when: str, nth: int, from_ns: int | None) -> _Chosen:
         """Return the moments in which a condition begins to hold; exit with 2 if there is none."""
-        from colony.robots.moments.finding import ConditionError, condition, spans_of
+        from colony.analysis.finding import ConditionError, condition, spans_of
 
         try:
             wanted = condition(self.program, when)
@@ -244,8 +244,8 @@ class _Asked:
 
     def at(self, t_ns: int) -> Found:
         """Return the last frame at or before a time of the robot, which the recording has."""
-        from colony.robots.moments.finding import moment_at
-        from colony.robots.moments.index import StaleIndexError
+        from colony.analysis.finding import moment_at
+        from colony.analysis.index import StaleIndexError
 
         for _ in range(2):
             try:

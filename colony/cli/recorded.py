@@ -25,7 +25,7 @@ def program_for(reader: RecordingReader, recording: str, file: str | None, folde
     """
     if file is not None:
         return load_program(file)
-    from colony.robots.recorded_program import recorded_program, unusable
+    from colony.analysis.recorded_program import recorded_program, unusable
     from colony.text.diagnostics import DiagnosticError
 
     if reader.run is None:

@@ -22,11 +22,11 @@ from colony.cli.shipped_files import BEHAVIOR
 from colony.files import open_regular, reason
 
 if TYPE_CHECKING:
+    from colony.analysis.deciding import Backend
     from colony.ir.frame import Outcome
     from colony.ir.program import Program
     from colony.runtime.frames.run_frame import RunFrame
     from colony.runtime.recordings.recorded import RecordingReader
-    from colony.verify.audit.deciding import Backend
 
 
 @click.command("trace", short_help="replay recorded frames through any executor")
@@ -158,8 +158,8 @@ class _Decided:
 
 def _decide(program: Program, reader: RecordingReader, backend: Backend, number: int | None) -> _Decided:
     """Decide all frames, or those up to the one with a number, of which alone the decision is a line."""
+    from colony.analysis.deciding import Decider
     from colony.runtime.recordings.replay import outcome_line
-    from colony.verify.audit.deciding import Decider
 
     decider, decided = Decider(program, backend), _Decided()
     for recorded in reader.frames(program):
@@ -179,8 +179,8 @@ def _decide(program: Program, reader: RecordingReader, backend: Backend, number:
 
 def _recorded_program(reader: RecordingReader, name: str, folder: Path) -> Program:
     """Return the program in a recording; it must not have modules in Python, which are not run from there."""
+    from colony.analysis.recorded_program import unusable
     from colony.ir.program import PythonModule
-    from colony.robots.recorded_program import unusable
     from colony.text.diagnostics import DiagnosticError
 
     program = program_for(reader, name, None, folder)

@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NoReturn
 
+from colony.analysis.audit import audit_recording
 from colony.execute.compiled import Compiled
 from colony.execute.needs import needs_of_clients
 from colony.experiment.design import Trial
@@ -21,7 +22,6 @@ from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterf
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.opening import open_recording, read_recording
 from colony.text.diagnostics import DiagnosticError
-from colony.verify.audit.audit import audit_recording
 
 STUCK_S = 30.0
 """A robot that stays in place for this many seconds is stuck (see `LongestStay`)."""

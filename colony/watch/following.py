@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from colony.analysis.follower import Follower
 from colony.ir.program import Program
-from colony.verify.explain.follower import Follower
 from colony.watch.snapshot import ObservedFrame, Snapshot, SnapshotMaker
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail

@@ -18,13 +18,13 @@ from tempfile import TemporaryDirectory
 import msgspec
 
 from colony import __version__
+from colony.analysis.recorded_program import recorded_program
 from colony.compile.pipeline import compile_program
 from colony.execute.compiled import SourceFile
 from colony.ir.program import Program
 from colony.ir.site import Site
 from colony.robots.bound_servers import additional_servers
 from colony.robots.described import described_robot
-from colony.robots.recorded_program import recorded_program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.frames.run_frame import Keyframe, RunFrame

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from colony.analysis.follower import Followed
 from colony.compile.network import ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
 from colony.ir.frame import Frame, Outcome, Reading
@@ -20,7 +21,6 @@ from colony.ir.program import Actuator, Program, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.ir.wiring import wiring_graph
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
-from colony.verify.explain.follower import Followed
 from colony.verify.reference.interpreter import Interpreter
 from colony.watch.scene import SensorScene, pose_sensors, scene_of, shown_sensors, shown_states
 

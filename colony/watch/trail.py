@@ -13,13 +13,13 @@ from typing import Any
 
 import msgspec
 
+from colony.analysis.follower import Checkpoint, Follower
 from colony.ir.frame import Answer, Frame
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.verify.explain.answer import WhyNot, explain
-from colony.verify.explain.follower import Checkpoint, Follower
 from colony.verify.explain.text import lines
 from colony.watch.snapshot import ObservedFrame
 

@@ -32,9 +32,9 @@ from colony.shipped import Shipped
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 from colony.watch.joining import joined_program, program_of
+from tests.analysis.recorded_runs import as_mcap
 from tests.paths import BEHAVIORS, ROOT, THESIS_NAVIGATOR
 from tests.sampling import long, sampled
-from tests.verify.audit.recorded_runs import as_mcap
 
 WANDER = ROOT / "behaviors" / "wander.colony"
 MAPS = sorted((ROOT / "maps").glob("*.stickrep"))

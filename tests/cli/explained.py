@@ -25,8 +25,8 @@ from colony.dsl.load import load_file
 from colony.ir.frame import Frame
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Fate, Verdict
+from tests.analysis.recorded_runs import MS, Kept, as_mcap, logs
 from tests.paths import ROOT
-from tests.verify.audit.recorded_runs import MS, Kept, as_mcap, logs
 
 WANDER = ROOT / "behaviors" / "wander.colony"
 GOLDEN = Path(__file__).with_name("explained.txt")

@@ -11,6 +11,7 @@ from random import Random
 
 import pytest
 
+from colony.analysis.audit import audit
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
 from colony.execute.compiled import Compiled
@@ -24,7 +25,6 @@ from colony.runtime.library import robot
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.world.world import World
-from colony.verify.audit.audit import audit
 from colony.verify.reference.interpreter import Interpreter
 from tests.paths import BEHAVIORS
 from tests.runtime.scripted import Log

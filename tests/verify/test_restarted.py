@@ -25,10 +25,10 @@ from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.examples import run_examples
 from colony.verify.testing.frames import draw_trace
+from tests.analysis.recorded_runs import brought
+from tests.analysis.recorded_runs import logs as recorded_logs
 from tests.diagnostics import problems_of
 from tests.executors import outcomes
-from tests.verify.audit.recorded_runs import brought
-from tests.verify.audit.recorded_runs import logs as recorded_logs
 
 MS = 1_000_000
 ROBOT = """robot r {

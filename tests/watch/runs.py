@@ -28,7 +28,7 @@ from colony.watch.snapshot import Snapshot
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from colony.watch.watched import StopAnswer, Watched
-from tests.verify.audit.recorded_runs import MS, as_mcap, logs
+from tests.analysis.recorded_runs import MS, as_mcap, logs
 from tests.waiting import until
 
 TOKEN = "the-token-of-the-tests-the-token-of-the-tests"

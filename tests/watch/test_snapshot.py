@@ -16,7 +16,7 @@ from colony.watch.following import RunFollower
 from colony.watch.marks import Mark, mark_of
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
-from tests.verify.audit.recorded_runs import logs
+from tests.analysis.recorded_runs import logs
 from tests.watch.runs import PROGRAM, frame, replace_verdict, run, scene, snapshots
 
 MODULES = ("back_off", "avoid", "tired", "cruise")

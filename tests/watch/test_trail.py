@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from colony.analysis.follower import Follower
 from colony.verify.explain.answer import WhyNot, explain
-from colony.verify.explain.follower import Follower
 from colony.verify.explain.text import lines
 from colony.watch import trail as trail_module
 from colony.watch.following import RunFollower

@@ -21,10 +21,10 @@ from colony.runtime.recordings.lines import Recording, add_checksum, encoder, se
 from colony.runtime.recordings.replay import Rows, has_valid_checksum
 from colony.text.diagnostics import DiagnosticError
 from colony.text.units import nanoseconds
+from tests.analysis.recorded_runs import Kept
 from tests.kit.node_stage import MS, S
 from tests.runtime.programs import roam
 from tests.runtime.scripted import FAR, Log, Script, session
-from tests.verify.audit.recorded_runs import Kept
 
 
 def recorded(script: Script, duration_ns: int = 5 * S) -> tuple[list[bytes], Log]:

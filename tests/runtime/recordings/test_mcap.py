@@ -17,6 +17,7 @@ from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Request
 from colony.runtime.recordings.mcap_writer import checksum
 from colony.text.diagnostics import DiagnosticError
+from tests.analysis.recorded_runs import MS, as_mcap, logs, read_mcap, run_info
 from tests.runtime.recordings.mcap_files import (
     PROGRAM,
     SOURCES,
@@ -24,7 +25,6 @@ from tests.runtime.recordings.mcap_files import (
     frames_in,
     trace,
 )
-from tests.verify.audit.recorded_runs import MS, as_mcap, logs, read_mcap, run_info
 
 
 def messages(data: bytes) -> dict[str, list[dict[str, Any]]]:

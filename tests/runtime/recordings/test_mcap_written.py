@@ -22,15 +22,16 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
+from colony.analysis.recorded_program import recorded_program
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
-from colony.robots.recorded_program import recorded_program
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_records import Damage, read_records
 from colony.runtime.recordings.reader import MAGIC
 from colony.text.diagnostics import DiagnosticError
+from tests.analysis.recorded_runs import MS, Kept, as_mcap, logs, mcap_to, read_mcap, run_info, written
 from tests.paths import ROOT
 from tests.runtime.recordings.mcap_files import (
     PROGRAM,
@@ -40,7 +41,6 @@ from tests.runtime.recordings.mcap_files import (
     trace,
 )
 from tests.sampling import sampled
-from tests.verify.audit.recorded_runs import MS, Kept, as_mcap, logs, mcap_to, read_mcap, run_info, written
 
 
 class Full(Kept):
@@ -97,7 +97,7 @@ import msgspec
 from colony.files import open_exclusive
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.mcap_files import PROGRAM, SOURCES, trace
-from tests.verify.audit.recorded_runs import logs, mcap_to
+from tests.analysis.recorded_runs import logs, mcap_to
 
 recording = mcap_to(open_exclusive(sys.argv[1]), PROGRAM, *SOURCES)
 [log] = logs(PROGRAM, trace(1))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from random import Random
 
+from colony.analysis.follower import Follower
 from colony.dsl.load import load_text
 from colony.ir import expression as ir
 from colony.ir.frame import Frame
@@ -20,7 +21,6 @@ from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick
 from colony.verify.explain.answer import Explanation, Why, WhyNot, explain
 from colony.verify.explain.causes import Present
-from colony.verify.explain.follower import Follower
 from colony.verify.explain.formula import Leaf
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.memory import InterpreterState

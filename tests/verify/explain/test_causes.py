@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from colony.analysis.follower import Follower
 from colony.dsl.load import load_text
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.verify.explain.answer import Why, WhyNot, explain
-from colony.verify.explain.follower import Follower
 from colony.verify.explain.text import lines
 from tests.verify.small_robot import go, robot
 

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import pytest
 
+from colony.analysis.audit import Auditor, audit
+from colony.analysis.report import AuditReport, DamagedSpan
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
-from colony.verify.audit.audit import Auditor, audit
-from colony.verify.audit.report import AuditReport, DamagedSpan
+from tests.analysis.recorded_runs import MS, as_lines, as_mcap, logs, read_lines, read_mcap
+from tests.analysis.test_audit import DEGRADING, changed
+from tests.analysis.test_audit import trace as short
+from tests.analysis.test_resuming import EVERYTHING
 from tests.programs import program
-from tests.verify.audit.recorded_runs import MS, as_lines, as_mcap, logs, read_lines, read_mcap
-from tests.verify.audit.test_audit import DEGRADING, changed
-from tests.verify.audit.test_audit import trace as short
-from tests.verify.audit.test_resuming import EVERYTHING
 
 FRAMES = 40
 A_CHUNK = 8

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
+from colony.analysis.audit import Recorded, RecordedTick
+from colony.analysis.resuming import Resuming
 from colony.ir.given import given_in_frame
 from colony.ir.program import Program, PythonModule, Sensor, modules_that_can_be_lost
-from colony.verify.audit.audit import Recorded, RecordedTick
-from colony.verify.audit.resuming import Resuming
 from colony.verify.explain.causes import Absence
 from colony.verify.explain.history import NO_HISTORY, Historian, History
 from colony.verify.explain.moment import Moment, moment_of

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
+from colony.analysis.audit import Recorded, RecordedMemory
+from colony.analysis.resuming import Resuming
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Executor, Outcome
 from colony.ir.program import Program
 from colony.text.wording import time_text
-from colony.verify.audit.audit import Recorded, RecordedMemory
-from colony.verify.audit.resuming import Resuming
 from colony.verify.reference.interpreter import Interpreter
 
 Backend = Literal["network", "clients", "python"]

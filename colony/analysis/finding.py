@@ -6,12 +6,12 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from colony.analysis.follower import Follower
+from colony.analysis.index import Index, Mark
+from colony.analysis.tracks import IDLE, OUTSIDE, Span, spans
 from colony.ir.program import Program
-from colony.robots.moments.index import Index, Mark
-from colony.robots.moments.tracks import IDLE, OUTSIDE, Span, spans
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.suggestions import did_you_mean
-from colony.verify.explain.follower import Follower
 from colony.verify.explain.moment import Moment
 
 

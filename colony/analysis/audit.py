@@ -21,11 +21,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
-from colony.ir.frame import Answer, Decision, Frame, Outcome
-from colony.ir.given import given_in_frame, is_connection
-from colony.ir.memory import ProgramMemory
-from colony.ir.program import Program, PythonModule
-from colony.verify.audit.report import (
+from colony.analysis.report import (
     AuditReport,
     ClientExplanation,
     ContractCount,
@@ -33,14 +29,17 @@ from colony.verify.audit.report import (
     Difference,
     Role,
 )
-from colony.verify.audit.resuming import Resuming
-from colony.verify.audit.verdict import (
-    RecordedVerdict,
+from colony.analysis.resuming import Resuming
+from colony.analysis.verdict import (
     is_excused,
     objection,
     outside_objection,
     same_decision,
 )
+from colony.ir.frame import Answer, Decision, Frame, Outcome
+from colony.ir.given import SentCommand, given_in_frame, is_connection
+from colony.ir.memory import ProgramMemory
+from colony.ir.program import Program, PythonModule
 from colony.verify.reference.interpreter import Interpreter
 
 
@@ -96,7 +95,7 @@ class Recorded(Protocol):
         ...
 
     @property
-    def verdicts(self) -> Mapping[str, RecordedVerdict]:
+    def verdicts(self) -> Mapping[str, SentCommand]:
         """The verdict on each actuator."""
         ...
 
@@ -405,7 +404,7 @@ class Auditor:
 
 
 def _client_explanations(
-    verdict: RecordedVerdict, expected: Decision, interpreter: Interpreter, clients: tuple[str, ...]
+    verdict: SentCommand, expected: Decision, interpreter: Interpreter, clients: tuple[str, ...]
 ) -> tuple[ClientExplanation, ...]:
     """Return all clients in the recorded order, or in the order of declaration if some have no fate."""
     fates = dict(verdict.fates)

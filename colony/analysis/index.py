@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from colony import __version__
+from colony.analysis.follower import Checkpoint
+from colony.analysis.saved import restored, saved
+from colony.analysis.tracks import Change, Tracks
 from colony.ir.version import SEMANTICS
-from colony.robots.moments.tracks import Change, Tracks
 from colony.runtime.frames.run_frame import Place
-from colony.verify.explain.follower import Checkpoint
-from colony.verify.explain.saved import restored, saved
 
 VERSION = 4
 """Version of the index: increment it if its form, or what the interpreter remembers, changes."""

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from colony.analysis.resuming import Resuming
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Frame
 from colony.ir.memory import ProgramMemory
-from colony.verify.audit.resuming import Resuming
 from colony.verify.reference.interpreter import Interpreter
 from tests.drawn.strategies import Run, network_runs, run_of_seed, runs
 from tests.programs import program

@@ -8,20 +8,20 @@ from dataclasses import replace
 
 import pytest
 
+from colony.analysis.building import build_index, index_path
+from colony.analysis.finding import moment_at
+from colony.analysis.follower import Follower
+from colony.analysis.index import VERSION, Index, StaleIndexError, decode, encode
+from colony.analysis.saved import restored, saved
 from colony.dsl.load import load_file
 from colony.ir.program import Program
-from colony.robots.moments.building import build_index, index_path
-from colony.robots.moments.finding import moment_at
-from colony.robots.moments.index import VERSION, Index, StaleIndexError, decode, encode
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.reader import LinesReader
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.verify.explain.answer import Why, WhyNot, explain
-from colony.verify.explain.follower import Follower
-from colony.verify.explain.saved import restored, saved
 from colony.verify.explain.text import lines
+from tests.analysis.recorded_runs import MS, as_lines
 from tests.cli.explained import WANDER, recorded
-from tests.verify.audit.recorded_runs import MS, as_lines
 
 
 @pytest.fixture(scope="module")

@@ -9,13 +9,13 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import BinaryIO
 
+from colony.analysis.follower import Follower
+from colony.analysis.index import MAX_BYTES, Index, Mark, Sections, StaleIndexError, decode, encode
+from colony.analysis.tracks import TrackWriter
 from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.ir.program import Program
-from colony.robots.moments.index import MAX_BYTES, Index, Mark, Sections, StaleIndexError, decode, encode
-from colony.robots.moments.tracks import TrackWriter
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.wording import time_text
-from colony.verify.explain.follower import Follower
 
 INTERVAL_NS = 5_000_000_000
 """Least time between two marks, in the time of the run."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from colony.analysis.follower import Checkpoint
 from colony.ir.types import ScalarValue
-from colony.verify.explain.follower import Checkpoint
 from colony.verify.explain.history import CellKey, History, Since
 from colony.verify.reference.memory import InterpreterMemory, InterpreterState
 
