@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from os import PathLike
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
     from colony.ir.program import Program
     from colony.runtime.frames.run_frame import RunFrame
-    from colony.runtime.recordings.recorded import RecordingReader
     from colony.verify.contracts.results import Result as ContractResult
     from colony.verify.difference.results import Result as Difference
 
@@ -296,8 +294,10 @@ def recorded(path: str | PathLike[str], program: Program) -> Iterator[RunFrame]:
 
 
 def _recorded(path: str | PathLike[str], program: Program) -> Iterator[RunFrame]:
-    with _open_reader(path) as reader:
-        yield from reader.frames(program)
+    from colony.analysis.recording import OpenRecording
+
+    with OpenRecording.at(path) as recording:
+        yield from recording.reader.frames(program)
 
 
 def audit(path: str | PathLike[str], program: Program) -> AuditReport:
@@ -307,20 +307,13 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
         DiagnosticError: codes A and F, the file is not a recording, or is one of another program.
     """
     from colony.analysis.audit import audit_recording
+    from colony.analysis.recording import OpenRecording
     from colony.ir.program import expect_program
 
     _expect_path(path)
     expect_program(program)
-    with _open_reader(path) as reader:
-        return audit_recording(program, reader)
-
-
-@contextmanager
-def _open_reader(path: str | PathLike[str]) -> Iterator[RecordingReader]:
-    from colony.runtime.recordings.opening import open_recording, read_recording
-
-    with open_recording(str(path)) as file:
-        yield read_recording(file, str(path))
+    with OpenRecording.at(path) as recording:
+        return audit_recording(program, recording.reader)
 
 
 # --- checks of arguments -----------------------------------------------------------------------------------

@@ -77,7 +77,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "click": {"cli"},
     "rich": {"cli"},
     "networkx": {"view", "nav"},
-    "msgspec": {"execute", "runtime", "sim", "experiment", "cli", "watch"},
+    "msgspec": {"execute", "runtime", "analysis", "sim", "experiment", "cli", "watch"},
     "starlette": {"watch"},
     "uvicorn": {"watch"},
     "zenoh": {"runtime"},

@@ -1,167 +1,215 @@
-"""Following a run, frame by frame, so that any of its frames can be explained."""
+"""Following a run: before each frame, an executor with the memory of the program, or why there is none.
+
+Memory is initial at the beginning of an epoch, and is carried from frame to frame. It is lost at a frame that
+is damaged, that the observer could not place, or in which a module in Python left no answer. After that, and
+in a recording that begins in the middle of an epoch, the next keyframe has it again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
 
-from colony.analysis.audit import Recorded, RecordedTick
-from colony.analysis.resuming import Resuming
+from colony.compile.pipeline import compile_program
+from colony.execute.executor import ProgramExecutor
+from colony.ir.frame import Executor, Outcome
 from colony.ir.given import given_in_frame
-from colony.ir.program import Program, PythonModule, Sensor, modules_that_can_be_lost
-from colony.verify.explain.causes import Absence
-from colony.verify.explain.history import NO_HISTORY, Historian, History
-from colony.verify.explain.moment import Moment, moment_of
-from colony.verify.reference.boundary import FUTURE, age_checked
+from colony.ir.memory import ProgramMemory
+from colony.ir.program import Program, PythonModule
+from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.reference.memory import InterpreterState
+
+Backend = Literal["network", "clients", "python"]
+"""An executor: the reference interpreter, the client list, or the generated Python."""
+
+E = TypeVar("E")
+E_co = TypeVar("E_co", covariant=True)
 
 
-class FollowedTick(RecordedTick, Protocol):
-    """The identity of a frame, its lost clients, and the servers that did not live."""
+class Unknown(NamedTuple):
+    """The memory before a frame is not known.
+
+    `reason` is "not observed" if the frame itself says so, "no answer" if the frame lacks the answer of a
+    module in Python, and "forgotten" if an earlier frame lost the memory and no keyframe followed.
+    """
+
+    reason: Literal["not observed", "no answer", "forgotten"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DamagedSpan:
+    """A damaged section of the recording: the times of the intact frames around it, None if there is none."""
+
+    after_ns: int | None
+    before_ns: int | None
+
+
+class Executors(Protocol[E_co]):
+    """A factory of executors of a program; `answered` are the modules whose answers they are given."""
 
     @property
-    def down(self) -> Sequence[str]:
-        """The servers that were down."""
+    def answered(self) -> frozenset[str]:
+        """The modules in Python that do not run in these executors."""
+        ...
+
+    def begin(self) -> E_co:
+        """Return an executor with initial memory."""
+        ...
+
+    def resume(self, memory: ProgramMemory) -> E_co:
+        """Return an executor with this memory.
+
+        Raises:
+            ValueError: the memory is not that of the program, or the executor cannot continue from it.
+        """
         ...
 
 
-class Followed(Recorded, Protocol):
-    """A frame of a run, from a recording or from an observer."""
+class Interpreters:
+    """A factory of reference interpreters. Stateful: caches an executor that checks memories.
 
-    @property
-    def tick(self) -> FollowedTick:
-        """The identity of the frame."""
-        ...
-
-
-class Checkpoint(NamedTuple):
-    """All that a follower remembers after a frame: the state of its interpreter, and the history.
-
-    `state` is None where memory is initial, and `is_known` false where it is not known.
+    Args:
+        program: the program.
+        answers_given: as for `Interpreter`.
     """
 
-    state: InterpreterState | None
-    is_known: bool
-    history: History
+    def __init__(self, program: Program, *, answers_given: bool = True) -> None:
+        self._program, self._answers_given = program, answers_given
+        modules = (m.name for m in program.modules if isinstance(m, PythonModule))
+        self.answered = frozenset(modules if answers_given else ())
+        self._clients: ProgramExecutor | None = None
 
+    def begin(self) -> Interpreter:
+        """Return an interpreter with initial memory.
 
-class Follower:
-    """Follows a run in the reference interpreter. Stateful: holds the interpreter, and the history.
+        Raises:
+            DiagnosticError: a module in Python cannot be imported or built.
+        """
+        return Interpreter(self._program, answers_given=self._answers_given)
 
-    Take every frame of the run, in order, from a recording or from an observer. `moment` is then the last
-    frame, to be explained; it is None where memory is not known: after damage or a frame that was missed, or
-    where a recording begins in the middle of an epoch.
-    Modules in Python are not run: frames have their answers.
-    """
+    def resume(self, memory: ProgramMemory) -> Interpreter:
+        """Return an interpreter with this memory.
 
-    def __init__(self, program: Program, checkpoint: Checkpoint | None = None) -> None:
-        self._program = program
-        self._actuators = program.robot.actuators
-        self._python = frozenset(m.name for m in program.modules if isinstance(m, PythonModule))
-        self._can_be_lost = frozenset(modules_that_can_be_lost(program))
-        self._resuming = Resuming(program, answers_given=True)
-        self._historian = Historian(program, checkpoint.history if checkpoint else NO_HISTORY)
-        self._interpreter: Interpreter | None = None  # before the first frame, memory is not known
-        self._is_first = self._historian.history == NO_HISTORY
-        self.moment: Moment | None = None
-        if checkpoint is not None and checkpoint.is_known:
-            self._interpreter = Interpreter(program, answers_given=True)
-            if checkpoint.state is not None:
-                self._interpreter.restore(checkpoint.state)
-
-    @property
-    def checkpoint(self) -> Checkpoint:
-        """All that must be known to go on after the last frame."""
-        interpreter = self._interpreter
-        return Checkpoint(
-            None if interpreter is None else interpreter.state,
-            interpreter is not None,
-            self._historian.history,
+        Raises:
+            ValueError: the memory is not that of the program, or the interpreter would have to run modules in
+                Python, whose memory is not recorded.
+            DiagnosticError: a module in Python cannot be imported or built.
+        """
+        self._clients = self._clients or ProgramExecutor(
+            compile_program(self._program).compiled, simplified=False, answers_given=self._answers_given
         )
+        self._clients.resume(memory)
+        interpreter = self.begin()
+        interpreter.resume(memory)
+        return interpreter
 
-    @property
-    def interpreter(self) -> Interpreter | None:
-        """The interpreter, which has stepped over the last frame; None if its memory is not known."""
-        return self._interpreter
 
-    def take(self, recorded: Followed) -> Moment | None:
-        """Take the next frame of the run; return it as a moment, None if its memory is not known."""
-        tick = recorded.tick
-        if recorded.restart or tick.k == tick.start:
-            self._restart()
-        elif recorded.damaged or recorded.memory_unknown:
-            self._interpreter = None
-        if self._interpreter is None and recorded.keyframe is not None and not recorded.memory_unknown:
-            self._resume(recorded)
-        if self._interpreter is None or not self._python <= recorded.answers.keys():
-            self._interpreter, self.moment = None, None
-        else:
-            self.moment = self._moment(self._interpreter, recorded)
-        self._is_first = False
-        return self.moment
+class BackendExecutors:
+    """A factory of executors of any backend, which run modules in Python; only interpreters resume."""
 
-    def _restart(self) -> None:
-        self._interpreter = Interpreter(self._program, answers_given=True)
+    answered: frozenset[str] = frozenset()
 
-    def _resume(self, recorded: Followed) -> None:
-        self._historian, self._is_first = Historian(self._program), True
-        memory = None if recorded.keyframe is None else recorded.keyframe.memory
-        if memory is None:
-            return
+    def __init__(self, program: Program, backend: Backend) -> None:
+        self._program, self._backend = program, backend
+        self._interpreters = Interpreters(program, answers_given=False)
+
+    def begin(self) -> Executor:
+        """Return an executor with initial memory.
+
+        Raises:
+            DiagnosticError: a module in Python cannot be imported or built.
+        """
+        if self._backend == "network":
+            return self._interpreters.begin()
+        compiled = compile_program(self._program).compiled
+        if self._backend == "clients":
+            return ProgramExecutor(compiled)
+        from colony.compile.backends.python.generate import generate, load
+
+        return load(generate(compiled))
+
+    def resume(self, memory: ProgramMemory) -> Executor:
+        """Return an executor with this memory.
+
+        Raises:
+            ValueError: as by `Interpreters.resume`, or the backend cannot resume.
+        """
+        if self._backend != "network":
+            raise ValueError("only the interpreter continues from a keyframe")
+        return self._interpreters.resume(memory)
+
+
+class Follower(Generic[E]):
+    """Keeps an executor in step with a run. Stateful.
+
+    Feed it every frame, in order, and step the executor over each frame for which it returns one.
+
+    Args:
+        executors: factory of executors.
+        executor: an executor that has stepped over all earlier frames; None to begin without memory.
+        trusts_degraded: False to resume only from keyframes of epochs in which no client was lost.
+
+    Attributes:
+        executor: the executor; None if the memory is not known.
+        has_resumed: True if the executor continued from the keyframe of the last frame.
+        damaged: the damaged sections.
+    """
+
+    def __init__(
+        self, executors: Executors[E], executor: E | None = None, *, trusts_degraded: bool = True
+    ) -> None:
+        self._executors, self._trusts_degraded = executors, trusts_degraded
+        self._last_ns: int | None = None
+        self.executor = executor
+        self.has_resumed = False
+        self.damaged: list[DamagedSpan] = []
+
+    def feed(self, frame: RunFrame) -> E | Unknown:
+        """Take the next frame; return the executor that can decide it."""
+        self.has_resumed = False
+        if frame.damaged:
+            self.damaged.append(DamagedSpan(after_ns=self._last_ns, before_ns=frame.frame.t_ns))
+        self._last_ns = frame.frame.t_ns
+        if frame.memory_unknown:
+            self.executor = None
+        elif frame.begins_epoch or frame.frame.restarted:
+            self.executor = self._executors.begin()
+        elif (self.executor is None or frame.damaged) and frame.keyframe is not None:
+            self.executor = self._resumed(frame.keyframe)
+            self.has_resumed = self.executor is not None
+        elif frame.damaged:
+            self.executor = None
+        if not self._executors.answered <= frame.answers.keys():
+            self.executor = None
+            return Unknown("no answer")
+        return self.executor or Unknown("not observed" if frame.memory_unknown else "forgotten")
+
+    def end(self, *, damaged: bool) -> None:
+        """If `damaged`, record that the recording is damaged after its last frame."""
+        if damaged:
+            self.damaged.append(DamagedSpan(after_ns=self._last_ns, before_ns=None))
+
+    def _resumed(self, keyframe: Keyframe) -> E | None:
+        """Return an executor with the recorded memory, if it is known and belongs to this program."""
+        if keyframe.memory is None or (keyframe.degraded and not self._trusts_degraded):
+            return None
         try:
-            self._interpreter = self._resuming.interpreter(memory)
+            return self._executors.resume(keyframe.memory)
         except ValueError:
-            self._interpreter = None
-
-    def _moment(self, interpreter: Interpreter, recorded: Followed) -> Moment:
-        before, earlier = interpreter.state, self._historian.history
-        given = given_in_frame(self._actuators, recorded.verdicts)
-        lost = self._can_be_lost.intersection(address.partition("/")[2] for address in recorded.tick.lost)
-        outcome = interpreter.step(recorded.frame, lost, recorded.answers, given)
-        decisions = tuple(
-            interpreter.network_decision(next(a for a in self._actuators if a.name == d.actuator))
-            if d.actuator in given
-            else d
-            for d in outcome.decisions
-        )
-        outcome = outcome._replace(decisions=decisions)
-        winners = {
-            d.actuator: verdict.by if (verdict := recorded.verdicts.get(d.actuator)) is not None else d.by
-            for d in decisions
-        }
-        after = interpreter.state
-        assert after is not None, "a frame was decided"
-        history = self._historian.take(interpreter, after.memory.functions, winners, first=self._is_first)
-        return moment_of(
-            self._program,
-            interpreter,
-            before,
-            history,
-            k=recorded.tick.k,
-            frame=recorded.frame,
-            outcome=outcome,
-            absent=_absent(self._program, interpreter, recorded),
-            earlier=earlier,
-            answers=recorded.answers,
-            verdicts=recorded.verdicts,
-            lost=lost,
-        )
+            return None
 
 
-def _absent(program: Program, interpreter: Interpreter, recorded: Followed) -> dict[str, Absence]:
-    """Return the sensors without a reading, each with the reason."""
-    fresh = interpreter.values.fresh
-    return {s.name: _absence(s, recorded) for s in program.robot.sensors if s.name not in fresh}
+def step_given(interpreter: Interpreter, frame: RunFrame, lost: frozenset[str] = frozenset()) -> Outcome:
+    """Step an interpreter over a frame in which actuators were given what the verdicts say.
 
-
-def _absence(sensor: Sensor, recorded: Followed) -> Absence:
-    if sensor.server in recorded.tick.down:
-        return "server down"
-    reading = recorded.frame.readings.get(sensor.name)
-    if reading is None:
-        return "no reading"
-    checked = age_checked(sensor, reading, recorded.frame)
-    if checked is None:
-        return "too old"
-    return "from the future" if checked is FUTURE else "faulty"
+    Returns:
+        The outcome; its decisions are those of the network, whatever the actuators were given.
+    """
+    actuators = {a.name: a for a in interpreter.program.robot.actuators}
+    given = given_in_frame(actuators.values(), frame.verdicts)
+    outcome = interpreter.step(frame.frame, lost, frame.answers, given)
+    decisions = (
+        interpreter.network_decision(actuators[d.actuator]) if d.actuator in given else d
+        for d in outcome.decisions
+    )
+    return outcome._replace(decisions=tuple(decisions))

@@ -1,36 +1,39 @@
-"""The index of a recording as bytes: a header, and a section for each checkpoint.
+"""The index of a recording: marks with checkpoints, from which any moment is soon reached, and tracks.
 
-    magic | length and checksum of the header | header (JSON) | checkpoints, each compressed JSON
-
-The header has the place and checksum of each section. Nothing in an index is believed that has a wrong
-checksum, another version or another shape: it is then built again.
+It is kept in the user's cache. Nothing in a file there is believed that has a wrong checksum or another
+version: the index is then built again.
 """
 
 from __future__ import annotations
 
 import json
-import struct
+import os
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from hashlib import blake2b
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
 
 from colony import __version__
-from colony.analysis.follower import Checkpoint
-from colony.analysis.saved import restored, saved
-from colony.analysis.tracks import Change, Tracks
+from colony.analysis.moments import Checkpoint
+from colony.analysis.tracks import Tracks
+from colony.files import keep_in_cache, read_from_cache, user_cache
+from colony.ir.program import Program
 from colony.ir.version import SEMANTICS
 from colony.runtime.frames.run_frame import Place
 
-VERSION = 4
+VERSION = 5
 """Version of the index: increment it if its form, or what the interpreter remembers, changes."""
 
-MAGIC = b"colony-index\n"
+MAGIC = f"colony-index {VERSION} {SEMANTICS} {__version__}\n".encode()
 
 MAX_BYTES = 256 * 1024 * 1024
-"""Byte limit of an index, and of what one of its sections unpacks to."""
+"""Byte limit of an index."""
 
-_HEAD = struct.Struct("<QI")
-"""Length and checksum of the header."""
+_CHECKSUM_BYTES = 4
 
 
 class StaleIndexError(ValueError):
@@ -41,19 +44,23 @@ class StaleIndexError(ValueError):
 class Mark:
     """A frame from which the recording can be followed: the memory before it is known.
 
-    `place` is where a reader goes on; `section` and `checksum` are those of its checkpoint.
+    `place` is where a reader goes on; `packed` is the checkpoint, of which there are many.
     """
 
     t_ns: int
     k: int
     place: Place
-    section: tuple[int, int]
-    checksum: int
+    packed: bytes
+
+    @property
+    def checkpoint(self) -> Checkpoint:
+        """The memory before the frame."""
+        return unpacked(self.packed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Index:
-    """An index: what the recording has, and the marks with their checkpoints, in order.
+    """An index: what the recording has, and the marks, in order.
 
     Attributes:
         frames: Number of frames.
@@ -64,7 +71,6 @@ class Index:
         damaged: Spans of damage as texts.
         tracks: What changed, and when.
         marks: The marks.
-        sections: The checkpoints as bytes, one after another.
     """
 
     frames: int
@@ -75,59 +81,22 @@ class Index:
     damaged: tuple[str, ...]
     tracks: Tracks
     marks: tuple[Mark, ...]
-    sections: bytes
-
-    def checkpoint(self, mark: Mark) -> Checkpoint:
-        """Return the memory before the frame of a mark.
-
-        Raises:
-            StaleIndexError: it is damaged.
-        """
-        offset, length = mark.section
-        data = self.sections[offset : offset + length]
-        if len(data) != length or zlib.crc32(data) != mark.checksum:
-            raise StaleIndexError("a checkpoint has a wrong checksum")
-        try:
-            unpacked = zlib.decompressobj().decompress(data, MAX_BYTES)
-            return restored(json.loads(unpacked))
-        except (ValueError, zlib.error, RecursionError) as problem:
-            raise StaleIndexError(str(problem)) from None
 
 
-class Sections:
-    """The checkpoints of an index that is being built. Stateful."""
+def packed(checkpoint: Checkpoint) -> bytes:
+    """Return a checkpoint as bytes."""
+    return zlib.compress(msgspec.msgpack.encode(checkpoint), 1)
 
-    def __init__(self) -> None:
-        self._data = bytearray()
 
-    def add(self, checkpoint: Checkpoint) -> tuple[tuple[int, int], int]:
-        """Add a checkpoint; return its section and its checksum."""
-        packed = zlib.compress(json.dumps(saved(checkpoint)).encode(), 1)
-        section = len(self._data), len(packed)
-        self._data += packed
-        return section, zlib.crc32(packed)
-
-    def __bytes__(self) -> bytes:
-        """Return all sections."""
-        return bytes(self._data)
+def unpacked(data: bytes) -> Checkpoint:
+    """Return the checkpoint that `packed` made such bytes of."""
+    return msgspec.msgpack.decode(zlib.decompress(data), type=Checkpoint)
 
 
 def encode(index: Index) -> bytes:
     """Return an index as bytes."""
-    header = {
-        "version": [VERSION, SEMANTICS, __version__],
-        "frames": index.frames,
-        "first_ns": index.first_ns,
-        "last_ns": index.last_ns,
-        "truncation": index.truncation,
-        "remarks": list(index.remarks),
-        "damaged": list(index.damaged),
-        "tracks": index.tracks,
-        "topics": list(index.marks[-1].place.topics) if index.marks else [],
-        "marks": [[m.t_ns, m.k, m.place.offset, m.place.start, *m.section, m.checksum] for m in index.marks],
-    }
-    text = json.dumps(header).encode()
-    return MAGIC + _HEAD.pack(len(text), zlib.crc32(text)) + text + index.sections
+    content = msgspec.msgpack.encode(index)
+    return MAGIC + zlib.crc32(content).to_bytes(_CHECKSUM_BYTES, "big") + content
 
 
 def decode(data: bytes) -> Index:
@@ -136,46 +105,60 @@ def decode(data: bytes) -> Index:
     Raises:
         StaleIndexError: they are no index of this version, or are damaged.
     """
-    start = len(MAGIC) + _HEAD.size
-    if not data.startswith(MAGIC) or len(data) < start:
-        raise StaleIndexError("this is not an index")
-    length, checksum = _HEAD.unpack_from(data, len(MAGIC))
-    text = data[start : start + length]
-    if len(text) != length or zlib.crc32(text) != checksum:
-        raise StaleIndexError("the header has a wrong checksum")
+    if not data.startswith(MAGIC):
+        raise StaleIndexError("this is not an index of this version")
+    start = len(MAGIC) + _CHECKSUM_BYTES
+    content = memoryview(data)[start:]
+    if zlib.crc32(content).to_bytes(_CHECKSUM_BYTES, "big") != data[len(MAGIC) : start]:
+        raise StaleIndexError("the index has a wrong checksum")
     try:
-        return _index(json.loads(text), data[start + length :])
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as problem:
-        raise StaleIndexError(f"the header is malformed: {problem}") from None
+        return msgspec.msgpack.decode(content, type=Index)
+    except msgspec.DecodeError as problem:
+        raise StaleIndexError(f"the index is malformed: {problem}") from None
 
 
-def _index(header: dict[str, Any], sections: bytes) -> Index:
-    if header["version"] != [VERSION, SEMANTICS, __version__]:
-        raise StaleIndexError("the index is of another version")
-    topics = tuple((int(number), str(topic)) for number, topic in header["topics"])
-    marks = tuple(
-        Mark(
-            t_ns=int(t_ns),
-            k=int(k),
-            place=Place(int(offset), int(first), topics),
-            section=(int(section), int(length)),
-            checksum=int(checksum),
-        )
-        for t_ns, k, offset, first, section, length, checksum in header["marks"]
-    )
-    tracks = {
-        str(name): [Change(int(t_ns), int(k), str(value)) for t_ns, k, value in changes]
-        for name, changes in header["tracks"].items()
-    }
-    truncation = header["truncation"]
-    return Index(
-        frames=int(header["frames"]),
-        first_ns=int(header["first_ns"]),
-        last_ns=int(header["last_ns"]),
-        truncation=None if truncation is None else str(truncation),
-        remarks=tuple(str(text) for text in header["remarks"]),
-        damaged=tuple(str(text) for text in header["damaged"]),
-        tracks=tracks,
-        marks=marks,
-        sections=sections,
-    )
+# --- the cache -------------------------------------------------------------------------------------
+
+
+def cached_index(path: Path | None) -> Index | None:
+    """Return the index in a file of the cache, None if there is none that can be used."""
+    if path is None:
+        return None
+    try:
+        return decode(read_from_cache(path, MAX_BYTES))
+    except (OSError, StaleIndexError):
+        return None
+
+
+def keep_index(path: Path | None, index: Index) -> str | None:
+    """Write an index into the cache; return why it could not be written."""
+    if path is None:
+        return "there is no folder for the cache: neither XDG_CACHE_HOME nor HOME is set"
+    try:
+        keep_in_cache(path, encode(index))
+    except OSError as problem:
+        return problem.strerror or str(problem)
+    return None
+
+
+def index_path(recording: BinaryIO, program: Program, environment: Mapping[str, str]) -> Path | None:
+    """Return where the index of a recording is in the user's cache, by the content of both."""
+    folder = user_cache(environment, "moments")
+    return None if folder is None else folder / f"{_content(recording)}-{_meaning(program)}.index"
+
+
+def _content(file: BinaryIO) -> str:
+    """Return a hash of the whole file; its position stays where it is."""
+    position, hashed = file.tell(), blake2b(digest_size=16)
+    file.seek(0, os.SEEK_SET)
+    while block := file.read(1 << 20):
+        hashed.update(block)
+    file.seek(position)
+    return hashed.hexdigest()
+
+
+def _meaning(program: Program) -> str:
+    """Return a hash of the texts of a program, and of the params that a site set."""
+    site = None if program.site is None else program.site.values
+    about = [[name, source.text] for name, source in program.files]
+    return blake2b(json.dumps([about, site]).encode(), digest_size=16).hexdigest()

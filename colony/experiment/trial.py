@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import NoReturn
 
 from colony.analysis.audit import audit_recording
+from colony.analysis.recording import OpenRecording
 from colony.execute.compiled import Compiled
 from colony.execute.needs import needs_of_clients
 from colony.experiment.design import Trial
@@ -20,7 +21,6 @@ from colony.ir.program import Program
 from colony.robots.building_run import run_in_building
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.runtime.frames.run_frame import RunFrame
-from colony.runtime.recordings.opening import open_recording, read_recording
 from colony.text.diagnostics import DiagnosticError
 
 STUCK_S = 30.0
@@ -218,8 +218,8 @@ def _interface(blindness: _Blindness, report: Callable[[str], None]) -> UserInte
 
 def _audit(program: Program, record: str) -> tuple[str, int]:
     """Return the first difference from the reference interpreter, "" for none, and the compared frames."""
-    with open_recording(record) as file:
-        found = audit_recording(program, read_recording(file, record))
+    with OpenRecording.at(record) as recording:
+        found = audit_recording(program, recording.reader)
     first = found.first
     difference = "" if first is None else f"frame at {first.t_ns / 1e9:.2f} s: {first.message}"
     return difference, found.compared

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from colony.analysis.follower import Follower
+from colony.analysis.moments import MomentFollower
 from colony.ir.program import Program
-from colony.watch.snapshot import ObservedFrame, Snapshot, SnapshotMaker
+from colony.runtime.frames.run_frame import RunFrame
+from colony.watch.snapshot import Snapshot, SnapshotMaker
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 
@@ -20,10 +21,10 @@ class RunFollower:
 
     def __init__(self, program: Program, store: SnapshotStore, trail: Trail) -> None:
         self._store, self._trail = store, trail
-        self._follower = Follower(program)
+        self._follower = MomentFollower(program)
         self._maker = SnapshotMaker(program)
 
-    def take(self, observed: ObservedFrame) -> Snapshot:
+    def take(self, observed: RunFrame) -> Snapshot:
         """Take the next frame; return its snapshot.
 
         Raises:

@@ -86,15 +86,15 @@ def joined_run(
         resources.callback(store.close)
         source = LiveSource(program, store, trail)
         resources.callback(source.close)
-        listened: AbstractContextManager[Heard] = (
+        listened = (
             listening_idle(robot_address, program, found, source)
             if isinstance(found, IdleRobot)
             else listening(robot_address, program, found.run, session, source)
         )
-        sink = resources.enter_context(listened)
+        resources.enter_context(listened)
         change = "a program starts" if scene.is_idle else "its run has ended"
         silence = f"no frames come from {robot}: {change}, or the robot is silent"
-        resources.enter_context(noting_silence(sink, store, silence))
+        resources.enter_context(noting_silence(source, store, silence))
         stop = resources.enter_context(stop_button(session)) if may_stop else None
         find = installed_finder()
         asker = Asker(lambda: asking_robot(session, find))
@@ -102,7 +102,7 @@ def joined_run(
         watched = Watched(
             scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop, asker=asker
         )
-        yield JoinedRun(identity=_identity(found), watched=watched, sink=sink)
+        yield JoinedRun(identity=_identity(found), watched=watched, sink=source)
 
 
 def _found(session: Session) -> RunProgram | IdleRobot:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
+from dataclasses import replace
 
 from colony.ir.program import Program
-from colony.runtime.frames.run_frame import Keyframe, RunFrame
+from colony.runtime.frames.run_frame import RunFrame
 from colony.watch.following import RunFollower
-from colony.watch.snapshot import ObservedFrame
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 
@@ -31,23 +32,26 @@ class LiveSource:
     def __init__(self, program: Program, store: SnapshotStore, trail: Trail) -> None:
         self._follower = RunFollower(program, store, trail)
         self._store = store
-        self._waiting: deque[ObservedFrame] = deque()
+        self._waiting: deque[RunFrame] = deque()
         self._changed = threading.Condition()
         self._is_closed = False
+        self.heard_s = time.monotonic()
+        """Time at which the last frame came, by this machine's monotonic clock."""
         self._thread = threading.Thread(target=self._run, name="watcher", daemon=True)
         self._thread.start()
 
     def take(self, log: RunFrame) -> None:
         """Let a frame wait to be shown; never blocks."""
+        self.heard_s = time.monotonic()
         self.put(log)
 
-    def put(self, frame: ObservedFrame) -> None:
-        """Let a frame wait to be shown; never blocks."""
+    def put(self, frame: RunFrame) -> None:
+        """Let a frame that came before wait to be shown; never blocks."""
         with self._changed:
             self._waiting.append(frame)
             if len(self._waiting) > MAX_WAITING:
                 self._waiting.popleft()
-                self._waiting[0] = _after_gap(self._waiting[0])
+                self._waiting[0] = replace(self._waiting[0], damaged=True)
             self._changed.notify()
 
     def close(self) -> None:
@@ -65,31 +69,8 @@ class LiveSource:
         except OSError as problem:
             self._store.problem = f"the frames cannot be kept: {problem.strerror}"
 
-    def _next(self) -> ObservedFrame | None:
+    def _next(self) -> RunFrame | None:
         with self._changed:
             while not self._waiting and not self._is_closed:
                 self._changed.wait()
             return self._waiting.popleft() if self._waiting else None
-
-
-def _after_gap(frame: ObservedFrame) -> RunFrame:
-    """Return a frame that says that frames before it are missing."""
-    known = None if frame.keyframe is None else frame.keyframe.memory
-    keyframe = None if known is None else Keyframe(known)
-    return recorded_frame(frame, damaged=True, memory_unknown=frame.memory_unknown, keyframe=keyframe)
-
-
-def recorded_frame(
-    frame: ObservedFrame, *, damaged: bool, memory_unknown: bool, keyframe: Keyframe | None = None
-) -> RunFrame:
-    """Return a frame with other marks."""
-    return RunFrame(
-        tick=frame.tick,
-        frame=frame.frame,
-        verdicts=frame.verdicts,
-        restart=frame.restart,
-        memory_unknown=memory_unknown,
-        keyframe=keyframe,
-        damaged=damaged,
-        answers=frame.answers,
-    )

@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from colony.analysis.follower import Checkpoint, Follower
+from colony.analysis.moments import Checkpoint, MomentFollower
 from colony.ir.frame import Answer, Frame
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
@@ -21,7 +21,6 @@ from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.verify.explain.answer import WhyNot, explain
 from colony.verify.explain.text import lines
-from colony.watch.snapshot import ObservedFrame
 
 SEGMENT_FRAMES = 50
 """Frames between two checkpoints: what is computed again for an answer."""
@@ -73,7 +72,7 @@ class Trail:
         """Return True if the next frame begins a segment, and so needs the checkpoint before it."""
         return bool(self._segments) and len(self._segments[-1].frames) >= SEGMENT_FRAMES
 
-    def add(self, observed: ObservedFrame, before: Checkpoint | None, *, resumes: bool) -> None:
+    def add(self, observed: RunFrame, before: Checkpoint | None, *, resumes: bool) -> None:
         """Add a frame.
 
         Args:
@@ -124,7 +123,7 @@ class Trail:
             return (f"frame {k} has not come, or was lost",)
         if packed is not None:
             frames = self._decode(zlib.decompress(packed))
-        follower = Follower(self._program, segment.checkpoint)
+        follower = MomentFollower(self._program, segment.checkpoint)
         for kept in frames:
             if kept.tick.k > k:
                 break

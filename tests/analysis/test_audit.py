@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.analysis.audit import Auditor, audit
-from colony.analysis.follower import Follower
+from colony.analysis.moments import MomentFollower
 from colony.dsl.load import load_file, load_text
 from colony.ir.frame import Answer, Frame
 from colony.runtime.frames.run_frame import RunFrame
@@ -321,7 +321,7 @@ def test_after_a_missing_answer_of_a_module_in_python_memory_is_known_from_the_n
     assert (report.agrees, report.resumed) == (True, 1)
     assert report.forgotten <= 8, "less than half a second"
     assert not audit(PULSES, brought(way, PULSES, changed(right, 39, values=(5.0,)))).agrees
-    follower = Follower(PULSES)
+    follower = MomentFollower(PULSES)
     moments = [follower.take(log) is not None for log in right]
     assert moments[missed + 15 :] == [True] * (25 - missed)
 

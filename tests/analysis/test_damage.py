@@ -38,8 +38,7 @@ def audited(of: Program, frames: Sequence[RunFrame], *, end: bool) -> AuditRepor
     auditor = Auditor(of)
     for frame in frames:
         auditor.take(frame)
-    if end:
-        auditor.end_damaged()
+    auditor.end(damaged=end)
     return auditor.report()
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from colony.analysis.finding import CONDITIONS
+from colony.analysis.tracks import CONDITIONS
 from colony.drivers.dialect import REFUSALS
 from colony.drivers.guard_outbox import REPEATS_NS
 from colony.drivers.measurements import Measurements

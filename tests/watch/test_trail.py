@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from colony.analysis.follower import Follower
+from colony.analysis.moments import MomentFollower
 from colony.verify.explain.answer import WhyNot, explain
 from colony.verify.explain.text import lines
 from colony.watch import trail as trail_module
@@ -27,7 +27,7 @@ def followed(frames: object = None, **options: int) -> Trail:
 
 def test_every_frame_has_the_answers_of_the_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trail_module, "SEGMENT_FRAMES", 6)
-    trail, follower = followed(), Follower(PROGRAM)
+    trail, follower = followed(), MomentFollower(PROGRAM)
     for log in run():
         moment = follower.take(log)
         assert moment is not None

@@ -22,7 +22,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
-from colony.analysis.recorded_program import recorded_program
+from colony.analysis.recording import recorded_program
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
@@ -210,15 +210,16 @@ def test_what_precedes_the_frames_must_be_whole() -> None:
         assert caught.value.diagnostics[0].code == "A006"
 
 
-def test_a_damaged_program_costs_no_frame(tmp_path: Path) -> None:
+def test_a_damaged_program_costs_no_frame() -> None:
     data = as_mcap(PROGRAM, logs(PROGRAM, trace()), *SOURCES).content
     length = data.index(b"text/x-python") + len(b"text/x-python")
     for at, bit in ((data.index(b"module back"), 0), (length + 7, 7)):
         found, reader = read_mcap(PROGRAM, data[:at] + bytes([data[at] ^ 1 << bit]) + data[at + 1 :])
         assert (len(found), reader.damaged, len(reader.run.sources)) == (6, False, 1)
         assert [text[:29] for text in reader.remarks] == ["the program in it is damaged "]
-        with pytest.raises(DiagnosticError, match=r"\[A006\]: its program is damaged \("):
-            recorded_program(reader.run, "run.mcap", tmp_path)
+        damaged = pytest.raises(DiagnosticError, match=r"\[A006\]: its program is damaged \(")
+        with damaged, recorded_program(reader, "run.mcap"):
+            pass
 
 
 def test_chunks_by_other_tools_are_read_and_bombs_are_not() -> None:

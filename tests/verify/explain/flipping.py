@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from random import Random
 
-from colony.analysis.follower import Follower
+from colony.analysis.moments import MomentFollower
 from colony.dsl.load import load_text
 from colony.ir import expression as ir
 from colony.ir.frame import Frame
@@ -57,7 +57,7 @@ class Asked:
 
 def asked(program: Program, trace: tuple[Frame, ...]) -> Iterator[Asked]:
     """Yield an answer for each module of each frame, and for each actuator."""
-    follower = Follower(program)
+    follower = MomentFollower(program)
     for k, frame in enumerate(trace):
         before = follower.checkpoint.state
         moment = follower.take(recorded(frame, k))
