@@ -23,8 +23,8 @@ from colony.dsl.load import load_text
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
-from colony.watch.live import LiveSource
 from colony.watch.scene import scene_of
+from colony.watch.sources import LiveSource
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from colony.watch.watched import Watched

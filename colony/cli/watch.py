@@ -114,7 +114,7 @@ def command(
 def _recorded(recording: str, behavior: str | None, map_path: str | None, resources: ExitStack) -> Watched:
     from colony.analysis.recording import OpenRecording
     from colony.text.diagnostics import DiagnosticError
-    from colony.watch.recorded import RecordingSource
+    from colony.watch.sources import RecordingSource
     from colony.watch.store import SnapshotStore
     from colony.watch.trail import Trail
     from colony.watch.watched import Watched

@@ -32,8 +32,8 @@ from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.watch.joining import WATCHER, observing
-from colony.watch.live import LiveSource
 from colony.watch.scene import shown_states
+from colony.watch.sources import LiveSource
 
 IDLE_TITLE = "no program runs"
 """The title of the page, in place of the name of a run."""

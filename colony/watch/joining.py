@@ -35,7 +35,7 @@ from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.site import read_site
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import RobotAddress
-from colony.watch.live import LiveSource
+from colony.watch.sources import LiveSource
 
 WATCHER = "colony watch"
 """The name of the connections to a robot that is watched."""

@@ -18,13 +18,12 @@ from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.mcap_reader import McapReader
-from colony.watch.following import RunFollower
 from colony.watch.greeting import Greeting, Reply
-from colony.watch.recorded import RecordingSource
 from colony.watch.scene import Scene, scene_of
 from colony.watch.security import PROTOCOL, new_nonce, proof
 from colony.watch.serving import PageServer
 from colony.watch.snapshot import Snapshot
+from colony.watch.sources import RecordingSource, RunFollower
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from colony.watch.watched import StopAnswer, Watched

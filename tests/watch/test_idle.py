@@ -27,7 +27,7 @@ from colony.runtime.servers.rserver import RServer
 from colony.runtime.transport.virtual import VirtualTransport
 from colony.watch.idle import IdleRobot, IdleSink, idle_observer, idle_robot
 from colony.watch.joining import Listener
-from colony.watch.live import LiveSource
+from colony.watch.sources import LiveSource
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from tests.kit.node_stage import MS, S

@@ -22,13 +22,11 @@ from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library.leader import RunProgram, SourceText
 from colony.runtime.protocol.interface import Interface
 from colony.text.diagnostics import DiagnosticError
-from colony.watch import joined_run
-from colony.watch import live as live_module
+from colony.watch import joined_run, sources
 from colony.watch.idle import IdleRobot
 from colony.watch.joining import Joiner, joined_program, read_program
-from colony.watch.live import LiveSource
-from colony.watch.silence import noting_silence
 from colony.watch.snapshot import Snapshot
+from colony.watch.sources import LiveSource, noting_silence
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from colony.watch.user_files import user_token
@@ -79,7 +77,7 @@ class GatedStore(SnapshotStore):
 
 
 def test_a_watcher_that_falls_behind_drops_frames_and_recovers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_module, "MAX_WAITING", 10)
+    monkeypatch.setattr(sources, "MAX_WAITING", 10)
     store = GatedStore()
     source = LiveSource(PROGRAM, store, Trail(PROGRAM))
     first, *others = run()
@@ -152,7 +150,7 @@ def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
     monkeypatch.setattr(joined_run, "read_program", lambda session: SimpleNamespace(run="2"))
     sink: Any = SimpleNamespace(heard_s=-math.inf)
     address: Any = None
-    runs = {name: joined_run.JoinedRun(identity=name, watched=watched, sink=sink) for name in "12"}
+    runs = {name: joined_run.JoinedRun(identity=name, watched=watched, source=sink) for name in "12"}
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     joins: Iterator[joined_run.JoinedRun | OSError] = iter((runs["1"], full, full, runs["2"]))
 
@@ -191,7 +189,7 @@ def test_where_nothing_is_known_of_a_robot_without_a_program_it_is_said_once_and
         joined.append("")
         if len(joined) > 1:
             raise NoDescriptionError("its description is not found")
-        yield joined_run.JoinedRun(identity="1", watched=watched, sink=sink)
+        yield joined_run.JoinedRun(identity="1", watched=watched, source=sink)
 
     shown: list[Watched] = []
     with joined_run.Succession(address, join) as succession:
@@ -225,7 +223,7 @@ def test_after_a_silence_the_robot_is_asked_what_it_is_although_frames_come(
     @contextmanager
     def join() -> Iterator[joined_run.JoinedRun]:
         run, sink = next(joins)
-        yield joined_run.JoinedRun(identity=run, watched=watched, sink=sink)
+        yield joined_run.JoinedRun(identity=run, watched=watched, source=sink)
 
     shown: list[Watched] = []
     with joined_run.Succession(address, join) as succession:
@@ -258,8 +256,8 @@ def test_a_leader_gives_no_file_outside_the_program(path: str, tmp_path: Path) -
 
 
 def test_silence_is_said_and_taken_back(store: SnapshotStore, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("colony.watch.silence.SILENCE_S", 0.05)
-    monkeypatch.setattr("colony.watch.silence.CHECK_INTERVAL_S", 0.01)
+    monkeypatch.setattr("colony.watch.sources.SILENCE_S", 0.05)
+    monkeypatch.setattr("colony.watch.sources.CHECK_INTERVAL_S", 0.01)
     sink = SimpleNamespace(heard_s=time.monotonic() - 1)
     with noting_silence(sink, store, "no frames come from rome"):
         until(lambda: store.problem == "no frames come from rome", "it is said")

@@ -12,8 +12,8 @@ from colony.dsl.load import load_text
 from colony.ir.frame import Frame
 from colony.runtime.protocol.messages import Stopped, Tick
 from colony.verify.reference.interpreter import Interpreter
-from colony.watch.following import RunFollower
 from colony.watch.marks import Mark, mark_of
+from colony.watch.sources import RunFollower
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from tests.analysis.recorded_runs import logs

@@ -24,7 +24,7 @@ def shown_in_browser(compiled: Compiled, map_path: str | None, robot: str | None
         DiagnosticError: the program cannot be rebuilt from its source files, or the map is invalid.
     """
     from colony.analysis.recording import unpacked_program
-    from colony.watch.live import STORE_BYTES, LiveSource
+    from colony.watch.sources import STORE_BYTES, LiveSource
     from colony.watch.store import SnapshotStore
     from colony.watch.trail import Trail
     from colony.watch.watched import Watched
