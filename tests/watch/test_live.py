@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import math
 import os
 import threading
@@ -16,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from colony.ir.memory import ProgramMemory
 from colony.robots.description import NoDescriptionError
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.errors import ServerNotFoundError
@@ -115,6 +117,22 @@ def test_a_reader_that_joins_goes_on_from_the_memory_that_the_leader_gives(
     source.close()
     assert known(store) == [k >= key for k in range(5, FRAMES)]
     assert store.read(FRAMES - 6) == store._encode(snapshots()[FRAMES - 1])
+
+
+def test_a_reader_that_missed_frames_forgets_what_it_remembered(
+    store: SnapshotStore, source: LiveSource
+) -> None:
+    frames = run()
+    memory = ProgramMemory(first_ns=0, cells={"window careful.0 until": 1_000_000_000})
+    joiner = Joiner(source, lambda: (8, Keyframe(memory)), FRAMES)
+    for log in frames[:5]:
+        joiner.take(log)
+    joiner.take(replace(frames[8], skipped=3, memory_unknown=True, keyframe=None))
+    until(lambda: store.span.end == 6, "the frame that was held back is shown")
+    joiner.close()
+    source.close()
+    [remaining_s] = json.loads(store.read(5))["windows"].values()
+    assert remaining_s == pytest.approx(0.2), "of the memory that was given: until 1 s, not until 0.9 s"
 
 
 def test_without_a_leader_frames_are_shown_without_memory(store: SnapshotStore, source: LiveSource) -> None:
