@@ -10,7 +10,6 @@ import os
 import resource
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,16 +18,13 @@ from typing import Any
 
 import msgspec
 
+from colony.analysis.finding import build_index
+from colony.analysis.index import encode
+from colony.analysis.recording import OpenRecording
 from colony.compile.pipeline import compile_program
-from colony.ir.frame import Decision, Outcome
-from colony.ir.program import Program
-from colony.robots.moments.building import build_index
-from colony.robots.moments.index import encode
-from colony.robots.recorded_program import recorded_program
-from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
+from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.observe.observer import KEYFRAME_NS
 from colony.runtime.recordings.mcap_writer import McapRecording
-from colony.runtime.recordings.opening import open_recording, read_recording
-from colony.runtime.recordings.recorded import RecordedFrame
 
 MINUTES = 60
 MINUTE_NS = 60_000_000_000
@@ -43,7 +39,7 @@ def run() -> list[dict[str, Any]]:
         minute, hour = folder / "minute.mcap", folder / "hour.mcap"
         _colony("run", "wander", "--map", "loop", "--duration", "60", "--record", minute, "--no-picture")
         _write_hour(minute, hour)
-        seconds, index_bytes = _index(hour, folder)
+        seconds, index_bytes = _index(hour)
         length, size = MINUTES * 60, hour.stat().st_size
         os.environ["XDG_CACHE_HOME"] = str(folder / "cache")
         first = _explain(hour, MOMENTS_S[0])
@@ -74,35 +70,27 @@ def _explain(recording: Path, at_s: float) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def _program(recording: Path, folder: Path) -> Program:
-    with open_recording(str(recording)) as stream:
-        run = read_recording(stream, str(recording)).run
-    assert run is not None
-    return recorded_program(run, str(recording), Path(tempfile.mkdtemp(dir=folder)))
-
-
-def _index(recording: Path, folder: Path) -> tuple[float, int]:
+def _index(recording: Path) -> tuple[float, int]:
     """Return the processor time of building the index, in seconds, and its size in bytes."""
-    program = _program(recording, folder)
-    with open_recording(str(recording)) as stream:
+    with OpenRecording.at(recording) as opened:
+        program = opened.program()
         start = time.process_time()
-        data = encode(build_index(program, read_recording(stream, str(recording))))
+        data = encode(build_index(program, opened.reader))
         return time.process_time() - start, len(data)
 
 
 def _write_hour(minute: Path, hour: Path) -> None:
-    program = _program(minute, minute.parent)
-    with open_recording(str(minute)) as stream, open(hour, "wb", buffering=0) as file:
-        reader = read_recording(stream, str(minute))
-        assert reader.run is not None
-        frames = list(reader.frames(program))
-        recording = McapRecording(compile_program(program).compiled, reader.run, file)
+    with OpenRecording.at(minute) as opened, open(hour, "wb", buffering=0) as file:
+        program, run = opened.program(), opened.run
+        assert run is not None
+        frames = list(opened.reader.frames(program))
+        recording = McapRecording(compile_program(program).compiled, run, file)
         for log in _repeated(frames):
             recording.take(log)
         recording.close()
 
 
-def _repeated(frames: list[RecordedFrame]) -> Iterator[FrameLog]:
+def _repeated(frames: list[RunFrame]) -> Iterator[RunFrame]:
     """Yield the frames of a minute again and again, with the times and numbers of a longer run.
 
     All keyframes are the first one: only damage would make a reader use them.
@@ -114,16 +102,12 @@ def _repeated(frames: list[RecordedFrame]) -> Iterator[FrameLog]:
         t_ns = frames[i].frame.t_ns + minute * MINUTE_NS
         is_due = t_ns - keyframe_ns >= KEYFRAME_NS
         keyframe_ns = t_ns if is_due else keyframe_ns
-        yield FrameLog(
+        yield RunFrame(
             tick=msgspec.structs.replace(frames[i].tick, k=k, t_ns=t_ns, start=0),
             frame=frames[i].frame._replace(t_ns=t_ns),
             verdicts={
                 name: msgspec.structs.replace(verdict, k=k, t_ns=t_ns)
                 for name, verdict in frames[i].verdicts.items()
             },
-            expected=Outcome(
-                tuple(Decision(v.actuator, v.by, v.values) for v in frames[i].verdicts.values())
-            ),
-            disagreements=(),
             keyframe=keyframe if is_due else None,
         )

@@ -29,8 +29,8 @@ from colony.nav.maps.walls import walls_of
 from colony.robots.building_run import run_in_building
 from colony.robots.described import described_robot
 from colony.robots.request import PhysicsName, RunReport, RunRequest, UserInterface
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.script import Script
-from colony.runtime.observe.observer import FrameLog
 from tests.paths import MAPS, ROOT
 from tests.sim.mujoco.agreement import (
     LOOP,
@@ -60,7 +60,7 @@ PHYSICS: tuple[PhysicsName, ...] = ("kinematic", "mujoco")
 class _Silent:
     """A sink that shows nothing."""
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Show nothing."""
 
     def close(self) -> None:

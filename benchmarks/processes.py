@@ -46,7 +46,8 @@ from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.spec import Device
 from colony.runtime.assembly.processes.window import Window
-from colony.runtime.observe.observer import FrameLog, Sink
+from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.observe.observer import Sink
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.deployment import Deployment, deployment
@@ -105,7 +106,7 @@ class Times:
         self.at: list[float] = []
         self.bad = 0
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         self.at.append(time.perf_counter())
         self.bad += len(log.disagreements) + sum(
             fate in ("late", "lost") for verdict in log.verdicts.values() for _, fate in verdict.fates

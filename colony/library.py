@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from os import PathLike
@@ -16,13 +15,13 @@ from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
+    from colony.analysis.report import AuditReport
     from colony.compile.pipeline import Compilation
     from colony.dsl.site import SiteParams
     from colony.execute.checked import CheckedExecutor
     from colony.execute.compiled import Compiled
     from colony.ir.program import Program
-    from colony.runtime.recordings.recorded import RecordedFrame, RecordingReader
-    from colony.verify.audit.report import AuditReport
+    from colony.runtime.frames.run_frame import RunFrame
     from colony.verify.contracts.results import Result as ContractResult
     from colony.verify.difference.results import Result as Difference
 
@@ -281,7 +280,7 @@ def compare(one: Program, other: Program) -> Difference:
     return difference(one, other)
 
 
-def recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFrame]:
+def recorded(path: str | PathLike[str], program: Program) -> Iterator[RunFrame]:
     """Yield the undamaged frames of a recording, each with its verdicts.
 
     Raises:
@@ -294,9 +293,11 @@ def recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFr
     return _recorded(path, program)
 
 
-def _recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFrame]:
-    with _open_reader(path) as reader:
-        yield from reader.frames(program)
+def _recorded(path: str | PathLike[str], program: Program) -> Iterator[RunFrame]:
+    from colony.analysis.recording import OpenRecording
+
+    with OpenRecording.at(path) as recording:
+        yield from recording.reader.frames(program)
 
 
 def audit(path: str | PathLike[str], program: Program) -> AuditReport:
@@ -305,21 +306,14 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
     Raises:
         DiagnosticError: codes A and F, the file is not a recording, or is one of another program.
     """
+    from colony.analysis.audit import audit_recording
+    from colony.analysis.recording import OpenRecording
     from colony.ir.program import expect_program
-    from colony.verify.audit.audit import audit_recording
 
     _expect_path(path)
     expect_program(program)
-    with _open_reader(path) as reader:
-        return audit_recording(program, reader)
-
-
-@contextmanager
-def _open_reader(path: str | PathLike[str]) -> Iterator[RecordingReader]:
-    from colony.runtime.recordings.opening import open_recording, read_recording
-
-    with open_recording(str(path)) as file:
-        yield read_recording(file, str(path))
+    with OpenRecording.at(path) as recording:
+        return audit_recording(program, recording.reader)
 
 
 # --- checks of arguments -----------------------------------------------------------------------------------

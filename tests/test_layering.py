@@ -24,6 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "compile": {"ir", "execute"},
     "verify": {"ir", "execute", "compile", "dsl"},
     "runtime": {"ir", "execute"},
+    "analysis": {"ir", "dsl", "execute", "compile", "verify", "runtime"},
     "drivers": {"ir", "runtime"},
     "nav": {"body", "runtime", "shipped"},
     "vision": {"body", "runtime", "nav"},
@@ -38,12 +39,25 @@ ALLOWED: dict[str, set[str]] = {
         "compile",
         "verify",
         "runtime",
+        "analysis",
         "nav",
         "vision",
         "sim",
     },
-    "watch": {"ir", "body", "execute", "compile", "verify", "runtime", "nav", "vision", "view", "robots"},
-    "experiment": {"ir", "dsl", "execute", "verify", "runtime", "nav", "robots"},
+    "watch": {
+        "ir",
+        "body",
+        "execute",
+        "compile",
+        "verify",
+        "runtime",
+        "analysis",
+        "nav",
+        "vision",
+        "view",
+        "robots",
+    },
+    "experiment": {"ir", "dsl", "execute", "runtime", "analysis", "nav", "robots"},
 }
 ALLOWED["cli"] = set(ALLOWED) - {"drivers"}
 """The packages that a package may import, besides itself, `text` and the base."""
@@ -63,7 +77,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "click": {"cli"},
     "rich": {"cli"},
     "networkx": {"view", "nav"},
-    "msgspec": {"execute", "runtime", "sim", "experiment", "cli", "watch"},
+    "msgspec": {"execute", "runtime", "analysis", "sim", "experiment", "cli", "watch"},
     "starlette": {"watch"},
     "uvicorn": {"watch"},
     "zenoh": {"runtime"},
@@ -123,7 +137,7 @@ def test_imports_run_downwards(path: Path) -> None:
             assert f"colony.{target}" in BASE | {"colony.__version__"}, f"{path} imports {name}"
 
 
-CLOCKLESS = ("text", "ir", "dsl", "compile", "execute", "verify")
+CLOCKLESS = ("text", "ir", "dsl", "compile", "execute", "verify", "analysis")
 """Packages that read no clock: what they find must not depend on how busy the machine is."""
 
 

@@ -116,7 +116,7 @@ def test_programs_are_compared() -> None:
 
 
 def test_a_recording_is_read_and_audited(tmp_path: Path) -> None:
-    from tests.verify.audit.recorded_runs import as_mcap, logs
+    from tests.analysis.recorded_runs import as_mcap, logs
 
     frames = tuple(Frame(k * 50_000_000, {"bumper": k % 5 == 0, "near": 1.0}) for k in range(20))
     path = tmp_path / "run.mcap"

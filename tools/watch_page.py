@@ -22,13 +22,13 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program
-from colony.runtime.observe.observer import FrameLog
-from colony.watch.live import LiveSource
+from colony.runtime.frames.run_frame import RunFrame
 from colony.watch.scene import scene_of
+from colony.watch.sources import LiveSource
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from colony.watch.watched import Watched
-from tests.verify.audit.recorded_runs import logs
+from tests.analysis.recorded_runs import logs
 from tests.watch.browser.chromium import Browser, chromium
 from tests.watch.runs import served
 
@@ -69,7 +69,7 @@ def frame(k: int, frame_ms: int) -> Frame:
     return Frame(k * frame_ms * 1_000_000, readings)
 
 
-def run_of(of: Program, frames: int, frame_ms: int) -> list[FrameLog]:
+def run_of(of: Program, frames: int, frame_ms: int) -> list[RunFrame]:
     """Return a run."""
     return logs(of, [frame(k, frame_ms) for k in range(frames)])
 
@@ -148,7 +148,7 @@ def measure(seconds: float, folder: Path, picture: Path | None) -> None:
     store.close()
 
 
-def _memory(browser: Browser, source: LiveSource, frames: list[FrameLog], seconds: float) -> None:
+def _memory(browser: Browser, source: LiveSource, frames: list[RunFrame], seconds: float) -> None:
     ended = Event()
     last = frames[-1]
 

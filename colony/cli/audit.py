@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.params_choice import choose_params, params_option
+from colony.cli.params_choice import params_option
 from colony.cli.progress import ReadingProgress
 from colony.cli.recorded import program_for
 from colony.cli.reporting import refuse, report
@@ -18,9 +16,9 @@ from colony.cli.shipped_files import BEHAVIOR
 from colony.ir.version import SEMANTICS
 
 if TYPE_CHECKING:
+    from colony.analysis.report import AuditReport
     from colony.ir.program import Program
     from colony.runtime.recordings.recorded import RecordingReader
-    from colony.verify.audit.report import AuditReport
 
 
 @click.command("audit", short_help="compare a recorded run with the reference interpreter")
@@ -79,15 +77,12 @@ def audited(recording: str, file: str | None = None) -> tuple[RecordingReader, P
     Raises:
         DiagnosticError: it cannot be audited, or there is nothing to compare.
     """
-    from colony.dsl.site_reading import params_of
-    from colony.runtime.recordings.opening import open_recording, read_recording, recorded_site
-    from colony.verify.audit.audit import audit_recording
+    from colony.analysis.audit import audit_recording
+    from colony.analysis.recording import OpenRecording
 
-    with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
-        reader = read_recording(stream, recording)
-        choose_params(params_of(recorded_site(recording)))
-        program = program_for(reader, recording, file, Path(folder))
-        result = audit_recording(program, reader, ReadingProgress(stream))
+    with OpenRecording.at(recording) as opened:
+        program, reader = program_for(opened, file), opened.reader
+        result = audit_recording(program, reader, ReadingProgress(opened.stream))
         _refuse_empty(recording, reader, result)
     return reader, program, result
 

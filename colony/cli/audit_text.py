@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from colony.analysis.report import AuditReport, Difference
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator, Program
 from colony.ir.site import Site
 from colony.runtime.observe.summary import SHADOW_TEXT
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.wording import counted, time_text
-from colony.verify.audit.report import AuditReport, Difference
 
 _PARTS = {
     "wins": "wins",

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from decimal import Decimal, InvalidOperation
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, NoReturn
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.params_choice import choose_params, params_option
+from colony.cli.params_choice import params_option
 from colony.cli.progress import ReadingProgress
 from colony.cli.recorded import program_for
 from colony.cli.reporting import refuse, report, say
@@ -23,11 +20,11 @@ from colony.text.suggestions import did_you_mean
 from colony.text.wording import TIME_RESOLUTION_NS, counted, seconds_of, time_text
 
 if TYPE_CHECKING:
+    from colony.analysis.finding import Found
+    from colony.analysis.index import Index
+    from colony.analysis.recording import OpenRecording
+    from colony.analysis.tracks import Condition, Span
     from colony.ir.program import Program
-    from colony.robots.moments.finding import Condition, Found
-    from colony.robots.moments.index import Index
-    from colony.robots.moments.tracks import Span
-    from colony.runtime.recordings.recorded import RecordingReader
     from colony.verify.explain.answer import Explanation, Why, WhyNot
 
 MAX_SPANS = 10
@@ -126,11 +123,12 @@ def command(
         raise click.UsageError(
             "no moment: give --at SECONDS or --when CONDITION", click.get_current_context()
         )
+    from colony.analysis.recording import OpenRecording
     from colony.text.diagnostics import DiagnosticError
 
     try:
-        with TemporaryDirectory(prefix="colony-explain-") as folder:
-            asked = _Asked(recording, file, Path(folder))
+        with OpenRecording.at(recording) as opened:
+            asked = _Asked(opened, file)
             chosen = None if when is None else asked.chosen(when, nth, at_ns)
             found = asked.found(at_ns or 0) if chosen is None else asked.at(chosen.span.start.t_ns)
             questions = _questions(asked.program, why, why_not, chosen)
@@ -159,51 +157,30 @@ class _Chosen:
 
 
 class _Asked:
-    """A recording that is asked about: its program and its index. Mutable: a damaged index is rebuilt.
+    """A recording that is asked about: its program and its index. Mutable.
 
     Attributes:
         shadow: once `found` was called, whether the program ran in the shadow of a robot.
     """
 
-    def __init__(self, recording: str, file: str | None, folder: Path) -> None:
-        from colony.dsl.site_reading import params_of
-        from colony.runtime.recordings.opening import recorded_site
+    def __init__(self, opened: OpenRecording, file: str | None) -> None:
+        from colony.analysis.index import cached_index, index_path
 
-        self.recording, self.file = recording, file
-        choose_params(params_of(recorded_site(recording)))
-        with self._reading() as reader:
-            self.run = reader.run
-            self.program: Program = program_for(reader, recording, file, folder)
+        self._opened, self.recording, self.file, self.run = opened, opened.name, file, opened.run
+        self.program: Program = program_for(opened, file)
         self.shadow = False  # until a frame was read
-        self.index: Index = self._index()
+        self._path = index_path(opened.stream, self.program, os.environ)
+        self.index: Index = cached_index(self._path) or self._built()
         if not self.index.frames:
             damage = f": damaged {self.index.damaged[0]}" if self.index.damaged else ""
-            _misuse(f"{recording}: error: the recording contains no frame{damage}")
-
-    @contextmanager
-    def _reading(self) -> Iterator[RecordingReader]:
-        from colony.runtime.recordings.opening import open_recording, read_recording
-
-        with open_recording(self.recording) as stream:
-            yield read_recording(stream, self.recording)
-
-    def _index(self) -> Index:
-        """Return the index in the cache, or build it."""
-        from colony.robots.moments.building import cached_index, index_path
-        from colony.runtime.recordings.opening import open_recording
-
-        with open_recording(self.recording) as stream:
-            path = index_path(stream, self.program, os.environ)
-        self._path = path
-        return cached_index(path) or self._built()
+            _misuse(f"{self.recording}: error: the recording contains no frame{damage}")
 
     def _built(self) -> Index:
-        from colony.robots.moments.building import build_index, keep_index
-        from colony.runtime.recordings.opening import open_recording, read_recording
+        from colony.analysis.finding import build_index
+        from colony.analysis.index import keep_index
 
-        with open_recording(self.recording) as stream:
-            reader = read_recording(stream, self.recording)
-            index = build_index(self.program, reader, ReadingProgress(stream, "reading, once: "))
+        progress = ReadingProgress(self._opened.stream, "reading, once: ")
+        index = build_index(self.program, self._opened.again(), progress)
         problem = keep_index(self._path, index)
         if problem is not None:
             say(f"the index cannot be kept, so the next question will take as long: {problem}")
@@ -211,14 +188,14 @@ class _Asked:
 
     def chosen(self, when: str, nth: int, from_ns: int | None) -> _Chosen:
         """Return the moments in which a condition begins to hold; exit with 2 if there is none."""
-        from colony.robots.moments.finding import ConditionError, condition, spans_of
+        from colony.analysis.tracks import ConditionError, condition, spans_of
 
         try:
             wanted = condition(self.program, when)
         except ConditionError as problem:
             _misuse(f"{self.recording}: error: --when: {problem}")
         begin_ns = None if from_ns is None else self.index.first_ns + from_ns - TIME_RESOLUTION_NS // 2
-        found = list(spans_of(self.index, wanted, begin_ns))
+        found = list(spans_of(self.index.tracks, wanted, begin_ns))
         if len(found) < nth:
             since = "" if from_ns is None else f" from {time_text(from_ns)} on"
             begins = f"begins {counted(len(found), 'time')}" if found else "never begins"
@@ -244,18 +221,11 @@ class _Asked:
 
     def at(self, t_ns: int) -> Found:
         """Return the last frame at or before a time of the robot, which the recording has."""
-        from colony.robots.moments.finding import moment_at
-        from colony.robots.moments.index import StaleIndexError
+        from colony.analysis.finding import moment_at
 
-        for _ in range(2):
-            try:
-                with self._reading() as reader:
-                    moment = moment_at(self.program, reader, self.index, t_ns)
-                    self.shadow = reader.shadow
-                    return moment
-            except StaleIndexError:
-                self.index = self._built()
-        raise AssertionError("an index that was just built has a wrong checksum")
+        found = moment_at(self.program, self._opened.again(), self.index, t_ns)
+        self.shadow = self._opened.reader.shadow
+        return found
 
     def answers(self, found: Found, questions: Sequence[Why | WhyNot]) -> list[Explanation]:
         """Return the answers about a frame; exit with 1 if its memory is not known."""

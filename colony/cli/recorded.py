@@ -2,36 +2,33 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from colony.cli.params_choice import chosen_params
+from colony.cli.params_choice import choose_params, chosen_params
 from colony.cli.reporting import exit_with, load_program
 
 if TYPE_CHECKING:
+    from colony.analysis.recording import OpenRecording
     from colony.ir.program import Program
-    from colony.runtime.recordings.recorded import RecordingReader
 
 
-def program_for(reader: RecordingReader, recording: str, file: str | None, folder: Path) -> Program:
-    """Return the program of `file`, or that of the recording, whose sources are unpacked into `folder`.
+def program_for(recording: OpenRecording, file: str | None) -> Program:
+    """Return the program of `file`, or that of the recording.
 
-    Params of a site are those that the current command chose.
+    Params of a site are those that the current command chose, by default those in the recording.
     Exits like `load_program`, also for errors that these params make.
 
     Raises:
         DiagnosticError: A005, there is no `file`, and the recording does not have the whole program; A006, it
             is damaged.
     """
-    if file is not None:
-        return load_program(file)
-    from colony.robots.recorded_program import recorded_program, unusable
     from colony.text.diagnostics import DiagnosticError
 
-    if reader.run is None:
-        raise DiagnosticError([unusable(recording, "a recording as JSON lines does not contain its program")])
+    choose_params(recording.params)
+    if file is not None:
+        return load_program(file)
     try:
-        return recorded_program(reader.run, recording, folder, chosen_params())
+        return recording.program(chosen_params())
     except DiagnosticError as failure:
         if failure.diagnostics[0].code in ("A005", "A006"):
             raise

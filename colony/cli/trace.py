@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from contextlib import redirect_stdout
+from contextlib import ExitStack, redirect_stdout
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
 import click
@@ -14,18 +13,20 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.frame_picture import check_picture, draw_frame, expect_bearings, frame_title, refuse_frame
 from colony.cli.outputs import check_output, output_option, write_whole
-from colony.cli.params_choice import choose_params, params_option
+from colony.cli.params_choice import params_option
 from colony.cli.recorded import program_for
-from colony.cli.reporting import load_program, one_line, refuse, say
+from colony.cli.reporting import one_line, refuse, say
 from colony.cli.robot_choice import description_option
 from colony.cli.shipped_files import BEHAVIOR
 from colony.files import open_regular, reason
+from colony.text.wording import time_text
 
 if TYPE_CHECKING:
+    from colony.analysis.follower import Backend, DamagedSpan
     from colony.ir.frame import Outcome
     from colony.ir.program import Program
-    from colony.runtime.recordings.recorded import RecordedFrame, RecordingReader
-    from colony.verify.audit.deciding import Backend
+    from colony.runtime.frames.run_frame import RunFrame
+    from colony.runtime.recordings.recorded import RecordingReader
 
 
 @click.command("trace", short_help="replay recorded frames through any executor")
@@ -91,25 +92,18 @@ def command(
         check_output(output, inputs)
     if picture is not None:
         check_picture(picture, [*inputs, *([str(output)] if output is not None else [])])
-    from colony.runtime.recordings.opening import read_frames, recorded_site
-
-    if input_ != "-":
-        from colony.dsl.site_reading import params_of
-
-        choose_params(params_of(recorded_site(input_)))
-    program = None if file is None else load_program(file)
+    from colony.analysis.recording import OpenRecording
+    from colony.runtime.recordings.opening import read_frames
     from colony.text.diagnostics import DiagnosticError
 
     name = "<stdin>" if input_ == "-" else input_
-    with (
-        _open(input_) as frames,
-        TemporaryDirectory(prefix="colony-trace-") as folder,
-        redirect_stdout(sys.stderr),  # for prints of Python modules
-    ):
+    with ExitStack() as resources:
+        resources.enter_context(redirect_stdout(sys.stderr))  # for prints of Python modules
         try:
-            reader = read_frames(frames, name)
-            if program is None:
-                program = _recorded_program(reader, name, Path(folder))
+            recording = resources.enter_context(OpenRecording(_open(input_), name, read_frames))
+            program, reader = program_for(recording, file), recording.reader
+            if file is None:
+                _expect_no_modules(program, name)
             if picture is not None:
                 expect_bearings(program, file or name)
             decided = _decide(program, reader, backend, frame_number)
@@ -142,50 +136,55 @@ class _Decided:
         first: the number of the first frame, and `last` that of the last one; there are none if it is below.
         is_found: True if the frame of `--frame` was found.
         shown: the last frame of which the decision is printed, if there is one; `active` are its modules.
-        damage, undecided: as `Decider` has them.
+        damaged: the damaged sections.
+        undecided: the number of frames whose memory is not known.
     """
 
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.first, self.last = 0, -1
         self.is_found = False
-        self.shown: tuple[RecordedFrame, Outcome] | None = None
+        self.shown: tuple[RunFrame, Outcome] | None = None
         self.active: tuple[str, ...] | None = None
-        self.damage: Sequence[str] = ()
+        self.damaged: Sequence[DamagedSpan] = ()
         self.undecided = 0
 
 
 def _decide(program: Program, reader: RecordingReader, backend: Backend, number: int | None) -> _Decided:
     """Decide all frames, or those up to the one with a number, of which alone the decision is a line."""
+    from colony.analysis.follower import BackendExecutors, Follower, Unknown
     from colony.runtime.recordings.replay import outcome_line
-    from colony.verify.audit.deciding import Decider
+    from colony.verify.reference.interpreter import Interpreter
 
-    decider, decided = Decider(program, backend), _Decided()
+    follower, decided = Follower(BackendExecutors(program, backend)), _Decided()
     for recorded in reader.frames(program):
-        outcome, k = decider.step(recorded), recorded.tick.k
+        executor, k = follower.feed(recorded), recorded.tick.k
         decided.first, decided.last = (k if decided.last < 0 else decided.first), k
         decided.is_found = number is None or k == number
-        if decided.is_found and outcome is not None:
-            decided.lines.append(outcome_line(program, recorded.frame.t_ns, outcome) + "\n")
-            decided.shown = recorded, outcome
+        if isinstance(executor, Unknown):
+            decided.undecided += 1
+        else:
+            outcome = executor.step(recorded.frame)
+            if decided.is_found:
+                decided.lines.append(outcome_line(program, recorded.frame.t_ns, outcome) + "\n")
+                decided.shown = recorded, outcome
         if decided.is_found and number is not None:
             break
-    decider.end(damaged=reader.damaged)
-    decided.active = decider.active_modules() if decided.shown else None
-    decided.damage, decided.undecided = decider.damage, decider.undecided
+    follower.end(damaged=reader.damaged)
+    decided.damaged = follower.damaged
+    if decided.shown and isinstance(follower.executor, Interpreter):
+        decided.active = follower.executor.active_modules()
     return decided
 
 
-def _recorded_program(reader: RecordingReader, name: str, folder: Path) -> Program:
-    """Return the program in a recording; it must not have modules in Python, which are not run from there."""
+def _expect_no_modules(program: Program, name: str) -> None:
+    """Refuse a program in a recording that has modules in Python, which are not run from there."""
+    from colony.analysis.recording import unusable
     from colony.ir.program import PythonModule
-    from colony.robots.recorded_program import unusable
     from colony.text.diagnostics import DiagnosticError
 
-    program = program_for(reader, name, None, folder)
     if any(isinstance(m, PythonModule) for m in program.modules):
         raise DiagnosticError([unusable(name, "the modules in Python of a recording are not run")])
-    return program
 
 
 def _draw(picture: Path, program: Program, subject: str, decided: _Decided, name: str) -> None:
@@ -203,11 +202,13 @@ def _report(name: str, reader: RecordingReader, decided: _Decided) -> None:
         say(f"{name}: {reader.truncation}; decided as far as it goes")
     for text in reader.remarks:
         say(f"{name}: {text}")
-    for text in decided.damage:
-        say(f"{name}: error: {text}")
+    for span in decided.damaged:
+        start = "" if span.after_ns is None else f" from {time_text(span.after_ns)}"
+        end = "its end" if span.before_ns is None else time_text(span.before_ns)
+        say(f"{name}: error: damaged{start} to {end}")
     if decided.undecided:
         say(f"{name}: frames not decided because the memory is unknown: {decided.undecided}")
-    if decided.damage:
+    if decided.damaged:
         raise click.exceptions.Exit(EXIT_ERRORS)
 
 

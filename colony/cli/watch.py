@@ -6,14 +6,13 @@ import os
 import time
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
 
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.interruption import interruptible
-from colony.cli.params_choice import choose_params, params_option
+from colony.cli.params_choice import params_option
 from colony.cli.recorded import program_for
 from colony.cli.reporting import refuse, report, say
 from colony.cli.robot_choice import chosen_robot, robot_and_description_option
@@ -113,19 +112,16 @@ def command(
 
 
 def _recorded(recording: str, behavior: str | None, map_path: str | None, resources: ExitStack) -> Watched:
-    from colony.dsl.site_reading import params_of
-    from colony.runtime.recordings.opening import open_recording, read_recording, recorded_site
+    from colony.analysis.recording import OpenRecording
     from colony.text.diagnostics import DiagnosticError
-    from colony.watch.recorded import RecordingSource
+    from colony.watch.sources import RecordingSource
     from colony.watch.store import SnapshotStore
     from colony.watch.trail import Trail
     from colony.watch.watched import Watched
 
-    choose_params(params_of(recorded_site(recording)))
-    folder = Path(resources.enter_context(TemporaryDirectory(prefix="colony-watch-")))
     try:
-        reader = read_recording(resources.enter_context(open_recording(recording)), recording)
-        program = program_for(reader, recording, behavior, folder)
+        opened = resources.enter_context(OpenRecording.at(recording))
+        program, reader = program_for(opened, behavior), opened.reader
         title = Path(recording).name
         if reader.run is not None and reader.run.shadow:
             title += " (SHADOW: nothing of it was sent)"

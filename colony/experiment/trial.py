@@ -9,6 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NoReturn
 
+from colony.analysis.audit import audit_recording
+from colony.analysis.recording import OpenRecording
 from colony.execute.compiled import Compiled
 from colony.execute.needs import needs_of_clients
 from colony.experiment.design import Trial
@@ -18,10 +20,8 @@ from colony.experiment.rows import Points
 from colony.ir.program import Program
 from colony.robots.building_run import run_in_building
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
-from colony.runtime.observe.observer import FrameLog
-from colony.runtime.recordings.opening import open_recording, read_recording
+from colony.runtime.frames.run_frame import RunFrame
 from colony.text.diagnostics import DiagnosticError
-from colony.verify.audit.audit import audit_recording
 
 STUCK_S = 30.0
 """A robot that stays in place for this many seconds is stuck (see `LongestStay`)."""
@@ -181,7 +181,7 @@ class _Blindness:
         )
         self.frames = 0
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Take the next frame."""
         self.frames += not self._needed <= log.frame.readings.keys()
 
@@ -192,7 +192,7 @@ class _Blindness:
 class _NoProgress:
     """A sink that shows nothing. Stateless."""
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Do nothing."""
 
     def close(self) -> None:
@@ -218,8 +218,8 @@ def _interface(blindness: _Blindness, report: Callable[[str], None]) -> UserInte
 
 def _audit(program: Program, record: str) -> tuple[str, int]:
     """Return the first difference from the reference interpreter, "" for none, and the compared frames."""
-    with open_recording(record) as file:
-        found = audit_recording(program, read_recording(file, record))
+    with OpenRecording.at(record) as recording:
+        found = audit_recording(program, recording.reader)
     first = found.first
     difference = "" if first is None else f"frame at {first.t_ns / 1e9:.2f} s: {first.message}"
     return difference, found.compared

@@ -43,6 +43,16 @@ class SentCommand(Protocol):
         """The reason why the network did not decide, if any."""
         ...
 
+    @property
+    def violation(self) -> bool:
+        """True if two clients commanded in one frame."""
+        ...
+
+    @property
+    def unlimited(self) -> bool:
+        """True if the limits did not hold for the client outside the network."""
+        ...
+
 
 MISSED = frozenset({"late", "lost", "refused"})
 """Fates of clients whose requests did not count, so that the actuator may have been idle."""

@@ -23,8 +23,8 @@ from colony.robots.recording import RunRecording, is_mcap, recording_into
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.robots.scenario import Scenario, player
 from colony.runtime.assembly.virtual import VirtualSession
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.script_node import ScriptNode
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import Tally, Travel
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.transport.virtual import VirtualClock
@@ -237,7 +237,7 @@ class PathSink:
         self._paths: dict[str, DrivenPath] = {}
         self.people = PeoplePaths()
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Add the robot's pose in this frame."""
         pose = self._add_pose()
         t_s = log.frame.t_ns / 1e9

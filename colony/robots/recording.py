@@ -15,7 +15,7 @@ from colony.robots.request import MisuseError
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
-    from colony.runtime.observe.observer import FrameLog
+    from colony.runtime.frames.run_frame import RunFrame
     from colony.runtime.recordings.lines import Recording
     from colony.runtime.recordings.mcap_writer import McapRecording
 
@@ -58,7 +58,7 @@ class RunRecording:
         self._problem: OSError | None = None
         self._first_ns: int | None = None
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Record a frame, unless the recording has broken off."""
         if self._problem is not None:
             return

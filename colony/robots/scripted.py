@@ -19,7 +19,7 @@ from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
 from colony.runtime.frames.publishing import Fields, Publisher
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of, reported_fields
@@ -155,9 +155,9 @@ class FrameCollector:
     """A sink that collects the frames in `frames`. Mutable."""
 
     def __init__(self) -> None:
-        self.frames: list[FrameLog] = []
+        self.frames: list[RunFrame] = []
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Add a frame."""
         self.frames.append(log)
 

@@ -6,7 +6,7 @@ from colony.compile.pipeline import Compilation
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.robots.scripted import ScriptedRobot
 from colony.runtime.assembly.virtual import RUN
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Tick
 from colony.runtime.transport.virtual import VirtualClock
@@ -71,7 +71,7 @@ class VirtualExecutor:
         self._transport.run_until(t_ns + 1)
         return self._outcome(self._take_log())
 
-    def _take_log(self) -> FrameLog:
+    def _take_log(self) -> RunFrame:
         logs = self._robot.log.frames
         current = next((log for log in logs if log.tick.k == self._k), None)
         logs.clear()
@@ -80,7 +80,7 @@ class VirtualExecutor:
             raise DecisionError("the frame was not decided although no message was late")
         return current
 
-    def _outcome(self, log: FrameLog) -> Outcome:
+    def _outcome(self, log: RunFrame) -> Outcome:
         problems = list(log.disagreements)
         problems += [
             f"{name}: {'; '.join(v.notes) or 'two clients were active'}"

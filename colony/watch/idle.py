@@ -8,35 +8,39 @@ not heard.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import NamedTuple
 
 from colony.compile.pipeline import compile_program
+from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
 from colony.ir.servers import ServerSpec
 from colony.robots.bound_servers import additional_servers
 from colony.robots.described import described_robot
 from colony.runtime.assembly.limits import limit_bindings, limit_servers
 from colony.runtime.assembly.nodes import build_observer
+from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library import clock
-from colony.runtime.observe.observer import FrameLog, Observer, Sink
+from colony.runtime.observe.observer import Observer, Sink
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import LIMITS_RUN
 from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.watch.joining import WATCHER, observing
-from colony.watch.live import LiveSource, recorded_frame
 from colony.watch.scene import shown_states
+from colony.watch.sources import LiveSource
 
 IDLE_TITLE = "no program runs"
 """The title of the page, in place of the name of a run."""
 
 START_ONE = "start a program with `colony run FILE --connect`"
+
+_NO_MEMORY = Keyframe(ProgramMemory(first_ns=None, cells={}))
 
 
 class IdleRobot(NamedTuple):
@@ -68,10 +72,10 @@ def idle_robot(session: Session) -> IdleRobot:
 
 
 class IdleSink:
-    """A sink of the frames of a robot without a program, for a source. Mutable.
+    """A sink of the frames of a robot without a program, for a source.
 
     No process gives the memory before a frame, so that of a description is known from the first frame of an
-    epoch on.
+    epoch on. A description without memory has nothing unknown.
 
     Args:
         source: what the frames are for.
@@ -81,19 +85,11 @@ class IdleSink:
     def __init__(self, source: LiveSource, program: Program) -> None:
         self._source = source
         self._has_memory = bool(shown_states(program) or compile_program(program).compiled.code.memory_cells)
-        self._is_following = False
-        self.heard_s = time.monotonic()
-        """Time at which the last frame came, by this machine's monotonic clock."""
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Take a frame."""
-        self.heard_s = time.monotonic()
-        if log.restart or log.tick.k == log.tick.start:
-            self._is_following = True
-        elif log.skipped:
-            self._is_following = False
-        unknown = self._has_memory and not self._is_following
-        self._source.put(recorded_frame(log, damaged=unknown, memory_unknown=unknown))
+        known = log if self._has_memory else replace(log, memory_unknown=False, keyframe=_NO_MEMORY)
+        self._source.take(known)
 
     def close(self) -> None:
         """Do nothing."""
@@ -102,8 +98,8 @@ class IdleSink:
 @contextmanager
 def listening_idle(
     robot_address: RobotAddress, program: Program, idle: IdleRobot, source: LiveSource
-) -> Iterator[IdleSink]:
-    """Listen to a robot without a program as long as the context lasts; its value is the sink of the frames.
+) -> Iterator[None]:
+    """Listen to a robot without a program as long as the context lasts.
 
     Raises:
         LiveError: the robot cannot be joined.
@@ -111,9 +107,9 @@ def listening_idle(
     """
     robot, described = program.robot, described_robot(program.robot)
     servers = (*described.servers, *additional_servers(robot, described, robot_address))
-    sink = IdleSink(source, program)
-    with observing(robot_address, idle_observer(program, idle, servers, sink)):
-        yield sink
+    observer = idle_observer(program, idle, servers, IdleSink(source, program))
+    with observing(robot_address, observer):
+        yield
 
 
 def idle_observer(program: Program, idle: IdleRobot, servers: tuple[ServerSpec, ...], sink: Sink) -> Observer:

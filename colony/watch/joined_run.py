@@ -21,10 +21,9 @@ from colony.text.diagnostics import DiagnosticError, headline
 from colony.watch.asking import Asker, asking_robot
 from colony.watch.idle import IDLE_TITLE, START_ONE, IdleRobot, idle_robot, listening_idle
 from colony.watch.joining import joined_program, listening, read_program
-from colony.watch.live import STORE_BYTES, LiveSource
 from colony.watch.pictures import installed_finder
 from colony.watch.scene import Scene
-from colony.watch.silence import SILENCE_S, Heard, noting_silence
+from colony.watch.sources import SILENCE_S, STORE_BYTES, LiveSource, noting_silence
 from colony.watch.stopping import stop_button
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
@@ -41,12 +40,12 @@ class JoinedRun:
     Attributes:
         identity: the name of the run; what the robot says of itself, if it runs no program.
         watched: what pages show of it.
-        sink: what hears its frames.
+        source: where its frames come from.
     """
 
     identity: str | IdleRobot
     watched: Watched
-    sink: Heard
+    source: LiveSource
 
 
 @contextmanager
@@ -86,15 +85,15 @@ def joined_run(
         resources.callback(store.close)
         source = LiveSource(program, store, trail)
         resources.callback(source.close)
-        listened: AbstractContextManager[Heard] = (
+        listened = (
             listening_idle(robot_address, program, found, source)
             if isinstance(found, IdleRobot)
             else listening(robot_address, program, found.run, session, source)
         )
-        sink = resources.enter_context(listened)
+        resources.enter_context(listened)
         change = "a program starts" if scene.is_idle else "its run has ended"
         silence = f"no frames come from {robot}: {change}, or the robot is silent"
-        resources.enter_context(noting_silence(sink, store, silence))
+        resources.enter_context(noting_silence(source, store, silence))
         stop = resources.enter_context(stop_button(session)) if may_stop else None
         find = installed_finder()
         asker = Asker(lambda: asking_robot(session, find))
@@ -102,7 +101,7 @@ def joined_run(
         watched = Watched(
             scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop, asker=asker
         )
-        yield JoinedRun(identity=_identity(found), watched=watched, sink=sink)
+        yield JoinedRun(identity=_identity(found), watched=watched, source=source)
 
 
 def _found(session: Session) -> RunProgram | IdleRobot:
@@ -163,7 +162,7 @@ class Succession:
                 again.
         """
         now = time.monotonic()
-        is_silent = now - self._joined.sink.heard_s >= SILENCE_S
+        is_silent = now - self._joined.source.heard_s >= SILENCE_S
         self._may_differ |= is_silent
         if now < self._due_s or not self._may_differ:
             return

@@ -12,34 +12,30 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from dataclasses import replace
 
 import msgspec
 
-from colony import __version__
+from colony.analysis.recording import unpacked_program
 from colony.compile.pipeline import compile_program
 from colony.execute.compiled import SourceFile
 from colony.ir.program import Program
-from colony.ir.site import Site
 from colony.robots.bound_servers import additional_servers
 from colony.robots.described import described_robot
-from colony.robots.recorded_program import recorded_program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.frames.assembler import frames_to_keep
+from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError, ServerNotFoundError
 from colony.runtime.library.leader import LEADER, RunProgram, run_keyframe, run_program
-from colony.runtime.observe.monitor import Keyframe
-from colony.runtime.observe.observer import FrameLog, Observer
+from colony.runtime.observe.observer import Observer
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import Effect, Message
 from colony.runtime.recordings.keyframes import read_keyframe
-from colony.runtime.recordings.recorded import RunInfo
 from colony.runtime.recordings.site import read_site
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import RobotAddress
-from colony.watch.live import LiveSource, recorded_frame
+from colony.watch.sources import LiveSource
 
 WATCHER = "colony watch"
 """The name of the connections to a robot that is watched."""
@@ -64,27 +60,6 @@ def read_program(session: Session) -> RunProgram | None:
 
 
 @contextmanager
-def program_of(root: str, sources: Iterable[SourceFile], site: Site | None, robot: str) -> Iterator[Program]:
-    """Rebuild the program of a run from its source files, which are unpacked as long as the context lasts.
-
-    Raises:
-        DiagnosticError: the program has errors, or there are no source files.
-    """
-    info = RunInfo(
-        robot=robot,
-        frame_ns=0,
-        seed=0,
-        version=__version__,
-        clients=(),
-        program=root,
-        sources=tuple(sources),
-        site=site,
-    )
-    with TemporaryDirectory(prefix="colony-watch-") as folder:
-        yield recorded_program(info, robot, Path(folder))
-
-
-@contextmanager
 def joined_program(found: RunProgram, robot: str) -> Iterator[Program]:
     """Rebuild the program that a leader gave.
 
@@ -93,7 +68,7 @@ def joined_program(found: RunProgram, robot: str) -> Iterator[Program]:
     """
     sources = (SourceFile(kind=s.kind, path=s.path, data=s.data) for s in found.sources)
     site = read_site(msgspec.json.decode(found.site)) if found.site else None
-    with program_of(found.root, sources, site, robot) as program:
+    with unpacked_program(found.root, sources, site, robot) as program:
         yield program
 
 
@@ -139,27 +114,25 @@ class Joiner:
     ) -> None:
         self._source, self._keyframe = source, keyframe
         self._modules = frozenset(modules)
-        self._held: deque[FrameLog] = deque()
+        self._held: deque[RunFrame] = deque()
         self._max_held = max_held
         self._lock = threading.Lock()
         self._is_following = False
-        self.heard_s = time.monotonic()
-        """Time at which the last frame came, by this machine's monotonic clock."""
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._seek, name="joiner", daemon=True)
         self._thread.start()
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Take a frame."""
-        self.heard_s = time.monotonic()
+        self._source.heard_s = time.monotonic()
         with self._lock:
-            if log.restart or log.tick.k == log.tick.start:
+            if log.begins_epoch:
                 self._is_following = True
             elif log.skipped:
                 self._is_following = False
             self._is_following = self._is_following and self._modules <= log.answers.keys()
             if self._is_following:
-                self._source.put(recorded_frame(log, damaged=False, memory_unknown=False))
+                self._source.put(replace(log, memory_unknown=False))
                 return
             self._held.append(log)
             if len(self._held) > self._max_held:
@@ -177,8 +150,8 @@ class Joiner:
                 with suppress(RobotConnectionError):
                     self._resume(*self._keyframe())
 
-    def _put_unknown(self, log: FrameLog) -> None:
-        self._source.put(recorded_frame(log, damaged=True, memory_unknown=True))
+    def _put_unknown(self, log: RunFrame) -> None:
+        self._source.put(replace(log, memory_unknown=True))
 
     def _resume(self, k: int, keyframe: Keyframe | None) -> None:
         """Follow from frame `k` on, if it is held and the memory before it is known."""
@@ -191,10 +164,9 @@ class Joiner:
                 return
             for log in held[:place]:
                 self._put_unknown(log)
-            first = recorded_frame(held[place], damaged=False, memory_unknown=False, keyframe=keyframe)
-            self._source.put(first)
-            for log in held[place + 1 :]:
-                self._source.put(recorded_frame(log, damaged=False, memory_unknown=False))
+            held[place] = replace(held[place], damaged=True, keyframe=keyframe)
+            for log in held[place:]:
+                self._source.put(replace(log, memory_unknown=False))
             self._held.clear()
             self._is_following = True
 
@@ -202,8 +174,8 @@ class Joiner:
 @contextmanager
 def listening(
     robot_address: RobotAddress, program: Program, run: str, session: Session, source: LiveSource
-) -> Iterator[Joiner]:
-    """Listen to a run of a program as long as the context lasts; its value is the sink that gets the frames.
+) -> Iterator[None]:
+    """Listen to a run of a program as long as the context lasts.
 
     Raises:
         LiveError: the robot cannot be joined.
@@ -223,7 +195,7 @@ def listening(
         resources.callback(joiner.close)
         observer = build_observer(compiled, bind(compiled.robot, servers), (joiner,), run)
         resources.enter_context(observing(robot_address, observer))
-        yield joiner
+        yield
 
 
 @contextmanager

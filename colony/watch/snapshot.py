@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 from colony.compile.network import ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
@@ -19,27 +19,13 @@ from colony.ir.memory import window_cell
 from colony.ir.program import Actuator, Program, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.ir.wiring import wiring_graph
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
-from colony.verify.explain.follower import Followed
 from colony.verify.reference.interpreter import Interpreter
 from colony.watch.scene import SensorScene, pose_sensors, scene_of, shown_sensors, shown_states
 
 DECIMALS = 4
 """Decimals of values around the robot, which pages get by the hundreds."""
-
-
-class ObservedFrame(Followed, Protocol):
-    """A frame of a robot that runs (`FrameLog`), or of a recording (`RecordedFrame`)."""
-
-    @property
-    def tick(self) -> Tick:
-        """The tick."""
-        ...
-
-    @property
-    def verdicts(self) -> Mapping[str, Verdict]:
-        """The outcome of each actuator."""
-        ...
 
 
 ModuleState = Fate | Literal["active", "unknown"]
@@ -132,9 +118,7 @@ class SnapshotMaker:
         self._pose = pose_sensors(program)
         self._actuators = {m.name: m.actuator for m in program.modules}
 
-    def make(
-        self, observed: ObservedFrame, outcome: Outcome | None, interpreter: Interpreter | None
-    ) -> Snapshot:
+    def make(self, observed: RunFrame, outcome: Outcome | None, interpreter: Interpreter | None) -> Snapshot:
         """Return the snapshot of a frame.
 
         Args:

@@ -6,23 +6,18 @@ Segments are compressed; beyond a limit, the oldest are dropped.
 
 from __future__ import annotations
 
+import pickle
 import zlib
 from collections import deque
+from dataclasses import replace
 from threading import Lock
-from typing import Any
 
-import msgspec
-
-from colony.ir.frame import Answer, Frame
-from colony.ir.memory import ProgramMemory
+from colony.analysis.moments import Checkpoint, MomentFollower
+from colony.ir.frame import Outcome
 from colony.ir.program import Program
-from colony.runtime.observe.monitor import Keyframe
-from colony.runtime.protocol.messages import Tick, Verdict
-from colony.runtime.recordings.recorded import RecordedFrame
+from colony.runtime.frames.run_frame import RunFrame
 from colony.verify.explain.answer import WhyNot, explain
-from colony.verify.explain.follower import Checkpoint, Follower
 from colony.verify.explain.text import lines
-from colony.watch.snapshot import ObservedFrame
 
 SEGMENT_FRAMES = 50
 """Frames between two checkpoints: what is computed again for an answer."""
@@ -31,27 +26,13 @@ MAX_BYTES = 64 * 1024 * 1024
 """Maximum size of the compressed frames, in bytes: more than an hour of a robot with a ring of sonars."""
 
 
-class _KeptFrame(msgspec.Struct, frozen=True, array_like=True):
-    tick: Tick
-    t_ns: int
-    readings: dict[str, Any]
-    taken_ns: dict[str, int]
-    restarted: bool
-    verdicts: dict[str, Verdict]
-    answers: dict[str, Answer]
-    restart: bool
-    damaged: bool
-    memory_unknown: bool
-    keyframe: ProgramMemory | None
-
-
 class _Segment:
     """Frames from a checkpoint on. Mutable until it is packed."""
 
     def __init__(self, first: int, checkpoint: Checkpoint | None) -> None:
         self.first, self.last = first, first
         self.checkpoint = checkpoint
-        self.frames: list[_KeptFrame] = []
+        self.frames: list[RunFrame] = []
         self.packed: bytes | None = None
 
 
@@ -67,14 +48,12 @@ class Trail:
         self._program, self._max_bytes = program, max_bytes
         self._segments: deque[_Segment] = deque()
         self._lock = Lock()
-        self._encode = msgspec.msgpack.Encoder().encode
-        self._decode = msgspec.msgpack.Decoder(list[_KeptFrame]).decode
 
     def begins_segment(self) -> bool:
         """Return True if the next frame begins a segment, and so needs the checkpoint before it."""
         return bool(self._segments) and len(self._segments[-1].frames) >= SEGMENT_FRAMES
 
-    def add(self, observed: ObservedFrame, before: Checkpoint | None, *, resumes: bool) -> None:
+    def add(self, observed: RunFrame, before: Checkpoint | None, *, resumes: bool) -> None:
         """Add a frame.
 
         Args:
@@ -82,21 +61,8 @@ class Trail:
             before: the checkpoint before it, if it begins a segment; None for the first frame of the run.
             resumes: True if the memory before it is not known, unless its keyframe has it.
         """
-        frame, k = observed.frame, observed.tick.k
-        keyframe = observed.keyframe if resumes else None
-        kept = _KeptFrame(
-            observed.tick,
-            frame.t_ns,
-            dict(frame.readings),
-            dict(frame.taken_ns),
-            frame.restarted,
-            dict(observed.verdicts),
-            dict(observed.answers),
-            observed.restart,
-            observed.damaged,
-            observed.memory_unknown,
-            None if keyframe is None else keyframe.memory,
-        )
+        k, keyframe = observed.tick.k, observed.keyframe if resumes else None
+        kept = replace(observed, keyframe=keyframe, expected=Outcome(()), requests=())
         with self._lock:
             if before is not None or not self._segments:
                 self._begin(k, before)
@@ -108,7 +74,7 @@ class Trail:
         """Begin a segment; the lock is held."""
         if self._segments:
             full = self._segments[-1]
-            full.packed = zlib.compress(self._encode(full.frames), 1)
+            full.packed = zlib.compress(pickle.dumps(full.frames), 1)
             full.frames = []
         self._segments.append(_Segment(k, checkpoint))
         while sum(len(s.packed or b"") for s in self._segments) > self._max_bytes:
@@ -124,27 +90,13 @@ class Trail:
         if k > segment.last:
             return (f"frame {k} has not come, or was lost",)
         if packed is not None:
-            frames = self._decode(zlib.decompress(packed))
-        follower = Follower(self._program, segment.checkpoint)
+            frames = pickle.loads(zlib.decompress(packed))  # our own, from this process
+        follower = MomentFollower(self._program, segment.checkpoint)
         for kept in frames:
             if kept.tick.k > k:
                 break
-            follower.take(_unpacked(kept))
+            follower.take(kept)
         moment = follower.moment
         if moment is None or moment.k != k:
             return ("the memory of the program is not known in this frame",)
         return lines(explain(moment, WhyNot(module)))
-
-
-def _unpacked(kept: _KeptFrame) -> RecordedFrame:
-    frame = Frame(kept.t_ns, kept.readings, kept.taken_ns, restarted=kept.restarted)
-    return RecordedFrame(
-        tick=kept.tick,
-        frame=frame,
-        verdicts=kept.verdicts,
-        restart=kept.restart,
-        damaged=kept.damaged,
-        memory_unknown=kept.memory_unknown,
-        keyframe=None if kept.keyframe is None else Keyframe(kept.keyframe),
-        answers=kept.answers,
-    )

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from colony.analysis.recording import unpacked_program
 from colony.cli.main import main
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
@@ -31,10 +32,10 @@ from colony.runtime.recordings.mcap_reader import McapReader
 from colony.shipped import Shipped
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.examples import failures_as_diagnostics, run_examples
-from colony.watch.joining import joined_program, program_of
+from colony.watch.joining import joined_program
+from tests.analysis.recorded_runs import as_mcap
 from tests.paths import BEHAVIORS, ROOT, THESIS_NAVIGATOR
 from tests.sampling import long, sampled
-from tests.verify.audit.recorded_runs import as_mcap
 
 WANDER = ROOT / "behaviors" / "wander.colony"
 MAPS = sorted((ROOT / "maps").glob("*.stickrep"))
@@ -105,7 +106,7 @@ def test_a_program_that_travels_takes_the_body_of_its_robot_along(file: Path, ro
     run = replace(McapReader(io.BytesIO(recorded), "run.mcap").run, program=compiled.root)
     for name, travelled in (
         ("joined", joined_program(given, "lab")),
-        ("recorded", program_of(run.program, run.sources, None, "lab")),
+        ("recorded", unpacked_program(run.program, run.sources, None, "lab")),
     ):
         with travelled as program:
             described = described_robot(program.robot)

@@ -23,10 +23,10 @@ import pytest
 from colony.cli.main import main
 from colony.dsl.load import load_file
 from colony.ir.frame import Frame
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Fate, Verdict
+from tests.analysis.recorded_runs import MS, Kept, as_mcap, logs
 from tests.paths import ROOT
-from tests.verify.audit.recorded_runs import MS, Kept, as_mcap, logs
 
 WANDER = ROOT / "behaviors" / "wander.colony"
 GOLDEN = Path(__file__).with_name("explained.txt")
@@ -58,7 +58,7 @@ def recorded(write: Callable[..., Kept] = as_mcap, begin_ns: int = 0) -> bytes:
     return write(program, [_disturbed(log, begin_ns) for log in logs(program, trace)]).content
 
 
-def _disturbed(log: FrameLog, begin_ns: int) -> FrameLog:
+def _disturbed(log: RunFrame, begin_ns: int) -> RunFrame:
     """Return a frame in which, at some times, `cruise` is late, an operator drives, or the stop is on."""
     verdict = log.verdicts["drive"]
     match (log.frame.t_ns - begin_ns) // (50 * MS):

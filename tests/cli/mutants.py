@@ -39,8 +39,8 @@ from colony.runtime.recordings.lines import add_checksum
 from colony.runtime.recordings.mcap_writer import CHECKSUM, checksum
 from colony.runtime.recordings.replay import CHECKSUM_PREFIX
 from colony.text.diagnostics import DiagnosticError
+from tests.analysis.recorded_runs import MS, as_lines, as_mcap, logs
 from tests.runtime.recordings.mcap_files import TEXT, trace
-from tests.verify.audit.recorded_runs import MS, as_lines, as_mcap, logs
 
 PATIENCE_S = 2.0
 """Seconds of processor time that a command may take for a mutant."""

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.analysis.recorded_runs import as_lines
 from tests.cli.conftest import Colony
 from tests.cli.explained import BLOCKS, GOLDEN, printed, recorded
-from tests.verify.audit.recorded_runs import as_lines
 
 
 @pytest.fixture(scope="module")

@@ -19,9 +19,9 @@ from mcap.writer import Writer
 from colony.dsl.files import read_source
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
+from tests.analysis.recorded_runs import as_mcap, logs
 from tests.cli.mutants import TEXTS, Case, cases, read
 from tests.runtime.recordings.mcap_files import trace
-from tests.verify.audit.recorded_runs import as_mcap, logs
 
 MS = 1_000_000
 

@@ -9,8 +9,8 @@ from colony.execute.intake import converted
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import in_declared_units
 from colony.robots.behavior import behavior_from
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.script import Script
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.images import Image
 from colony.sim.world.world import World
 from tests.among_servers import FRAME_NS, run_among_servers
@@ -100,7 +100,7 @@ class _Decisions:
         self.decided: list[Decided] = []
         self._factors = {s.name: s.factor for s in load_text(PROGRAM).robot.sensors}
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         assert not log.disagreements
         readings = {
             name: converted(reading, self._factors[name].__mul__)

@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
+from colony.analysis.tracks import CONDITIONS
 from colony.drivers.dialect import REFUSALS
 from colony.drivers.guard_outbox import REPEATS_NS
 from colony.drivers.measurements import Measurements
 from colony.drivers.serial_base import DEADLINE_FRAMES, DEADLINE_NS
 from colony.dsl.check.robot import RESERVED_FIELDS
 from colony.dsl.load import check_file
-from colony.robots.moments.finding import CONDITIONS
 from colony.runtime.recordings.replay import RESERVED
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, REQUESTS, VERDICTS
 from colony.runtime.servers.drivers import Reading

@@ -19,8 +19,8 @@ from colony.robots import building_run
 from colony.robots.building_run import run_in_building
 from colony.robots.described import described_robot
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.script import Script
-from colony.runtime.observe.observer import FrameLog
 from colony.text.diagnostics import DiagnosticError
 from tests.paths import MAPS, ROOT
 
@@ -34,7 +34,7 @@ class Watcher:
         self.most, self.frames = most, 0
         self.length_ns: int | None = None
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         self.frames += 1
 
     def close(self) -> None:

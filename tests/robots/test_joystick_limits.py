@@ -11,20 +11,20 @@ from random import Random
 
 import pytest
 
+from colony.analysis.audit import audit
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
 from colony.execute.compiled import Compiled
 from colony.ir.given import given_in_frame
 from colony.ir.program import Program
 from colony.runtime.assembly.virtual import VirtualSession
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import robot
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.world.world import World
-from colony.verify.audit.audit import audit
 from colony.verify.reference.interpreter import Interpreter
 from tests.paths import BEHAVIORS
 from tests.runtime.scripted import Log
@@ -68,7 +68,7 @@ def joystick(random: Random) -> Script:
             yield from sleep(random.uniform(0.02, 0.3))
 
 
-def driven(seed: int) -> list[FrameLog]:
+def driven(seed: int) -> list[RunFrame]:
     """Return the frames of a drawn situation; in one of four, the clients die in the middle of it."""
     random = Random(seed)
     _, compiled = wander()

@@ -17,7 +17,7 @@ from colony.robots.recording import RunRecording
 from colony.robots.request import MisuseError
 from colony.runtime.recordings.lines import ByteFile, Recording
 from colony.runtime.recordings.mcap_writer import McapRecording
-from tests.verify.audit.recorded_runs import MS, logs, read_lines, read_mcap, run_info
+from tests.analysis.recorded_runs import MS, logs, read_lines, read_mcap, run_info
 
 PROGRAM = load_text(
     """

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
 from colony.runtime.assembly.virtual import VirtualSession
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseLimits, BaseState, Drivers
 from colony.runtime.transport.virtual import VirtualClock
@@ -66,10 +66,10 @@ class Log:
     """A sink that keeps everything."""
 
     def __init__(self) -> None:
-        self.frames: list[FrameLog] = []
+        self.frames: list[RunFrame] = []
         self.closed = 0
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         self.frames.append(log)
 
     def close(self) -> None:

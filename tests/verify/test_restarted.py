@@ -10,9 +10,9 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.checked import checked_frame
-from colony.ir.frame import Frame, Outcome
+from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick
 from colony.runtime.recordings.lines import encoder
 from colony.runtime.recordings.reader import FramesReader, LinesReader
@@ -25,10 +25,10 @@ from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.examples import run_examples
 from colony.verify.testing.frames import draw_trace
+from tests.analysis.recorded_runs import brought
+from tests.analysis.recorded_runs import logs as recorded_logs
 from tests.diagnostics import problems_of
 from tests.executors import outcomes
-from tests.verify.audit.recorded_runs import brought
-from tests.verify.audit.recorded_runs import logs as recorded_logs
 
 MS = 1_000_000
 ROBOT = """robot r {
@@ -170,12 +170,10 @@ def test_lines_keep_it() -> None:
     encode = encoder(compile_program(program()).compiled)
     text = "".join(
         encode(
-            FrameLog(
+            RunFrame(
                 tick=Tick(k=90 * (i > 1) + i, t_ns=f.t_ns, gaps=((1, 92),) if i > 1 else ()),
                 frame=f,
                 verdicts={},
-                expected=Outcome(()),
-                disagreements=(),
             )
         )
         + "\n"

@@ -16,19 +16,18 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.mcap_reader import McapReader
-from colony.watch.following import RunFollower
 from colony.watch.greeting import Greeting, Reply
-from colony.watch.recorded import RecordingSource
 from colony.watch.scene import Scene, scene_of
 from colony.watch.security import PROTOCOL, new_nonce, proof
 from colony.watch.serving import PageServer
 from colony.watch.snapshot import Snapshot
+from colony.watch.sources import RecordingSource, RunFollower
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from colony.watch.watched import StopAnswer, Watched
-from tests.verify.audit.recorded_runs import MS, as_mcap, logs
+from tests.analysis.recorded_runs import MS, as_mcap, logs
 from tests.waiting import until
 
 TOKEN = "the-token-of-the-tests-the-token-of-the-tests"
@@ -80,7 +79,7 @@ def frame(k: int) -> Frame:
     return Frame(k * 100 * MS, readings | ({"charge": 0.9} if k < 18 else {}))
 
 
-def run() -> list[FrameLog]:
+def run() -> list[RunFrame]:
     """Return the run; in frame 8 the winner was late, so that the robot idled."""
     out = logs(PROGRAM, [frame(k) for k in range(FRAMES)])
     verdict = out[8].verdicts["drive"]
@@ -95,7 +94,7 @@ def replace_verdict(verdict: Any, **changes: Any) -> Any:
     return msgspec.structs.replace(verdict, **changes)
 
 
-def snapshots(frames: list[FrameLog] | None = None) -> list[Snapshot]:
+def snapshots(frames: list[RunFrame] | None = None) -> list[Snapshot]:
     """Return the snapshots of the run."""
     store = SnapshotStore(scene().modules)
     follower = RunFollower(PROGRAM, store, Trail(PROGRAM))

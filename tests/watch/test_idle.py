@@ -2,35 +2,37 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from contextlib import nullcontext
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import msgspec
 import pytest
 
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.load import load_text
+from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.robots.described import described_robot
 from colony.robots.description import described_program
 from colony.runtime.frames.clock import Clock
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.errors import ServerNotFoundError
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.deployment import LIMITS_RUN
 from colony.runtime.protocol.interface import Interface, interface_of
-from colony.runtime.protocol.messages import Effect, Message, Sample
+from colony.runtime.protocol.messages import Effect, Message, Sample, Tick
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.transport.virtual import VirtualTransport
 from colony.watch.idle import IdleRobot, IdleSink, idle_observer, idle_robot
 from colony.watch.joining import Listener
+from colony.watch.sources import LiveSource
+from colony.watch.store import SnapshotStore
+from colony.watch.trail import Trail
 from tests.kit.node_stage import MS, S
 from tests.runtime.assembly.resident_stage import SERVERS, Robot, description
 from tests.runtime.scripted import Script
-from tests.watch.runs import run
 
 ROME = described_program(RobotChoice(text="rome", origin="the test"))
 
@@ -57,13 +59,13 @@ class Kept:
     """A sink that keeps the frames, and a node that notes what the listener would send. Mutable."""
 
     def __init__(self, program: Program, idle: IdleRobot) -> None:
-        self.frames: list[FrameLog] = []
+        self.frames: list[RunFrame] = []
         observer = idle_observer(program, idle, described_robot(program.robot).servers, self)
         self._listener = Listener(observer)
         self.address, self.listens = self._listener.address, self._listener.listens
         self.sent: list[Effect] = []
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         self.frames.append(log)
 
     def close(self) -> None:
@@ -122,16 +124,18 @@ def test_a_robot_without_limits_is_heard_as_well() -> None:
 
 
 @pytest.mark.parametrize("has_memory", [False, True])
-def test_memory_that_nobody_gives_is_unknown_until_an_epoch_begins(has_memory: bool) -> None:
+def test_memory_of_a_description_is_unknown_until_an_epoch_begins(has_memory: bool) -> None:
     text = "robot one { frame 100 ms sensor bump : bool from RServer.bumper }\n"
     text += "state hits : number = 0\nnext hits = hits + 1\n" if has_memory else ""
-    taken: list[Any] = []
-    source: Any = SimpleNamespace(put=taken.append)
-    sink = IdleSink(source, load_text(text))
-    log = run()[5]
-    late = replace(log, tick=msgspec.structs.replace(log.tick, start=0))
-    sink.take(late)
-    sink.take(replace(late, tick=msgspec.structs.replace(late.tick, start=late.tick.k)))
-    sink.take(late)
-    sink.take(replace(late, skipped=3))
-    assert [frame.memory_unknown for frame in taken] == [has_memory, False, False, has_memory]
+    program, store = load_text(text), SnapshotStore(())
+    source = LiveSource(program, store, Trail(program))
+    sink = IdleSink(source, program)
+    for k, (start, skipped) in enumerate([(0, 0), (6, 0), (6, 0), (6, 3)], 5):
+        tick = Tick(k=k, t_ns=k * 100 * MS, start=start)
+        frame = Frame(tick.t_ns, {"bump": False})
+        unknown = start == 0 or skipped > 0
+        sink.take(RunFrame(tick=tick, frame=frame, verdicts={}, skipped=skipped, memory_unknown=unknown))
+    source.close()
+    known = [json.loads(store.read(i))["is_known"] for i in range(4)]
+    store.close()
+    assert known == [not has_memory, True, True, not has_memory]

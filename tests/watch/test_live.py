@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import math
 import os
 import threading
@@ -16,21 +17,18 @@ from typing import Any
 
 import pytest
 
-from colony.ir.frame import Outcome
+from colony.ir.memory import ProgramMemory
 from colony.robots.description import NoDescriptionError
+from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library.leader import RunProgram, SourceText
-from colony.runtime.observe.monitor import Keyframe
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.interface import Interface
 from colony.text.diagnostics import DiagnosticError
-from colony.watch import joined_run
-from colony.watch import live as live_module
+from colony.watch import joined_run, sources
 from colony.watch.idle import IdleRobot
 from colony.watch.joining import Joiner, joined_program, read_program
-from colony.watch.live import LiveSource
-from colony.watch.silence import noting_silence
 from colony.watch.snapshot import Snapshot
+from colony.watch.sources import LiveSource, noting_silence
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from colony.watch.user_files import user_token
@@ -81,7 +79,7 @@ class GatedStore(SnapshotStore):
 
 
 def test_a_watcher_that_falls_behind_drops_frames_and_recovers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_module, "MAX_WAITING", 10)
+    monkeypatch.setattr(sources, "MAX_WAITING", 10)
     store = GatedStore()
     source = LiveSource(PROGRAM, store, Trail(PROGRAM))
     first, *others = run()
@@ -97,10 +95,10 @@ def test_a_watcher_that_falls_behind_drops_frames_and_recovers(monkeypatch: pyte
     store.close()
 
 
-def observed(k: int, log: FrameLog) -> FrameLog:
+def observed(k: int, log: RunFrame) -> RunFrame:
     """Return a frame as an observer that joined late has it: without memory, and without keyframes of use."""
     tick = type(log.tick)(k=log.tick.k, t_ns=log.tick.t_ns, start=0)
-    return replace(log, tick=tick, expected=Outcome(()), keyframe=Keyframe(None) if k % 4 == 0 else None)
+    return replace(log, tick=tick, memory_unknown=True, keyframe=Keyframe(None) if k % 4 == 0 else None)
 
 
 def test_a_reader_that_joins_goes_on_from_the_memory_that_the_leader_gives(
@@ -119,6 +117,22 @@ def test_a_reader_that_joins_goes_on_from_the_memory_that_the_leader_gives(
     source.close()
     assert known(store) == [k >= key for k in range(5, FRAMES)]
     assert store.read(FRAMES - 6) == store._encode(snapshots()[FRAMES - 1])
+
+
+def test_a_reader_that_missed_frames_forgets_what_it_remembered(
+    store: SnapshotStore, source: LiveSource
+) -> None:
+    frames = run()
+    memory = ProgramMemory(first_ns=0, cells={"window careful.0 until": 1_000_000_000})
+    joiner = Joiner(source, lambda: (8, Keyframe(memory)), FRAMES)
+    for log in frames[:5]:
+        joiner.take(log)
+    joiner.take(replace(frames[8], skipped=3, memory_unknown=True, keyframe=None))
+    until(lambda: store.span.end == 6, "the frame that was held back is shown")
+    joiner.close()
+    source.close()
+    [remaining_s] = json.loads(store.read(5))["windows"].values()
+    assert remaining_s == pytest.approx(0.2), "of the memory that was given: until 1 s, not until 0.9 s"
 
 
 def test_without_a_leader_frames_are_shown_without_memory(store: SnapshotStore, source: LiveSource) -> None:
@@ -154,7 +168,7 @@ def test_a_run_for_which_there_is_no_room_is_tried_again_and_said_once(
     monkeypatch.setattr(joined_run, "read_program", lambda session: SimpleNamespace(run="2"))
     sink: Any = SimpleNamespace(heard_s=-math.inf)
     address: Any = None
-    runs = {name: joined_run.JoinedRun(identity=name, watched=watched, sink=sink) for name in "12"}
+    runs = {name: joined_run.JoinedRun(identity=name, watched=watched, source=sink) for name in "12"}
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     joins: Iterator[joined_run.JoinedRun | OSError] = iter((runs["1"], full, full, runs["2"]))
 
@@ -193,7 +207,7 @@ def test_where_nothing_is_known_of_a_robot_without_a_program_it_is_said_once_and
         joined.append("")
         if len(joined) > 1:
             raise NoDescriptionError("its description is not found")
-        yield joined_run.JoinedRun(identity="1", watched=watched, sink=sink)
+        yield joined_run.JoinedRun(identity="1", watched=watched, source=sink)
 
     shown: list[Watched] = []
     with joined_run.Succession(address, join) as succession:
@@ -227,7 +241,7 @@ def test_after_a_silence_the_robot_is_asked_what_it_is_although_frames_come(
     @contextmanager
     def join() -> Iterator[joined_run.JoinedRun]:
         run, sink = next(joins)
-        yield joined_run.JoinedRun(identity=run, watched=watched, sink=sink)
+        yield joined_run.JoinedRun(identity=run, watched=watched, source=sink)
 
     shown: list[Watched] = []
     with joined_run.Succession(address, join) as succession:
@@ -260,8 +274,8 @@ def test_a_leader_gives_no_file_outside_the_program(path: str, tmp_path: Path) -
 
 
 def test_silence_is_said_and_taken_back(store: SnapshotStore, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("colony.watch.silence.SILENCE_S", 0.05)
-    monkeypatch.setattr("colony.watch.silence.CHECK_INTERVAL_S", 0.01)
+    monkeypatch.setattr("colony.watch.sources.SILENCE_S", 0.05)
+    monkeypatch.setattr("colony.watch.sources.CHECK_INTERVAL_S", 0.01)
     sink = SimpleNamespace(heard_s=time.monotonic() - 1)
     with noting_silence(sink, store, "no frames come from rome"):
         until(lambda: store.problem == "no frames come from rome", "it is said")

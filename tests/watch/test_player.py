@@ -13,7 +13,7 @@ from colony.runtime.recordings.reader import LinesReader
 from colony.watch import store as store_module
 from colony.watch.marks import Mark
 from colony.watch.player import Player
-from colony.watch.recorded import RecordingSource
+from colony.watch.sources import RecordingSource
 from colony.watch.store import SnapshotStore, Span
 from colony.watch.timeline import history_to, path_to, timeline_of
 from colony.watch.trail import Trail

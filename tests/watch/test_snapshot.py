@@ -9,14 +9,14 @@ from itertools import pairwise
 import pytest
 
 from colony.dsl.load import load_text
-from colony.ir.frame import Frame, Outcome
+from colony.ir.frame import Frame
 from colony.runtime.protocol.messages import Stopped, Tick
 from colony.verify.reference.interpreter import Interpreter
-from colony.watch.following import RunFollower
 from colony.watch.marks import Mark, mark_of
+from colony.watch.sources import RunFollower
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
-from tests.verify.audit.recorded_runs import logs
+from tests.analysis.recorded_runs import logs
 from tests.watch.runs import PROGRAM, frame, replace_verdict, run, scene, snapshots
 
 MODULES = ("back_off", "avoid", "tired", "cruise")
@@ -124,7 +124,7 @@ def test_a_faulty_reading_counts_as_missing_and_is_shown() -> None:
 def test_without_memory_only_verdicts_are_shown_until_a_keyframe() -> None:
     frames = run()
     first_key = next(i for i, log in enumerate(frames) if i > 0 and log.keyframe is not None)
-    shown = snapshots([replace(frames[1], expected=Outcome(())), *frames[2:]])
+    shown = snapshots([replace(frames[1], memory_unknown=True), *frames[2:]])
     assert not shown[0].is_known
     assert shown[0].active == ()
     assert shown[0].modules == ("inactive", "inactive", "inactive", "won")

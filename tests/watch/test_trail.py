@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from colony.analysis.moments import MomentFollower
 from colony.verify.explain.answer import WhyNot, explain
-from colony.verify.explain.follower import Follower
 from colony.verify.explain.text import lines
 from colony.watch import trail as trail_module
-from colony.watch.following import RunFollower
+from colony.watch.sources import RunFollower
 from colony.watch.store import SnapshotStore
 from colony.watch.trail import Trail
 from tests.watch.runs import PROGRAM, page, recorded, run, scene, served
@@ -27,7 +27,7 @@ def followed(frames: object = None, **options: int) -> Trail:
 
 def test_every_frame_has_the_answers_of_the_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trail_module, "SEGMENT_FRAMES", 6)
-    trail, follower = followed(), Follower(PROGRAM)
+    trail, follower = followed(), MomentFollower(PROGRAM)
     for log in run():
         moment = follower.take(log)
         assert moment is not None
@@ -40,24 +40,10 @@ def test_after_a_gap_it_answers_from_the_next_keyframe_on(monkeypatch: pytest.Mo
     frames = run()
     keys = [k for k, log in enumerate(frames) if k > 6 and log.keyframe is not None]
     frames = [*frames[:5], replace(frames[6], keyframe=None), *frames[7:]]
-    frames[5] = Damaged.of(frames[5])
+    frames[5] = replace(frames[5], damaged=True)
     trail = followed(frames)
     assert "not known" in trail.explain(6, "avoid")[0]
     assert "not known" not in trail.explain(keys[0], "avoid")[0]
-
-
-class Damaged:
-    """A frame before which others are damaged."""
-
-    @staticmethod
-    def of(log: object) -> object:
-        class Frame:
-            damaged = True
-
-            def __getattr__(self, name: str) -> object:
-                return getattr(log, name)
-
-        return Frame()
 
 
 def test_what_is_too_old_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,11 +23,11 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
+from colony.analysis.audit import audit_recording
 from colony.dsl.load import load_file
 from colony.ir.program import Program
 from colony.runtime.recordings.opening import read_recording
 from colony.text.diagnostics import DiagnosticError
-from colony.verify.audit.audit import audit_recording
 from tests.paths import ROOT
 
 BEHAVIOR = ROOT / "behaviors" / "wander.colony"

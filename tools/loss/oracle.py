@@ -19,7 +19,7 @@ from colony.ir.program import Program
 from colony.ir.servers import DSERVER
 from colony.robots.scripted import FrameCollector, SentCommand
 from colony.runtime.assembly.virtual import VirtualRobot
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.messages import Checkpoint, Message, Restart, ServerFrame, Tick, Verdict
 from colony.runtime.transport.faults import FaultRates, Faults
@@ -157,7 +157,7 @@ def _frame(run: Run, tick: Tick, *, void_counts: bool) -> Frame:
 # --- what must hold in every run -------------------------------------------------------------------
 
 
-def observed(run: Run) -> Iterator[FrameLog]:
+def observed(run: Run) -> Iterator[RunFrame]:
     """Yield the frames as they were observed; the monitor has found nothing wrong in them."""
     for log in run.log.frames:
         assert not log.disagreements, f"frame {log.tick.k}: the monitor says {log.disagreements}"

@@ -22,12 +22,12 @@ from functools import lru_cache
 from random import Random
 from typing import Any, NamedTuple
 
+from colony.analysis.audit import audit
+from colony.analysis.verdict import objection, outside_objection, same_values
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.given import MISSED, given_in_frame
 from colony.ir.program import Program, in_declared_units
 from colony.runtime.protocol.messages import Tick, Verdict
-from colony.verify.audit.audit import audit
-from colony.verify.audit.verdict import objection, outside_objection, same_values
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Options, Proved
 from colony.verify.reference.interpreter import Interpreter
@@ -189,9 +189,9 @@ def check_observed(robot: Robot, counts: Counter[str]) -> None:
     """The monitor found nothing that is proved to be broken, and the audit agrees."""
     for log in observed(robot):
         if not any(v.unlimited for v in log.verdicts.values()):
-            broken = proved(robot.program).intersection(log.breaches)
+            broken = proved(robot.program).intersection(log.expected.breaches)
             assert not broken, f"frame {log.tick.k}: the monitor finds {broken} broken, although proved"
-        counts["contracts broken that are not proved"] += len(log.breaches)
+        counts["contracts broken that are not proved"] += len(log.expected.breaches)
     report = audit(robot.program, robot.log.frames)
     assert report.agrees, f"the audit finds {report.first}"
 

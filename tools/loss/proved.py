@@ -211,13 +211,13 @@ def check(robot: Robot, kind: Kind, holding: set[str]) -> Counter[str]:
     """The monitor reports no contract that holds."""
     counts = Counter[str]()
     for log in observed(robot):
-        broken = holding.intersection(log.breaches)
+        broken = holding.intersection(log.expected.breaches)
         assert not broken, (
             f"frame {log.tick.k}: {sorted(broken)} broken, although proved; sent {log.verdicts}"
         )
         counts[f"frames: {kind}"] += 1
         counts["frames with unknown memory"] += log.memory_unknown
-        counts["breaches of others"] += len(log.breaches)
+        counts["breaches of others"] += len(log.expected.breaches)
         verdicts = log.verdicts.values()
         counts["commands from outside"] += sum(v.outside is not None and v.fault is None for v in verdicts)
         counts["commands from outside that could not be sent"] += sum(

@@ -23,15 +23,15 @@ def shown_in_browser(compiled: Compiled, map_path: str | None, robot: str | None
     Raises:
         DiagnosticError: the program cannot be rebuilt from its source files, or the map is invalid.
     """
-    from colony.watch.joining import program_of
-    from colony.watch.live import STORE_BYTES, LiveSource
+    from colony.analysis.recording import unpacked_program
+    from colony.watch.sources import STORE_BYTES, LiveSource
     from colony.watch.store import SnapshotStore
     from colony.watch.trail import Trail
     from colony.watch.watched import Watched
 
     with ExitStack() as resources:
         program = resources.enter_context(
-            program_of(compiled.root, compiled.sources, compiled.site, compiled.name)
+            unpacked_program(compiled.root, compiled.sources, compiled.site, compiled.name)
         )
         scene = scene_for(program, compiled.root, map_path, robot)
         store, trail = SnapshotStore(scene.modules, max_bytes=STORE_BYTES), Trail(program)

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 
 from colony.cli.reporting import say
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 
 REPORT_INTERVAL_NS = 10_000_000_000
 """Nanoseconds between two progress reports of a run without a fixed length."""
@@ -30,7 +30,7 @@ class Progress:
         self._intervals = 0
         self._bar = _Bar(length_ns) if sys.stderr.isatty() else None
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Report the progress, if it has changed enough."""
         self.show(log.tick.t_ns, lambda: _progress_text(log))
 
@@ -50,7 +50,7 @@ class Progress:
             self._bar.stop()
 
 
-def _progress_text(log: FrameLog) -> str:
+def _progress_text(log: RunFrame) -> str:
     """Return the time and who commands what; verdicts come in any order, so the names are sorted."""
     commanders = ", ".join(
         f"{name} by {verdict.by or verdict.outside or 'nobody'}"

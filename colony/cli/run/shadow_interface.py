@@ -10,7 +10,7 @@ from colony.cli.run.user_interface import TERMINAL_INTERFACE
 from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import Enum, ScalarValue
 from colony.robots.request import UserInterface
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Verdict
 
 REPEAT_NS = 1_000_000_000
@@ -36,7 +36,7 @@ class Decisions:
         self._winners: dict[str, str | None] = {}
         self._reported_ns: int | None = None
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Report a frame, if it is time to."""
         t_ns, reported_ns = log.tick.t_ns, self._reported_ns
         winners = {name: verdict.by for name, verdict in log.verdicts.items()}

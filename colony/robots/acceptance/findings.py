@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
+from colony.analysis.report import AuditReport
 from colony.robots.acceptance.process_memory import Census
 from colony.text.wording import counted, listed, rounded_ns
-from colony.verify.audit.report import AuditReport
 
 STOP_NS = 500_000_000
 """Nanoseconds from an emergency stop in which every actuator has to be held."""

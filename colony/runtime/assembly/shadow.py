@@ -27,9 +27,10 @@ from colony.runtime.arbitration.arbiter import Arbiter, timing
 from colony.runtime.clients.client_program import ClientProgram
 from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler, frames_to_keep
 from colony.runtime.frames.liveness import TickAnswers
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.monitor import Monitor
-from colony.runtime.observe.observer import FrameLog, KeyframeSchedule, Sink
+from colony.runtime.observe.observer import KeyframeSchedule, Sink
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import (
@@ -186,12 +187,14 @@ class Shadow(QuietNode):
         answers = self._program.answers(base)
         requests, verdicts = self._program.arbitrate(assembled._replace(frame=base, answers=answers))
         checked = self._program.monitor.check(frame, verdicts, (), answers)
-        log = FrameLog(
+        log = RunFrame(
             tick=assembled.tick,
             frame=frame,
             verdicts=verdicts,
             expected=checked.expected,
+            breaches=checked.expected.breaches,
             disagreements=checked.disagreements,
+            memory_unknown=not checked.expected.decisions,
             restart=assembled.restart and not self._is_first,
             requests=requests,
             keyframe=keyframe,

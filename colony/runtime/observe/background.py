@@ -5,7 +5,8 @@ from __future__ import annotations
 from queue import SimpleQueue
 from threading import Event, Thread
 
-from colony.runtime.observe.observer import FrameLog, Sink
+from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.observe.observer import Sink
 
 MAX_WAITING = 20_000
 """Maximum number of frames that wait: a quarter of an hour of most robots, some 100 MB."""
@@ -32,14 +33,14 @@ class Background:
         self._sink = sink
         self._dispensable = dispensable
         self._taken = 0
-        self._queue: SimpleQueue[FrameLog | None] = SimpleQueue()
+        self._queue: SimpleQueue[RunFrame | None] = SimpleQueue()
         self._failure: BaseException | None = None
         self._has_failed = False
         self._closing = Event()
         self._thread = Thread(target=self._run, name="sinks", daemon=True)
         self._thread.start()
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Queue a frame.
 
         Raises:

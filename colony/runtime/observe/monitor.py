@@ -21,6 +21,7 @@ from colony.ir.frame import NOTHING_GIVEN, Answer, Decision, Frame, Given, Outco
 from colony.ir.given import given_in_frame, is_connection
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Actuator
+from colony.runtime.frames.run_frame import Keyframe
 from colony.runtime.protocol.messages import UNHEARD, Fate, Verdict
 
 _NO_ANSWERS: Mapping[str, Answer] = {}
@@ -61,17 +62,6 @@ class RestartableExecutor(Protocol):
     def restart(self) -> None:
         """Reset all memory to its initial values."""
         ...
-
-
-class Keyframe(NamedTuple):
-    """The memory before a frame, None if it is unknown.
-
-    `degraded` is True if a client has been lost since the epoch began; the effect of `on_loss degrade` is
-    then unknown.
-    """
-
-    memory: ProgramMemory | None
-    degraded: bool = False
 
 
 class Monitor:

@@ -17,15 +17,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple, Protocol, TypeVar
 
-from colony.ir.frame import Answer, Frame, Outcome
+from colony.ir.frame import Answer
 from colony.runtime.frames.assembler import FRAME_RETENTION_NS, AssembledFrame, FrameAssembler
 from colony.runtime.frames.membership import READY_INTERVAL_NS
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.observe.closing import close_all
-from colony.runtime.observe.monitor import Keyframe, Monitor
+from colony.runtime.observe.monitor import Monitor
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import (
     UNHEARD,
@@ -41,50 +41,10 @@ from colony.runtime.protocol.messages import (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrameLog:
-    """All data of one frame: the readings, each actuator's verdict, and the expected outcome.
-
-    A verdict may be absent if a run broke off in the middle of a frame. `disagreements` describe differences
-    of the verdicts from `expected` that no late or lost client excuses; there should never be any. `restart`
-    is True if all memory restarted with this frame in the middle of a run. `requests` are the clients'
-    requests in order of arrival, if they are observed. `skipped` is the number of lost frames just before
-    this one; memory is then unknown, and `expected` empty, until the next restart. `keyframe`, present at
-    least every `KEYFRAME_NS`, has the memory before the frame. `answers` are the known answers of modules in
-    Python.
-    """
-
-    tick: Tick
-    frame: Frame
-    verdicts: Mapping[str, Verdict]
-    expected: Outcome
-    disagreements: tuple[str, ...]
-    restart: bool = False
-    requests: tuple[Request, ...] = ()
-    skipped: int = 0
-    keyframe: Keyframe | None = None
-    answers: Mapping[str, Answer] = field(default_factory=dict)
-
-    @property
-    def breaches(self) -> tuple[str, ...]:
-        """The contracts that are broken in this frame."""
-        return self.expected.breaches
-
-    @property
-    def damaged(self) -> bool:
-        """True if data before this frame is damaged; always False for a live frame."""
-        return False
-
-    @property
-    def memory_unknown(self) -> bool:
-        """True if memory is unknown, so that `expected` is empty."""
-        return not self.expected.decisions
-
-
 class Sink(Protocol):
     """A consumer of frames, in order."""
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Take the next frame."""
         ...
 
@@ -291,15 +251,17 @@ class Observer:
         after_gap = assembled.restart or memory_unknown or disputed
         keyframe = self._monitor.keyframe() if self._keyframes.is_due(tick.t_ns, after_gap) else None
         expected, disagreements = self._monitor.check(frame, verdicts, tick.lost, answers)
-        log = FrameLog(
+        log = RunFrame(
             tick=tick,
             frame=frame,
             verdicts=verdicts,
             expected=expected,
             disagreements=disagreements,
+            breaches=expected.breaches,
             restart=assembled.restart and not self._first,
             requests=tuple(requests.values()),
             skipped=skipped,
+            memory_unknown=not expected.decisions,
             keyframe=keyframe,
             answers=answers,
         )

@@ -10,7 +10,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.needs import BOUNDS
 from colony.ir.frame import RecordKind
 from colony.ir.site import Site
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Fate, Hold
 from colony.runtime.protocol.topics import client_address
 from colony.text.wording import counted, printable, quoted, seconds_of
@@ -219,7 +219,7 @@ class Tally:
         self._restarts = 0
         self._skipped = self._unknown = 0
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Count a frame."""
         self.frames += 1
         self._restarts += log.restart

@@ -15,7 +15,7 @@ from typing import Literal
 import msgspec
 
 from colony.ir.memory import ProgramMemory
-from colony.runtime.observe.monitor import Keyframe
+from colony.runtime.frames.run_frame import Keyframe
 from colony.runtime.recordings.json_text import number_text
 
 

@@ -31,7 +31,7 @@ from typing import Protocol
 from colony.execute.compiled import Compiled
 from colony.ir.program import Actuator
 from colony.ir.version import SEMANTICS
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Verdict
 from colony.runtime.recordings.answers import answers_text
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
@@ -72,7 +72,7 @@ class Recording:
         self.written_ns: int | None = None
         """Time of the last frame that is in the file."""
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Write the line of a frame."""
         write_all(self._file, self._encode(log).encode() + b"\n")
         self.written_ns = log.frame.t_ns
@@ -85,7 +85,7 @@ class Recording:
 _SEMANTICS = f'"@semantics": {SEMANTICS}'
 
 
-def encoder(compiled: Compiled, *, shadow: bool = False) -> Callable[[FrameLog], str]:
+def encoder(compiled: Compiled, *, shadow: bool = False) -> Callable[[RunFrame], str]:
     """Return a function that encodes frames of a program: sensors, then actuators, in the order declared.
 
     With `shadow`, each says that nothing of it was sent.
@@ -94,7 +94,7 @@ def encoder(compiled: Compiled, *, shadow: bool = False) -> Callable[[FrameLog],
     actuators = compiled.robot.actuators
     site_members = [] if compiled.site is None else [f'"{PARAMS}": {site_text(compiled.site)}']
 
-    def encode(log: FrameLog) -> str:
+    def encode(log: RunFrame) -> str:
         parts = [f'"t": {seconds_text(log.frame.t_ns)}', f'"@tick": {log.tick.k}', _SEMANTICS]
         if shadow:
             parts.append(f'"{SHADOW}": true')

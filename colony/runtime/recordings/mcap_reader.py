@@ -22,7 +22,7 @@ from colony.files import size_text
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
 from colony.ir.version import SEMANTICS, semantics_mismatch
-from colony.runtime.observe.monitor import Keyframe
+from colony.runtime.frames.run_frame import Keyframe, Place, RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.json_text import lone_surrogate, parse_int
@@ -48,7 +48,7 @@ from colony.runtime.recordings.mcap_writer import (
     VerdictMessage,
 )
 from colony.runtime.recordings.reader import BREAKS_OFF, begins_in_middle, command_values, gaps
-from colony.runtime.recordings.recorded import Place, RecordedFrame, RunInfo
+from colony.runtime.recordings.recorded import RunInfo
 from colony.runtime.recordings.replay import RECORD_AGAIN
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, SHADOW, VERDICTS
 from colony.runtime.recordings.site import read_site
@@ -129,7 +129,7 @@ class McapReader:
         self._remaining = chain((), self._records(self._file, place.offset))
         self._is_at_start = False
 
-    def frames(self, program: Program) -> Iterator[RecordedFrame]:
+    def frames(self, program: Program) -> Iterator[RunFrame]:
         """Yield the frames, as frames of `program`.
 
         Raises:
@@ -148,7 +148,7 @@ class McapReader:
             last_ns, self.damaged = t_ns, False
             yield frame
 
-    def _assembled(self, assembler: _RecordedFrameAssembler) -> Iterator[RecordedFrame]:
+    def _assembled(self, assembler: _RecordedFrameAssembler) -> Iterator[RunFrame]:
         try:
             for record in self._remaining:
                 frame = None
@@ -324,7 +324,7 @@ class _RecordedFrameAssembler:
         self._broken: tuple[str, ...] = ()
         self._keyframe: Keyframe | None = None
 
-    def take(self, message: ChunkMessage, *, damaged: bool) -> RecordedFrame | None:
+    def take(self, message: ChunkMessage, *, damaged: bool) -> RunFrame | None:
         """Take a message, and return the frame before it if it begins another.
 
         Raises:
@@ -353,7 +353,7 @@ class _RecordedFrameAssembler:
             done = None
         return done
 
-    def _begin(self, k: int, chunk: int, damaged: bool) -> RecordedFrame | None:
+    def _begin(self, k: int, chunk: int, damaged: bool) -> RunFrame | None:
         """Begin frame `k`, if it has not begun; return the frame before it."""
         begins_chunk, self._chunk = chunk != self._chunk, chunk
         if k == self._k:
@@ -371,8 +371,8 @@ class _RecordedFrameAssembler:
         self._gap = self._gap or number != (number if self._next_number is None else self._next_number)
         self._next_number = number + 1 if isinstance(number, int) else 0
 
-    def finish(self, *, damaged: bool) -> RecordedFrame | None:
-        """Return the frame that was taken, None if it is not whole; for `damaged` see `RecordedFrame`."""
+    def finish(self, *, damaged: bool) -> RunFrame | None:
+        """Return the frame that was taken, None if it is not whole; for `damaged` see `RunFrame`."""
         message = self._frame
         if message is None:
             self._drop_messages()
@@ -382,7 +382,7 @@ class _RecordedFrameAssembler:
             _to_verdict(self._actuators[topic], verdict, t_ns) for topic, verdict in self._verdicts.items()
         ]
         place = Place(self._chunk, message.start, tuple(self._topics.items())) if self._begins_chunk else None
-        frame = RecordedFrame(
+        frame = RunFrame(
             tick=Tick(
                 k=message.k,
                 t_ns=t_ns,

@@ -33,7 +33,8 @@ from colony.ir.frame import Bid
 from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.ir.version import SEMANTICS
-from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
+from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.observe.observer import KEYFRAME_NS
 from colony.runtime.protocol.messages import Fate, Hold, Request, Verdict
 from colony.runtime.recordings.answers import answers_text
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
@@ -147,7 +148,7 @@ class McapRecording:
             file.close()
             raise
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Add the messages of a frame, and write the chunk if it is complete."""
         k, t_ns = log.tick.k, log.tick.t_ns
         if log.keyframe is not None:
@@ -222,7 +223,7 @@ class McapRecording:
     def _add(self, topic: str, k: int, t_ns: int, data: bytes) -> None:
         self._chunk.add(self._channels[topic], k, max(t_ns, 0), data)  # MCAP has no time before 0
 
-    def _frame(self, log: FrameLog) -> bytes:
+    def _frame(self, log: RunFrame) -> bytes:
         tick = log.tick
         parts = [
             f'"k": {tick.k}',

@@ -46,14 +46,16 @@ def read_frames(file: BinaryIO, name: str) -> RecordingReader:
     return FramesReader(file, name)
 
 
-def recorded_site(path: str) -> Site | None:
-    """Return the params of a site in the file of a recording; None if it has none, or is no recording."""
+def recorded_site(reader: RecordingReader, file: BinaryIO) -> Site | None:
+    """Return the params of a site in a recording that is at its beginning; None if it has none."""
+    if reader.run is not None:
+        return reader.run.site
     try:
-        with open_regular(path) as file:
-            reader = read_recording(file, path)
-            return site_of_lines(file) if reader.run is None else reader.run.site
-    except (OSError, DiagnosticError):  # reported where its frames are read
+        return site_of_lines(file)
+    except OSError:  # reported where its frames are read
         return None
+    finally:
+        file.seek(0)
 
 
 def _raise_unreadable(path: str, why: str) -> NoReturn:

@@ -14,10 +14,10 @@ import msgspec
 
 from colony.files import bounded_lines, reason
 from colony.ir.program import Actuator, Program
+from colony.runtime.frames.run_frame import Place, RunFrame
 from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
 from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.keyframes import read_keyframe
-from colony.runtime.recordings.recorded import Place, RecordedFrame
 from colony.runtime.recordings.replay import LINE_BYTES, SHADOW, Row, Rows, line_error
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
@@ -58,7 +58,7 @@ class LinesReader(_Lines):
     `name` is the file's name in messages. The format contains no information about the run.
     """
 
-    def frames(self, program: Program) -> Iterator[RecordedFrame]:
+    def frames(self, program: Program) -> Iterator[RunFrame]:
         """Yield the frames, as frames of `program`.
 
         Raises:
@@ -102,7 +102,7 @@ class FramesReader(_Lines):
     Stateful: keeps the reading position.
     """
 
-    def frames(self, program: Program) -> Iterator[RecordedFrame]:
+    def frames(self, program: Program) -> Iterator[RunFrame]:
         """Yield the frames, as frames of `program`, without verdicts.
 
         Raises:
@@ -114,7 +114,7 @@ class FramesReader(_Lines):
             k = row.values.get("@tick")
             k = k if type(k) is int else index
             self.shadow = self.shadow or row.values.get(SHADOW) is True
-            recorded = RecordedFrame(
+            recorded = RunFrame(
                 tick=Tick(k=k, t_ns=row.frame.t_ns, start=_start(k, row) if index == 0 else 0),
                 frame=row.frame,
                 verdicts={},
@@ -152,7 +152,7 @@ def _start(k: int, row: Row) -> int:
     return _UNKNOWN_START if row.damaged or in_middle else k
 
 
-def begins_in_middle(first: RecordedFrame) -> tuple[str, ...]:
+def begins_in_middle(first: RunFrame) -> tuple[str, ...]:
     """Return the remark on a recording whose first frame is this one, if it begins in the middle of a run."""
     if first.damaged or first.restart or first.tick.k == first.tick.start:
         return ()
@@ -193,11 +193,11 @@ class _Decision(
     held_by: Hold | None = None
 
 
-def _recorded_frame(tick: Tick, row: Row, program: Program, members: _Row) -> RecordedFrame:
+def _recorded_frame(tick: Tick, row: Row, program: Program, members: _Row) -> RunFrame:
     actuators = program.robot.actuators
     verdicts = {a.name: _verdict(tick, a, row.values[a.name]) for a in actuators if a.name in row.values}
     lost = {f"{v.actuator}/{c}" for v in verdicts.values() for c, fate in v.fates if fate == "lost"}
-    return RecordedFrame(
+    return RunFrame(
         tick=msgspec.structs.replace(tick, lost=tuple(sorted(lost))),
         frame=row.frame,
         verdicts=verdicts,

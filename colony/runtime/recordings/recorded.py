@@ -2,27 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 from colony.execute.compiled import SourceFile
-from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 from colony.ir.site import Site
-from colony.runtime.observe.monitor import Keyframe
-from colony.runtime.protocol.messages import Tick, Verdict
-
-
-class Place(NamedTuple):
-    """A place in the file of a recording: an offset, and what a reader must know that starts there.
-
-    `start` is the first frame of the epoch, and `topics` are the channels of an MCAP file, by number.
-    """
-
-    offset: int
-    start: int
-    topics: tuple[tuple[int, str], ...] = ()
+from colony.runtime.frames.run_frame import Place, RunFrame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,29 +35,6 @@ class RunInfo:
     shadow: bool = False
     site: Site | None = None
     program_damage: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedFrame:
-    """One recorded frame (see `FrameLog`); `breaches` is None if the format omits them.
-
-    A verdict is absent if none was received. Fields of ticks and verdicts that the format omits have their
-    defaults; JSON lines contain only unusual fates. `damaged` is True if damaged data between the previous
-    frame and this one was skipped. `place` is a place in the file from which a reader can go on with this
-    frame (see `RecordingReader.go_to`), None if it cannot.
-    """
-
-    tick: Tick
-    frame: Frame
-    verdicts: Mapping[str, Verdict]
-    restart: bool = False
-    skipped: int = 0
-    memory_unknown: bool = False
-    breaches: tuple[str, ...] | None = None
-    keyframe: Keyframe | None = None
-    damaged: bool = False
-    answers: Mapping[str, Answer] = field(default_factory=dict)
-    place: Place | None = None
 
 
 class RecordingReader(Protocol):
@@ -105,7 +69,7 @@ class RecordingReader(Protocol):
         """Let the first frame be the one at a place in the file; call it before `frames`."""
         ...
 
-    def frames(self, program: Program) -> Iterator[RecordedFrame]:
+    def frames(self, program: Program) -> Iterator[RunFrame]:
         """Yield the undamaged frames in order, as frames of `program`. Call this once.
 
         Raises:

@@ -1,6 +1,6 @@
 """Questions about a moment, and their answers.
 
-follower = Follower(program)
+follower = MomentFollower(program)
 for recorded in frames:
     follower.take(recorded)
 answer = explain(follower.moment, WhyNot("avoid"))

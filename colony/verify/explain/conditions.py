@@ -270,7 +270,7 @@ class Conditions:
         if self.value(e) is None:
             return self._unknown(e)
         moment = self._moment
-        last = moment.memory.get((e.cell, (), 0))
+        last: Any = moment.memory.get((e.cell, (), 0))
         match e.function:
             case ir.MemoryFunction.RECENTLY:
                 return group("any", (self.formula(e.arguments[0]), past_recently(moment, e, last)))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TypedDict, Unpack
 
 from colony.ir.frame import Answer, Frame, Outcome
+from colony.ir.given import SentCommand
 from colony.ir.program import Limit, Program
 from colony.ir.types import ScalarValue
-from colony.verify.audit.verdict import RecordedVerdict
 from colony.verify.explain.causes import Absence
 from colony.verify.explain.history import NO_HISTORY, History
 from colony.verify.reference.expressions import FrameValues, Memory
@@ -58,7 +58,7 @@ class Moment:
     answers: Mapping[str, Answer] = field(default_factory=dict)
     lost: frozenset[str] = frozenset()
     late: frozenset[str] = frozenset()
-    verdicts: Mapping[str, RecordedVerdict] = field(default_factory=dict)
+    verdicts: Mapping[str, SentCommand] = field(default_factory=dict)
 
     @property
     def t_ns(self) -> int:
@@ -95,7 +95,7 @@ class Seen(TypedDict, total=False):
     absent: Mapping[str, Absence]
     earlier: History
     answers: Mapping[str, Answer]
-    verdicts: Mapping[str, RecordedVerdict]
+    verdicts: Mapping[str, SentCommand]
     lost: frozenset[str]
     late: frozenset[str]
 

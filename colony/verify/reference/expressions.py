@@ -26,7 +26,10 @@ from colony.verify.reference.functions import (
 
 T = TypeVar("T")
 
-Memory = dict[tuple[int, tuple[int, ...], int], Any]
+Remembered = float | bool | int | tuple[float | bool | int | None, ...] | None
+"""The state of a memory function."""
+
+Memory = dict[tuple[int, tuple[int, ...], int], Remembered]
 """State of the memory functions; an absent key is a call that was never evaluated (see `remember`)."""
 
 

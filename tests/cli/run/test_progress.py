@@ -5,25 +5,23 @@ from __future__ import annotations
 import pytest
 
 from colony.cli.run.progress import Progress
-from colony.ir.frame import Frame, Outcome
-from colony.runtime.observe.observer import FrameLog
+from colony.ir.frame import Frame
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
 
 SECOND = 1_000_000_000
 
 
-def frame(t_s: int, **by: str | None) -> FrameLog:
+def frame(t_s: int, **by: str | None) -> RunFrame:
     verdicts = {
         name: Verdict(k=t_s, t_ns=t_s * SECOND, actuator=name, by=winner, values=None, fates=())
         for name, winner in by.items()
     }
     tick = Tick(k=t_s, t_ns=t_s * SECOND)
-    return FrameLog(
+    return RunFrame(
         tick=tick,
         frame=Frame(tick.t_ns, {}),
         verdicts=verdicts,
-        expected=Outcome(()),
-        disagreements=(),
     )
 
 

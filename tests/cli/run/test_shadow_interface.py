@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from colony.cli.run.shadow_interface import Decisions
 from colony.dsl.load import load_text
-from colony.ir.frame import Frame, Outcome
+from colony.ir.frame import Frame
 from colony.ir.types import ScalarValue
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
 
 MS = 1_000_000
@@ -39,12 +39,10 @@ class Shown:
         }
         tick = Tick(k=t_ms, t_ns=t_ms * MS)
         self._decisions.take(
-            FrameLog(
+            RunFrame(
                 tick=tick,
                 frame=Frame(tick.t_ns, {}),
                 verdicts=verdicts,
-                expected=Outcome(()),
-                disagreements=(),
             )
         )
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from colony.analysis.report import AuditReport, ContractCount, DamagedSpan, Difference
 from colony.robots.acceptance.findings import (
     BRAKE_NS,
     STOP_NS,
@@ -16,7 +17,6 @@ from colony.robots.acceptance.findings import (
     StopFinding,
 )
 from colony.robots.acceptance.process_memory import Census, Incarnations
-from colony.verify.audit.report import AuditReport, ContractCount, DamagedSpan, Difference
 
 MS = 1_000_000
 SECOND = 1000 * MS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from colony.analysis.audit import audit
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.ir.program import Program
@@ -11,7 +12,6 @@ from colony.runtime.assembly.shadow import Shadow
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
 from colony.runtime.protocol.messages import Sample, ServerFrame, Tick
-from colony.verify.audit.audit import audit
 from tests.kit.node_stage import MS, NodeStage
 from tests.robot_servers import ROME_SERVERS
 from tests.runtime.scripted import FAR, Log

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from colony.analysis.audit import audit
 from colony.dsl.load import load_text
 from colony.ir.program import Program
 from colony.runtime.assembly.virtual import VirtualSession
@@ -17,10 +18,9 @@ from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Sample
-from colony.verify.audit.audit import audit
+from tests.analysis.test_audit import changed
 from tests.kit.node_stage import MS, S
 from tests.runtime.scripted import FAR, Log, Script, session
-from tests.verify.audit.test_audit import changed
 
 TEXT = """
 robot r {

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from colony.analysis.audit import audit
 from colony.robots.shadow_run import LagReports
 from colony.runtime.assembly.shadow import MIN_SILENCE_NS, MISSED_FRAMES
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Sample, Tick
-from colony.verify.audit.audit import audit
 from tests.kit.node_stage import MS, S
 from tests.runtime.assembly.shadow_stage import RAMP, READINGS, ROBOT, Stage, program, shadow
 from tests.runtime.scripted import FAR, Log, Script, session
@@ -29,7 +29,7 @@ def surroundings() -> Script:
     )
 
 
-def decided(log: FrameLog) -> tuple[object, ...]:
+def decided(log: RunFrame) -> tuple[object, ...]:
     requests = sorted(log.requests, key=lambda request: request.client)
     return log.tick.k, log.frame, log.verdicts, log.expected, requests, log.disagreements, log.answers
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 from mcap.reader import NonSeekingReader
 
+from colony.analysis.audit import audit_recording
 from colony.cli.audit_text import render as audit_text
 from colony.compile.pipeline import compile_program
 from colony.robots.recording import LiveRun
@@ -16,10 +17,9 @@ from colony.runtime.observe.summary import Tally, render
 from colony.runtime.recordings.lines import Recording
 from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.opening import read_recording
-from colony.verify.audit.audit import audit_recording
+from tests.analysis.recorded_runs import Kept, run_info, written
 from tests.runtime.assembly.shadow_stage import RAMP, Stage, program
 from tests.runtime.scripted import Log
-from tests.verify.audit.recorded_runs import Kept, run_info, written
 
 
 def _lines(log: Log, file: io.BytesIO) -> None:

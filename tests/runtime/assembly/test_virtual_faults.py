@@ -8,13 +8,13 @@ from functools import partial
 
 import pytest
 
+from colony.analysis.audit import audit
 from colony.ir.expression import Binary, BinaryOperation, SensorValue, StateValue
 from colony.ir.given import MISSED
 from colony.ir.program import Chain, Module, Program, State, Use, Wire
 from colony.ir.types import BOOL
 from colony.runtime.protocol.messages import Malformed, Message, Ready, Request, Sample, ServerFrame, Tick
 from colony.runtime.transport.exchange import Link
-from colony.verify.audit.audit import audit
 from tests.runtime.assembly.test_virtual import MS, S, pulsing, run, script
 from tests.runtime.programs import drive, go, less, nearest, roam
 from tests.runtime.scripted import FAR, Log, Script, session

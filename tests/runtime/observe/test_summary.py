@@ -13,7 +13,7 @@ from colony.execute.needs import BOUNDS
 from colony.ir.expression import SensorValue
 from colony.ir.program import Command, Limit, Module, Program, Use, Wire
 from colony.ir.types import BOOL
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.observe.summary import RunSummary, Tally, Travel, render
 from colony.runtime.protocol.messages import Hold, Message, Request, Sample
 from colony.runtime.transport.exchange import Link, deliver_immediately
@@ -32,12 +32,12 @@ def summarize(
     )
 
 
-def tallied(program: Program, change: Callable[[FrameLog], FrameLog], duration_ns: int = 1 * S) -> RunSummary:
+def tallied(program: Program, change: Callable[[RunFrame], RunFrame], duration_ns: int = 1 * S) -> RunSummary:
     """The summary of a run whose frames were changed before they were counted."""
     tally = Tally(compile_program(program).compiled)
 
     class Changing(Log):
-        def take(self, log: FrameLog) -> None:
+        def take(self, log: RunFrame) -> None:
             tally.take(change(log))
 
     session(program, Script(), Changing()).run(duration_ns)
@@ -109,7 +109,7 @@ def test_troubles() -> None:
 
 
 def test_the_client_of_bounds_is_named_by_its_address() -> None:
-    def marked(log: FrameLog) -> FrameLog:
+    def marked(log: RunFrame) -> RunFrame:
         fates = (*log.verdicts["drive"].fates, (BOUNDS, "late"))
         verdict = structs.replace(log.verdicts["drive"], fates=fates, outside="joystick")
         return replace(log, verdicts={"drive": verdict})
@@ -118,7 +118,7 @@ def test_the_client_of_bounds_is_named_by_its_address() -> None:
 
 
 def test_a_server_without_verdicts_is_named() -> None:
-    def deaf(log: FrameLog) -> FrameLog:
+    def deaf(log: RunFrame) -> RunFrame:
         return replace(log, verdicts={} if log.tick.k % 4 == 0 else log.verdicts)
 
     summary = tallied(awake(), deaf, 4 * S)
@@ -156,7 +156,7 @@ def test_what_kept_the_network_from_deciding() -> None:
         4: ("inspector", "locked"),
     }
 
-    def marked(log: FrameLog) -> FrameLog:
+    def marked(log: RunFrame) -> RunFrame:
         k = log.tick.k
         outside, hold = marks.get(k, (None, None))
         verdict = structs.replace(log.verdicts["drive"], outside=outside, hold=hold, unlimited=k == 1)

@@ -13,7 +13,7 @@ from mcap.stream_reader import StreamReader
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
-from tests.verify.audit.recorded_runs import MS
+from tests.analysis.recorded_runs import MS
 
 TEXT = """
 robot rome {

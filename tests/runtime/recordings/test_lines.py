@@ -12,19 +12,19 @@ from hypothesis import strategies as st
 
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
-from colony.ir.frame import Decision, Frame, Outcome, Reading
+from colony.ir.frame import Frame, Reading
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, DIMENSIONLESS, Array
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Sample, Tick, Verdict
 from colony.runtime.recordings.lines import Recording, add_checksum, encoder, seconds_text
 from colony.runtime.recordings.replay import Rows, has_valid_checksum
 from colony.text.diagnostics import DiagnosticError
 from colony.text.units import nanoseconds
+from tests.analysis.recorded_runs import Kept
 from tests.kit.node_stage import MS, S
 from tests.runtime.programs import roam
 from tests.runtime.scripted import FAR, Log, Script, session
-from tests.verify.audit.recorded_runs import Kept
 
 
 def recorded(script: Script, duration_ns: int = 5 * S) -> tuple[list[bytes], Log]:
@@ -93,12 +93,10 @@ def small() -> Program:
 
 
 def line(readings: dict[str, Reading], verdict: Verdict | None = None) -> str:
-    log = FrameLog(
+    log = RunFrame(
         tick=Tick(k=0, t_ns=0),
         frame=Frame(0, readings),
         verdicts={} if verdict is None else {"lamp": verdict},
-        expected=Outcome((Decision("lamp", None, None),)),
-        disagreements=(),
     )
     return encoder(compile_program(small()).compiled)(log)
 

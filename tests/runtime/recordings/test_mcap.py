@@ -12,11 +12,12 @@ import pytest
 from mcap.reader import make_reader
 
 from colony.dsl.load import load_text
-from colony.ir.frame import Frame, Outcome
-from colony.runtime.observe.observer import FrameLog
+from colony.ir.frame import Frame
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Request
 from colony.runtime.recordings.mcap_writer import checksum
 from colony.text.diagnostics import DiagnosticError
+from tests.analysis.recorded_runs import MS, as_mcap, logs, read_mcap, run_info
 from tests.runtime.recordings.mcap_files import (
     PROGRAM,
     SOURCES,
@@ -24,7 +25,6 @@ from tests.runtime.recordings.mcap_files import (
     frames_in,
     trace,
 )
-from tests.verify.audit.recorded_runs import MS, as_mcap, logs, read_mcap, run_info
 
 
 def messages(data: bytes) -> dict[str, list[dict[str, Any]]]:
@@ -79,7 +79,7 @@ def test_messages() -> None:
     )
     right[1] = replace(right[1], requests=requests)
     right[2] = replace(right[2], restart=True)
-    right[3] = replace(right[3], expected=Outcome(()))
+    right[3] = replace(right[3], memory_unknown=True, breaches=())
     found = messages(as_mcap(PROGRAM, right).content)
     assert found["/frames"][1] == {
         "k": 1,
@@ -151,7 +151,7 @@ def test_messages_are_as_their_schemas_say() -> None:
     assert checked == 6 * 3 + 1 + 1 + 2
 
 
-def same(found: FrameLog | Any, right: FrameLog) -> None:
+def same(found: RunFrame | Any, right: RunFrame) -> None:
     assert (found.tick, found.restart, found.breaches) == (right.tick, right.restart, right.breaches)
     assert found.frame.t_ns == right.frame.t_ns
     assert dict(found.verdicts) == dict(right.verdicts)

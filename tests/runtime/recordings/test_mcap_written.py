@@ -22,15 +22,16 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
+from colony.analysis.recording import recorded_program
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
-from colony.robots.recorded_program import recorded_program
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_records import Damage, read_records
 from colony.runtime.recordings.reader import MAGIC
-from colony.runtime.recordings.recorded import RecordedFrame
 from colony.text.diagnostics import DiagnosticError
+from tests.analysis.recorded_runs import MS, Kept, as_mcap, logs, mcap_to, read_mcap, run_info, written
 from tests.paths import ROOT
 from tests.runtime.recordings.mcap_files import (
     PROGRAM,
@@ -40,7 +41,6 @@ from tests.runtime.recordings.mcap_files import (
     trace,
 )
 from tests.sampling import sampled
-from tests.verify.audit.recorded_runs import MS, Kept, as_mcap, logs, mcap_to, read_mcap, run_info, written
 
 
 class Full(Kept):
@@ -97,7 +97,7 @@ import msgspec
 from colony.files import open_exclusive
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.mcap_files import PROGRAM, SOURCES, trace
-from tests.verify.audit.recorded_runs import logs, mcap_to
+from tests.analysis.recorded_runs import logs, mcap_to
 
 recording = mcap_to(open_exclusive(sys.argv[1]), PROGRAM, *SOURCES)
 [log] = logs(PROGRAM, trace(1))
@@ -142,7 +142,7 @@ def test_a_killed_process_leaves_every_frame_that_it_had_written(seed: int, tmp_
 DATA_END = 1 + 8 + 4
 
 
-def refused_or_read(data: bytes) -> tuple[list[RecordedFrame], McapReader | None]:
+def refused_or_read(data: bytes) -> tuple[list[RunFrame], McapReader | None]:
     """What is read of damaged bytes; nothing where they are refused as damaged should be."""
     try:
         return read_mcap(PROGRAM, data)
@@ -210,15 +210,16 @@ def test_what_precedes_the_frames_must_be_whole() -> None:
         assert caught.value.diagnostics[0].code == "A006"
 
 
-def test_a_damaged_program_costs_no_frame(tmp_path: Path) -> None:
+def test_a_damaged_program_costs_no_frame() -> None:
     data = as_mcap(PROGRAM, logs(PROGRAM, trace()), *SOURCES).content
     length = data.index(b"text/x-python") + len(b"text/x-python")
     for at, bit in ((data.index(b"module back"), 0), (length + 7, 7)):
         found, reader = read_mcap(PROGRAM, data[:at] + bytes([data[at] ^ 1 << bit]) + data[at + 1 :])
         assert (len(found), reader.damaged, len(reader.run.sources)) == (6, False, 1)
         assert [text[:29] for text in reader.remarks] == ["the program in it is damaged "]
-        with pytest.raises(DiagnosticError, match=r"\[A006\]: its program is damaged \("):
-            recorded_program(reader.run, "run.mcap", tmp_path)
+        damaged = pytest.raises(DiagnosticError, match=r"\[A006\]: its program is damaged \(")
+        with damaged, recorded_program(reader, "run.mcap"):
+            pass
 
 
 def test_chunks_by_other_tools_are_read_and_bombs_are_not() -> None:

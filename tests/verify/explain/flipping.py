@@ -11,16 +11,16 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from random import Random
 
+from colony.analysis.moments import MomentFollower
 from colony.dsl.load import load_text
 from colony.ir import expression as ir
 from colony.ir.frame import Frame
 from colony.ir.program import Let, Machine, Module, Program, State
 from colony.ir.types import BOOL, Array, ScalarValue, any_value
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick
-from colony.runtime.recordings.recorded import RecordedFrame
 from colony.verify.explain.answer import Explanation, Why, WhyNot, explain
 from colony.verify.explain.causes import Present
-from colony.verify.explain.follower import Follower
 from colony.verify.explain.formula import Leaf
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.memory import InterpreterState
@@ -39,9 +39,9 @@ def drawn_run(seed: int, *, network: bool) -> tuple[Program, tuple[Frame, ...]]:
     return program, draw_trace(choices, program, FRAMES)
 
 
-def recorded(frame: Frame, k: int) -> RecordedFrame:
+def recorded(frame: Frame, k: int) -> RunFrame:
     """Return a frame as a recording has it, of which nothing but the readings is known."""
-    return RecordedFrame(tick=Tick(k=k, t_ns=frame.t_ns), frame=frame, verdicts={})
+    return RunFrame(tick=Tick(k=k, t_ns=frame.t_ns), frame=frame, verdicts={})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +57,7 @@ class Asked:
 
 def asked(program: Program, trace: tuple[Frame, ...]) -> Iterator[Asked]:
     """Yield an answer for each module of each frame, and for each actuator."""
-    follower = Follower(program)
+    follower = MomentFollower(program)
     for k, frame in enumerate(trace):
         before = follower.checkpoint.state
         moment = follower.take(recorded(frame, k))

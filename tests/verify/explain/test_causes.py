@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from colony.analysis.moments import MomentFollower
 from colony.dsl.load import load_text
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
-from colony.runtime.recordings.recorded import RecordedFrame
 from colony.verify.explain.answer import Why, WhyNot, explain
-from colony.verify.explain.follower import Follower
 from colony.verify.explain.text import lines
 from tests.verify.small_robot import go, robot
 
@@ -32,12 +32,12 @@ def answer(
     answers: dict[str, Answer] | None = None,
 ) -> str:
     """Return an answer about the last of some frames, 100 ms apart; a reading stays until it changes."""
-    follower, readings = Follower(loaded), dict[str, object]()
+    follower, readings = MomentFollower(loaded), dict[str, object]()
     for k, changed in enumerate(frames):
         readings |= changed
         frame = Frame(100 * MS * k, dict(readings))  # type: ignore[arg-type]
         tick = Tick(k=k, t_ns=frame.t_ns, down=down if k == len(frames) - 1 else ())
-        follower.take(RecordedFrame(tick=tick, frame=frame, verdicts={}, answers=answers or {}))
+        follower.take(RunFrame(tick=tick, frame=frame, verdicts={}, answers=answers or {}))
     assert follower.moment is not None
     return "\n".join(lines(explain(follower.moment, question)))
 
@@ -162,11 +162,11 @@ def test_a_phase_that_the_condition_names_is_not_repeated() -> None:
 
 def test_a_follower_goes_on_from_the_checkpoint_of_another_before_its_first_frame() -> None:
     loaded = program(go("m", "bumper") + "network { drive = m }")
-    followers = Follower(loaded), Follower(loaded, Follower(loaded).checkpoint)
+    followers = MomentFollower(loaded), MomentFollower(loaded, MomentFollower(loaded).checkpoint)
     for k in range(2):
         frame = Frame(100 * MS * k, dict(FAR))  # type: ignore[arg-type]
         for follower in followers:
-            follower.take(RecordedFrame(tick=Tick(k=k, t_ns=frame.t_ns), frame=frame, verdicts={}))
+            follower.take(RunFrame(tick=Tick(k=k, t_ns=frame.t_ns), frame=frame, verdicts={}))
     first, second = (f.moment for f in followers)
     assert first is not None
     assert second is not None
@@ -186,7 +186,7 @@ def test_a_lost_client_lets_others_act_only_where_it_may() -> None:
     loaded = load_text(
         f"language 1\n{text}{go('a', 'true')}{go('b', 'true')}network {{ drive = a suppresses b }}"
     )
-    follower = Follower(loaded)
+    follower = MomentFollower(loaded)
     verdict = Verdict(
         k=0,
         t_ns=0,
@@ -196,7 +196,7 @@ def test_a_lost_client_lets_others_act_only_where_it_may() -> None:
         fates=(("a", "lost"), ("b", "won")),
     )
     follower.take(
-        RecordedFrame(
+        RunFrame(
             tick=Tick(k=0, t_ns=0, lost=("drive/a",)),
             frame=Frame(0, dict(FAR)),  # type: ignore[arg-type]
             verdicts={"drive": verdict},
@@ -209,11 +209,11 @@ def test_a_lost_client_lets_others_act_only_where_it_may() -> None:
 
 def test_a_verdict_that_is_not_the_interpreters_is_told() -> None:
     loaded = program(go("a", "bumper") + go("b", "true") + "network { drive = a suppresses b }")
-    follower = Follower(loaded)
+    follower = MomentFollower(loaded)
     fates = (("a", "won"), ("b", "suppressed"))
     verdict = Verdict(k=0, t_ns=0, actuator="drive", by="a", values=(300.0, 0.0), fates=fates)
     frame = Frame(0, dict(FAR))  # type: ignore[arg-type]
-    follower.take(RecordedFrame(tick=Tick(k=0, t_ns=0), frame=frame, verdicts={"drive": verdict}))
+    follower.take(RunFrame(tick=Tick(k=0, t_ns=0), frame=frame, verdicts={"drive": verdict}))
     assert follower.moment is not None
     told = lines(explain(follower.moment, Why("drive")))
     assert told[0] == "0 s: drive is by a, but in the interpreter it is not"

@@ -12,6 +12,7 @@ from colony.execute.needs import BOUNDS
 from colony.ir.program import Robot
 from colony.ir.servers import DSERVER
 from colony.ir.types import Array, Bool, element_type
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.library.leader import (
     LEADER,
     ClientStanding,
@@ -22,7 +23,6 @@ from colony.runtime.library.leader import (
     SourceText,
     Standing,
 )
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, RefusedError, method
 from colony.runtime.protocol.deployment import Deployment, client_addresses
 from colony.runtime.protocol.messages import Effect, Message, QuietNode
@@ -69,7 +69,7 @@ class RunStatusTracker:
         """Set the function that returns the run's live processes; it may be called in any thread."""
         self._pids = pids
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Count the fates of the clients in a frame."""
         self._frames += 1
         self._k = log.tick.k

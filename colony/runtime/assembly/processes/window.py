@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import msgspec
 
-from colony.runtime.observe.observer import FrameLog, Sink
+from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.observe.observer import Sink
 
 
 class Window:
@@ -35,7 +36,7 @@ class Window:
         """Add a sink that gets the frames in the robot's own time; call it before the first frame."""
         self._recordings.append(sink)
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Pass a frame to the sinks if it is inside the window."""
         if self._shut:
             return

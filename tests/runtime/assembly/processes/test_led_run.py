@@ -14,7 +14,7 @@ from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
-from colony.runtime.observe.observer import FrameLog
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
 from colony.runtime.protocol.messages import Tick
@@ -72,7 +72,7 @@ class Led:
     def begin(self) -> None:
         """Have the run begin."""
         tick, frame, outcome = Tick(k=1, t_ns=0), Frame(0, {}), Outcome((), (), ())
-        log = FrameLog(tick=tick, frame=frame, verdicts={}, expected=outcome, disagreements=(), restart=False)
+        log = RunFrame(tick=tick, frame=frame, verdicts={}, expected=outcome)
         self.window.take(log)
         assert self.window.begun
 

@@ -45,9 +45,9 @@ from colony.runtime.assembly.processes.spec import (
     write_spec,
 )
 from colony.runtime.assembly.processes.window import Window
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.leader import LEADER, RunStatus
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.deployment import Deployment, deployment
@@ -110,14 +110,12 @@ def degrading(of: Program) -> Program:
     return replace(of, robot=replace(of.robot, actuators=actuators))
 
 
-def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool = False) -> FrameLog:
+def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool = False) -> RunFrame:
     verdict = Verdict(k=k, t_ns=50 * MS * k, actuator="drive", by=by, values=(0.0, 0.0), fates=fates)
-    return FrameLog(
+    return RunFrame(
         tick=Tick(k=k, t_ns=50 * MS * k),
         frame=Frame(50 * MS * k, {}),
         verdicts={"drive": verdict},
-        expected=Outcome((), (), ()),
-        disagreements=(),
         restart=restart,
     )
 

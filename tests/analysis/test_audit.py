@@ -15,18 +15,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from colony.analysis.audit import Auditor, audit
+from colony.analysis.moments import MomentFollower
 from colony.dsl.load import load_file, load_text
-from colony.ir.frame import Answer, Frame, Outcome
-from colony.runtime.observe.observer import FrameLog
+from colony.ir.frame import Answer, Frame
+from colony.runtime.frames.run_frame import RunFrame
 from colony.text.diagnostics import DiagnosticError
-from colony.verify.audit.audit import Auditor, audit
-from colony.verify.explain.follower import Follower
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
+from tests.analysis.recorded_runs import MS, WAYS, as_mcap, brought, logs, read_mcap
 from tests.drawn.strategies import Run, network_runs, run_of_seed, runs
 from tests.paths import BEHAVIORS
 from tests.sampling import sampled
-from tests.verify.audit.recorded_runs import MS, WAYS, as_mcap, brought, logs, read_mcap
 
 TEXT = """
 robot r {
@@ -53,7 +53,7 @@ def trace(frames: int = 12) -> tuple[Frame, ...]:
     return tuple(Frame(k * 50 * MS, {"near": 100.0 + k, "bumper": 3 <= k <= 8}) for k in range(frames))
 
 
-def changed(frames: list[FrameLog], at: int, actuator: str = "drive", **changes: Any) -> list[FrameLog]:
+def changed(frames: list[RunFrame], at: int, actuator: str = "drive", **changes: Any) -> list[RunFrame]:
     """The same with another verdict in frame `at`."""
     verdicts = dict(frames[at].verdicts)
     verdicts[actuator] = msgspec.structs.replace(verdicts[actuator], **changes)
@@ -222,9 +222,8 @@ def test_a_restart_begins_anew() -> None:
 
 def test_nothing_is_compared_while_memory_is_not_known() -> None:
     right = logs(PROGRAM, trace(), restarts=[9])
-    nothing = Outcome(())
     found: Any = [
-        replace(log, expected=nothing, skipped=2 if log.tick.k == 5 else 0) if 5 <= log.tick.k < 9 else log
+        replace(log, memory_unknown=5 <= log.tick.k < 9, skipped=2 if log.tick.k == 5 else 0)
         for log in changed(right, 7, by="cruise")
         if log.tick.k not in (3, 4)
     ]
@@ -234,7 +233,7 @@ def test_nothing_is_compared_while_memory_is_not_known() -> None:
     assert not audit(PROGRAM, [*found[:3], *found[4:]]).agrees
 
 
-def lose(frames: list[FrameLog], change: Callable[[FrameLog], FrameLog]) -> list[FrameLog]:
+def lose(frames: list[RunFrame], change: Callable[[RunFrame], RunFrame]) -> list[RunFrame]:
     """`back` is lost in every frame."""
     out = []
     for log in frames:
@@ -248,7 +247,7 @@ def lose(frames: list[FrameLog], change: Callable[[FrameLog], FrameLog]) -> list
 def test_who_takes_over_where_a_client_is_lost() -> None:
     right = logs(PROGRAM, trace())
 
-    def cruise_on(log: FrameLog) -> FrameLog:
+    def cruise_on(log: RunFrame) -> RunFrame:
         near = log.frame.readings["near"]
         assert isinstance(near, float)
         fates = (("stop", "silent"), ("back", "lost"), ("cruise", "won"))
@@ -322,7 +321,7 @@ def test_after_a_missing_answer_of_a_module_in_python_memory_is_known_from_the_n
     assert (report.agrees, report.resumed) == (True, 1)
     assert report.forgotten <= 8, "less than half a second"
     assert not audit(PULSES, brought(way, PULSES, changed(right, 39, values=(5.0,)))).agrees
-    follower = Follower(PULSES)
+    follower = MomentFollower(PULSES)
     moments = [follower.take(log) is not None for log in right]
     assert moments[missed + 15 :] == [True] * (25 - missed)
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from colony.analysis.follower import Interpreters
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Frame
 from colony.ir.memory import ProgramMemory
-from colony.verify.audit.resuming import Resuming
 from colony.verify.reference.interpreter import Interpreter
 from tests.drawn.strategies import Run, network_runs, run_of_seed, runs
 from tests.programs import program
@@ -124,6 +124,6 @@ def test_the_memory_of_another_program_is_refused() -> None:
 def test_memory_that_does_not_fit_is_refused(changes: dict[str, float]) -> None:
     of = program(EVERYTHING)
     memory = memories((of, (Frame(0, {}), Frame(1, {}))))[1]
-    assert Resuming(of).interpreter(memory)
+    assert Interpreters(of).resume(memory)
     with pytest.raises(ValueError, match="memory"):
-        Resuming(of).interpreter(ProgramMemory(first_ns=0, cells={**memory.cells, **changes}))
+        Interpreters(of).resume(ProgramMemory(first_ns=0, cells={**memory.cells, **changes}))

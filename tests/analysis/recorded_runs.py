@@ -11,14 +11,15 @@ from colony.execute.compiled import SourceFile
 from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.ir.frame import Frame
 from colony.ir.program import Program
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.observe.monitor import Monitor
-from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog, Sink
+from colony.runtime.observe.observer import KEYFRAME_NS, Sink
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
 from colony.runtime.recordings.lines import ByteFile, Recording
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.reader import LinesReader
-from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
+from colony.runtime.recordings.recorded import RunInfo
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import frame_in_base_units
 
@@ -43,7 +44,7 @@ class Kept(io.BytesIO):
 
 def logs(
     program: Program, trace: Sequence[Frame], restarts: Iterable[int] = (), missing: Iterable[int] = ()
-) -> list[FrameLog]:
+) -> list[RunFrame]:
     """A run in which nothing goes wrong, but that all memory begins anew at the frames in `restarts`, and
     that no answer of a module in Python is heard in the frames in `missing`."""
     restarts, missing, start, out = frozenset(restarts), frozenset(missing), 0, []
@@ -83,12 +84,13 @@ def logs(
         }
         tick = Tick(k=k, t_ns=frame.t_ns, start=start)
         out.append(
-            FrameLog(
+            RunFrame(
                 tick=tick,
                 frame=frame,
                 verdicts=verdicts,
                 expected=outcome if checked.decisions else checked,
-                disagreements=(),
+                breaches=outcome.breaches if checked.decisions else (),
+                memory_unknown=not checked.decisions,
                 restart=k in restarts,
                 keyframe=keyframe,
                 answers=answers,
@@ -119,7 +121,7 @@ def run_info(program: Program, *sources: SourceFile) -> RunInfo:
     )
 
 
-def written(sink: Sink, frames: Iterable[FrameLog]) -> None:
+def written(sink: Sink, frames: Iterable[RunFrame]) -> None:
     for log in frames:
         sink.take(log)
     sink.close()
@@ -129,13 +131,13 @@ def mcap_to(file: ByteFile, program: Program, *sources: SourceFile) -> McapRecor
     return McapRecording(compile_program(program).compiled, run_info(program, *sources), file)
 
 
-def as_mcap(program: Program, frames: Iterable[FrameLog], *sources: SourceFile) -> Kept:
+def as_mcap(program: Program, frames: Iterable[RunFrame], *sources: SourceFile) -> Kept:
     file = Kept()
     written(mcap_to(file, program, *sources), frames)
     return file
 
 
-def as_lines(program: Program, frames: Iterable[FrameLog]) -> Kept:
+def as_lines(program: Program, frames: Iterable[RunFrame]) -> Kept:
     file = Kept()
     written(Recording(compile_program(program).compiled, file), frames)
     return file
@@ -145,7 +147,7 @@ WAYS = ("logs", "mcap", "lines")
 """Ways of the frames of a run to an auditor: as they are, and through each format of recordings."""
 
 
-def brought(way: str, program: Program, frames: Sequence[FrameLog]) -> Sequence[RecordedFrame]:
+def brought(way: str, program: Program, frames: Sequence[RunFrame]) -> Sequence[RunFrame]:
     """Return the frames of a run as they are on one of `WAYS`."""
     if way == "logs":
         return frames
@@ -154,11 +156,11 @@ def brought(way: str, program: Program, frames: Sequence[FrameLog]) -> Sequence[
     return read_lines(program, as_lines(program, frames).content)[0]
 
 
-def read_mcap(program: Program, data: bytes) -> tuple[list[RecordedFrame], McapReader]:
+def read_mcap(program: Program, data: bytes) -> tuple[list[RunFrame], McapReader]:
     reader = McapReader(io.BytesIO(data), "run.mcap")
     return list(reader.frames(program)), reader
 
 
-def read_lines(program: Program, data: bytes) -> tuple[list[RecordedFrame], LinesReader]:
+def read_lines(program: Program, data: bytes) -> tuple[list[RunFrame], LinesReader]:
     reader = LinesReader(io.BytesIO(data), "run.jsonl")
     return list(reader.frames(program)), reader

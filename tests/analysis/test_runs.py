@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import pytest
 
+from colony.analysis.audit import AuditReport, audit
 from colony.ir.program import Program
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.protocol.messages import Message, Request, Sample, ServerFrame
-from colony.verify.audit.audit import AuditReport, audit
+from tests.analysis.recorded_runs import MS, as_lines, as_mcap, read_lines, read_mcap
 from tests.runtime.programs import drive, roam
 from tests.runtime.scripted import FAR, Log, Script, session
-from tests.verify.audit.recorded_runs import MS, as_lines, as_mcap, read_lines, read_mcap
 
 S = 1000 * MS
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from typing import Protocol
 
 from colony.ir.frame import Decision
 from colony.ir.given import MISSED, SentCommand, is_connection
@@ -13,28 +12,13 @@ from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.verify.reference.interpreter import Interpreter
 
-
-class RecordedVerdict(SentCommand, Protocol):
-    """The outcome of one actuator in one frame; `runtime.messages.Verdict` defines each attribute."""
-
-    @property
-    def violation(self) -> bool:
-        """True if two clients commanded in one frame."""
-        ...
-
-    @property
-    def unlimited(self) -> bool:
-        """True if the limits did not hold for the client outside the network."""
-        ...
-
-
 _COMMANDED = frozenset({"won", "overruled", "overridden", "locked out", "stopped"})
 _GATED = frozenset({"suppressed", "inhibited"})
 _NOT_ACTIVE = frozenset({"inactive", "silent"})
 
 
 def objection(
-    actuator: Actuator, verdict: RecordedVerdict, expected: Decision, interpreter: Interpreter
+    actuator: Actuator, verdict: SentCommand, expected: Decision, interpreter: Interpreter
 ) -> str | None:
     """Return a message about a wrong verdict of the network, or None if it is right.
 
@@ -53,7 +37,7 @@ def objection(
     )
 
 
-def outside_objection(actuator: Actuator, verdict: RecordedVerdict, interpreter: Interpreter) -> str | None:
+def outside_objection(actuator: Actuator, verdict: SentCommand, interpreter: Interpreter) -> str | None:
     """Return a message about a command from outside that the program does not allow, or None.
 
     It must be within the range, and within the limits of the frame, unless they do not hold for that client.
@@ -83,7 +67,7 @@ def _or(bound: float | None, otherwise: float) -> float:
     return otherwise if bound is None else bound
 
 
-def same_decision(verdict: RecordedVerdict, expected: Decision) -> bool:
+def same_decision(verdict: SentCommand, expected: Decision) -> bool:
     """Return True if winner, values and fault are the same, values bit for bit."""
     same = (verdict.by, verdict.fault) == (expected.by, expected.fault)
     return same and same_values(verdict.values, expected.values)
@@ -102,12 +86,12 @@ def _same_bits(a: ScalarValue, b: ScalarValue) -> bool:
     return struct.pack("<d", a) == struct.pack("<d", b)
 
 
-def is_excused(verdict: RecordedVerdict) -> bool:
+def is_excused(verdict: SentCommand) -> bool:
     """Return True if a client was late, lost or refused."""
     return any(fate in MISSED for _, fate in verdict.fates)
 
 
-def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:
+def is_idle(actuator: Actuator, verdict: SentCommand) -> bool:
     """Return True if no client won and the idle command was sent (nothing, for `idle hold`)."""
     idle = in_declared_units(actuator.idle, actuator.fields)
     return verdict.by is None and verdict.fault is None and same_values(verdict.values, idle)

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import pytest
 
+from colony.analysis.audit import Auditor, audit
+from colony.analysis.report import AuditReport, DamagedSpan
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.recordings.recorded import RecordedFrame
-from colony.verify.audit.audit import Auditor, audit
-from colony.verify.audit.report import AuditReport, DamagedSpan
+from colony.runtime.frames.run_frame import RunFrame
+from tests.analysis.recorded_runs import MS, as_lines, as_mcap, logs, read_lines, read_mcap
+from tests.analysis.test_audit import DEGRADING, changed
+from tests.analysis.test_audit import trace as short
+from tests.analysis.test_resuming import EVERYTHING
 from tests.programs import program
-from tests.verify.audit.recorded_runs import MS, as_lines, as_mcap, logs, read_lines, read_mcap
-from tests.verify.audit.test_audit import DEGRADING, changed
-from tests.verify.audit.test_audit import trace as short
-from tests.verify.audit.test_resuming import EVERYTHING
 
 FRAMES = 40
 A_CHUNK = 8
@@ -33,13 +33,12 @@ def trace(frames: int = FRAMES) -> tuple[Frame, ...]:
     )
 
 
-def audited(of: Program, frames: Sequence[RecordedFrame], *, end: bool) -> AuditReport:
+def audited(of: Program, frames: Sequence[RunFrame], *, end: bool) -> AuditReport:
     """Audit frames, after which there is damage if it is damaged in the end."""
     auditor = Auditor(of)
     for frame in frames:
         auditor.take(frame)
-    if end:
-        auditor.end_damaged()
+    auditor.end(damaged=end)
     return auditor.report()
 
 

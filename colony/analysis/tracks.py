@@ -1,4 +1,4 @@
-"""Finding a moment of a recording: by its time, with the index, or by a condition."""
+"""What changed in a recording, and when: a track for each module, sensor, actuator and client."""
 
 from __future__ import annotations
 
@@ -6,46 +6,89 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from colony.ir.given import MISSED
 from colony.ir.program import Program
-from colony.robots.moments.index import Index, Mark
-from colony.robots.moments.tracks import IDLE, OUTSIDE, Span, spans
-from colony.runtime.recordings.recorded import RecordingReader
+from colony.runtime.frames.run_frame import RunFrame
 from colony.text.suggestions import did_you_mean
-from colony.verify.explain.follower import Follower
 from colony.verify.explain.moment import Moment
 
 
-class Found(NamedTuple):
-    """The last frame at or before a time: its number, its time, and the moment; None if it is not known."""
+class Change(NamedTuple):
+    """A value that a track has from a frame on."""
 
-    k: int
     t_ns: int
-    moment: Moment | None
+    k: int
+    value: str
 
 
-def moment_at(program: Program, reader: RecordingReader, index: Index, t_ns: int) -> Found:
-    """Return the last frame at or before a time, which must not be before the first frame.
+Tracks = dict[str, list[Change]]
+"""Tracks by name: `module NAME`, `sensor NAME`, `actuator NAME`, `client NAME`."""
 
-    Raises:
-        StaleIndexError: the checkpoint before the frame is damaged.
-        DiagnosticError: the recording cannot be read.
-    """
-    mark = _mark_before(index, t_ns)
-    follower = Follower(program, None if mark is None else index.checkpoint(mark))
-    if mark is not None:
-        reader.go_to(mark.place)
-    found: Found | None = None
-    for recorded in reader.frames(program):
-        if recorded.frame.t_ns > t_ns:
-            break
-        moment = follower.take(recorded)
-        found = Found(recorded.tick.k, recorded.frame.t_ns, moment)
-    assert found is not None, "no frame at or before the time"
-    return found
+IDLE = "idle"
+OUTSIDE = "outside"
+IN_TIME = "in time"
+"""The value of a client's track while it answers in time."""
+
+UNKNOWN = "unknown"
+"""The value of a track while memory is not known, or its verdict was not recorded."""
 
 
-def _mark_before(index: Index, t_ns: int) -> Mark | None:
-    return next((mark for mark in reversed(index.marks) if mark.t_ns <= t_ns), None)
+class TrackWriter:
+    """Collects what changes from frame to frame. Stateful."""
+
+    def __init__(self) -> None:
+        self.tracks: Tracks = {}
+
+    def take(self, recorded: RunFrame, moment: Moment | None) -> None:
+        """Take a frame."""
+        t_ns, k = recorded.frame.t_ns, recorded.tick.k
+        values = dict(_of_runtime(recorded))
+        values |= dict(_of_moment(moment)) if moment is not None else {}
+        for name in self.tracks.keys() - values.keys():
+            values[name] = UNKNOWN
+        for name, value in values.items():
+            track = self.tracks.setdefault(name, [])
+            if not track or track[-1].value != value:
+                track.append(Change(t_ns, k, value))
+
+
+def _of_runtime(recorded: RunFrame) -> Iterator[tuple[str, str]]:
+    for actuator, verdict in recorded.verdicts.items():
+        outside = verdict.outside is not None
+        yield (
+            f"actuator {actuator}",
+            OUTSIDE if outside else IDLE if verdict.by is None else f"by {verdict.by}",
+        )
+        for client, fate in verdict.fates:
+            yield f"client {client}", fate if fate in MISSED else IN_TIME
+
+
+def _of_moment(moment: Moment) -> Iterator[tuple[str, str]]:
+    for name, since in moment.history.modules.items():
+        yield f"module {name}", str(since.value)
+    for name, since in moment.history.sensors.items():
+        yield f"sensor {name}", str(since.value)
+
+
+class Span(NamedTuple):
+    """Frames from `start` on in which a condition holds, up to `end`; None if it holds to the end."""
+
+    start: Change
+    end: Change | None
+
+
+def spans(track: list[Change], value: str, *, negated: bool = False) -> Iterator[Span]:
+    """Yield where a track has a value or, if `negated`, another known value."""
+    start: Change | None = None
+    for change in track:
+        holds = change.value not in (value, UNKNOWN) if negated else change.value == value
+        if holds and start is None:
+            start = change
+        if not holds and start is not None:
+            yield Span(start, change)
+            start = None
+    if start is not None:
+        yield Span(start, None)
 
 
 # --- conditions ------------------------------------------------------------------------------------
@@ -121,8 +164,8 @@ def _known(name: str, names: list[str], kind: str) -> str:
     raise ConditionError(f"no {kind} `{name}`; {hint}")
 
 
-def spans_of(index: Index, condition: Condition, from_ns: int | None = None) -> Iterator[Span]:
+def spans_of(tracks: Tracks, condition: Condition, from_ns: int | None = None) -> Iterator[Span]:
     """Yield the spans of frames in which a condition holds, those that begin at `from_ns` or later."""
-    for span in spans(index.tracks.get(condition.track, []), condition.value, negated=condition.negated):
+    for span in spans(tracks.get(condition.track, []), condition.value, negated=condition.negated):
         if from_ns is None or span.start.t_ns >= from_ns:
             yield span

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from colony.analysis.follower import DamagedSpan
 from colony.ir.frame import Decision
 
 Role = Literal["wins", "active", "inactive", "silent"]
@@ -48,14 +49,6 @@ class ContractCount:
     frames: int
     first_ns: int
     last_ns: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DamagedSpan:
-    """A damaged section of the recording: the times of the intact frames around it, None if there is none."""
-
-    after_ns: int | None
-    before_ns: int | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,1 +1,0 @@
-"""Moments of recordings, found quickly by an index of interpreter states."""

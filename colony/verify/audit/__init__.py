@@ -1,1 +1,0 @@
-"""Audits of recorded runs against the reference interpreter."""
