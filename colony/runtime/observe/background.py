@@ -83,7 +83,7 @@ class Background:
                 except BaseException as failure:
                     self._failure, self._has_failed = failure, True
 
-    def _next(self) -> FrameLog | None:
+    def _next(self) -> RunFrame | None:
         if self._queue.empty():
             self._closing.wait(PAUSE_S)
         return self._queue.get()
