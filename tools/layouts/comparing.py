@@ -20,16 +20,16 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from colony.analysis.audit import audit
 from colony.compile.pipeline import compile_program
 from colony.execute.compiled import Compiled
 from colony.ir.program import Program
 from colony.ir.servers import DSERVER
 from colony.runtime.assembly.sharing import announcer_process_name, client_processes
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.library import clock, data
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import UNHEARD, Request, SentMessage
 from colony.runtime.transport.faults import FaultRates
-from colony.verify.audit.audit import audit
 from tests.drawn.strategies import run_of_seed
 from tests.runtime.transport.live.stage import robot_address, run_directory
 from tools.layouts.devices import Command, devices_of, on_devices
@@ -169,7 +169,7 @@ def _result(
     program: Program,
     heard: Sequence[Heard],
     commands: Sequence[Command],
-    logs: list[FrameLog],
+    logs: list[RunFrame],
     *,
     in_order: bool,
 ) -> Run:
@@ -213,7 +213,7 @@ def as_text(message: SentMessage) -> str:
     return repr(msgspec.msgpack.decode(msgspec.msgpack.encode(message)))
 
 
-def canonical(log: FrameLog) -> str:
+def canonical(log: RunFrame) -> str:
     """Return a frame as text, without the order in which its parts arrived."""
     return repr(
         (
@@ -231,7 +231,7 @@ def canonical(log: FrameLog) -> str:
     )
 
 
-def _is_unheard(log: FrameLog, request: Request) -> bool:
+def _is_unheard(log: RunFrame, request: Request) -> bool:
     """Return True for a request that came too late to count: the recording has it if it came soon enough."""
     verdict = log.verdicts.get(request.actuator)
     return verdict is None or dict(verdict.fates).get(request.client) in UNHEARD

@@ -39,9 +39,9 @@ from colony.runtime.assembly.processes.spec import (
     read_spec,
     singles,
 )
+from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.library import clock, emergency
 from colony.runtime.library.ask import Ask
-from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.bindings import bind, bound_servers
 from colony.runtime.protocol.deployment import deployment
@@ -204,7 +204,7 @@ class Stage:
         self.plant = Plant(program, readings, self.clock)
         self.reports: list[str] = []
         self.heard: list[Heard] = []
-        self.logs: list[FrameLog] = []
+        self.logs: list[RunFrame] = []
         self.restarted: list[SinglePart] = []
         self._due: list[tuple[int, Callable[[], None]]] = []
         self._processes: dict[str, Process] = {}
@@ -435,10 +435,10 @@ class Caller:
 class _Sink:
     """A sink that keeps the frames."""
 
-    def __init__(self, logs: list[FrameLog]) -> None:
+    def __init__(self, logs: list[RunFrame]) -> None:
         self._logs = logs
 
-    def take(self, log: FrameLog) -> None:
+    def take(self, log: RunFrame) -> None:
         """Keep a frame."""
         self._logs.append(log)
 
