@@ -12,7 +12,7 @@ import pytest
 from colony.runtime.assembly.processes.hosting import HostedParts
 from colony.runtime.assembly.processes.restarts import MAX_QUICK_DEATHS
 from colony.runtime.assembly.processes.spec import ClockPart, DServerPart
-from colony.runtime.assembly.processes.stalls import INTERVAL_S, STALL_S, reporting_stalls, stall
+from colony.runtime.assembly.processes.stalls import INTERVAL_S, QUIET_S, STALL_S, Stalls, reporting_stalls
 from colony.runtime.protocol.messages import Node
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.robot_address import Local
@@ -94,4 +94,17 @@ def test_code_that_keeps_the_interpreter_is_told_of() -> None:
         ctypes.PyDLL(None).usleep(int((STALL_S + 3 * INTERVAL_S) * 1e6))  # keeps the interpreter
         until(lambda: told, "it is told of")
     assert told[0].startswith("this process stood still for ")
-    assert stall(INTERVAL_S + STALL_S / 2) is None
+
+
+def test_of_the_stalls_of_a_busy_machine_only_longer_ones_are_told_of_soon() -> None:
+    stalls = Stalls()
+    waits = (
+        (STALL_S / 2, 0.0),
+        (0.5, 1.0),
+        (0.4, 2.0),
+        (0.6, 3.0),
+        (0.5, 3.0 + QUIET_S),
+        (0.4, 4.0 + QUIET_S),
+    )
+    told = [stalls.after(INTERVAL_S + late_s, now_s) is not None for late_s, now_s in waits]
+    assert told == [False, True, False, True, True, False]
