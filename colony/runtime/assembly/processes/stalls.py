@@ -53,6 +53,6 @@ class Stalls:
             return None
         self._reported_s, self._quiet_until_s = late_s, now_s + QUIET_S
         return (
-            f"this process stood still for {late_s:.2f} s: it was frozen, the machine is overloaded, or a driver "
-            "holds the interpreter"
+            f"this process stood still for {late_s:.2f} s: it was frozen, the machine is overloaded, or a "
+            "driver holds the interpreter"
         )
