@@ -18,7 +18,7 @@ from colony.runtime.kit.once import Report, exception_text, failure_text
 from colony.runtime.protocol import calls, topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, ActuatorSpec, Deployment
+from colony.runtime.protocol.deployment import ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import (
     Bounds,
     Effect,
@@ -35,6 +35,9 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.actuating import CommandedActuators
+from colony.runtime.servers.built_in import built_in_actuator
+from colony.runtime.servers.outside_commands import Given, OutsideCommands
+from colony.runtime.servers.outside_control import ActuatorState
 
 A = TypeVar("A", bound=msgspec.Struct)
 
@@ -121,15 +124,13 @@ class Service:
             commands=self._performer.descriptions,
             methods=tuple(MethodDescription(name=m.name, right=m.right) for m in reporting_methods),
         )
-        self._actuators: CommandedActuators | None = None
+        self._actuators: CommandedActuators[Given] | None = None
         if commands:
-            self._actuators = CommandedActuators(
-                name,
-                self._perform,
-                commands=server_spec(description).commands,
-                halt=lambda now_ns: self._performer.halt(),
-                make_safe=self._performer.make_safe,
-            )
+            specs = server_spec(description).commands
+            built_in = {spec.name: built_in_actuator(name, spec, idle=None) for spec in specs}
+            outside = OutsideCommands(ActuatorState(server=name, built_in=built_in))
+            self._is_stale = outside.state.is_stale
+            self._actuators = CommandedActuators(outside, self._perform, make_safe=self._performer.make_safe)
         describe = calls.method("describe", NoArguments, lambda *_: description, right="read")
         self._publisher = Publisher(name, self._read, frames_kept=frames_kept, stopped=self._stopped)
         self._calls = self._dispatcher((*reporting_methods, describe))
@@ -142,12 +143,11 @@ class Service:
             listens += self._actuators.listens
         self.listens = tuple(listens)
         if deployment is not None and self._actuators is not None:
-            self._begin(deployment, 0)
+            self._actuators.activate(deployment, 0)
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Make the devices of the commands safe until a program commands them."""
         self._now_ns = now_ns
-        self._performer.halt()
         if self._actuators is not None:
             self._actuators.start(now_ns)
         return ()
@@ -199,21 +199,15 @@ class Service:
                 failing=self._failing,
                 opening=lambda: self._reader.opening,
             )
-        deploy = calls.method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES)
-        reserved = (deploy, *actuators.methods)
+        reserved = actuators.methods
         taken = {m.name for m in methods}.intersection(m.name for m in reserved)
         if taken:
             names = ", ".join(f"`{name}`" for name in sorted(taken))
             raise ValueError(f"{self.address}: found the methods {names}, which servers with commands have")
-
-        def on_lost(caller: Caller, now_ns: int) -> Iterable[Effect]:
-            actuators.on_lost(caller)
-            return ()
-
         return CallDispatcher(
             self.address,
             (*methods, *reserved),
-            on_lost=on_lost,
+            on_lost=actuators.on_lost,
             stop=actuators.stop,
             unreached=lambda: self._performer.unreached,
             other_limit_messages=self._limit_messages,
@@ -262,22 +256,5 @@ class Service:
     def _stopped(self) -> Stopped | None:
         return None if self._actuators is None else self._actuators.stopped
 
-    # --- commands ------------------------------------------------------------------------------------
-
-    def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
-        actuators = self._actuators
-        assert actuators is not None
-        wrong = self._performer.mismatch(deployed)
-        if wrong is not None:
-            raise RefusedError("deployment", f"{self.address}.deploy: {wrong}")
-        if actuators.lead(call_id.caller, deployed):
-            self._begin(deployed, now_ns)
-
-    def _begin(self, deployed: Deployment, now_ns: int) -> None:
-        assert self._actuators is not None
-        self._actuators.activate(deployed, now_ns)
-        self._performer.begin(deployed)
-
     def _perform(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-        assert self._actuators is not None
-        self._performer.perform(actuator, values, stale=self._actuators.is_stale(now_ns))
+        self._performer.perform(actuator, values, stale=self._is_stale(now_ns))

@@ -1,8 +1,8 @@
 """Translation of RServer's calls into motions of the base, within the allowed range.
 
-The functions are pure. They return the motion, and most of them also the new settings: the velocity or
-acceleration of a call becomes the default of later calls (thesis section 4.6.3). Arguments out of range raise
-`RefusedError` with the code "arguments".
+The functions are pure. They return the motion and the new settings: the velocity or acceleration of a call
+becomes the default of later calls (thesis section 4.6.3). `previous` is the motion of the same connection
+until now. Arguments out of range raise `RefusedError` with the code "arguments".
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from colony.runtime.arbitration import motion
-from colony.runtime.arbitration.motion import FiniteMotion, Motion, Speeds
+from colony.runtime.arbitration.motion import Motion, Speeds
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.servers.drivers import BaseLimits
@@ -65,7 +65,9 @@ def initial_settings(limits: BaseLimits) -> Settings:
     )
 
 
-def drive(arguments: robot.Drive, allowed: Range) -> Motion:
+def drive(
+    arguments: robot.Drive, settings: Settings, allowed: Range, previous: Motion | None
+) -> tuple[Motion, Settings]:
     """Return a motion at the given speeds."""
     velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
     turn = _in_range("turn", arguments.turn, allowed.turn, "deg/s")
@@ -73,11 +75,15 @@ def drive(arguments: robot.Drive, allowed: Range) -> Motion:
         found = f"sideways is {arguments.sideways:g} mm/s"
         raise RefusedError("arguments", f"{found}; the base does not drive sideways")
     sideways = _in_range("sideways", arguments.sideways, allowed.sideways, "mm/s")
-    return motion.ConstantSpeeds(speeds=Speeds(velocity, turn, sideways))
+    return motion.ConstantSpeeds(speeds=Speeds(velocity, turn, sideways)), settings
 
 
 def go(
-    arguments: robot.Go, settings: Settings, allowed: Range, previous: Motion | None, *, integrating: bool
+    arguments: robot.Go,
+    settings: Settings,
+    allowed: Range,
+    previous: Motion | None,
+    integrating: bool = True,
 ) -> tuple[Motion, Settings]:
     """Return a motion straight ahead, with the heading of the `previous` motion if that is straight, too."""
     velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
@@ -94,7 +100,16 @@ def go(
     return new_motion, settings
 
 
-def jog(arguments: robot.Jog, settings: Settings, allowed: Range, previous: Motion | None) -> Motion:
+def proportional_go(
+    arguments: robot.Go, settings: Settings, allowed: Range, previous: Motion | None
+) -> tuple[Motion, Settings]:
+    """Return a motion as `go` does, whose heading is held by proportional control only."""
+    return go(arguments, settings, allowed, previous, integrating=False)
+
+
+def jog(
+    arguments: robot.Jog, settings: Settings, allowed: Range, previous: Motion | None
+) -> tuple[Motion, Settings]:
     """Return a motion that adds a turning rate to the forward speed of the `previous` motion."""
     low, high = allowed.turn
     rate = _in_range("rate", arguments.rate, (-high, -low), "deg/s")
@@ -105,24 +120,30 @@ def jog(arguments: robot.Jog, settings: Settings, allowed: Range, previous: Moti
             velocity = speeds.velocity
         case _:
             velocity = 0.0
-    return motion.Jog(
+    new_motion = motion.Jog(
         velocity=velocity,
         rate=rate,
         acceleration=settings.acceleration,
         turn_acceleration=settings.turn_acceleration,
     )
+    return new_motion, settings
 
 
-def halt(arguments: robot.Halt, settings: Settings) -> Motion:
+def halt(
+    arguments: robot.Halt, settings: Settings, allowed: Range, previous: Motion | None
+) -> tuple[Motion, Settings]:
     """Return a stop, immediate or gradual."""
-    return motion.Halt(
+    new_motion = motion.Halt(
         gradual=arguments.mode == 0,
         acceleration=settings.acceleration,
         turn_acceleration=settings.turn_acceleration,
     )
+    return new_motion, settings
 
 
-def move(arguments: robot.Move, settings: Settings, allowed: Range) -> tuple[FiniteMotion, Settings]:
+def move(
+    arguments: robot.Move, settings: Settings, allowed: Range, previous: Motion | None
+) -> tuple[Motion, Settings]:
     """Return a motion over a distance."""
     distance = _finite("distance", arguments.distance)
     low, high = allowed.velocity
@@ -133,7 +154,9 @@ def move(arguments: robot.Move, settings: Settings, allowed: Range) -> tuple[Fin
     return new_motion, settings
 
 
-def turn(arguments: robot.Turn, settings: Settings, allowed: Range) -> tuple[FiniteMotion, Settings]:
+def turn(
+    arguments: robot.Turn, settings: Settings, allowed: Range, previous: Motion | None
+) -> tuple[Motion, Settings]:
     """Return a turn by degrees on the spot."""
     degrees = _finite("degrees", arguments.degrees)
     limit = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
@@ -157,8 +180,8 @@ def turn(arguments: robot.Turn, settings: Settings, allowed: Range) -> tuple[Fin
 
 
 def continuous_turn(
-    arguments: robot.ContinuousTurn, settings: Settings, allowed: Range
-) -> tuple[FiniteMotion, Settings]:
+    arguments: robot.ContinuousTurn, settings: Settings, allowed: Range, previous: Motion | None
+) -> tuple[Motion, Settings]:
     """Return a turn by degrees along an arc, slow enough for the allowed turning speed."""
     degrees, radius = _finite("degrees", arguments.degrees), _finite("radius", arguments.radius)
     if radius <= 0.0:

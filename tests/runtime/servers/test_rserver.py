@@ -281,7 +281,7 @@ BAD = [
     ({"command": "fly"}, "no command `fly`"),
     ({"field_indices": (0,)}, "1 parameters; expected 2"),
     ({"field_indices": (0, 2)}, "not one of its 2 fields"),
-    ({"idle": (float("nan"), 0.0)}, "not finite"),
+    ({"idle": (float("nan"), 0.0)}, "velocity = nan when idle; expected a finite number"),
     ({"idle": (0.0,)}, "an idle command of 1 values"),
 ]
 

@@ -11,7 +11,7 @@ import pytest
 from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.rserver import CLOCK_GRACE_NS
+from colony.runtime.servers.outside_control import CLOCK_GRACE_NS
 from tests.kit.base import RollingBase, Stage, deployed, silent
 from tests.kit.node_stage import FRAME_NS, result_of
 
