@@ -23,13 +23,15 @@ from colony.execute.intake import as_float
 from colony.ir.types import ScalarValue
 from colony.runtime.kit.description import (
     CommandDescription,
+    Description,
     ParameterDescription,
     in_base_units,
     parameter_type,
+    server_spec,
 )
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text, headline
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.servers.command_values import expected_instead
+from colony.runtime.servers.built_in import absent, built_in_actuator, expected_of
 from colony.runtime.servers.commanding import NotSentError
 
 
@@ -183,6 +185,8 @@ _SAFE_OF = "safe of "
 class CommandPerformer:
     """Carries out the commands of a server. Mutable: knows the problems that it has reported.
 
+    `built_in` are the server's own actuators, by command.
+
     No exception of a command ends the server. Each kind of problem of a command is reported once.
 
     Raises:
@@ -195,6 +199,11 @@ class CommandPerformer:
         for command in commands:
             if self._commands.setdefault(command.description.name, command) is not command:
                 raise ValueError(f"{server}: found two commands `{command.description.name}`")
+        description = Description(server=server, commands=self.descriptions)
+        self.built_in = {
+            spec.name: built_in_actuator(server, spec, idle=None)
+            for spec in server_spec(description).commands
+        }
         self._problems = OnceReporter(report)
         self._unsafe: set[str] = set()
         self._unstopped: dict[str, str] = {}  # why the devices of commands are neither idle nor safe
@@ -270,10 +279,10 @@ class CommandPerformer:
         """Perform a command; return the problem if it fails, after reporting it."""
         command, where = self._commands[actuator.command], f"{self._server}.{actuator.command}"
         arguments: dict[str, ScalarValue] = {}
-        parameters = command.description.parameters
+        parameters = self.built_in[actuator.command].fields
         for parameter, index in zip(parameters, actuator.field_indices, strict=True):
-            value = _absent(parameter) if index is None else values[index]
-            if (expected := _expected(parameter, value)) is not None:
+            value = absent(parameter) if index is None else values[index]
+            if (expected := expected_of(parameter, value)) is not None:
                 problem = f"{where} was not sent {parameter.name} = {value:g}: expected {expected}"
                 self._problems.report(actuator.command, parameter.name, problem)
                 return problem
@@ -297,19 +306,3 @@ class CommandPerformer:
         if isinstance(failure, OSError) and self._commands[name].is_explained():
             return
         self._problems.report(f"{what}{name}", type(failure).__name__, problem)
-
-
-def _absent(parameter: ParameterDescription) -> ScalarValue:
-    """Return the value of a parameter that an actuator does not declare."""
-    return False if parameter.kind == "bool" else 0.0
-
-
-def _expected(parameter: ParameterDescription, value: ScalarValue) -> str | None:
-    """Return what was expected in place of a value, or None if a parameter may have it."""
-    return expected_instead(
-        value,
-        is_bool=parameter.kind == "bool",
-        members=parameter.members.values(),
-        low=parameter.low,
-        high=parameter.high,
-    )

@@ -13,29 +13,24 @@ import msgspec
 from colony.ir.types import ScalarValue
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.kit.commands import Command, CommandPerformer
-from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, server_spec
+from colony.runtime.kit.description import Description, FieldDescription, MethodDescription
 from colony.runtime.kit.once import Report, exception_text, failure_text
 from colony.runtime.protocol import calls, topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import (
-    Bounds,
     Effect,
     Fetch,
-    Malformed,
     Message,
-    Request,
     Right,
     Send,
     ServerFrame,
     Stopped,
     Tick,
-    Wake,
     WakeAt,
 )
 from colony.runtime.servers.actuating import CommandedActuators
-from colony.runtime.servers.built_in import built_in_actuator
 from colony.runtime.servers.outside_commands import Given, OutsideCommands
 from colony.runtime.servers.outside_control import ActuatorState
 
@@ -126,9 +121,7 @@ class Service:
         )
         self._actuators: CommandedActuators[Given] | None = None
         if commands:
-            specs = server_spec(description).commands
-            built_in = {spec.name: built_in_actuator(name, spec, idle=None) for spec in specs}
-            outside = OutsideCommands(ActuatorState(server=name, built_in=built_in))
+            outside = OutsideCommands(ActuatorState(server=name, built_in=self._performer.built_in))
             self._is_stale = outside.state.is_stale
             self._actuators = CommandedActuators(outside, self._perform, make_safe=self._performer.make_safe)
         describe = calls.method("describe", NoArguments, lambda *_: description, right="read")
@@ -155,7 +148,14 @@ class Service:
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         """Publish the fields on a tick or a fetch, answer calls, and carry out commands."""
         self._now_ns = now_ns
-        yield from self._handle(message, now_ns)
+        if self._actuators is not None:
+            yield from self._actuators.handle(message, now_ns, self._publish, self._calls)
+        elif isinstance(message, Tick | Fetch):
+            yield from self._publish(message)
+        else:
+            yield from self._calls.handle(message, now_ns)
+        if isinstance(message, Tick):
+            self._performer.end_frame()
         if self._retry_due_ns is not None and now_ns >= self._retry_due_ns:
             self._retry_due_ns = None
             self._performer.retry()
@@ -164,62 +164,37 @@ class Service:
             yield WakeAt(self._retry_due_ns)
         yield from self._calls.answer_stops(now_ns)
 
-    def _handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
-        actuators = self._actuators
-        match message:
-            case Tick() if actuators is not None:
-                yield from actuators.tick(message, now_ns, self._publish)
-                self._performer.end_frame()
-            case Tick() | Fetch():
-                yield from self._publish(message)
-            case Request() | Bounds() if actuators is not None:
-                yield from actuators.handle(message, now_ns)
-            case Malformed() if actuators is not None and message.topic in actuators.listens:
-                yield from actuators.handle(message, now_ns)
-            case Wake() if actuators is not None:
-                yield from actuators.handle(message, now_ns)
-                yield from self._calls.handle(message, now_ns)
-            case _:
-                yield from self._calls.handle(message, now_ns)
-        if actuators is not None:
-            yield from actuators.carry_out(now_ns, self._calls.settle)
-
     def close(self) -> None:
         """Give the actuators their idle commands, and make the devices of the others safe."""
         if self._actuators is not None:
             self._actuators.close(self._now_ns)
 
     def _dispatcher(self, methods: tuple[Method, ...]) -> CallDispatcher:
-        actuators = self._actuators
-        if actuators is None:
-            return CallDispatcher(
-                self.address,
-                methods,
-                other_limit_messages=self._limit_messages,
-                failing=self._failing,
-                opening=lambda: self._reader.opening,
-            )
-        reserved = actuators.methods
-        taken = {m.name for m in methods}.intersection(m.name for m in reserved)
-        if taken:
-            names = ", ".join(f"`{name}`" for name in sorted(taken))
-            raise ValueError(f"{self.address}: found the methods {names}, which servers with commands have")
+        actuators, options = self._actuators, dict[str, Any]()
+        if actuators is not None:
+            reserved = {m.name for m in actuators.methods}
+            taken = sorted(reserved.intersection(m.name for m in methods))
+            if taken:
+                names = ", ".join(f"`{name}`" for name in taken)
+                found = f"{self.address}: found the methods {names}"
+                raise ValueError(f"{found}, which servers with commands have")
+            methods += actuators.methods
+            options = {
+                "on_lost": actuators.on_lost,
+                "stop": actuators.stop,
+                "unreached": lambda: self._performer.unreached,
+            }
         return CallDispatcher(
             self.address,
-            (*methods, *reserved),
-            on_lost=actuators.on_lost,
-            stop=actuators.stop,
-            unreached=lambda: self._performer.unreached,
-            other_limit_messages=self._limit_messages,
+            methods,
+            other_limit_messages=lambda: self._publisher.limit_messages,
             failing=self._failing,
             opening=lambda: self._reader.opening,
+            **options,
         )
 
     def _failing(self) -> tuple[str, ...]:
         return (*self._reader.failing, *self._performer.failing)
-
-    def _limit_messages(self) -> Iterable[str]:
-        return self._publisher.limit_messages
 
     def _report_errors(self, method: Method) -> calls.Handler:
         """Return the method's handler, with its exceptions reported and turned into refusals."""

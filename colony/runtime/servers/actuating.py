@@ -1,6 +1,6 @@
 """The actuators of a server: the program or the connections that command them, the stop, and the watchdog.
 
-A server gives its messages to `CommandedActuators`. What connections command is the server's: values of its
+A server hands its messages to `CommandedActuators`. What connections command is the server's: values of its
 commands (`outside_commands.py`), or motions of the base, for which RServer changes how its actuator comes to
 rest (`rserver.py`).
 
@@ -16,7 +16,7 @@ longer than its lease that of a connection: then its device is made safe.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
@@ -29,7 +29,9 @@ from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Bounds,
     Effect,
+    Fetch,
     Malformed,
+    Message,
     Request,
     Sample,
     Stopped,
@@ -47,7 +49,22 @@ WATCHDOG_DEADLINES = 3
 Begin = Callable[[Deployment], Mapping[str, tuple[ScalarValue, ...]]]
 """A function that begins a run; it returns what its actuators were given before, in base units."""
 
+Publish = Callable[[Tick | Fetch], Iterable[Effect]]
+"""A function that publishes the frame of a tick, or one that was missed."""
+
 C = TypeVar("C")
+
+
+class CallHandler(Protocol):
+    """The calls of a server."""
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Handle a message about a connection."""
+        ...
+
+    def settle(self, answers: Iterable[Answer]) -> Iterable[Effect]:
+        """Answer calls that waited."""
+        ...
 
 
 class CommandedActuators(Generic[C]):
@@ -106,65 +123,38 @@ class CommandedActuators(Generic[C]):
         self._state.tick_ns = now_ns
         self._make_devices_safe()
 
-    def handle(self, message: Request | Bounds | Malformed | Wake, now_ns: int) -> Iterable[Effect]:
-        """Handle a message of a client, a malformed one, or a wake."""
+    def handle(self, message: Message, now_ns: int, publish: Publish, calls: CallHandler) -> Iterator[Effect]:
+        """Handle any message to the server.
+
+        Args:
+            message: the message.
+            now_ns: present time.
+            publish: publishes the server's frame on a tick, and again on a fetch.
+            calls: answers calls, and handles all messages that concern connections.
+        """
         match message:
             case Request():
                 yield from self._commands.request(message, now_ns)
             case Bounds():
                 yield from self._commands.bounds(message, now_ns)
-            case Malformed():
+            case Malformed() if message.topic in self.listens:
                 for dispatcher in self._dispatchers:
                     dispatcher.note_malformed(message)
+            case Tick():
+                yield from self._tick(message, now_ns, publish)
+            case Fetch():
+                yield from publish(message)
             case Wake():
                 yield from self._commands.wake(now_ns)
                 self._outside.expire(now_ns)
                 yield from self._check_watchdog(now_ns)
-
-    def tick(self, tick: Tick, now_ns: int, publish: Callable[[Tick], Iterable[Effect]]) -> Iterator[Effect]:
-        """End the frame before, publish the server's frame, and begin to decide the frame of a tick."""
-        state = self._state
-        if tick.k <= state.k:
-            yield from publish(tick)
-            return
-        state.k, state.tick_ns, self._newest_run = tick.k, tick.t_ns, tick.run
-        before = self._emergency.stopped
-        self._emergency.follow(tick)
-        if (before is None) != (self._emergency.stopped is None):
-            self._on_emergency(self._emergency.stopped)
-        yield from self._commands.end_before(tick, now_ns)
-        yield from publish(tick)
-        yield from self._begin_frame(tick, now_ns)
-        self._feed_watchdog(now_ns)
-        yield from self._check_watchdog(now_ns)
-
-    def carry_out(
-        self, now_ns: int, settle: Callable[[Iterable[Answer]], Iterable[Effect]]
-    ) -> Iterator[Effect]:
-        """Halt if it is due, apply what calls have changed, and yield what else is left to send.
-
-        To be called after every message; `settle` answers calls that waited.
-        """
-        if self._halt_due:
-            self._halt_due = False
-            yield from self._halt_all(now_ns)
-        outside = self._outside
-        if outside.changed:
-            outside.changed = False
-            for dispatcher in self._deciding:
-                for spec in dispatcher.actuators:
-                    interventions = outside.interventions(spec, now_ns)
-                    yield from dispatcher.intervene(spec.name, interventions, now_ns)
-        if self._outbox:
-            effects, self._outbox = self._outbox, []
-            yield from effects
-        if outside.answers:
-            answers, outside.answers = outside.answers, []
-            yield from settle(answers)
-        yield from self._lock_wakes.request(outside.lock.wake_at, now_ns)
+                yield from calls.handle(message, now_ns)
+            case _:
+                yield from calls.handle(message, now_ns)
+        yield from self._carry_out(now_ns, calls)
 
     def stop(self, by: str, now_ns: int) -> None:
-        """Stop on an emergency; `carry_out` halts."""
+        """Stop on an emergency; the halt follows once the message is handled."""
         stopped = Stopped(by=by, t_ns=now_ns)
         self._emergency.engage(stopped)
         self._on_emergency(stopped)
@@ -228,6 +218,43 @@ class CommandedActuators(Generic[C]):
 
     # --- frames --------------------------------------------------------------------------------------
 
+    def _tick(self, tick: Tick, now_ns: int, publish: Publish) -> Iterator[Effect]:
+        """End the frame before, publish the server's frame, and begin to decide the frame of a tick."""
+        state = self._state
+        if tick.k <= state.k:
+            yield from publish(tick)
+            return
+        state.k, state.tick_ns, self._newest_run = tick.k, tick.t_ns, tick.run
+        before = self._emergency.stopped
+        self._emergency.follow(tick)
+        if (before is None) != (self._emergency.stopped is None):
+            self._on_emergency(self._emergency.stopped)
+        yield from self._commands.end_before(tick, now_ns)
+        yield from publish(tick)
+        yield from self._begin_frame(tick, now_ns)
+        self._feed_watchdog(now_ns)
+        yield from self._check_watchdog(now_ns)
+
+    def _carry_out(self, now_ns: int, calls: CallHandler) -> Iterator[Effect]:
+        """Halt if it is due, apply what calls have changed, and yield what else is left to send."""
+        if self._halt_due:
+            self._halt_due = False
+            yield from self._halt_all(now_ns)
+        outside = self._outside
+        if outside.changed:
+            outside.changed = False
+            for dispatcher in self._deciding:
+                for spec in dispatcher.actuators:
+                    interventions = outside.interventions(spec, now_ns)
+                    yield from dispatcher.intervene(spec.name, interventions, now_ns)
+        if self._outbox:
+            effects, self._outbox = self._outbox, []
+            yield from effects
+        if outside.answers:
+            answers, outside.answers = outside.answers, []
+            yield from calls.settle(answers)
+        yield from self._lock_wakes.request(outside.lock.wake_at, now_ns)
+
     @property
     def _dispatchers(self) -> tuple[CommandDispatcher, ...]:
         return (self._commands, self._free)
@@ -242,9 +269,7 @@ class CommandedActuators(Generic[C]):
         state, before = self._state, self._state.frames
         if tick.run == state.run:
             state.frames = "program"
-            yield from self._commands.tick(
-                tick, now_ns, lambda spec: self._outside.interventions(spec, now_ns)
-            )
+            yield from self._commands.tick(tick, now_ns, self._outside.interventions)
         elif tick.run == "" and (state.run is None or self._leadership.is_orphaned):
             if state.run is not None:
                 self.activate(None, now_ns)
@@ -254,7 +279,7 @@ class CommandedActuators(Generic[C]):
             yield from self._commands.finish(now_ns)
             yield from self._rest(before, now_ns)
             return
-        yield from self._free.tick(tick, now_ns, lambda spec: self._outside.interventions(spec, now_ns))
+        yield from self._free.tick(tick, now_ns, self._outside.interventions)
 
     def _rest(self, before: Frames, now_ns: int) -> Iterable[Effect]:
         """Bring the actuators to rest in a frame of another run; `before` is the kind of the frame before."""

@@ -13,7 +13,6 @@ from colony.ir.servers import CommandSpec
 from colony.ir.types import ScalarValue
 from colony.runtime.protocol.bindings import ActuatorBinding
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, actuator_spec
-from colony.runtime.servers.command_values import expected_instead
 
 
 def built_in_actuator(
@@ -36,10 +35,23 @@ def built_in_actuator(
 
 
 def expected_of(field: ActuatorFieldSpec, value: object) -> str | None:
-    """Return what a field expects in place of a value, or None if it takes the value."""
-    return expected_instead(
-        value, is_bool=field.kind == "bool", members=field.members, low=field.low, high=field.high
-    )
+    """Return what a field expects in place of a value, in base units; None if it takes the value."""
+    if field.kind == "bool":
+        return None if isinstance(value, bool) else "a bool"
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        return "a finite number"
+    if field.members:
+        numbers = ", ".join(f"{member:g}" for member in field.members)
+        return None if value in field.members else f"the number of a member: {numbers}"
+    low, high = field.low, field.high
+    if (low is None or value >= low) and (high is None or value <= high):
+        return None
+    return " to ".join("any" if bound is None else f"{bound:g}" for bound in (low, high))
+
+
+def absent(parameter: ActuatorFieldSpec) -> ScalarValue:
+    """Return the value of a parameter that an actuator does not declare."""
+    return False if parameter.kind == "bool" else 0.0
 
 
 def mismatch(server: str, built_in: Mapping[str, ActuatorSpec], specs: Iterable[ActuatorSpec]) -> str | None:
@@ -91,14 +103,9 @@ def _mismatches_of(spec: ActuatorSpec, own: ActuatorSpec) -> Iterator[str]:
     for parameter, index in indices:
         if index is not None and spec.idle is None:
             continue
-        value = _absent(parameter) if index is None or spec.idle is None else spec.idle[index]
+        value = absent(parameter) if index is None or spec.idle is None else spec.idle[index]
         if (expected := expected_of(parameter, value)) is not None:
             yield f"`{spec.name}`: {parameter.name} = {value!r} when idle; expected {expected}"
     priorities = [priority for _, priority in spec.clients]
     if priorities != sorted(priorities, reverse=True):
         yield f"`{spec.name}`: the clients are not in the order of their priorities"
-
-
-def _absent(parameter: ActuatorFieldSpec) -> ScalarValue:
-    """Return the value of a parameter that an actuator does not declare."""
-    return False if parameter.kind == "bool" else 0.0

@@ -123,14 +123,14 @@ class CommandDispatcher:
         self,
         tick: Tick,
         now_ns: int,
-        interventions: Callable[[ActuatorSpec], Interventions] = lambda actuator: NO_INTERVENTIONS,
+        interventions: Callable[[ActuatorSpec, int], Interventions] = lambda spec, now_ns: NO_INTERVENTIONS,
     ) -> Iterable[Effect]:
         """Open the frame of every actuator, with the `interventions` that compete with its clients."""
         self._k = max(self._k, tick.k)
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
             lost = frozenset(clients[address] for address in tick.lost if address in clients)
-            intervening = interventions(self._actuators[name])
+            intervening = interventions(self._actuators[name], now_ns)
             yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, intervening), now_ns)
         yield from self._schedule_wake(now_ns)
 

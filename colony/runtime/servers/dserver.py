@@ -22,19 +22,13 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of, client_addresses
 from colony.runtime.protocol.messages import (
-    Alive,
     Announcement,
-    Bounds,
-    Call,
     Checkpoint,
     Effect,
     Fetch,
-    Malformed,
     Message,
     Recall,
-    Request,
     Tick,
-    Wake,
 )
 from colony.runtime.servers.actuating import CommandedActuators
 from colony.runtime.servers.call_answers import CallAnswers
@@ -149,33 +143,18 @@ class DServer:
         """Handle a message, and carry out its commands and stops."""
         self._check_space(now_ns)
         match message:
-            case Call() | Alive():
-                yield from self._calls.handle(message, now_ns)
-            case Tick():
-                self._relay.tick()
-                yield from self._actuators.tick(message, now_ns, self._publisher.handle)
-            case Fetch() if message.server == self.address:
-                yield from self._publisher.handle(message)
-            case Fetch():
+            case Fetch() if message.server != self.address:
                 yield from self._relay.fetch(message)
             case Announcement():
                 yield from self._relay.announce(message, now_ns)
-            case Request() | Bounds():
-                yield from self._actuators.handle(message, now_ns)
             case Checkpoint():
                 self._checkpoints.put(message)
             case Recall():
                 yield from self._checkpoints.recall(message)
-            case Malformed() if message.topic == topics.requests(self.address):
-                yield from self._actuators.handle(message, now_ns)
-            case Malformed():
-                yield from self._calls.handle(message, now_ns)
-            case Wake():
-                yield from self._actuators.handle(message, now_ns)
-                yield from self._calls.handle(message, now_ns)
             case _:
-                return
-        yield from self._actuators.carry_out(now_ns, self._calls.settle)
+                if isinstance(message, Tick):
+                    self._relay.tick()
+                yield from self._actuators.handle(message, now_ns, self._publisher.handle, self._calls)
         if self._changed:
             changed, self._changed = self._changed, []
             yield from self._calls.changed(changed, now_ns)

@@ -7,35 +7,21 @@ built-in actuator.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from collections.abc import Mapping
 
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.outside import Commander, lease_end
 from colony.runtime.library import actuator
 from colony.runtime.protocol.calls import CallId, Method, RefusedError, method
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec
-from colony.runtime.servers.built_in import expected_of
+from colony.runtime.servers.built_in import absent, expected_of
 from colony.runtime.servers.outside_control import OutsideControl, Proposal
 
 Given = Mapping[str, ScalarValue]
 """The values of a command's parameters, in base units."""
 
-
-class Target(NamedTuple):
-    """The actuator that a command of the server has now.
-
-    `parameters` are those of the command, and `indices` the indices of their fields, None for no field.
-    """
-
-    spec: ActuatorSpec
-    parameters: tuple[str, ...]
-    indices: tuple[int | None, ...]
-
-    def fields(self) -> Iterable[tuple[str, ActuatorFieldSpec | None, int]]:
-        """Yield each parameter with its field and the field's index; None and -1 if it has none."""
-        for name, index in zip(self.parameters, self.indices, strict=True):
-            yield (name, None, -1) if index is None else (name, self.spec.fields[index], index)
+Indices = Mapping[str, int | None]
+"""The index of the actuator's field for each parameter of a command; None for no field."""
 
 
 class OutsideCommands(OutsideControl[Given]):
@@ -57,17 +43,18 @@ class OutsideCommands(OutsideControl[Given]):
         self, spec: ActuatorSpec, commander: Commander[Given], may_act: bool, now_ns: int
     ) -> Proposal | None:
         assert commander.command is not None
-        values = fitted(self._target(spec), commander.command)
+        values = fitted(spec, self._indices(spec), commander.command)
         if values is None:  # another program runs, whose actuator does not take this command
             commander.end()
             return None
         return Proposal(values)
 
-    def _target(self, spec: ActuatorSpec) -> Target:
+    def _indices(self, spec: ActuatorSpec) -> Indices:
         built_in = self.state.built_in.get(spec.command)
-        named = spec if built_in is None else built_in
-        names = tuple(field.name for field in named.fields)
-        return Target(spec, names, tuple(range(len(names))) if built_in is None else spec.field_indices)
+        if built_in is None:
+            return {field.name: i for i, field in enumerate(spec.fields)}
+        names = (field.name for field in built_in.fields)
+        return dict(zip(names, spec.field_indices, strict=True))
 
     def _command(self, call_id: CallId, arguments: actuator.Command, now_ns: int) -> None:
         server, actuators = self.state.server, self.state.actuators
@@ -76,7 +63,7 @@ class OutsideCommands(OutsideControl[Given]):
             found = f"{server} has no command `{arguments.command}`"
             expected = f"it has {', '.join(actuators)}" if actuators else "it has none now"
             raise RefusedError("arguments", f"{found}; {expected}")
-        problem = mismatch(self._target(spec), arguments.values)
+        problem = mismatch(spec, self._indices(spec), arguments.values)
         if problem is not None:
             raise RefusedError("arguments", f"{server}.{arguments.command}: {problem}")
         lease_end_ns = lease_end(arguments.lease_s, now_ns)
@@ -87,37 +74,36 @@ class OutsideCommands(OutsideControl[Given]):
 # --- values ----------------------------------------------------------------------------------------
 
 
-def mismatch(target: Target, given: Given) -> str | None:
+def mismatch(spec: ActuatorSpec, indices: Indices, given: Given) -> str | None:
     """Return the reason why these values are no command of an actuator, or None if they are one."""
     for name in given:
-        if name not in target.parameters:
-            return f"found `{name}`; its parameters are {', '.join(target.parameters)}"
-    for name, field, _ in target.fields():
+        if name not in indices:
+            return f"found `{name}`; its parameters are {', '.join(indices)}"
+    for name, index in indices.items():
         value = given.get(name)
-        if field is None:
+        if index is None:
             if value:
-                return f"{name} = {value!r}, but the actuator `{target.spec.name}` has no such field"
+                return f"{name} = {value!r}, but the actuator `{spec.name}` has no such field"
         elif value is None:
             return f"{name} is missing"
-        elif (expected := expected_of(field, value)) is not None:
+        elif (expected := expected_of(spec.fields[index], value)) is not None:
             return f"{name} = {value!r}; expected {expected}"
     return None
 
 
-def fitted(target: Target, given: Given) -> tuple[ScalarValue, ...] | None:
+def fitted(spec: ActuatorSpec, indices: Indices, given: Given) -> tuple[ScalarValue, ...] | None:
     """Return the values of an actuator's fields, within their ranges; None if they are not of its kinds."""
-    values: list[ScalarValue] = [False if f.kind == "bool" else 0.0 for f in target.spec.fields]
-    for name, field, index in target.fields():
+    values = [absent(field) for field in spec.fields]
+    for name, index in indices.items():
         value = given.get(name)
-        if field is None:
+        if index is None:
             if value:
                 return None
             continue
-        if value is None:
-            return None
-        if field.kind == "number" and not isinstance(value, bool):
+        field = spec.fields[index]
+        if field.kind == "number" and value is not None and not isinstance(value, bool):
             value = _within(field, float(value))
-        if expected_of(field, value) is not None:
+        if value is None or expected_of(field, value) is not None:
             return None
         values[index] = value
     return tuple(values)

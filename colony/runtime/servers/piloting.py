@@ -8,6 +8,7 @@ the dispatch, so that only a motion that was carried out progresses. The pilot d
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -32,16 +33,16 @@ from colony.runtime.protocol.deployment import ActuatorSpec
 from colony.runtime.servers import motion_commands
 from colony.runtime.servers.base import Base, Bumper
 from colony.runtime.servers.base_actuator import DRIVE, allowed_range, speeds_of, values_of
-from colony.runtime.servers.motion_commands import Range, Settings
+from colony.runtime.servers.motion_commands import Context, Made
 from colony.runtime.servers.outside_control import ActuatorState, OutsideControl, Proposal
 
-MakeMotion = Callable[[Any, Settings, Range, Motion | None], tuple[Motion, Settings]]
-"""A function that returns the motion of a call, and the new settings."""
+MakeMotion = Callable[[Any, Context], Made]
+"""A function that returns the motion of a call with these arguments."""
 
 _MOTIONS: tuple[tuple[str, type[msgspec.Struct], MakeMotion], ...] = (
     ("drive", robot.Drive, motion_commands.drive),
     ("go", robot.Go, motion_commands.go),
-    ("proportional_go", robot.Go, motion_commands.proportional_go),
+    ("proportional_go", robot.Go, partial(motion_commands.go, integrating=False)),
     ("jog", robot.Jog, motion_commands.jog),
     ("stop", robot.Halt, motion_commands.halt),
     ("move", robot.Move, motion_commands.move),
@@ -189,23 +190,22 @@ class Pilot(OutsideControl[Motion]):
         """
 
         def handle(call_id: CallId, arguments: Any, now_ns: int) -> Later | None:
-            spec, commander = self.state.actuators[DRIVE], self._drivers.find(call_id.caller)
+            spec, caller = self.state.actuators[DRIVE], call_id.caller
+            contest, commander = self.contest(spec), self._drivers.find(caller)
             previous = None if commander is None else commander.command
-            allowed = allowed_range(spec, self._base.limits)
-            new_motion, settings = make(arguments, self._settings, allowed, previous)
-            is_finite, stops = isinstance(new_motion, FiniteMotion), isinstance(new_motion, motion.Halt)
+            context = Context(self._settings, allowed_range(spec, self._base.limits), previous)
+            new_motion, settings = make(arguments, context)
+            is_finite = isinstance(new_motion, FiniteMotion)
             lease_end_ns = None if is_finite else lease_end(arguments.lease_s, now_ns)
-            waits = is_finite and arguments.wait
-            contest = self.contest(spec)
-            if stops:
-                commander = self.admit(call_id.caller, contest)
+            if isinstance(new_motion, motion.Halt):
+                commander = self.admit(caller, contest)
             else:
-                commander = self.admit_while_ticking(call_id.caller, contest, now_ns)
+                commander = self.admit_while_ticking(caller, contest, now_ns)
                 self._base.require_state()
-            call = call_id if waits else None
-            self.begin(commander, new_motion, lease_end_ns=lease_end_ns, call_id=call)
+            waiting = call_id if is_finite and arguments.wait else None
+            self.begin(commander, new_motion, lease_end_ns=lease_end_ns, call_id=waiting)
             self._settings = settings
-            return LATER if waits else None
+            return None if waiting is None else LATER
 
         return handle
 

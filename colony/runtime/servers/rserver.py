@@ -12,7 +12,7 @@ ends with the connection of its leader.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 from colony.ir.servers import RSERVER
 from colony.ir.types import ScalarValue
@@ -22,25 +22,13 @@ from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment
-from colony.runtime.protocol.messages import (
-    Alive,
-    Bounds,
-    Call,
-    Effect,
-    Fetch,
-    Malformed,
-    Message,
-    Request,
-    Stopped,
-    Tick,
-    Wake,
-)
-from colony.runtime.servers.actuating import CommandedActuators
+from colony.runtime.protocol.messages import Effect, Message, Stopped, Tick
+from colony.runtime.servers.actuating import CallHandler, CommandedActuators, Publish
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.base_actuator import DRIVE, base_actuator, mismatch, speeds_of, values_of
 from colony.runtime.servers.commanding import NotSentError
 from colony.runtime.servers.drivers import BaseDriver, is_opening, problems_of, unreached_of
-from colony.runtime.servers.outside_control import ActuatorState, Answer, Frames
+from colony.runtime.servers.outside_control import ActuatorState, Frames
 from colony.runtime.servers.piloting import Pilot
 
 WATCHDOG_FRAMES = 2
@@ -68,18 +56,14 @@ class BaseActuator(CommandedActuators[Motion]):
         super().start(now_ns)
         self._halt()
 
-    def tick(self, tick: Tick, now_ns: int, publish: Callable[[Tick], Iterable[Effect]]) -> Iterator[Effect]:
-        """Read the state of the base, and handle the tick."""
+    def _tick(self, tick: Tick, now_ns: int, publish: Publish) -> Iterator[Effect]:
         if tick.k > self._state.k:
             self._base.refresh()
-        return super().tick(tick, now_ns, publish)
+        return super()._tick(tick, now_ns, publish)
 
-    def carry_out(
-        self, now_ns: int, settle: Callable[[Iterable[Answer]], Iterable[Effect]]
-    ) -> Iterator[Effect]:
-        """Apply what calls have changed, and stop the base if its watchdog is due, whatever the message."""
-        yield from super().carry_out(now_ns, settle)
-        yield from self._check_watchdog(now_ns)
+    def _carry_out(self, now_ns: int, calls: CallHandler) -> Iterator[Effect]:
+        yield from super()._carry_out(now_ns, calls)
+        yield from self._check_watchdog(now_ns)  # whatever the message
 
     # --- commands to the base ------------------------------------------------------------------------
 
@@ -224,25 +208,9 @@ class RServer:
         return ()
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
-        """Handle a message, carry out its commands, and feed the watchdog."""
+        """Handle a message, and carry out its commands."""
         self._now_ns = now_ns
-        match message:
-            case Request() | Bounds():
-                yield from self._actuators.handle(message, now_ns)
-            case Tick():
-                yield from self._actuators.tick(message, now_ns, self._publisher.handle)
-            case Fetch():
-                yield from self._publisher.handle(message)
-            case Malformed() if message.topic in self._actuators.listens:
-                yield from self._actuators.handle(message, now_ns)
-            case Call() | Alive() | Malformed():
-                yield from self._calls.handle(message, now_ns)
-            case Wake():
-                yield from self._actuators.handle(message, now_ns)
-                yield from self._calls.handle(message, now_ns)
-            case _:
-                return
-        yield from self._actuators.carry_out(now_ns, self._calls.settle)
+        yield from self._actuators.handle(message, now_ns, self._publisher.handle, self._calls)
         yield from self._calls.answer_stops(now_ns)
 
     def close(self) -> None:
