@@ -34,7 +34,7 @@ RUNTIME_TESTS = (
     *("observe/test_observer", "observe/test_monitor", "transport/test_virtual"),
     *("assembly/test_virtual", "assembly/test_virtual_faults"),
     *("servers/test_rserver", "servers/test_rserver_calls", "servers/test_rserver_faults"),
-    "frames/test_publishing",
+    *("servers/test_commanded", "frames/test_publishing"),
 )
 
 TESTS: tuple[str, ...] = (

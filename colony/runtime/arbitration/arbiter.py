@@ -70,6 +70,7 @@ class Dispatch(NamedTuple):
     """Event: send this command now. `values` are in base units; None when nothing is sent (`idle hold`).
 
     With a `fault`, they are those of the idle command, in the place of the command of `by` or `outside`.
+    `source` is that of the command of `outside`.
     """
 
     k: int
@@ -79,6 +80,7 @@ class Dispatch(NamedTuple):
     outside: str | None = None
     hold: Hold | None = None
     unlimited: bool = False
+    source: object = None
 
 
 Event = Dispatch | Verdict
@@ -278,6 +280,7 @@ class Arbiter:
             outside=None if outside is None else outside.connection,
             hold=self._interventions.hold,
             unlimited=outside is not None and outside.unlimited and self._actuator.limited,
+            source=None if outside is None else outside.source,
         )
         self._phase = "dispatched"
         return self._sent

@@ -39,13 +39,15 @@ class ClientRanking:
 class OutsideCommand(NamedTuple):
     """A command from outside the network; `values` in base units, in the order of the actuator's fields.
 
-    With `unlimited`, the limits of the program do not hold for it.
+    With `unlimited`, the limits of the program do not hold for it. `source` is what its server derived it
+    from, and gets back with the dispatch.
     """
 
     connection: str
     priority: int
     values: tuple[ScalarValue, ...]
     unlimited: bool = False
+    source: object = None
 
 
 class Interventions(NamedTuple):

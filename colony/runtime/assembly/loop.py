@@ -219,7 +219,7 @@ class Loop:
             values = commands[i]
             if values is not None:
                 speeds = speeds_of(actuator, values)
-                if self.base.drive(speeds) is not None:  # a bumper blocks the velocity
+                if self.base.drive(speeds, now_ns) is not None:  # a bumper blocks the velocity
                     commands[i] = values_of(actuator, speeds._replace(velocity=0.0))
         for i, actuator, performer in self._device_actuators:
             values = commands[i]

@@ -16,20 +16,22 @@ from __future__ import annotations
 import inspect
 import math
 import reprlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 from colony.execute.intake import as_float
 from colony.ir.types import ScalarValue
 from colony.runtime.kit.description import (
     CommandDescription,
+    Description,
     ParameterDescription,
     in_base_units,
     parameter_type,
+    server_spec,
 )
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text, headline
-from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of
-from colony.runtime.servers.command_values import expected_instead
+from colony.runtime.protocol.deployment import ActuatorSpec
+from colony.runtime.servers.built_in import absent, built_in_actuator, expected_of
 from colony.runtime.servers.commanding import NotSentError
 
 
@@ -181,7 +183,9 @@ _SAFE_OF = "safe of "
 
 
 class CommandPerformer:
-    """Carries out the commands of a server. Mutable: knows the actuators, and the problems it has reported.
+    """Carries out the commands of a server. Mutable: knows the problems that it has reported.
+
+    `built_in` are the server's own actuators, by command.
 
     No exception of a command ends the server. Each kind of problem of a command is reported once.
 
@@ -195,8 +199,12 @@ class CommandPerformer:
         for command in commands:
             if self._commands.setdefault(command.description.name, command) is not command:
                 raise ValueError(f"{server}: found two commands `{command.description.name}`")
+        description = Description(server=server, commands=self.descriptions)
+        self.built_in = {
+            spec.name: built_in_actuator(server, spec, idle=None)
+            for spec in server_spec(description).commands
+        }
         self._problems = OnceReporter(report)
-        self._actuators: dict[str, ActuatorSpec] = {}
         self._unsafe: set[str] = set()
         self._unstopped: dict[str, str] = {}  # why the devices of commands are neither idle nor safe
 
@@ -214,14 +222,6 @@ class CommandPerformer:
         """The descriptions of the commands."""
         return tuple(command.description for command in self._commands.values())
 
-    def begin(self, deployed: Deployment) -> None:
-        """Perform the commands of this program from now on."""
-        self._actuators = {spec.command: spec for spec in actuators_of(deployed, self._server)}
-
-    def mismatch(self, deployed: Deployment) -> str | None:
-        """Return the reason why a deployment does not fit the commands, or None."""
-        return next(self._mismatches(actuators_of(deployed, self._server)), None)
-
     def perform(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], *, stale: bool) -> None:
         """Perform a command, in base units; with `stale`, only the idle command.
 
@@ -238,12 +238,6 @@ class CommandPerformer:
             self.make_safe(actuator.command)
             raise NotSentError(problem)
         raise NotSentError(problem, instead=self._idle(actuator))
-
-    def halt(self) -> None:
-        """Make the devices safe whose actuators have no idle command, or that no program commands."""
-        for name in self._commands:
-            if (actuator := self._actuators.get(name)) is None or actuator.idle is None:
-                self.make_safe(name)
 
     def make_safe(self, name: str) -> None:
         """Make the device of a command safe, if the command says how; if that fails, `retry` tries again."""
@@ -285,10 +279,10 @@ class CommandPerformer:
         """Perform a command; return the problem if it fails, after reporting it."""
         command, where = self._commands[actuator.command], f"{self._server}.{actuator.command}"
         arguments: dict[str, ScalarValue] = {}
-        parameters = command.description.parameters
+        parameters = self.built_in[actuator.command].fields
         for parameter, index in zip(parameters, actuator.field_indices, strict=True):
-            value = _absent(parameter) if index is None else values[index]
-            if (expected := _expected(parameter, value)) is not None:
+            value = absent(parameter) if index is None else values[index]
+            if (expected := expected_of(parameter, value)) is not None:
                 problem = f"{where} was not sent {parameter.name} = {value:g}: expected {expected}"
                 self._problems.report(actuator.command, parameter.name, problem)
                 return problem
@@ -312,59 +306,3 @@ class CommandPerformer:
         if isinstance(failure, OSError) and self._commands[name].is_explained():
             return
         self._problems.report(f"{what}{name}", type(failure).__name__, problem)
-
-    # --- deployments ---------------------------------------------------------------------------------
-
-    def _mismatches(self, actuators: tuple[ActuatorSpec, ...]) -> Iterator[str]:
-        names: dict[str, str] = {}
-        for actuator in actuators:
-            command = self._commands.get(actuator.command)
-            if command is None:
-                yield f"`{actuator.name}`: {self._server} has no command `{actuator.command}`"
-                continue
-            first = names.setdefault(actuator.command, actuator.name)
-            if first != actuator.name:
-                yield f"`{first}` and `{actuator.name}` command {self._server}.{actuator.command}"
-            yield from _mismatches(actuator, command.description)
-
-
-def _mismatches(actuator: ActuatorSpec, command: CommandDescription) -> Iterator[str]:
-    count, parameters = len(actuator.fields), command.parameters
-    if len(actuator.field_indices) != len(parameters):
-        yield f"`{actuator.name}`: {len(actuator.field_indices)} parameters; expected {len(parameters)}"
-        return
-    for parameter, index in zip(parameters, actuator.field_indices, strict=True):
-        if index is None:
-            continue
-        if not 0 <= index < count:
-            yield f"`{actuator.name}`: `{parameter.name}` is not one of its {count} fields"
-            return
-        if (actuator.fields[index].kind == "bool") != (parameter.kind == "bool"):
-            yield f"`{actuator.name}`: `{parameter.name}` is a {actuator.fields[index].kind}"
-    if any(not math.isfinite(field.factor) or field.factor == 0.0 for field in actuator.fields):
-        yield f"`{actuator.name}`: a factor is 0 or not finite"
-    for parameter, index in zip(parameters, actuator.field_indices, strict=True):
-        if actuator.idle is None and index is not None:
-            continue
-        value = _absent(parameter) if index is None or actuator.idle is None else actuator.idle[index]
-        if (expected := _expected(parameter, value)) is not None:
-            yield f"`{actuator.name}`: {parameter.name} = {value!r} when idle; expected {expected}"
-    priorities = [priority for _, priority in actuator.clients]
-    if priorities != sorted(priorities, reverse=True):
-        yield f"`{actuator.name}`: the clients are not in the order of their priorities"
-
-
-def _absent(parameter: ParameterDescription) -> ScalarValue:
-    """Return the value of a parameter that an actuator does not declare."""
-    return False if parameter.kind == "bool" else 0.0
-
-
-def _expected(parameter: ParameterDescription, value: ScalarValue) -> str | None:
-    """Return what was expected in place of a value, or None if a parameter may have it."""
-    return expected_instead(
-        value,
-        is_bool=parameter.kind == "bool",
-        members=parameter.members.values(),
-        low=parameter.low,
-        high=parameter.high,
-    )

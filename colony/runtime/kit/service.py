@@ -13,28 +13,26 @@ import msgspec
 from colony.ir.types import ScalarValue
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.kit.commands import Command, CommandPerformer
-from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, server_spec
+from colony.runtime.kit.description import Description, FieldDescription, MethodDescription
 from colony.runtime.kit.once import Report, exception_text, failure_text
 from colony.runtime.protocol import calls, topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, ActuatorSpec, Deployment
+from colony.runtime.protocol.deployment import ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import (
-    Bounds,
     Effect,
     Fetch,
-    Malformed,
     Message,
-    Request,
     Right,
     Send,
     ServerFrame,
     Stopped,
     Tick,
-    Wake,
     WakeAt,
 )
 from colony.runtime.servers.actuating import CommandedActuators
+from colony.runtime.servers.outside_commands import Given, OutsideCommands
+from colony.runtime.servers.outside_control import ActuatorState
 
 A = TypeVar("A", bound=msgspec.Struct)
 
@@ -121,15 +119,11 @@ class Service:
             commands=self._performer.descriptions,
             methods=tuple(MethodDescription(name=m.name, right=m.right) for m in reporting_methods),
         )
-        self._actuators: CommandedActuators | None = None
+        self._actuators: CommandedActuators[Given] | None = None
         if commands:
-            self._actuators = CommandedActuators(
-                name,
-                self._perform,
-                commands=server_spec(description).commands,
-                halt=lambda now_ns: self._performer.halt(),
-                make_safe=self._performer.make_safe,
-            )
+            outside = OutsideCommands(ActuatorState(server=name, built_in=self._performer.built_in))
+            self._is_stale = outside.state.is_stale
+            self._actuators = CommandedActuators(outside, self._perform, make_safe=self._performer.make_safe)
         describe = calls.method("describe", NoArguments, lambda *_: description, right="read")
         self._publisher = Publisher(name, self._read, frames_kept=frames_kept, stopped=self._stopped)
         self._calls = self._dispatcher((*reporting_methods, describe))
@@ -142,12 +136,11 @@ class Service:
             listens += self._actuators.listens
         self.listens = tuple(listens)
         if deployment is not None and self._actuators is not None:
-            self._begin(deployment, 0)
+            self._actuators.activate(deployment, 0)
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Make the devices of the commands safe until a program commands them."""
         self._now_ns = now_ns
-        self._performer.halt()
         if self._actuators is not None:
             self._actuators.start(now_ns)
         return ()
@@ -155,7 +148,14 @@ class Service:
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         """Publish the fields on a tick or a fetch, answer calls, and carry out commands."""
         self._now_ns = now_ns
-        yield from self._handle(message, now_ns)
+        if self._actuators is not None:
+            yield from self._actuators.handle(message, now_ns, self._publish, self._calls)
+        elif isinstance(message, Tick | Fetch):
+            yield from self._publish(message)
+        else:
+            yield from self._calls.handle(message, now_ns)
+        if isinstance(message, Tick):
+            self._performer.end_frame()
         if self._retry_due_ns is not None and now_ns >= self._retry_due_ns:
             self._retry_due_ns = None
             self._performer.retry()
@@ -164,68 +164,37 @@ class Service:
             yield WakeAt(self._retry_due_ns)
         yield from self._calls.answer_stops(now_ns)
 
-    def _handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
-        actuators = self._actuators
-        match message:
-            case Tick() if actuators is not None:
-                yield from actuators.tick(message, now_ns, self._publish)
-                self._performer.end_frame()
-            case Tick() | Fetch():
-                yield from self._publish(message)
-            case Request() | Bounds() if actuators is not None:
-                yield from actuators.handle(message, now_ns)
-            case Malformed() if actuators is not None and message.topic in actuators.listens:
-                yield from actuators.handle(message, now_ns)
-            case Wake() if actuators is not None:
-                yield from actuators.handle(message, now_ns)
-                yield from self._calls.handle(message, now_ns)
-            case _:
-                yield from self._calls.handle(message, now_ns)
-        if actuators is not None:
-            yield from actuators.carry_out(now_ns, self._calls.settle)
-
     def close(self) -> None:
         """Give the actuators their idle commands, and make the devices of the others safe."""
         if self._actuators is not None:
             self._actuators.close(self._now_ns)
 
     def _dispatcher(self, methods: tuple[Method, ...]) -> CallDispatcher:
-        actuators = self._actuators
-        if actuators is None:
-            return CallDispatcher(
-                self.address,
-                methods,
-                other_limit_messages=self._limit_messages,
-                failing=self._failing,
-                opening=lambda: self._reader.opening,
-            )
-        deploy = calls.method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES)
-        reserved = (deploy, *actuators.methods)
-        taken = {m.name for m in methods}.intersection(m.name for m in reserved)
-        if taken:
-            names = ", ".join(f"`{name}`" for name in sorted(taken))
-            raise ValueError(f"{self.address}: found the methods {names}, which servers with commands have")
-
-        def on_lost(caller: Caller, now_ns: int) -> Iterable[Effect]:
-            actuators.on_lost(caller)
-            return ()
-
+        actuators, options = self._actuators, dict[str, Any]()
+        if actuators is not None:
+            reserved = {m.name for m in actuators.methods}
+            taken = sorted(reserved.intersection(m.name for m in methods))
+            if taken:
+                names = ", ".join(f"`{name}`" for name in taken)
+                found = f"{self.address}: found the methods {names}"
+                raise ValueError(f"{found}, which servers with commands have")
+            methods += actuators.methods
+            options = {
+                "on_lost": actuators.on_lost,
+                "stop": actuators.stop,
+                "unreached": lambda: self._performer.unreached,
+            }
         return CallDispatcher(
             self.address,
-            (*methods, *reserved),
-            on_lost=on_lost,
-            stop=actuators.stop,
-            unreached=lambda: self._performer.unreached,
-            other_limit_messages=self._limit_messages,
+            methods,
+            other_limit_messages=lambda: self._publisher.limit_messages,
             failing=self._failing,
             opening=lambda: self._reader.opening,
+            **options,
         )
 
     def _failing(self) -> tuple[str, ...]:
         return (*self._reader.failing, *self._performer.failing)
-
-    def _limit_messages(self) -> Iterable[str]:
-        return self._publisher.limit_messages
 
     def _report_errors(self, method: Method) -> calls.Handler:
         """Return the method's handler, with its exceptions reported and turned into refusals."""
@@ -262,22 +231,5 @@ class Service:
     def _stopped(self) -> Stopped | None:
         return None if self._actuators is None else self._actuators.stopped
 
-    # --- commands ------------------------------------------------------------------------------------
-
-    def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
-        actuators = self._actuators
-        assert actuators is not None
-        wrong = self._performer.mismatch(deployed)
-        if wrong is not None:
-            raise RefusedError("deployment", f"{self.address}.deploy: {wrong}")
-        if actuators.lead(call_id.caller, deployed):
-            self._begin(deployed, now_ns)
-
-    def _begin(self, deployed: Deployment, now_ns: int) -> None:
-        assert self._actuators is not None
-        self._actuators.activate(deployed, now_ns)
-        self._performer.begin(deployed)
-
     def _perform(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-        assert self._actuators is not None
-        self._performer.perform(actuator, values, stale=self._actuators.is_stale(now_ns))
+        self._performer.perform(actuator, values, stale=self._is_stale(now_ns))

@@ -24,6 +24,11 @@ class Leadership:
         """The leader of the deployed run, None if it is not connected."""
         return self._leader
 
+    @property
+    def is_orphaned(self) -> bool:
+        """True if the leader of the deployed run is lost; False if no leader has deployed one."""
+        return self._run is not None and self._leader is None
+
     def take(self, caller: Caller, deployed: Deployment) -> bool:
         """Make a caller the leader; return True if its run is new, False if it is deployed already.
 
@@ -43,7 +48,12 @@ class Leadership:
         self._run, self._resident = deployed.run, deployed.resident
         return new
 
-    def on_lost(self, caller: Caller) -> None:
-        """Handle the end of a connection; its deployment remains until another leader deploys."""
-        if self._leader is not None and self._leader.connection == caller.connection:
+    def on_lost(self, caller: Caller) -> bool:
+        """Handle the end of a connection; return True if it was the leader's.
+
+        Its deployment remains until another leader deploys.
+        """
+        is_lost = self._leader is not None and self._leader.connection == caller.connection
+        if is_lost:
             self._leader = None
+        return is_lost

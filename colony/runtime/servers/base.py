@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import cast
+from typing import Literal, cast
 
 from colony.ir.servers import RSERVER
 from colony.runtime.arbitration.motion import STILL, BaseObservation, OdometerPose, Speeds
@@ -18,8 +18,9 @@ from colony.runtime.servers.drivers import (
     OmnidirectionalDriver,
     problems_of,
 )
-from colony.runtime.servers.piloting import Bumper
 from colony.runtime.servers.virtual_position import Odometer
+
+Bumper = Literal["front", "rear"]
 
 MAX_COORDINATE_MM = 1e7
 """Maximum magnitude of x and y in a call that sets the position: 10 km.
@@ -43,6 +44,8 @@ class Base:
         self._state: BaseState | None = None
         self._bumpers_watched = True
         self._setting = STILL
+        self.commanded_ns: int | None = None
+        """Time at which speeds were sent last; None while the base is stopped."""
 
     @property
     def limits(self) -> BaseLimits:
@@ -66,6 +69,11 @@ class Base:
     def pose(self) -> OdometerPose:
         """The virtual position at the last `refresh`."""
         return self._pose
+
+    @property
+    def continuous_pose(self) -> OdometerPose | None:
+        """The pose without jumps at the last `refresh`, by which motions are measured; None without one."""
+        return self._odometer.continuous_pose
 
     def refresh(self) -> BaseState | None:
         """Read the newest state of the base, and pass a new one to the odometer."""
@@ -112,11 +120,13 @@ class Base:
             **settings,
         }
 
-    def observation(self, elapsed_s: float) -> BaseObservation:
-        """Return the input of the motion laws, `elapsed_s` after the last command."""
+    def observation(self, now_ns: int, frame_ns: int) -> BaseObservation:
+        """Return the input of the motion laws, for frames of `frame_ns`."""
+        elapsed_ns = frame_ns if self.commanded_ns is None else now_ns - self.commanded_ns
+        elapsed_s = min(max(elapsed_ns, 0), 2 * frame_ns) / 1e9
         return BaseObservation(self._odometer.continuous_pose, self._setting, elapsed_s)
 
-    def drive(self, speeds: Speeds) -> Bumper | None:
+    def drive(self, speeds: Speeds, now_ns: int) -> Bumper | None:
         """Send these speeds to the base; a pressed bumper blocks the velocity toward it.
 
         Returns:
@@ -129,11 +139,12 @@ class Base:
             cast(OmnidirectionalDriver, self._driver).drive(*setting)
         else:
             self._driver.drive(setting.velocity, setting.turn)
+        self.commanded_ns = now_ns
         return bumper
 
-    def stop(self) -> None:
-        """Stop the base."""
-        self._setting = STILL
+    def stop(self, commanded_ns: int | None = None) -> None:
+        """Stop the base, at a command of this time or without one."""
+        self._setting, self.commanded_ns = STILL, commanded_ns
         self._driver.stop()
 
     def _why(self) -> str:

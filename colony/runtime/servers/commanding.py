@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import NamedTuple
 
 from colony.execute.needs import BOUNDS
 from colony.ir.program import sent_name
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing, with_notes
 from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions
+from colony.runtime.library.actuator import ActuatorReport, ClientReport
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorSpec
 from colony.runtime.protocol.messages import (
     Bounds,
     Effect,
+    Fate,
     Malformed,
     Request,
     Sample,
     Send,
     Tick,
     Verdict,
-    WakeAt,
 )
+from colony.runtime.protocol.wakes import WakeSchedule
 
 Perform = Callable[[ActuatorSpec, tuple[ScalarValue, ...], int], None]
 """A function that carries out a command: the actuator, its fields in base units, the time.
@@ -53,42 +55,19 @@ class _Counts:
     """Counts of one actuator: its frames, its clients' failures in them, and the last note."""
 
     frames: int = 0
-    late: dict[str, int] = field(default_factory=dict)
-    lost: dict[str, int] = field(default_factory=dict)
-    refused: dict[str, int] = field(default_factory=dict)
+    failures: Counter[tuple[str, Fate]] = field(default_factory=Counter)
     last_note: str | None = None
 
     def add(self, verdict: Verdict) -> None:
         self.frames += 1
-        for client, fate in verdict.fates:
-            if fate == "late":
-                self.late[client] = self.late.get(client, 0) + 1
-            elif fate == "lost":
-                self.lost[client] = self.lost.get(client, 0) + 1
-            elif fate == "refused":
-                self.refused[client] = self.refused.get(client, 0) + 1
+        for failure in verdict.fates:
+            if failure[1] in _FAILURES:
+                self.failures[failure] += 1
         if verdict.notes:
             self.last_note = verdict.notes[-1]
 
 
-class ClientCounts(NamedTuple):
-    """A client of the network, with its frames counted by the fate of its request."""
-
-    name: str
-    priority: int
-    on_time: int
-    late: int
-    lost: int
-    refused: int
-
-
-class ActuatorCounts(NamedTuple):
-    """The number of frames of an actuator so far, its clients (highest priority first), and the last note."""
-
-    actuator: str
-    frames: int
-    clients: tuple[ClientCounts, ...]
-    last_note: str | None
+_FAILURES: tuple[Fate, ...] = ("late", "lost", "refused")
 
 
 class CommandDispatcher:
@@ -127,7 +106,7 @@ class CommandDispatcher:
         self._perform = perform
         self._on_dispatch = on_dispatch
         self._publish = publish
-        self._next_wake_ns: int | None = None
+        self._wakes = WakeSchedule()
         self._k = -1
 
     @property
@@ -144,16 +123,16 @@ class CommandDispatcher:
         self,
         tick: Tick,
         now_ns: int,
-        interventions: Callable[[ActuatorSpec], Interventions] = lambda actuator: NO_INTERVENTIONS,
+        interventions: Callable[[ActuatorSpec, int], Interventions] = lambda spec, now_ns: NO_INTERVENTIONS,
     ) -> Iterable[Effect]:
         """Open the frame of every actuator, with the `interventions` that compete with its clients."""
         self._k = max(self._k, tick.k)
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
             lost = frozenset(clients[address] for address in tick.lost if address in clients)
-            intervening = interventions(self._actuators[name])
+            intervening = interventions(self._actuators[name], now_ns)
             yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, intervening), now_ns)
-        yield from self._schedule_wake()
+        yield from self._schedule_wake(now_ns)
 
     def end_before(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
         """End the frames before a tick as they stand, so that `fields` has what they sent."""
@@ -181,12 +160,6 @@ class CommandDispatcher:
             if spec.idle is not None:
                 self._given[name] = spec.idle
 
-    def forget_given(self, command: str) -> None:
-        """Forget what was given to the actuator of a command, because others have commanded it since."""
-        for name, spec in self._actuators.items():
-            if spec.command == command:
-                self._given.pop(name, None)
-
     def request(self, request: Request, now_ns: int) -> Iterable[Effect]:
         """Handle a client's request; ignore one for an actuator of another server."""
         arbiter = self._arbiters.get(request.actuator)
@@ -204,7 +177,7 @@ class CommandDispatcher:
         yield from self._carry_out(
             actuator, self._arbiters[actuator].intervene(interventions, now_ns), now_ns
         )
-        yield from self._schedule_wake()
+        yield from self._schedule_wake(now_ns)
 
     def halt(self, now_ns: int) -> Iterable[Effect]:
         """Carry out every idle command, regardless of what the frames decide.
@@ -228,29 +201,46 @@ class CommandDispatcher:
 
     def wake(self, now_ns: int) -> Iterable[Effect]:
         """Decide overdue frames."""
-        if self._next_wake_ns is not None and now_ns >= self._next_wake_ns:
-            self._next_wake_ns = None
         for name, arbiter in self._arbiters.items():
             yield from self._carry_out(name, arbiter.wake(now_ns), now_ns)
-        yield from self._schedule_wake()
+        yield from self._schedule_wake(now_ns)
 
     def finish(self, now_ns: int) -> Iterable[Effect]:
         """End the current frames as they stand, because no others follow."""
         for name, arbiter in self._arbiters.items():
             yield from self._carry_out(name, arbiter.finish(), now_ns)
 
-    def counts(self) -> tuple[ActuatorCounts, ...]:
-        """Return the counts of every actuator so far."""
-        return tuple(_counts_of(spec, self._counts[name]) for name, spec in self._actuators.items())
+    def reports(self, acting: Mapping[str, str | None]) -> Iterator[ActuatorReport]:
+        """Yield the counts of every actuator so far; `acting` is who commands, by command."""
+        for name, spec in self._actuators.items():
+            counts = self._counts[name]
+            clients = []
+            for client, priority in spec.clients:
+                late, lost, refused = (counts.failures[client, fate] for fate in _FAILURES)
+                clients.append(
+                    ClientReport(
+                        name=client,
+                        priority=priority,
+                        on_time=counts.frames - late - lost - refused,
+                        late=late,
+                        lost=lost,
+                        refused=refused,
+                    )
+                )
+            yield ActuatorReport(
+                name=name,
+                command=spec.command,
+                acting=acting.get(spec.command),
+                frames=counts.frames,
+                clients=tuple(clients),
+                last_note=counts.last_note,
+            )
 
     def _after(self, name: str, events: tuple[Event, ...], now_ns: int) -> Iterator[Effect]:
         """Carry out the events of a message, and schedule a wake if the actuator is now due earlier."""
         if events:
             yield from self._carry_out(name, events, now_ns)
-        due = self._arbiters[name].wake_at
-        if due is not None and (self._next_wake_ns is None or due < self._next_wake_ns):
-            self._next_wake_ns = due
-            yield WakeAt(due)
+        yield from self._wakes.request(self._arbiters[name].wake_at, now_ns)
 
     def _carry_out(self, name: str, events: tuple[Event, ...], now_ns: int) -> Iterator[Effect]:
         unsent: list[str] = []  # notes of frames whose verdict was made with the dispatch
@@ -282,17 +272,7 @@ class CommandDispatcher:
             return (f"frame {self._k}: {problem}",)
         return ()
 
-    def _schedule_wake(self) -> Iterator[Effect]:
+    def _schedule_wake(self, now_ns: int) -> Iterable[Effect]:
         times = (arbiter.wake_at for arbiter in self._arbiters.values())
         due = min((t_ns for t_ns in times if t_ns is not None), default=None)
-        if due is not None and (self._next_wake_ns is None or due < self._next_wake_ns):
-            self._next_wake_ns = due
-            yield WakeAt(due)
-
-
-def _counts_of(spec: ActuatorSpec, counts: _Counts) -> ActuatorCounts:
-    clients = []
-    for name, priority in spec.clients:
-        failed = tuple(frames.get(name, 0) for frames in (counts.late, counts.lost, counts.refused))
-        clients.append(ClientCounts(name, priority, counts.frames - sum(failed), *failed))
-    return ActuatorCounts(spec.name, counts.frames, tuple(clients), counts.last_note)
+        return self._wakes.request(due, now_ns)

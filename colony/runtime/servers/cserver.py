@@ -37,8 +37,8 @@ from colony.runtime.protocol.messages import (
     QuietNode,
     Tick,
     Wake,
-    WakeAt,
 )
+from colony.runtime.protocol.wakes import WakeSchedule
 from colony.runtime.servers.drivers import CameraDriver
 
 CSERVER = "CServer"
@@ -174,7 +174,7 @@ class CServer(QuietNode):
         self._camera = Camera(address, driver)
         self._publisher = Publisher(address, lambda tick: {}, frames_kept=frames_kept)
         self._calls = CallDispatcher(address, self._camera.methods, on_lost=self._lost)
-        self._next_wake_ns: int | None = None
+        self._wakes = WakeSchedule()
         self.listens = (*self._publisher.listens, *self._calls.listens)
 
     def start(self, now_ns: int) -> Iterable[Effect]:
@@ -198,12 +198,7 @@ class CServer(QuietNode):
         """Answer the calls that waited for the lock, and schedule the next wake."""
         answers, self._camera.answers = self._camera.answers, []
         yield from self._calls.settle(answers)
-        due = self._camera.wake_at
-        if due is not None and (
-            self._next_wake_ns is None or due < self._next_wake_ns or now_ns >= self._next_wake_ns
-        ):
-            self._next_wake_ns = due
-            yield WakeAt(due)
+        yield from self._wakes.request(self._camera.wake_at, now_ns)
 
     def _lost(self, caller: Caller, now_ns: int) -> tuple[Effect, ...]:
         self._camera.on_lost(caller)

@@ -19,6 +19,7 @@ from colony.runtime.library.data import (
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Handler, Later, Method, RefusedError, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
+from colony.runtime.protocol.wakes import WakeSchedule
 from colony.runtime.servers.call_answers import CallAnswers
 from colony.runtime.servers.data_methods import MAX_NAMES_BYTES, DataMethods, check_count
 from colony.runtime.servers.frame_content import FrameSubscriptions
@@ -48,7 +49,7 @@ class DataCalls:
         watches: the watches of connections, loaded.
         frame_subscriptions: the variables that connections subscribed to in frames, loaded.
         other_methods: further methods of the server.
-        on_lost: called for each connection that has ended.
+        on_lost: called for each connection that has ended; returns effects.
         stop: carries out an emergency stop, given the connection and the time.
         other_limit_messages: returns messages about limits that the server has reached.
         storage_problem: returns the reason why changes cannot be stored, None while they can.
@@ -63,7 +64,7 @@ class DataCalls:
         frame_subscriptions: FrameSubscriptions,
         *,
         other_methods: Iterable[Method] = (),
-        on_lost: Callable[[Caller], None] = lambda caller: None,
+        on_lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
         stop: Callable[[str, int], None] | None = None,
         other_limit_messages: Callable[[], Iterable[str]] = lambda: (),
         storage_problem: Callable[[], str | None] = lambda: None,
@@ -88,7 +89,7 @@ class DataCalls:
         self._on_lost = on_lost
         self._callers: dict[str, Caller] = {}
         self._opened: list[str] = []
-        self._next_wake_ns: int | None = None
+        self._wakes = WakeSchedule()
         self._reconnect_by_ns: int | None = None
         self.listens = self._calls.listens
 
@@ -222,8 +223,7 @@ class DataCalls:
         self._notices.on_lost(connection)
         self._variables.hide(self._frame_subscriptions.on_lost(connection))
         self._release_semaphores(connection)
-        self._on_lost(caller)
-        return ()
+        return self._on_lost(caller, now_ns)
 
     def _release_semaphores(self, connection: str) -> None:
         """Remove a connection from all queues, and release the semaphores that it holds."""
@@ -247,12 +247,7 @@ class DataCalls:
             else:
                 self._answers.record(call_id.caller.connection, call_id.number, _NIL)
         yield from self._calls.settle(answers)
-        due = self._data.wake_at
-        if due is None or due == self._next_wake_ns:
-            return
-        if self._next_wake_ns is None or due < self._next_wake_ns or now_ns >= self._next_wake_ns:
-            self._next_wake_ns = due
-            yield WakeAt(due)
+        yield from self._wakes.request(self._data.wake_at, now_ns)
 
 
 _encode = msgspec.msgpack.Encoder().encode

@@ -19,28 +19,16 @@ from colony.ir.servers import DSERVER
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import CallId, RefusedError, method
-from colony.runtime.protocol.deployment import (
-    MAX_DEPLOYMENT_BYTES,
-    ActuatorSpec,
-    Deployment,
-    actuators_of,
-    client_addresses,
-)
+from colony.runtime.protocol.calls import RefusedError
+from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of, client_addresses
 from colony.runtime.protocol.messages import (
-    Alive,
     Announcement,
-    Bounds,
-    Call,
     Checkpoint,
     Effect,
     Fetch,
-    Malformed,
     Message,
     Recall,
-    Request,
     Tick,
-    Wake,
 )
 from colony.runtime.servers.actuating import CommandedActuators
 from colony.runtime.servers.call_answers import CallAnswers
@@ -49,6 +37,8 @@ from colony.runtime.servers.data_calls import DataCalls
 from colony.runtime.servers.data_methods import set_commanded_variable
 from colony.runtime.servers.frame_content import FrameSubscriptions
 from colony.runtime.servers.last_sent import LastSent
+from colony.runtime.servers.outside_commands import OutsideCommands
+from colony.runtime.servers.outside_control import ActuatorState
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import Variables
@@ -111,17 +101,16 @@ class DServer:
         self._last_sent = LastSent(self._journal)
         if self._load():
             self._variables.pin(pinned_variables or {})
-        self._actuators = CommandedActuators(self.address, self._set)
+        self._relay = ActivityRelay(self.address, (), frames_kept=frames_kept)
+        outside = OutsideCommands(ActuatorState(server=self.address, built_in={}))
+        self._actuators = CommandedActuators(outside, self._set, begin=self._begin)
         self._calls = DataCalls(
             self._variables,
             self._semaphores,
             self._answers,
             self._watches,
             self._frame_subscriptions,
-            other_methods=(
-                *self._actuators.methods,
-                method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),
-            ),
+            other_methods=self._actuators.methods,
             on_lost=self._actuators.on_lost,
             stop=self._actuators.stop,
             other_limit_messages=self.limit_messages,
@@ -133,9 +122,8 @@ class DServer:
         self._publisher = Publisher(
             self.address, self._read, frames_kept=frames_kept, stopped=lambda: self._actuators.stopped
         )
-        self._relay = ActivityRelay(self.address, (), frames_kept=frames_kept)
         if deployment is not None:
-            self._activate(deployment, 0)
+            self._actuators.activate(deployment, 0)
         listens = (
             *self._publisher.listens,
             *self._relay.listens,
@@ -155,33 +143,18 @@ class DServer:
         """Handle a message, and carry out its commands and stops."""
         self._check_space(now_ns)
         match message:
-            case Call() | Alive():
-                yield from self._calls.handle(message, now_ns)
-            case Tick():
-                self._relay.tick()
-                yield from self._actuators.tick(message, now_ns, self._publisher.handle)
-            case Fetch() if message.server == self.address:
-                yield from self._publisher.handle(message)
-            case Fetch():
+            case Fetch() if message.server != self.address:
                 yield from self._relay.fetch(message)
             case Announcement():
                 yield from self._relay.announce(message, now_ns)
-            case Request() | Bounds():
-                yield from self._actuators.handle(message, now_ns)
             case Checkpoint():
                 self._checkpoints.put(message)
             case Recall():
                 yield from self._checkpoints.recall(message)
-            case Malformed() if message.topic == topics.requests(self.address):
-                yield from self._actuators.handle(message, now_ns)
-            case Malformed():
-                yield from self._calls.handle(message, now_ns)
-            case Wake():
-                yield from self._actuators.handle(message, now_ns)
-                yield from self._calls.handle(message, now_ns)
             case _:
-                return
-        yield from self._actuators.carry_out(now_ns, self._calls.settle)
+                if isinstance(message, Tick):
+                    self._relay.tick()
+                yield from self._actuators.handle(message, now_ns, self._publisher.handle, self._calls)
         if self._changed:
             changed, self._changed = self._changed, []
             yield from self._calls.changed(changed, now_ns)
@@ -251,16 +224,12 @@ class DServer:
         self._last_sent.put(actuator, values)
         self._changed.append(actuator.command)
 
-    def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
-        if self._actuators.lead(call_id.caller, deployed):
-            self._activate(deployed, now_ns)
-
-    def _activate(self, deployed: Deployment, now_ns: int) -> None:
+    def _begin(self, deployed: Deployment) -> Mapping[str, tuple[ScalarValue, ...]]:
+        """Begin a run; return what its actuators were given before."""
         self._variables.hide(self._frame_subscriptions.deploy(deployed.run, deployed.reads))
         self._checkpoints.begin(deployed.run, (client for client, _ in client_addresses(deployed)))
-        given = self._last_sent.begin(deployed.run, actuators_of(deployed, self.address))
-        self._actuators.activate(deployed, now_ns, given)
         self._relay.deploy(deployed.python_modules)
+        return self._last_sent.begin(deployed.run, actuators_of(deployed, self.address))
 
     def _load(self) -> bool:
         """Load the store; return False if it was left by a server that crashed."""

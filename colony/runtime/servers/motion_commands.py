@@ -1,8 +1,8 @@
 """Translation of RServer's calls into motions of the base, within the allowed range.
 
-The functions are pure. They return the motion, and most of them also the new settings: the velocity or
-acceleration of a call becomes the default of later calls (thesis section 4.6.3). Arguments out of range raise
-`RefusedError` with the code "arguments".
+The functions are pure. They return the motion and the new settings: the velocity or acceleration of a call
+becomes the default of later calls (thesis section 4.6.3). Arguments out of range raise `RefusedError` with
+the code "arguments".
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from colony.runtime.arbitration import motion
-from colony.runtime.arbitration.motion import FiniteMotion, Motion, Speeds
+from colony.runtime.arbitration.motion import Motion, Speeds
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.servers.drivers import BaseLimits
@@ -65,22 +65,34 @@ def initial_settings(limits: BaseLimits) -> Settings:
     )
 
 
-def drive(arguments: robot.Drive, allowed: Range) -> Motion:
+class Context(NamedTuple):
+    """What the motion of a call depends on; `previous` is the motion of the same connection until now."""
+
+    settings: Settings
+    allowed: Range
+    previous: Motion | None = None
+
+
+Made = tuple[Motion, Settings]
+"""A motion, and the settings after its call."""
+
+
+def drive(arguments: robot.Drive, context: Context) -> Made:
     """Return a motion at the given speeds."""
+    allowed = context.allowed
     velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
     turn = _in_range("turn", arguments.turn, allowed.turn, "deg/s")
     if arguments.sideways and not any(allowed.sideways):
         found = f"sideways is {arguments.sideways:g} mm/s"
         raise RefusedError("arguments", f"{found}; the base does not drive sideways")
     sideways = _in_range("sideways", arguments.sideways, allowed.sideways, "mm/s")
-    return motion.ConstantSpeeds(speeds=Speeds(velocity, turn, sideways))
+    return motion.ConstantSpeeds(speeds=Speeds(velocity, turn, sideways)), context.settings
 
 
-def go(
-    arguments: robot.Go, settings: Settings, allowed: Range, previous: Motion | None, *, integrating: bool
-) -> tuple[Motion, Settings]:
+def go(arguments: robot.Go, context: Context, *, integrating: bool = True) -> Made:
     """Return a motion straight ahead, with the heading of the `previous` motion if that is straight, too."""
-    velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
+    settings, previous = context.settings, context.previous
+    velocity = _in_range("velocity", arguments.velocity, context.allowed.velocity, "mm/s")
     if velocity != 0.0:
         settings = settings._replace(velocity=abs(velocity))
     previous_go = previous if isinstance(previous, motion.Go) else None
@@ -94,57 +106,57 @@ def go(
     return new_motion, settings
 
 
-def jog(arguments: robot.Jog, settings: Settings, allowed: Range, previous: Motion | None) -> Motion:
+def jog(arguments: robot.Jog, context: Context) -> Made:
     """Return a motion that adds a turning rate to the forward speed of the `previous` motion."""
-    low, high = allowed.turn
+    settings, (low, high) = context.settings, context.allowed.turn
     rate = _in_range("rate", arguments.rate, (-high, -low), "deg/s")
-    match previous:
+    match context.previous:
         case motion.Go(velocity=velocity) | motion.Jog(velocity=velocity):
             pass
         case motion.ConstantSpeeds(speeds=speeds):
             velocity = speeds.velocity
         case _:
             velocity = 0.0
-    return motion.Jog(
+    new_motion = motion.Jog(
         velocity=velocity,
         rate=rate,
         acceleration=settings.acceleration,
         turn_acceleration=settings.turn_acceleration,
     )
+    return new_motion, settings
 
 
-def halt(arguments: robot.Halt, settings: Settings) -> Motion:
+def halt(arguments: robot.Halt, context: Context) -> Made:
     """Return a stop, immediate or gradual."""
-    return motion.Halt(
+    settings = context.settings
+    new_motion = motion.Halt(
         gradual=arguments.mode == 0,
         acceleration=settings.acceleration,
         turn_acceleration=settings.turn_acceleration,
     )
+    return new_motion, settings
 
 
-def move(arguments: robot.Move, settings: Settings, allowed: Range) -> tuple[FiniteMotion, Settings]:
+def move(arguments: robot.Move, context: Context) -> Made:
     """Return a motion over a distance."""
     distance = _finite("distance", arguments.distance)
-    low, high = allowed.velocity
-    settings = _path_settings(arguments, settings, allowed, high if distance > 0.0 else -low)
+    low, high = context.allowed.velocity
+    settings = _path_settings(arguments, context, high if distance > 0.0 else -low)
     new_motion = motion.Move(
         distance=distance, velocity=settings.velocity, acceleration=settings.acceleration
     )
     return new_motion, settings
 
 
-def turn(arguments: robot.Turn, settings: Settings, allowed: Range) -> tuple[FiniteMotion, Settings]:
+def turn(arguments: robot.Turn, context: Context) -> Made:
     """Return a turn by degrees on the spot."""
-    degrees = _finite("degrees", arguments.degrees)
+    degrees, (settings, allowed, _) = _finite("degrees", arguments.degrees), context
+    velocity, acceleration = arguments.velocity, arguments.acceleration
     limit = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
     settings = settings._replace(
-        turn_velocity=_magnitude("velocity", arguments.velocity, settings.turn_velocity, limit, "deg/s"),
+        turn_velocity=_magnitude("velocity", velocity, settings.turn_velocity, limit, "deg/s"),
         turn_acceleration=_magnitude(
-            "acceleration",
-            arguments.acceleration,
-            settings.turn_acceleration,
-            allowed.turn_acceleration,
-            "deg/s^2",
+            "acceleration", acceleration, settings.turn_acceleration, allowed.turn_acceleration, "deg/s^2"
         ),
     )
     new_motion = motion.Turn(
@@ -156,15 +168,14 @@ def turn(arguments: robot.Turn, settings: Settings, allowed: Range) -> tuple[Fin
     return new_motion, settings
 
 
-def continuous_turn(
-    arguments: robot.ContinuousTurn, settings: Settings, allowed: Range
-) -> tuple[FiniteMotion, Settings]:
+def continuous_turn(arguments: robot.ContinuousTurn, context: Context) -> Made:
     """Return a turn by degrees along an arc, slow enough for the allowed turning speed."""
     degrees, radius = _finite("degrees", arguments.degrees), _finite("radius", arguments.radius)
     if radius <= 0.0:
         raise RefusedError("arguments", f"radius is {radius:g} mm; expected more than 0")
+    allowed = context.allowed
     limit = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
-    settings = _path_settings(arguments, settings, allowed, allowed.velocity[1])
+    settings = _path_settings(arguments, context, allowed.velocity[1])
     new_motion = motion.Arc(
         degrees=degrees,
         radius=radius,
@@ -174,14 +185,12 @@ def continuous_turn(
     return new_motion, settings
 
 
-def _path_settings(
-    arguments: robot.Move | robot.ContinuousTurn, settings: Settings, allowed: Range, limit: float
-) -> Settings:
+def _path_settings(arguments: robot.Move | robot.ContinuousTurn, context: Context, limit: float) -> Settings:
+    settings, most = context.settings, context.allowed.acceleration
+    velocity, acceleration = arguments.velocity, arguments.acceleration
     return settings._replace(
-        velocity=_magnitude("velocity", arguments.velocity, settings.velocity, limit, "mm/s"),
-        acceleration=_magnitude(
-            "acceleration", arguments.acceleration, settings.acceleration, allowed.acceleration, "mm/s^2"
-        ),
+        velocity=_magnitude("velocity", velocity, settings.velocity, limit, "mm/s"),
+        acceleration=_magnitude("acceleration", acceleration, settings.acceleration, most, "mm/s^2"),
     )
 
 

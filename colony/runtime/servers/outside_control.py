@@ -1,29 +1,90 @@
 """Control of actuators by connections outside the network: who may command, until when, and the lock.
 
-RServer's motions (`piloting.py`) and the commands of all other servers (`outside_commands.py`) are under the
-same rules, and these are here: priorities without ties, leases, the lock, the emergency stop, the end of a
-connection, and the end of a run whose limits held its command.
+RServer's motions (`piloting.py`) and the values that all other servers take (`outside_commands.py`) are under
+the same rules, and these are here: priorities without ties, leases, the lock, the emergency stop, the end of
+a connection, and the end of a run whose limits held its command. A connection's priority and lease are those
+of one actuator; the lock is that of the server.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Generic, NamedTuple, TypeVar
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
+from colony.ir.types import ScalarValue
+from colony.runtime.arbitration.arbiter import Dispatch
+from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions, OutsideCommand
 from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.arbitration.outside import Commander, OutsideCommanders
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import actuator
 from colony.runtime.protocol.calls import LATER, CallId, Later, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
+from colony.runtime.protocol.deployment import ActuatorSpec
 
 CLOCK_GRACE_NS = 2_000_000_000
 """Nanoseconds without a tick after which calls that command an actuator are refused."""
+
+STALE_FRAMES = 2
+"""Age in frames above which a tick is too old to move anything.
+
+Then the process was suspended, and may not have received a later emergency stop yet.
+"""
+
+FRAME_NS = 50_000_000
+"""Frame period of a robot without a program, in nanoseconds."""
+
+Frames = Literal["program", "free", "other"]
+"""The run of the newest frame: the deployed program's, none while no program is led, or any other."""
 
 Answer = tuple[CallId, float | RefusedError | None]
 """A call that waited, and its result or refusal."""
 
 C = TypeVar("C")
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class ActuatorState:
+    """The actuators of a server, its emergency stop, and the newest frame. Mutable.
+
+    Attributes:
+        server: the server's name.
+        built_in: the server's own actuators, which are commanded while no program has one, by command.
+        emergency: the emergency stop of the server.
+        bound: the actuators of the deployed program, by command.
+        run: the deployed run, None without one.
+        frame_ns: frame period of the run.
+        lockstep: True if each frame of the run begins when the one before is decided.
+        frames: the kind of the newest frame.
+        k: the number of the newest frame.
+        tick_ns: the time of its tick, and of the start before the first one.
+    """
+
+    server: str
+    built_in: Mapping[str, ActuatorSpec]
+    emergency: StopFollower = field(default_factory=StopFollower)
+    bound: Mapping[str, ActuatorSpec] = field(default_factory=dict)
+    run: str | None = None
+    frame_ns: int = FRAME_NS
+    lockstep: bool = False
+    frames: Frames = "other"
+    k: int = -1
+    tick_ns: int = 0
+
+    @property
+    def actuators(self) -> Mapping[str, ActuatorSpec]:
+        """The actuators that connections may command, by command."""
+        return {**self.built_in, **self.bound}
+
+    def is_ticking(self, now_ns: int) -> bool:
+        """Return True if the Clock ticked recently; always in lockstep, where ticks only count frames."""
+        return self.lockstep or now_ns - self.tick_ns <= CLOCK_GRACE_NS
+
+    def is_stale(self, now_ns: int) -> bool:
+        """Return True if the newest frame is long over; never in lockstep, where ticks only count frames."""
+        return not self.lockstep and now_ns - self.tick_ns > STALE_FRAMES * self.frame_ns
 
 
 class Contest(NamedTuple, Generic[C]):
@@ -33,34 +94,29 @@ class Contest(NamedTuple, Generic[C]):
     clients: Mapping[int, str]
 
 
-class OutsideControl(Generic[C]):
+class Proposal(NamedTuple):
+    """What a connection commands in a frame: values in base units, and what they were derived from."""
+
+    values: tuple[ScalarValue, ...]
+    source: object = None
+
+
+class OutsideControl(ABC, Generic[C]):
     """The connections that command a server's actuators, and the server's lock. Mutable.
 
     `answers` are the results of calls that have ended; the owner empties the list. `changed` is True if a
     command began or ended; the owner sets it to False.
 
     Args:
-        contests: function that returns the parties that compete for each of the server's actuators.
-        emergency: the emergency stop of the server.
-        is_ticking: function that returns True if the Clock is ticking at a given time; otherwise, commands
-            are refused.
-        server: name of the server, for messages.
+        state: the server's actuators, which the owner keeps up to date.
     """
 
-    def __init__(
-        self,
-        contests: Callable[[], Iterable[Contest[C]]],
-        emergency: StopFollower,
-        is_ticking: Callable[[int], bool],
-        server: str,
-    ) -> None:
-        self._contests = contests
-        self._emergency = emergency
-        self._is_ticking = is_ticking
-        self._server = server
+    def __init__(self, state: ActuatorState) -> None:
+        self.state = state
         self.lock = LockQueue()
         self.answers: list[Answer] = []
         self.changed = False
+        self._commanders: dict[str, OutsideCommanders[C]] = {}
 
     @property
     def methods(self) -> tuple[Method, ...]:
@@ -71,6 +127,74 @@ class OutsideControl(Generic[C]):
             method("unlock", NoArguments, self._release_lock),
         )
 
+    def contest(self, spec: ActuatorSpec) -> Contest[C]:
+        """Return the parties that compete for an actuator."""
+        commanders = self._commanders.setdefault(spec.command, OutsideCommanders())
+        return Contest(commanders, {priority: client for client, priority in spec.clients})
+
+    def find_tie(self, specs: Iterable[ActuatorSpec]) -> str | None:
+        """Return a conflict between the priorities of a program and those of connections, or None."""
+        contests = map(self.contest, specs)
+        ties = (contest.commanders.find_tie(contest.clients) for contest in contests)
+        return next((tie for tie in ties if tie is not None), None)
+
+    # --- frames --------------------------------------------------------------------------------------
+
+    def interventions(self, spec: ActuatorSpec, now_ns: int) -> Interventions:
+        """Return the outside commands for an actuator in a frame, and the stop or lock in force."""
+        if self.state.emergency.stopped is not None:
+            return STOPPED
+        holder, commanders = self.lock.holder, self._commanders.get(spec.command)
+        if commanders is None or not commanders.all:
+            return NO_INTERVENTIONS if holder is None else Interventions((), "locked", holder.connection)
+        commanders.expire(now_ns)
+        commands: list[OutsideCommand] = []
+        is_free = True
+        for commander in commanders.commanding:
+            caller = commander.caller
+            may_act = is_free and (holder is None or holder.connection == caller.connection)
+            proposal = self._propose(spec, commander, may_act, now_ns)
+            if proposal is None:
+                continue
+            is_free = is_free and not may_act
+            values, source = proposal
+            commands.append(
+                OutsideCommand(caller.connection, caller.priority, values, commander.unlimited, source)
+            )
+        if holder is None:
+            return Interventions(tuple(commands))
+        return Interventions(tuple(commands), "locked", holder.connection)
+
+    @abstractmethod
+    def _propose(
+        self, spec: ActuatorSpec, commander: Commander[C], may_act: bool, now_ns: int
+    ) -> Proposal | None:
+        """Return what a connection commands in a frame; None if its command has ended.
+
+        The values matter only if it `may_act`: no connection above it commands, and none locks it out.
+        """
+
+    def on_dispatch(self, spec: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
+        """Handle the dispatch of a frame, before it is carried out."""
+
+    @abstractmethod
+    def report(self, now_ns: int) -> tuple[Any, ...]:
+        """Return the connections that have commanded, and their current commands."""
+
+    def _reported(self, now_ns: int) -> Iterator[tuple[str, C | None, dict[str, Any]]]:
+        """Yield each connection's command of an actuator, and what the reports of all servers have."""
+        for name, commanders in self._commanders.items():
+            for commander in commanders.all:
+                caller, end_ns = commander.caller, commander.lease_end_ns
+                common = {
+                    "connection": caller.connection,
+                    "name": caller.name,
+                    "priority": caller.priority,
+                    "lease_s": None if end_ns is None else (end_ns - now_ns) / 1e9,
+                    "unlimited": commander.unlimited,
+                }
+                yield name, commander.command, common
+
     # --- beginnings of commands ----------------------------------------------------------------------
 
     def admit(self, caller: Caller, contest: Contest[C]) -> Commander[C]:
@@ -79,7 +203,7 @@ class OutsideControl(Generic[C]):
         Raises:
             RefusedError: "stopped", "locked", or "tie": its priority is taken.
         """
-        if self._emergency.stopped is not None:
+        if self.state.emergency.stopped is not None:
             raise self.stop_refusal()
         holder = self.lock.holder
         if holder is not None and holder.connection != caller.connection:
@@ -92,9 +216,10 @@ class OutsideControl(Generic[C]):
         Raises:
             RefusedError: as by `admit`, and "clock": no frames begin.
         """
-        if not self._is_ticking(now_ns):
+        if not self.state.is_ticking(now_ns):
             raise RefusedError(
-                "clock", f"no tick of the Clock reaches {self._server}, so nothing moves (see `colony ps`)"
+                "clock",
+                f"no tick of the Clock reaches {self.state.server}, so nothing moves (see `colony ps`)",
             )
         return self.admit(caller, contest)
 
@@ -120,13 +245,15 @@ class OutsideControl(Generic[C]):
                 if commander.caller.connection != except_connection:
                     self._cancel(commander, refused)
 
-    def end_limited(self, contest: Contest[C]) -> None:
-        """Cancel the commands that the limits of a program held, because its run ended."""
+    def end_limited(self) -> None:
+        """Cancel the commands that the limits of the program held, because its run ends."""
         refused = RefusedError("limits", "the run whose limits held this command ended")
-        for commander in contest.commanders.all:
-            if not commander.unlimited:
-                self._cancel(commander, refused)
-        self.changed = True
+        for spec in self.state.bound.values():
+            if spec.limited:
+                for commander in self.contest(spec).commanders.all:
+                    if not commander.unlimited:
+                        self._cancel(commander, refused)
+                self.changed = True
 
     def stop(self) -> None:
         """Cancel all commands because of the emergency stop."""
@@ -148,7 +275,7 @@ class OutsideControl(Generic[C]):
 
     def stop_refusal(self) -> RefusedError:
         """Return the refusal of a command during the emergency stop."""
-        stopped = self._emergency.stopped
+        stopped = self.state.emergency.stopped
         by = "" if stopped is None else f", by {stopped.by}"
         return RefusedError(
             "stopped", f"the emergency stop is on{by}; the Clock releases it (`colony stop --release`)"
@@ -159,6 +286,12 @@ class OutsideControl(Generic[C]):
             self.answers.append((commander.call_id, refused))
         commander.end()
 
+    def _contests(self) -> Iterable[Contest[C]]:
+        """Return the contests of all actuators, and of those that connections commanded in earlier runs."""
+        now = {command: self.contest(spec) for command, spec in self.state.actuators.items()}
+        before = {name: Contest[C](c, {}) for name, c in self._commanders.items() if name not in now}
+        return (*now.values(), *before.values())
+
     # --- calls ---------------------------------------------------------------------------------------
 
     def _ignore_limits(self, call_id: CallId, arguments: actuator.IgnoreLimits, now_ns: int) -> None:
@@ -168,7 +301,7 @@ class OutsideControl(Generic[C]):
         self.changed = True
 
     def _acquire_lock(self, call_id: CallId, arguments: actuator.Lock, now_ns: int) -> Later | None:
-        if self._emergency.stopped is not None:
+        if self.state.emergency.stopped is not None:
             raise self.stop_refusal()
         for contest in self._contests():
             contest.commanders.enter(call_id.caller, contest.clients)

@@ -1,34 +1,59 @@
 """Control of the base by connections outside the network: their motions.
 
-The pilot handles the calls of Table 4.1 that move the base, under the rules of `outside_control.py`. For each
-frame, it returns the commands that connections request (`interventions`). Arbitration decides, and reports
-the result to the pilot (`on_dispatch`), so that only the motion that was carried out progresses. The pilot
-does not use a driver.
+The pilot handles the calls of Table 4.1 that move the base, under the rules of `outside_control.py`. In each
+frame, it steps the motion of the connection that may act. Arbitration decides, and hands the step back with
+the dispatch, so that only a motion that was carried out progresses. The pilot does not use a driver.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Literal, NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Literal, NamedTuple
 
-from colony.ir.servers import RSERVER
+import msgspec
+
 from colony.runtime.arbitration import motion
-from colony.runtime.arbitration.ballot import Interventions, OutsideCommand
+from colony.runtime.arbitration.arbiter import Dispatch
 from colony.runtime.arbitration.frame_bounds import LIMITS_UNKNOWN
-from colony.runtime.arbitration.motion import BaseObservation, FiniteMotion, Mode, Motion, Speeds, Step
+from colony.runtime.arbitration.motion import FiniteMotion, Mode, Motion, Speeds, Step
 from colony.runtime.arbitration.outside import Commander, OutsideCommanders, lease_end
-from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
-from colony.runtime.protocol.calls import LATER, CallId, Later, Method, NoArguments, RefusedError, method
-from colony.runtime.protocol.connections import Caller
+from colony.runtime.protocol.calls import (
+    LATER,
+    CallId,
+    Handler,
+    Later,
+    Method,
+    NoArguments,
+    RefusedError,
+    method,
+)
+from colony.runtime.protocol.deployment import ActuatorSpec
 from colony.runtime.servers import motion_commands
-from colony.runtime.servers.drivers import BaseLimits
-from colony.runtime.servers.outside_control import Contest, OutsideControl
+from colony.runtime.servers.base import Base, Bumper
+from colony.runtime.servers.base_actuator import DRIVE, allowed_range, speeds_of, values_of
+from colony.runtime.servers.motion_commands import Context, Made
+from colony.runtime.servers.outside_control import ActuatorState, OutsideControl, Proposal
 
-Bumper = Literal["front", "rear"]
+MakeMotion = Callable[[Any, Context], Made]
+"""A function that returns the motion of a call with these arguments."""
+
+_MOTIONS: tuple[tuple[str, type[msgspec.Struct], MakeMotion], ...] = (
+    ("drive", robot.Drive, motion_commands.drive),
+    ("go", robot.Go, motion_commands.go),
+    ("proportional_go", robot.Go, partial(motion_commands.go, integrating=False)),
+    ("jog", robot.Jog, motion_commands.jog),
+    ("stop", robot.Halt, motion_commands.halt),
+    ("move", robot.Move, motion_commands.move),
+    ("turn", robot.Turn, motion_commands.turn),
+    ("continuous_turn", robot.ContinuousTurn, motion_commands.continuous_turn),
+)
 
 
-class _Proposal(NamedTuple):
+class _Stepped(NamedTuple):
+    """A frame of a motion: its step, and its speeds within the allowed range."""
+
     commander: Commander[Motion]
     step: Step
     speeds: Speeds
@@ -37,163 +62,99 @@ class _Proposal(NamedTuple):
 class Pilot(OutsideControl[Motion]):
     """The motions of outside connections. Mutable.
 
-    `allowed` (the range) and `clients` (the clients of the network by priority) are those of the deployment.
-    `stops_immediately` is True if the connection that acts stops the base by its emergency stop.
+    `speeds` are those that the connection that acts commands, None if none acts. `stops_immediately` is True
+    if it stops the base by its emergency stop.
 
     Args:
-        limits: the limits of the base.
-        emergency: the emergency stop of the base.
-        values: converts speeds to values of the actuator.
-        is_ticking: function that returns True if the Clock is ticking at a given time; otherwise, motions are
-            refused.
-        require_state: raises RefusedError if the base does not report a state; motions are refused then.
+        state: the base's actuator.
+        base: the base. While it does not report a state, motions are refused.
     """
 
-    def __init__(
-        self,
-        limits: BaseLimits,
-        emergency: StopFollower,
-        values: Callable[[Speeds], tuple[float, ...]],
-        is_ticking: Callable[[int], bool],
-        require_state: Callable[[], object],
-    ) -> None:
-        super().__init__(lambda: (self._contest,), emergency, is_ticking, RSERVER.name)
-        self._values = values
-        self._require_state = require_state
-        self._settings = motion_commands.initial_settings(limits)
-        self._proposal: _Proposal | None = None
-        self.outside_commanders = OutsideCommanders[Motion]()
-        self.allowed = motion_commands.full_range(limits)
-        self.clients: Mapping[int, str] = {}
+    def __init__(self, state: ActuatorState, base: Base) -> None:
+        super().__init__(state)
+        self._commanders[DRIVE] = OutsideCommanders()
+        self._base = base
+        self._settings = motion_commands.initial_settings(base.limits)
         self.mode: Mode = "joystick"
+        self.speeds: Speeds | None = None
         self.stops_immediately = False
 
     @property
     def methods(self) -> tuple[Method, ...]:
         """The methods of the pilot."""
-        ignore_limits, lock, unlock = super().methods
-        return (
-            method("drive", robot.Drive, self._drive),
-            method("go", robot.Go, self._go),
-            method("proportional_go", robot.Go, self._proportional_go),
-            method("jog", robot.Jog, self._jog),
-            method("stop", robot.Halt, self._halt),
-            method("move", robot.Move, self._move),
-            method("turn", robot.Turn, self._turn),
-            method("continuous_turn", robot.ContinuousTurn, self._continuous_turn),
-            method("mode", NoArguments, lambda *_: self.mode, right="read"),
-            ignore_limits,
-            lock,
-            unlock,
-        )
-
-    @property
-    def _contest(self) -> Contest[Motion]:
-        return Contest(self.outside_commanders, self.clients)
+        motions = (method(name, kind, self._handler(make)) for name, kind, make in _MOTIONS)
+        mode = method("mode", NoArguments, lambda *_: self.mode, right="read")
+        return (*motions, mode, *super().methods)
 
     # --- frames --------------------------------------------------------------------------------------
 
-    def interventions(self, observation: BaseObservation, now_ns: int) -> Interventions:
-        """Return the outside commands of a frame, and the stop or lock in force, given the base's state."""
-        self._proposal = None
-        if self._emergency.stopped is not None:
-            return Interventions((), "stopped", None)
-        self.outside_commanders.expire(now_ns)
-        holder = self.lock.holder
-        commands: list[OutsideCommand] = []
-        for commander in self.outside_commanders.commanding:
-            caller = commander.caller
-            values: tuple[float, ...] = ()
-            if self._proposal is None and (holder is None or holder.connection == caller.connection):
-                values = self._propose(commander, observation, now_ns)
-                if commander.command is None:
-                    continue
-            commands.append(
-                OutsideCommand(caller.connection, caller.priority, values, unlimited=commander.unlimited)
-            )
-        if holder is None:
-            return Interventions(tuple(commands))
-        return Interventions(tuple(commands), "locked", holder.connection)
-
     def _propose(
-        self, commander: Commander[Motion], observation: BaseObservation, now_ns: int
-    ) -> tuple[float, ...]:
+        self, spec: ActuatorSpec, commander: Commander[Motion], may_act: bool, now_ns: int
+    ) -> Proposal | None:
         assert commander.command is not None
-        step = motion.step(commander.command, observation)
+        if not may_act:
+            return Proposal(())
+        step = motion.step(commander.command, self._base.observation(now_ns, self.state.frame_ns))
         held_since_ns = commander.held_since_ns
         if held_since_ns is not None and now_ns - held_since_ns > motion.STALL_TIMEOUT_S * 1e9:
             step = step._replace(end=step.end or "stalled")
         if step.end is not None:
-            self._end(commander, step.end, observation)
-            return ()
-        speeds = self.allowed.clamp(step.speeds)
-        self._proposal = _Proposal(commander, step, speeds)
-        return self._values(speeds)
-
-    def on_dispatch(
-        self,
-        outside: str | None,
-        now_ns: int = 0,
-        bound: Callable[[Speeds], Speeds | None] = lambda proposed: proposed,
-        fault: str | None = None,
-    ) -> Speeds | None:
-        """Advance the motion of the connection that acts in the frame, if any, and return its speeds.
-
-        Args:
-            outside: connection that acts.
-            now_ns: present time.
-            bound: returns the speeds that were sent, given the proposed ones; None if the actuator was idle
-                in the place of its command.
-            fault: reason why the actuator was idle in its place.
-        """
-        proposal, self._proposal = self._proposal, None
-        self.stops_immediately = False
-        if proposal is not None and proposal.commander.caller.connection != outside:
-            proposal = None
-        for commander in self.outside_commanders.commanding:
-            if commander.command is not None and (proposal is None or commander is not proposal.commander):
-                commander.command = motion.interrupt(commander.command)
-        if proposal is None:
+            self._end(commander, step.end)
             return None
-        commander, sent = proposal.commander, bound(proposal.speeds)
-        commander.command = proposal.step.motion if sent else motion.interrupt(proposal.step.motion)
-        commander.fault = fault
-        commander.held_at_rest = motion.is_held_at_rest(proposal.step.motion, proposal.speeds, sent)
-        if not (commander.held_at_rest and motion.is_stalling(proposal.step.motion)):
+        speeds = allowed_range(spec, self._base.limits).clamp(step.speeds)
+        return Proposal(values_of(spec, speeds), _Stepped(commander, step, speeds))
+
+    def on_dispatch(self, spec: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
+        """Advance the motion of the connection that acts in the frame, if any; interrupt all others."""
+        stepped = dispatch.source if isinstance(dispatch.source, _Stepped) else None
+        for commander in self._drivers.commanding:
+            if commander.command is not None and (stepped is None or commander is not stepped.commander):
+                commander.command = motion.interrupt(commander.command)
+        self.speeds, self.stops_immediately = None, False
+        if stepped is not None:
+            self._advance(stepped, spec, dispatch, now_ns)
+        elif dispatch.hold != "stopped":
+            self._on_network_dispatch(is_active=dispatch.by is not None)
+
+    def _advance(self, stepped: _Stepped, spec: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
+        commander, step, proposed = stepped
+        sent = None
+        if dispatch.fault is None and dispatch.values is not None:
+            sent = speeds_of(spec, dispatch.values, proposed)
+        self.speeds, self.stops_immediately = sent, motion.is_immediate_halt(step.motion)
+        if commander.command is None:  # it ended before the frame was decided
+            return
+        commander.command = step.motion if sent else motion.interrupt(step.motion)
+        commander.fault = dispatch.fault
+        commander.held_at_rest = motion.is_held_at_rest(step.motion, proposed, sent)
+        if not (commander.held_at_rest and motion.is_stalling(step.motion)):
             commander.held_since_ns = None
         elif commander.held_since_ns is None:
             commander.held_since_ns = now_ns
-        self.mode = motion.mode(proposal.step.motion)
-        self.stops_immediately = motion.is_immediate_halt(proposal.step.motion)
-        return sent
+        self.mode = motion.mode(step.motion)
 
-    def on_network_dispatch(self, active: bool) -> None:
-        """Set the mode for a frame without an outside command; `active` is True if a client won."""
-        if active:
+    def _on_network_dispatch(self, *, is_active: bool) -> None:
+        """Set the mode for a frame without an outside command; `is_active` is True if a client won."""
+        if is_active:
             self.mode = "jog"
         elif self.mode in ("continuous turn", "point-to-point go", "point-to-point turn"):
             self.mode = "go"
 
-    def on_bumper(self, connection: str, bumper: Bumper, observation: BaseObservation) -> None:
+    def on_bumper(self, connection: str | None, bumper: Bumper) -> None:
         """End the move or arc of a connection, because a bumper stopped it."""
-        for commander in self.outside_commanders.commanding:
+        for commander in self._drivers.commanding:
             moving = isinstance(commander.command, motion.Move | motion.Arc)
             if moving and commander.caller.connection == connection:
-                self._end(commander, bumper, observation)
+                self._end(commander, bumper)
 
-    def _end(
-        self,
-        commander: Commander[Motion],
-        reason: Literal["done", "stalled", "front", "rear"],
-        observation: BaseObservation,
-    ) -> None:
+    def _end(self, commander: Commander[Motion], reason: Literal["done", "stalled", "front", "rear"]) -> None:
         ended, call_id = commander.command, commander.call_id
         commander.end()
         self.mode = "go"
         if call_id is None or not isinstance(ended, FiniteMotion):
             return
         unit = "mm" if isinstance(ended, motion.Move) else "deg"
-        progress = motion.measure_progress(ended, observation.pose)
+        progress = motion.measure_progress(ended, self._base.continuous_pose)
         match reason:
             case "done":
                 self.answers.append((call_id, progress))
@@ -206,20 +167,9 @@ class Pilot(OutsideControl[Motion]):
     def report(self, now_ns: int) -> tuple[robot.OutsideReport, ...]:
         """Return the connections that have commanded, and their current commands."""
         return tuple(
-            robot.OutsideReport(
-                connection=commander.caller.connection,
-                name=commander.caller.name,
-                priority=commander.caller.priority,
-                commands=None if commander.command is None else motion.call_of(commander.command),
-                lease_s=None if commander.lease_end_ns is None else (commander.lease_end_ns - now_ns) / 1e9,
-                unlimited=commander.unlimited,
-            )
-            for commander in self.outside_commanders.all
+            robot.OutsideReport(commands=None if command is None else motion.call_of(command), **common)
+            for _, command, common in self._reported(now_ns)
         )
-
-    def on_limits_end(self) -> None:
-        """Cancel the commands that the limits of a program held, because its run ended."""
-        self.end_limited(self._contest)
 
     def stop(self) -> None:
         """Cancel all commands because of the emergency stop."""
@@ -228,66 +178,36 @@ class Pilot(OutsideControl[Motion]):
 
     # --- calls ---------------------------------------------------------------------------------------
 
-    def _admit_motion(self, caller: Caller, now_ns: int) -> Commander[Motion]:
-        commander = self.admit_while_ticking(caller, self._contest, now_ns)
-        self._require_state()
-        return commander
+    @property
+    def _drivers(self) -> OutsideCommanders[Motion]:
+        return self._commanders[DRIVE]
 
-    def _set_motion(self, call_id: CallId, new_motion: FiniteMotion, wait: bool, now_ns: int) -> Later | None:
-        """Set a command that stays in force until it is done."""
-        commander = self._admit_motion(call_id.caller, now_ns)
-        self.begin(commander, new_motion, call_id=call_id if wait else None)
-        return LATER if wait else None
+    def _handler(self, make: MakeMotion) -> Handler:
+        """Return the handler of a call that moves the base.
 
-    def _drive(self, call_id: CallId, arguments: robot.Drive, now_ns: int) -> None:
-        new_motion, lease_end_ns = (
-            motion_commands.drive(arguments, self.allowed),
-            lease_end(arguments.lease_s, now_ns),
-        )
-        self.begin(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns=lease_end_ns)
+        Most motions stay in force until the lease of the call ends; those with an end of their own until they
+        are done, and may wait for it. Stopping needs neither ticks nor the state of the base.
+        """
 
-    def _go(self, call_id: CallId, arguments: robot.Go, now_ns: int, integrating: bool = True) -> None:
-        previous, lease_end_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
-        new_motion, settings = motion_commands.go(
-            arguments, self._settings, self.allowed, previous, integrating=integrating
-        )
-        self.begin(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns=lease_end_ns)
-        self._settings = settings
+        def handle(call_id: CallId, arguments: Any, now_ns: int) -> Later | None:
+            spec, caller = self.state.actuators[DRIVE], call_id.caller
+            contest, commander = self.contest(spec), self._drivers.find(caller)
+            previous = None if commander is None else commander.command
+            context = Context(self._settings, allowed_range(spec, self._base.limits), previous)
+            new_motion, settings = make(arguments, context)
+            is_finite = isinstance(new_motion, FiniteMotion)
+            lease_end_ns = None if is_finite else lease_end(arguments.lease_s, now_ns)
+            if isinstance(new_motion, motion.Halt):
+                commander = self.admit(caller, contest)
+            else:
+                commander = self.admit_while_ticking(caller, contest, now_ns)
+                self._base.require_state()
+            waiting = call_id if is_finite and arguments.wait else None
+            self.begin(commander, new_motion, lease_end_ns=lease_end_ns, call_id=waiting)
+            self._settings = settings
+            return None if waiting is None else LATER
 
-    def _proportional_go(self, call_id: CallId, arguments: robot.Go, now_ns: int) -> None:
-        self._go(call_id, arguments, now_ns, integrating=False)
-
-    def _jog(self, call_id: CallId, arguments: robot.Jog, now_ns: int) -> None:
-        previous, lease_end_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
-        new_motion = motion_commands.jog(arguments, self._settings, self.allowed, previous)
-        self.begin(self._admit_motion(call_id.caller, now_ns), new_motion, lease_end_ns=lease_end_ns)
-
-    def _halt(self, call_id: CallId, arguments: robot.Halt, now_ns: int) -> None:
-        lease_end_ns = lease_end(arguments.lease_s, now_ns)
-        new_motion = motion_commands.halt(arguments, self._settings)
-        self.begin(self.admit(call_id.caller, self._contest), new_motion, lease_end_ns=lease_end_ns)
-
-    def _move(self, call_id: CallId, arguments: robot.Move, now_ns: int) -> Later | None:
-        new_motion, settings = motion_commands.move(arguments, self._settings, self.allowed)
-        answer = self._set_motion(call_id, new_motion, arguments.wait, now_ns)
-        self._settings = settings
-        return answer
-
-    def _turn(self, call_id: CallId, arguments: robot.Turn, now_ns: int) -> Later | None:
-        new_motion, settings = motion_commands.turn(arguments, self._settings, self.allowed)
-        answer = self._set_motion(call_id, new_motion, arguments.wait, now_ns)
-        self._settings = settings
-        return answer
-
-    def _continuous_turn(self, call_id: CallId, arguments: robot.ContinuousTurn, now_ns: int) -> Later | None:
-        new_motion, settings = motion_commands.continuous_turn(arguments, self._settings, self.allowed)
-        answer = self._set_motion(call_id, new_motion, arguments.wait, now_ns)
-        self._settings = settings
-        return answer
-
-    def _previous(self, caller: Caller) -> Motion | None:
-        commander = self.outside_commanders.find(caller)
-        return None if commander is None else commander.command
+        return handle
 
 
 def _stalled(progress: str, commander: Commander[Motion]) -> RefusedError:

@@ -17,7 +17,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Call, Malformed, Send, Tick
-from tests.kit.base import CLIENTS, Stage, bid, deployed, silent, stage_in_run
+from tests.kit.base import CLIENTS, Stage, bid, silent, stage_in_run
 from tests.kit.calling import call_of
 from tests.kit.node_stage import FRAME_NS, MS
 
@@ -58,26 +58,6 @@ def test_silence_sends_the_safe_command_in_every_frame(stage: Stage) -> None:
     """Lock or expiry publishes nothing, and the base goes on with what it heard last."""
     stage.frame(*silent(), count=5)
     assert sent_by_frame(stage) == {k: [IDLE] for k in range(5)}
-
-
-def test_a_lock_sends_the_safe_command_in_every_frame(stage: Stage) -> None:
-    """A lock stops publishing instead of sending zero."""
-    stage.open("op/1", priority=9)
-    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
-    stage.do("op/1", robot.lock())
-    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3)
-    assert [sent_by_frame(stage)[k] for k in (1, 2, 3)] == [[IDLE]] * 3
-    assert dict(stage.verdicts[-1].fates)["cruise"] == "locked out"
-
-
-def test_an_expired_command_is_followed_by_the_safe_one(stage: Stage) -> None:
-    """Intermittent fallback to zero with nothing logged."""
-    stage.open("op/1", priority=9)
-    stage.do("op/1", robot.drive(100.0, 0.0, lease=0.12))
-    stage.frame(*silent(), count=5)
-    sent = sent_by_frame(stage)
-    assert [sent[k] for k in range(5)] == [[(100.0, 0.0)]] * 3 + [[IDLE]] * 2
-    assert [v.outside for v in stage.verdicts] == ["op/1"] * 3 + [None] * 2
 
 
 def test_an_expired_lease_of_the_network_is_the_next_frame(stage: Stage) -> None:
@@ -148,18 +128,6 @@ def test_ties_with_clients_of_the_program_are_refused_by_name(stage: Stage) -> N
     stage.open("op/1", priority=2)
     problem = stage.problem("op/1", robot.drive(50.0, 0.0))
     assert (problem.code, "`avoid`" in problem.message) == ("tie", True)
-
-
-def test_ties_are_refused_when_a_program_comes_to_somebody_who_commands() -> None:
-    """The same, the other way round."""
-    stage = Stage()
-    stage.open("op/1", priority=2, name="joystick")
-    stage.open("lead/1", priority=50)
-    stage.do("op/1", robot.drive(50.0, 0.0))
-    problem = stage.problem("lead/1", robot.deploy(deployed()))
-    assert problem.code == "tie"
-    assert "`avoid`" in problem.message
-    assert "joystick (op/1)" in problem.message
 
 
 def test_any_number_may_read_and_stop_with_one_priority(stage: Stage) -> None:

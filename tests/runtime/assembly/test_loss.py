@@ -206,7 +206,7 @@ def stops_ignored(patch: pytest.MonkeyPatch) -> None:
 
     def wrong(self: OutsideCommands, *arguments: Any) -> Interventions:
         with pytest.MonkeyPatch.context() as unnoticed:
-            unnoticed.setattr(self._emergency, "stopped", None)
+            unnoticed.setattr(self.state.emergency, "stopped", None)
             return interventions(self, *arguments)
 
     patch.setattr(OutsideCommands, "interventions", wrong)

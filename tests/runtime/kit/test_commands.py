@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import pytest
@@ -12,7 +11,7 @@ from colony.runtime.library import emergency
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.protocol.messages import Bounds, Effect, Malformed, Reply, Send, Stopped
+from colony.runtime.protocol.messages import Effect, Reply, Send, Stopped
 from tests.kit.calling import call_of
 from tests.kit.lift import (
     FAST,
@@ -38,24 +37,6 @@ def test_the_command_of_a_frame_is_performed_once() -> None:
     assert (verdict.by, verdict.values, verdict.notes) == ("up", (300.0, True), ())
     stage.bid(1, 100.0, True, client="down")
     assert stage.take() == []
-
-
-def test_a_client_that_is_late_leaves_the_actuator_idle() -> None:
-    stage = Stage(program())
-    stage.tick(1)
-    stage.bid(1)
-    assert stage.take() == []
-    assert verdicts(stage.pass_time(40 * MS)) == []
-    assert stage.take() == [(0.0, False)]
-    [verdict] = verdicts(stage.bid(1, 300.0, True, client="down"))
-    assert stage.take() == []
-    assert verdict.fates == (("up", "inactive"), ("down", "late"))
-
-
-def test_lost_clients_are_not_waited_for() -> None:
-    stage = Stage(program())
-    stage.tick(1, lost=("lift/up", "lift/down"))
-    assert stage.take() == [(0.0, False)]
 
 
 def test_where_nobody_commands_it_is_idle_in_each_frame_and_holds_if_that_is_declared() -> None:
@@ -89,19 +70,6 @@ def test_a_field_that_the_actuator_does_not_declare_is_zero() -> None:
     stage.decide(1, 300.0)
     stage.decide(2)
     assert stage.take() == [(300.0, False), (5.0, False)]
-
-
-def test_what_cannot_be_read_is_noted_and_moves_nothing() -> None:
-    stage = Stage(program())
-    stage.tick(1)
-    stage.handle(Malformed(topic=topics.requests("Lift"), connection=None, reason="truncated"))
-    stage.bid(1, math.nan, True)
-    stage.handle(Bounds(k=1, actuator="lift", low=(None, None), high=(None, None)))
-    stage.pass_time(40 * MS)
-    [verdict] = verdicts(stage.bid(1, client="down"))
-    assert stage.take() == [(0.0, False)]
-    assert "truncated" in verdict.notes[0]
-    assert "height = nan" in verdict.notes[1]
 
 
 # --- stops -----------------------------------------------------------------------------------------------
@@ -146,22 +114,6 @@ def test_without_a_program_the_device_is_made_safe(stopping: Callable[[Stage], N
     assert stage.take() == []
     stopping(stage)
     assert stage.take() == ["safe"]
-
-
-@pytest.mark.parametrize("stopping", [stop_by_call, stop_by_tick])
-def test_it_stays_stopped_until_the_clock_releases_it(stopping: Callable[[Stage], None]) -> None:
-    stage = Stage(program())
-    stage.decide(1, 300.0, True)
-    stopping(stage)
-    stage.take()
-    effects = stage.decide(3, 300.0, True)
-    assert set(stage.take()) == {(0.0, False)}
-    [frame] = frames(effects)
-    assert frame.stopped is not None
-    assert verdicts(effects)[-1].hold == "stopped"
-    stage.tick(4, released_ns=stage.now_ns)
-    stage.bid(4, 300.0, True)
-    assert stage.take()[-1] == (300.0, True)
 
 
 def test_a_stop_in_the_middle_of_a_frame_ends_it() -> None:
@@ -238,15 +190,10 @@ def test_two_runs_after_each_other() -> None:
 
 
 WRONG = [
-    (structs.replace(LIFT, command="turn"), "Lift has no command `turn`"),
-    (structs.replace(LIFT, field_indices=(0,)), "1 parameters; expected 2"),
     (structs.replace(LIFT, field_indices=(0, 7)), "`fast` is not one of its 2 fields"),
     (structs.replace(LIFT, field_indices=(1, 0)), "`height` is a bool"),
-    (structs.replace(LIFT, fields=(structs.replace(HEIGHT, factor=0.0), FAST)), "a factor is 0"),
     (structs.replace(LIFT, idle=(500.0, False)), "height = 500.0 when idle; expected 0 to 400"),
-    (structs.replace(LIFT, idle=(math.nan, False)), "height = nan when idle; expected a finite number"),
     (structs.replace(LIFT, idle=(0.0, 1.0)), "fast = 1.0 when idle; expected a bool"),
-    (structs.replace(LIFT, clients=(("a", 1), ("b", 2))), "not in the order of their priorities"),
 ]
 
 
@@ -257,13 +204,6 @@ def test_a_program_that_does_not_fit_is_refused(actuator: ActuatorSpec, reason: 
     problem = stage.leader.problem(deploy(program("run", actuator)))
     assert problem.code == "deployment"
     assert reason in problem.message
-
-
-def test_two_actuators_of_one_command_are_refused() -> None:
-    stage = Stage()
-    stage.leader.open("leader")
-    problem = stage.leader.problem(deploy(program("run", LIFT, structs.replace(LIFT, name="arm"))))
-    assert "`lift` and `arm` command Lift.move" in problem.message
 
 
 # --- failures of the device ------------------------------------------------------------------------------

@@ -390,7 +390,7 @@ def test_a_command_that_fails_while_its_driver_says_why_is_no_failure_of_its_own
     performer = CommandPerformer(
         "Arm", device_commands(ServerSpec("Arm", commands=(move,)), device), reports.append
     )
-    performer.halt()
+    performer.make_safe("move")
     assert (performer.failing, reports, performer.is_safe) == ((), [], False)
     device.is_opening, device.problem = False, "the port is lost"
     performer.retry()

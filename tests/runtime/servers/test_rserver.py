@@ -7,7 +7,7 @@ import pytest
 
 from colony.ir.servers import RSERVER
 from colony.runtime.library import emergency, robot
-from colony.runtime.protocol.messages import Malformed, Tick
+from colony.runtime.protocol.messages import Tick
 from colony.runtime.servers.commanding import NotSentError
 from tests.kit.base import RollingBase, Stage, bid, deployed, silent, stage_in_run
 from tests.kit.node_stage import FRAME_NS, MS
@@ -123,14 +123,6 @@ def test_a_base_without_ticks_is_stopped_within_two_frames(stage: Stage) -> None
     assert len(stage.base.stops) == 2
 
 
-def test_a_network_that_falls_silent_is_idle_in_that_frame(stage: Stage) -> None:
-    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
-    stage.frame(*silent("cruise"))
-    stage.tick()
-    assert dict(stage.verdicts[-1].fates)["cruise"] == "late"
-    assert stage.base.told[-1] == (FRAME_NS + FRAME_NS * 4 // 5, 0.0, 0.0)
-
-
 def test_an_idle_command_that_holds_lets_the_base_go_on_for_two_frames() -> None:
     stage = Stage(run="r1", deployment=deployed(idle=None))
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
@@ -164,22 +156,6 @@ def test_without_a_program_the_built_in_actuator_has_a_verdict_every_frame() -> 
     assert [(v.k, v.actuator, v.by, v.values) for v in stage.verdicts] == [
         (k, "drive", None, (0.0, 0.0)) for k in range(3)
     ]
-
-
-def test_a_program_that_has_no_base_hears_nothing_of_it_and_scripts_drive_it() -> None:
-    stage = Stage(run="r1", deployment=deployed(actuators=()))
-    stage.open("ann/1")
-    stage.do("ann/1", robot.drive(100.0, 0.0))
-    assert stage.frame() is None
-    assert stage.base.velocity == 100.0
-
-
-def test_requests_that_cannot_be_read_are_noted(stage: Stage) -> None:
-    stage.tick()
-    stage.handle(Malformed(topic="RServer/requests", connection=None, reason="found version 7"))
-    verdict = stage.frame(*silent())
-    assert verdict is not None
-    assert stage.verdicts[0].notes == ("a request could not be read: found version 7",)
 
 
 def test_a_pressed_bumper_lets_nothing_go_into_it_whoever_commands(stage: Stage) -> None:
@@ -245,21 +221,6 @@ def test_a_run_begins_with_deploy_and_ends_with_its_leader() -> None:
     assert stage.verdicts[-1].fates == ()
 
 
-def test_deploying_again_changes_nothing_and_may_come_from_a_new_leader() -> None:
-    stage = Stage(run="r1")
-    stage.open("lead/1")
-    stage.open("lead/2")
-    stage.do("lead/1", robot.deploy(deployed("r1")))
-    stage.tick()
-    stage.handle(bid("cruise", 300.0, 0.0))
-    stage.do("lead/2", robot.deploy(deployed("r1")))
-    stage.close("lead/1")
-    for request in silent("cruise"):
-        stage.handle(request)
-    assert stage.verdicts[-1].by == "cruise"
-    assert stage.do("lead/2", robot.arbitration()).leader == "lead/2"
-
-
 def test_a_frame_that_is_open_when_a_run_begins_ends_as_it_stands() -> None:
     stage = Stage(run="r1", deployment=deployed("r1"))
     stage.open("lead/1")
@@ -277,12 +238,6 @@ BAD = [
     ({"run": ""}, "a run without a name"),
     ({"clients": (("a", 1), ("b", 1))}, "two clients have the priority 1"),
     ({"clients": (("a", 2), ("a", 1))}, "two clients have the name a"),
-    ({"clients": (("a", 1), ("b", 2))}, "not in the order of their priorities"),
-    ({"command": "fly"}, "no command `fly`"),
-    ({"field_indices": (0,)}, "1 parameters; expected 2"),
-    ({"field_indices": (0, 2)}, "not one of its 2 fields"),
-    ({"idle": (float("nan"), 0.0)}, "not finite"),
-    ({"idle": (0.0,)}, "an idle command of 1 values"),
 ]
 
 
@@ -298,14 +253,6 @@ def test_what_cannot_be_deployed_is_refused_and_changes_nothing(
     assert (found.run, found.leader) == ("r1", None)
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     assert stage.base.velocity == 300.0
-
-
-def test_two_actuators_of_one_base_are_refused() -> None:
-    stage = Stage()
-    stage.open("lead/1")
-    (table,) = deployed().actuators
-    problem = stage.problem("lead/1", robot.deploy(deployed(actuators=(table, table))))
-    assert "expected one actuator" in problem.message
 
 
 # --- what it knows ---------------------------------------------------------------------------------

@@ -11,9 +11,8 @@ import pytest
 from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.rserver import CLOCK_GRACE_NS
 from tests.kit.base import RollingBase, Stage, deployed, silent
-from tests.kit.node_stage import FRAME_NS, result_of
+from tests.kit.node_stage import result_of
 
 
 def stage_for(connection: str = "ann/1", priority: int = 0, **options: Any) -> Stage:
@@ -354,35 +353,3 @@ def test_under_a_lock_nobody_else_commands() -> None:
     stage.do("bob/1", robot.unlock())
     stage.do("ann/1", robot.drive(10.0, 0.0))
     assert stage.problem("ann/1", robot.unlock()).code == "unlocked"
-
-
-def test_who_waits_for_the_lock_gets_it_when_its_holder_dies(stage: Stage) -> None:
-    stage.open("bob/1", priority=1)
-    stage.open("cy/1", priority=2)
-    stage.do("ann/1", robot.lock())
-    waiting = [(c, stage.send(c, robot.lock())) for c in ("bob/1", "cy/1")]
-    found = stage.do("ann/1", robot.arbitration())
-    assert (found.lock_holder, found.lock_waiting) == ("ann/1", ("cy/1", "bob/1"))
-    stage.frame(count=10)
-    stage.die("ann/1")
-    at = stage.now_ns
-    stage.frames_until("cy/1", waiting[1][1])
-    assert stage.now_ns - at < 1000 * 1_000_000
-    assert ("bob/1", waiting[0][1]) not in stage.replies
-    stage.close("cy/1")
-    assert stage.replies["bob/1", waiting[0][1]].problem is None
-
-
-def test_motion_is_refused_where_no_clock_ticks(stage: Stage) -> None:
-    stage.frame()
-    stage.until(CLOCK_GRACE_NS)
-    stage.open("bea/1")
-    stage.do("bea/1", robot.go(200.0))
-    stage.until(CLOCK_GRACE_NS + FRAME_NS)
-    motions = (robot.go(200.0), robot.drive(200.0, 0.0), robot.move(500.0), robot.turn(90.0), robot.jog(10.0))
-    for ask in motions:
-        problem = stage.problem("bea/1", ask)
-        assert problem.code == "clock"
-        assert "no tick of the Clock reaches RServer" in problem.message
-    assert stage.base.velocity == 0.0
-    stage.do("bea/1", robot.stop())

@@ -47,7 +47,7 @@ class Crowd:
         self.chance = random.Random(seed)
         self.base = _Base()
         self.stage = Stage(self.base)
-        self.base.stopped = lambda: self.stage.node._emergency.stopped is not None
+        self.base.stopped = lambda: self.stage.node._actuators.stopped is not None
         self.open: set[str] = set()
 
     def act(self) -> None:
@@ -115,7 +115,7 @@ class Crowd:
     def frame(self) -> None:
         stage, chance = self.stage, self.chance
         if chance.random() < 0.9:
-            stage.run = str(stage.node._actuator.run)  # the Clock goes with the leader, mostly
+            stage.run = stage.node._actuators._state.run or ""  # the Clock goes with the leader, mostly
         stage.tick(lost=[f"drive/{c}" for c, _ in CLIENTS if chance.random() < 0.05])
         requests = [
             msgspec.structs.replace(request, k=stage.k + chance.choice((0, 0, 0, 0, 1, -1)))

@@ -7,11 +7,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from colony.execute.needs import BOUNDS
 from colony.runtime.library import emergency, robot
-from colony.runtime.protocol.messages import Bounds, Request, Right
+from colony.runtime.protocol.messages import Bounds, Request, Stopped, Tick
 from tests.kit.base import Stage, deployed, silent
-from tests.kit.calling import call_of
 from tests.kit.node_stage import FRAME_NS, MS, result_of
 
 
@@ -36,26 +34,6 @@ def frames(stage: Stage, *messages: Request | Bounds, count: int = 1) -> tuple[f
             stage.handle(msgspec.structs.replace(message, k=stage.k))
         stage.until(stage.k * FRAME_NS + FRAME_NS - 1)
     return (stage.base.velocity, stage.base.turn)
-
-
-def test_what_is_sent_and_what_the_verdict_says_is_within_the_bounds() -> None:
-    stage = stage_with_limits()
-    stage.do("ann/1", robot.drive(300.0, 20.0, lease=1.0))
-    assert frames(stage, bounds(), *silent()) == (100.0, 20.0)
-    assert stage.verdicts[-1].values == (100.0, 20.0)
-    assert frames(stage, bounds(0.0), *silent()) == (0.0, 20.0)
-    assert frames(stage, bounds(-50.0), *silent()) == (-50.0, 20.0)
-
-
-def test_the_base_stands_while_bounds_do_not_come() -> None:
-    stage = stage_with_limits()
-    stage.do("ann/1", robot.drive(300.0, 20.0, lease=1.0))
-    assert frames(stage, *silent()) == (0.0, 0.0)
-    verdict = stage.verdicts[-1]
-    assert (verdict.outside, verdict.fault) == ("ann/1", "limits unknown")
-    assert dict(verdict.fates)[BOUNDS] == "late"
-    assert verdict.notes == (f"limits of frame {stage.k} have not come",)
-    assert frames(stage, bounds(), *silent()) == (100.0, 20.0)
 
 
 def test_bounds_that_come_late_in_a_frame_are_waited_for() -> None:
@@ -124,34 +102,6 @@ def test_a_program_without_limits_leaves_the_ranges() -> None:
     assert not stage.verdicts[-1].unlimited
 
 
-def test_who_ignores_limits_says_so_and_is_shown() -> None:
-    stage = stage_with_limits()
-    stage.do("ann/1", robot.ignore_limits())
-    stage.do("ann/1", robot.drive(300.0, 0.0, lease=1.0))
-    assert frames(stage, bounds(), *silent()) == (300.0, 0.0)
-    assert stage.verdicts[-1].unlimited
-    (report,) = stage.do("ann/1", robot.arbitration()).outside
-    assert report.unlimited
-    stage.do("ann/1", robot.ignore_limits(False))
-    assert frames(stage, bounds(), *silent()) == (100.0, 0.0)
-    assert not stage.verdicts[-1].unlimited
-    stage.do("ann/1", robot.ignore_limits())
-    stage.close("ann/1")
-    stage.open("ann/1", priority=9)
-    stage.do("ann/1", robot.drive(300.0, 0.0, lease=1.0))
-    assert frames(stage, bounds(), *silent()) == (100.0, 0.0), "it ends with the connection"
-
-
-@pytest.mark.parametrize("right", ["read", "command", "stop"])
-def test_it_takes_the_right_to_ignore_limits(right: Right) -> None:
-    stage = stage_with_limits()
-    call = call_of(robot.ignore_limits(), "ann/1", 50, 9)
-    stage.handle(msgspec.structs.replace(call, right=right))
-    problem = stage.replies["ann/1", 50].problem
-    assert problem.code == "right"
-    assert problem.message == f"RServer.ignore_limits needs the right to ignore limits, not to {right}"
-
-
 def test_a_stop_is_not_limited() -> None:
     stage = stage_with_limits()
     stage.do("ann/1", robot.drive(300.0, 0.0, lease=5.0))
@@ -159,6 +109,20 @@ def test_a_stop_is_not_limited() -> None:
     assert stage.base.velocity == 100.0
     stage.do("ann/1", emergency.stop())
     assert stage.base.velocity == 0.0
+
+
+def test_emergency_stop_in_an_undecided_frame_ends_its_motion_for_good() -> None:
+    stage = stage_with_limits()
+    stage.do("ann/1", robot.drive(300.0, 0.0, lease=60.0))
+    assert frames(stage, bounds(), *silent()) == (100.0, 0.0)
+    stage.tick()  # its bounds have not come when the next tick does
+    stage.advance((stage.k + 1) * FRAME_NS)
+    stage.k += 1
+    stopped = Stopped(by="eve/1", t_ns=stage.now_ns)
+    stage.handle(Tick(k=stage.k, t_ns=stage.now_ns, run="r1", stopped=stopped))
+    assert stage.base.velocity == 0.0
+    stage.release()
+    assert frames(stage, bounds(), *silent(), count=2) == (0.0, 0.0)
 
 
 def test_a_move_goes_on_where_limits_only_slow_it_down() -> None:

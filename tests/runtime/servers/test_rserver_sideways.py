@@ -12,9 +12,9 @@ from colony.runtime.library import robot
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.deployment import ActuatorFieldSpec
 from colony.runtime.protocol.messages import Bounds
-from colony.runtime.servers.base_actuator import base_actuator, mismatch
+from colony.runtime.servers.base_actuator import allowed_range, mismatch
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.motion_commands import drive, full_range
+from colony.runtime.servers.motion_commands import Context, drive, full_range, initial_settings
 from tests.kit.base import LIMITS, RollingBase, Stage, bid, deployed, silent
 
 SIDEWAYS_LIMITS = replace(LIMITS, sideways=400.0, sideways_acceleration=600.0)
@@ -129,12 +129,13 @@ def test_a_connection_is_held_to_the_range_and_the_limits_of_the_program() -> No
 
 
 def test_a_base_with_two_wheels_refuses_what_drives_sideways() -> None:
+    sideways = robot.Drive(velocity=0.0, turn=0.0, sideways=5.0)
     with pytest.raises(RefusedError, match="sideways is 5 mm/s; the base does not drive sideways"):
-        drive(robot.Drive(velocity=0.0, turn=0.0, sideways=5.0), full_range(LIMITS))
-    sliding = deployed(**SIDEWAYS)  # type: ignore[arg-type]
+        drive(sideways, Context(initial_settings(LIMITS), full_range(LIMITS)))
+    sliding = deployed(**SIDEWAYS).actuators  # type: ignore[arg-type]
     assert mismatch(sliding, LIMITS) == "`drive`: it drives sideways, which this base cannot"
     assert mismatch(sliding, SIDEWAYS_LIMITS) is None
-    assert base_actuator(sliding, SIDEWAYS_LIMITS).allowed.sideways == (-200.0, 250.0)
-    without = deployed(field_indices=(0, 1, None))
+    assert allowed_range(sliding[0], SIDEWAYS_LIMITS).sideways == (-200.0, 250.0)
+    without = deployed(field_indices=(0, 1, None)).actuators
     assert mismatch(without, LIMITS) is None
-    assert base_actuator(without, LIMITS).allowed.sideways == (0.0, 0.0)
+    assert allowed_range(without[0], LIMITS).sideways == (0.0, 0.0)

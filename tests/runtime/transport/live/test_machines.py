@@ -202,7 +202,7 @@ def test_a_robot_stops_when_the_cable_is_pulled_and_goes_on_when_it_is_back(tmp_
 
 def test_a_lock_is_free_within_a_second_of_the_pulled_cable(tmp_path: Path) -> None:
     with _split(tmp_path, "robot.lock()") as split:
-        lock, took = split.server._pilot.lock, list[int]()
+        lock, took = split.server._actuators._outside.lock, list[int]()
         while not took or (min(took) > SECOND and len(took) < TRIES):
             until(lambda: lock.holder is not None, "the client has the lock, or has it again")
             split.set("down")

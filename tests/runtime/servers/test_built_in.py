@@ -1,12 +1,14 @@
-"""What is said of a value that a command does not take."""
+"""The built-in actuators of a server: the values that their fields take."""
 
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import pytest
 
-from colony.runtime.servers.command_values import expected_instead
+from colony.runtime.protocol.deployment import ActuatorFieldSpec
+from colony.runtime.servers.built_in import expected_of
 
 
 @pytest.mark.parametrize(
@@ -28,7 +30,7 @@ from colony.runtime.servers.command_values import expected_instead
         (6.0, False, (), (None, 5.0), "any to 5"),
     ],
 )
-def test_what_was_expected(
+def test_expected_of_a_field_is_what_it_takes_instead(
     value: object,
     is_bool: bool,
     members: tuple[float, ...],
@@ -36,4 +38,6 @@ def test_what_was_expected(
     expected: str | None,
 ) -> None:
     low, high = ends
-    assert expected_instead(value, is_bool=is_bool, members=members, low=low, high=high) == expected
+    kind: Literal["bool", "number"] = "bool" if is_bool else "number"
+    field = ActuatorFieldSpec(name="x", kind=kind, factor=1.0, low=low, high=high, members=members)
+    assert expected_of(field, value) == expected
