@@ -429,6 +429,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"fields": (structs.replace(NUMBER, factor=0.0),)}, "a factor is 0"),
     ({"idle": (float("nan"),)}, "= nan when idle; expected a finite number"),
     ({"idle": (0.0, 1.0)}, "an idle command of 2 values, not 1"),
+    ({"idle": ()}, "an idle command of 0 values, not 1"),
     ({"clients": (("a", 1), ("b", 2))}, "not in the order of their priorities"),
 ]
 

@@ -137,6 +137,10 @@ def test_a_motion_that_ends_early_says_why(stage: Stage) -> None:
     stage.base.held = True
     assert problem_of(stage, third) == "stalled"
     stage.base.held = False
+    locked = stage.send("ann/1", robot.move(100.0))
+    stage.do(stage.open("bob/1", priority=9), robot.lock())
+    assert problem_of(stage, locked) == "locked"
+    stage.close("bob/1")
     fourth = stage.send("ann/1", robot.turn(90.0))
     stage.frame()
     stage.do("ann/1", emergency.stop())
@@ -331,25 +335,3 @@ def test_arbitration_names_the_call_by_which_a_connection_commands(stage: Stage,
     stage.frame()
     [report] = stage.do("ann/1", robot.arbitration()).outside
     assert report.commands == ask.method
-
-
-# --- lock ------------------------------------------------------------------------------------------
-
-
-def test_under_a_lock_nobody_else_commands() -> None:
-    stage = stage_for(run="r1", deployment=deployed())
-    stage.open("bob/1", priority=9, name="bob's console")
-    moving = stage.send("ann/1", robot.move(1000.0))
-    stage.do("bob/1", robot.lock())
-    assert problem_of(stage, moving) == "locked"
-    stage.frame(*silent())
-    assert (stage.verdicts[-1].hold, stage.base.velocity) == ("locked", 0.0)
-    refused = stage.problem("ann/1", robot.drive(10.0, 0.0))
-    assert (refused.code, refused.message) == ("locked", "bob's console holds the lock")
-    assert stage.problem("ann/1", robot.lock(wait=False)).code == "locked"
-    stage.do("bob/1", robot.drive(50.0, 0.0))
-    stage.frame(*silent())
-    assert (stage.verdicts[-1].outside, stage.base.velocity) == ("bob/1", 50.0)
-    stage.do("bob/1", robot.unlock())
-    stage.do("ann/1", robot.drive(10.0, 0.0))
-    assert stage.problem("ann/1", robot.unlock()).code == "unlocked"
