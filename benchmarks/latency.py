@@ -31,7 +31,7 @@ def _noting(found: deque[float]) -> None:
     """Note how long after the newest tick that RServer took each command reaches the simulated base."""
     from colony.runtime.protocol.messages import Tick
     from colony.runtime.servers.rserver import RServer
-    from colony.sim.plant.drivers import RemoteBase
+    from colony.sim.plant.servers import RemoteBase
 
     newest = [0]
     handle: Callable[..., Any] = RServer.handle

@@ -29,10 +29,9 @@ from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.world import Speed
-from colony.vision.lights.along_track import Scale
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.scan_lines import Lines, ceiling_lights
-from colony.vision.lights.track import LightDetections, LightGoal, LightTrack
+from colony.vision.lights.track import LightDetections, LightGoal, LightTrack, Scale
 from colony.vision.markers.rows import find_markers
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.reader import read_plate

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from colony.nav.maps.stickrep.model import Map
-from colony.view.map_picture import draw_map, encode_picture
-from colony.view.palette import BAD, GOOD, INK, PAPER
-from colony.view.runs_picture import remove_legend
+from colony.view.map_picture import draw_map, encode_picture, remove_legend
+from colony.view.sheet import BAD, GOOD, INK, PAPER
 
 _BIN_MM = 20.0
 _DPI = 150

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.experiment.results import KEY_COLUMNS, RunKey, Table
-from colony.experiment.rows import Points
+from colony.experiment.results import KEY_COLUMNS, Points, RunKey, Table
 
 Mode = Literal["L", "C", "D"]
 """The modes as the thesis counts them: ceiling lights, corner (entering and leaving), dead reckoning."""

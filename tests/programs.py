@@ -10,7 +10,7 @@ from colony.dsl.load import load_text
 from colony.execute.code import Code
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ClientMemory, ClientsExecutor, ClientStep
-from colony.execute.views import whole_view
+from colony.execute.needs import whole_view
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 

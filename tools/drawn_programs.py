@@ -30,8 +30,7 @@ from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refut
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
 from colony.verify.testing.disturbed import disturbed_run
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace
 from tests.drawn.strategies import run_of_seed
 from tests.verify.symbolic.trust import held_against
 from tools.outlining import outlined_disagreement

@@ -26,8 +26,7 @@ from colony.ir.walk import all_subexpressions
 from colony.record import Record
 from colony.text.source import Source
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement, reference
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace
 from tests.drawn.program_text import draw_text
 
 _ROUNDS = 8

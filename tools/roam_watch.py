@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from colony.ir.frame import Frame, Outcome
 from colony.nav.maps.free_space import Place
-from colony.sim.devices.cliff import is_inside
+from colony.sim.devices.sensors import is_inside
 from colony.sim.world.world import World
 
 CIRCLE_MM, STUCK_S = 500.0, 40.0

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import BinaryIO, Literal
 
 from colony.dsl.check.program import check_program
-from colony.dsl.check.site_labels import with_site_labels
+from colony.dsl.check.site_values import with_site_labels
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import SHIPPED, SourceTree, load_tree, real_path
 from colony.dsl.robot_import import ProgramContext

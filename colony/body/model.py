@@ -396,3 +396,17 @@ class Body:
 
 ROOT = Table(Body)
 """The kind of a whole body."""
+
+
+# --- footprint ----------------------------------------------------------------------------------------
+#
+# Measures of a robot's footprint.
+
+
+def radius_mm(body: Body) -> float:
+    """Return the radius of the circle around the robot's center that contains its footprint."""
+    match body.chassis.footprint:
+        case Circle(radius_mm=radius):
+            return radius
+        case Polygon(corners=corners):
+            return max(math.hypot(*corner) for corner in corners)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, assert_never
 
 from colony.body.kinds import (
+    LARGEST,
     NAME,
     Amount,
     AnyAmount,
@@ -23,15 +24,19 @@ from colony.body.kinds import (
     Named,
     OneOf,
     Options,
+    Problem,
     Row,
     Table,
     Text,
     Whole,
     Word,
     entries,
+    parse_amount,
+    parse_interval,
+    parse_quantity,
+    unit_hint,
 )
 from colony.body.model import ROOT, Body
-from colony.body.quantities import LARGEST, Problem, parse_amount, parse_interval, parse_quantity, unit_hint
 from colony.files import read_file, reason
 from colony.text.diagnostics import Diagnostic, error, in_order
 from colony.text.source import Source, Span

@@ -11,7 +11,9 @@ import json
 from typing import Any, assert_never
 
 from colony.body.kinds import (
+    MAX_LENGTH,
     NAME,
+    NUMBER_PATTERN,
     AnyAmount,
     Interval,
     Kind,
@@ -28,7 +30,6 @@ from colony.body.kinds import (
     entries,
 )
 from colony.body.model import ROOT
-from colony.body.quantities import MAX_LENGTH, NUMBER_PATTERN
 from colony.text.units import NUMBER, common_units
 
 Schema = dict[str, Any]

@@ -109,8 +109,7 @@ def _of_all(by_robot: Mapping[str, Sequence[Diagnostic]]) -> Iterator[Diagnostic
 
 def _notes(checked: Checked, noted: set[str]) -> Iterator[Diagnostic]:
     """Yield a note for each file without a version, unless it is in `noted`, or has syntax errors."""
-    from colony.dsl.language_version import version_note
-    from colony.dsl.parse import SYNTAX_CODES
+    from colony.dsl.parse import SYNTAX_CODES, version_note
 
     misread = {id(d.span.source) for d in checked.diagnostics if d.code in SYNTAX_CODES}
     for file in checked.tree.files:

@@ -36,7 +36,7 @@ def check_picture(picture: Path, inputs: Iterable[str]) -> None:
 
 def expect_bearings(program: Program, subject: str) -> None:
     """Refuse a program, called `subject`, in which no sensor is an array with bearings; exit with 2."""
-    from colony.view.frame_scene import arrays_with_bearings
+    from colony.view.polar_picture import arrays_with_bearings
 
     if not arrays_with_bearings(program):
         say(
@@ -66,9 +66,8 @@ def draw_frame(
     `active` has the modules that were active, None if that is unknown.
     """
     from colony.verify.snapshot import snapshot_of
-    from colony.view.frame_scene import scene_of
     from colony.view.map_picture import encode_picture, picture_format
-    from colony.view.polar_picture import draw_scene
+    from colony.view.polar_picture import draw_scene, scene_of
 
     read = snapshot_of(program, frame).readings
     scene = scene_of(program, title, frame, read, list(decision_lines(program, outcome, active)))
@@ -102,7 +101,7 @@ def draw_test(
     Exits with 2 if `results` are not those of one test, or if it has no such frame.
     """
     from colony.verify.reference.interpreter import Interpreter
-    from colony.verify.testing.example_frames import frames_of, snapshots_of
+    from colony.verify.testing.frames import frames_of, snapshots_of
 
     if len(results) != 1:
         found = f"found {len(results)} tests; expected one: choose it with --only NAME"

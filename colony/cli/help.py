@@ -28,8 +28,8 @@ def command(context: click.Context, topic: str | None) -> None:
       colony help run
     """
     from colony.cli.main import COMMANDS, colony
-    from colony.dsl.recovery import CONTEXTUAL_KEYWORDS
-    from colony.dsl.syntax_hints import RESERVED
+    from colony.dsl.parser import CONTEXTUAL_KEYWORDS
+    from colony.dsl.syntax_errors import RESERVED
     from colony.ir.expression import Function, MemoryFunction
 
     if topic is None:

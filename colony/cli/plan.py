@@ -86,8 +86,7 @@ def command(
 
 
 def _draw(building: Building, planned: Plan, target: Path) -> None:
-    from colony.view.map_picture import encode_picture, picture_format
-    from colony.view.plan_picture import draw_plan
+    from colony.view.map_picture import draw_plan, encode_picture, picture_format
 
     floor = building.map_named(planned.segments[0].start.floor)
     write_whole(target, encode_picture(draw_plan(floor, planned), picture_format(target)))

@@ -109,10 +109,9 @@ def _default_picture(file: str) -> Path:
 
 def _detect(file: str, picture: Path, chosen: Sequence[str], files: Sequence[str]) -> _Report:
     """Read a file, run the detectors, and draw the detections; report a file that cannot be read."""
-    from colony.vision.annotate import annotate, encode_png
     from colony.vision.detectors import Detector, run_detectors
     from colony.vision.gray_images import gray_image
-    from colony.vision.image_files import MAX_BYTES, ImageFormatError, decode_image
+    from colony.vision.image_files import MAX_BYTES, ImageFormatError, annotate, decode_image, encode_png
 
     try:
         image = decode_image(read_file(file, MAX_BYTES))

@@ -8,14 +8,13 @@ from functools import cached_property
 from typing import Any
 
 from colony.collector import gc_paused
-from colony.compile.clients import ClientList
+from colony.compile.guards import ClientList
 from colony.compile.lower.lower import lower
-from colony.compile.network import Network
+from colony.compile.network import Network, SuppressionNetwork
 from colony.compile.passes.elaborate import elaborate
 from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
 from colony.compile.passes.forward_traversal import forward_traversal
 from colony.compile.passes.simplify import simplify
-from colony.compile.suppression import SuppressionNetwork
 from colony.execute.compiled import Compiled, SourceFile
 from colony.ir.program import Program
 

@@ -21,11 +21,94 @@ import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
-from typing import Generic
+from typing import Generic, Literal, Protocol, TypeVar
 
-from colony.drivers.decoder import Decoder, Packet
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.servers.drivers import BaseState
+
+# --- decoder ------------------------------------------------------------------------------------------
+#
+# Decoders: what a device sends, from bytes to packets. Pure: no I/O, no clock.
+
+Packet = TypeVar("Packet")
+
+
+class Decoder(Protocol[Packet]):
+    """Decodes the bytes of one line, in any pieces. Mutable: keeps the beginning of an unfinished packet.
+
+    A decoder accepts garbage: it never raises, and holds no more bytes than the longest packet has. Where the
+    bytes at hand are not a valid packet, it drops the first of them and looks again ("slides"), so that a
+    damaged packet, or a false beginning, costs no valid packet behind it. Packets are frozen values, and
+    have what the checksum covers; what a packet means is decided by the dialect.
+
+    `tests/drivers/fuzz.py` holds every decoder to that.
+    """
+
+    def feed(self, data: bytes) -> list[Packet]:
+        """Return the packets that end within `data`, oldest first."""
+        ...
+
+
+Need = Literal["more", "other"]
+"""Why there is no packet at a place: it is not complete, or it is none."""
+
+Parse = Callable[[bytearray, int], tuple[Packet, int] | Need]
+"""A function that reads one packet.
+
+Args: the bytes, and the place where a packet may begin, which has the decoder's `start`.
+Returns: the packet and the place behind it; "more" if it may be one, but is not complete; "other" if it is
+    none, whatever follows. It says "other" as early as it can, for example when the length is impossible.
+Raises: ValueError, which stands for "other", such as that of a checksum that is no number.
+"""
+
+
+class SlidingDecoder(Generic[Packet]):
+    """A decoder of packets that begin with fixed bytes and have a length and a checksum. Mutable.
+
+    Args:
+        parse: reads one packet.
+        start: the bytes, at least one, with which each packet begins.
+
+    Example:
+        >>> def parse(data: bytearray, at: int) -> tuple[int, int] | Need:
+        ...     if len(data) < at + 3:
+        ...         return "more"
+        ...     value, check = data[at + 1 : at + 3]
+        ...     return (value, at + 3) if value ^ check == 0xFF else "other"
+        >>> SlidingDecoder(parse, bytes([0xA5])).feed(bytes([0xA5, 1, 0xA5, 7, 0xF8]))
+        [7]
+    """
+
+    def __init__(self, parse: Parse[Packet], start: bytes) -> None:
+        self._parse = parse
+        self._start = start
+        self._data = bytearray()
+
+    def feed(self, data: bytes) -> list[Packet]:
+        """Return the packets that end within `data`, oldest first."""
+        self._data += data
+        packets: list[Packet] = []
+        at = 0
+        while (found := self._data.find(self._start, at)) >= 0:
+            try:
+                read = self._parse(self._data, found)
+            except ValueError:
+                read = "other"
+            if read == "more":
+                at = found
+                break
+            if read == "other":
+                at = found + 1
+            else:
+                packet, at = read
+                packets.append(packet)
+        else:
+            at = max(at, len(self._data) - len(self._start) + 1)  # the rest may be half of a start
+        del self._data[:at]
+        return packets
+
+
+# --- dialect ------------------------------------------------------------------------------------------
 
 
 class OpeningError(Exception):
@@ -178,3 +261,55 @@ class Dialect(ABC, Generic[Packet]):
         Nothing is sent: what it takes is among the bytes of `drive`. `RServer` stops at bumpers without it.
         """
         return
+
+
+# --- opening ------------------------------------------------------------------------------------------
+#
+# The opening dialogue of a device, step by step. Pure: packets and times are given.
+
+
+class OpeningRun(Generic[Packet]):
+    """An opening that runs. Mutable: one step after the other. Each method raises what the dialogue raises.
+
+    Args:
+        opening: the dialogue.
+        send: sends the bytes of a step.
+        now_ns: the time; the first step begins.
+    """
+
+    def __init__(self, opening: Opening[Packet], send: Callable[[bytes], None], now_ns: int) -> None:
+        self._opening = opening
+        self._send = send
+        self._step: Send | Ask[Packet] | None = None
+        self._due_ns = 0
+        self._go_on(None, now_ns)
+
+    @property
+    def is_done(self) -> bool:
+        """True once the device is ready."""
+        return self._step is None
+
+    def on_packet(self, packet: Packet, now_ns: int) -> None:
+        """Take a packet: the answer to a question, if it is accepted."""
+        try:
+            is_answer = isinstance(self._step, Ask) and self._step.accepts(packet)
+        except REFUSALS:  # `accepts` cannot read the packet
+            return
+        if is_answer:
+            self._go_on(packet, now_ns)
+
+    def on_time(self, now_ns: int) -> None:
+        """End a pause, or a question without an answer, that is over."""
+        if self._step is not None and now_ns >= self._due_ns:
+            self._go_on(None, now_ns)
+
+    def _go_on(self, answer: Packet | None, now_ns: int) -> None:
+        try:
+            step = self._opening.send(answer)
+        except StopIteration:
+            self._step = None
+            return
+        if step.data:
+            self._send(step.data)
+        wait_s = step.timeout_s if isinstance(step, Ask) else step.pause_s
+        self._step, self._due_ns = step, now_ns + round(wait_s * 1e9)

@@ -20,19 +20,288 @@ a channel has the bytes that stop the actuator, those that end the session, and 
 
 from __future__ import annotations
 
+import fcntl
+import os
 import selectors
+import signal
 import socket
 import struct
 import sys
 import time
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from colony.drivers import guard_packets as kinds
-from colony.drivers.guard_port import GuardedPort
-from colony.drivers.guard_process import claimed, on_signals
+from colony.drivers.link import Link, open_link
+
+# --- guard outbox -------------------------------------------------------------------------------------
+#
+# What a guard has to write: whole packets, the stop first, at the line's pace. Pure: times are given.
+
+REPEATS_NS = (0, 50_000_000, 150_000_000, 350_000_000)
+"""Times after a stop at which it is sent: repeatedly, in case that a byte was lost on the line."""
+
+NO_ROOM_NS = 2_000_000
+"""Pause after the port took only a part of a packet."""
+
+MAX_WAITING = 200
+"""Maximum number of plain packets that wait; more are dropped."""
+
+
+class Outbox:
+    """The packets that wait for a port of `baud` (8N1; 0: not paced). Mutable.
+
+    What the operating system has taken cannot be dropped any more, so that the outbox hands out a packet when
+    the line has carried those before it. Stops and decisions have a channel: a newer one replaces only those
+    of its own channel, and decisions of several channels take turns.
+    """
+
+    def __init__(self, baud: int) -> None:
+        self._baud = baud
+        self._rest = b""  # of a packet that was written in part: it is finished before anything else
+        self._stops: dict[int, tuple[bytes, list[int]]] = {}  # by channel, with the times at which it is due
+        self._decided: dict[int, bytes] = {}  # by channel, those that have waited longest first
+        self._plain: deque[bytes] = deque()
+        self._line_free_ns = 0
+        self._taken = 0  # bytes that the port has taken
+        self._newest: int | None = None  # the channel whose newest stop or decision was handed out last
+        self._sent: dict[int, tuple[int, int] | None] = {}  # bytes taken and time at the end of the newest
+
+    def stop(self, stop: bytes, now_ns: int, channel: int = 0, *, drops_plain: bool = True) -> None:
+        """Drop the decision that waits, and plain packets if asked to; send `stop` repeatedly from now on."""
+        self._decided.pop(channel, None)
+        if drops_plain:
+            self._plain.clear()
+        self._expect(channel, None if stop else (0, 0))
+        if stop:
+            self._stops[channel] = stop, [now_ns + after_ns for after_ns in REPEATS_NS]
+
+    def decide(self, packet: bytes, channel: int = 0) -> None:
+        """Send what was decided, in place of an older decision that waits, and repeat the stop no longer."""
+        self._decided[channel] = packet  # an older one keeps its turn
+        self._expect(channel, None)
+
+    def _expect(self, channel: int, end: tuple[int, int] | None) -> None:
+        """Expect the end of a newer stop or decision, and repeat an older stop no longer."""
+        self._stops.pop(channel, None)
+        self._sent[channel] = end
+        if self._newest == channel:
+            self._newest = None
+
+    def add(self, packet: bytes) -> None:
+        """Send a plain packet after those before it."""
+        if len(self._plain) < MAX_WAITING:
+            self._plain.append(packet)
+
+    def clear(self) -> None:
+        """Forget everything: the port is lost."""
+        for waiting in (self._stops, self._decided, self._plain, self._sent):
+            waiting.clear()
+        self._rest, self._line_free_ns, self._newest = b"", 0, None
+
+    def is_sent(self, now_ns: int, channel: int = 0, *, unsent: int = 0) -> bool | None:
+        """Return True once the line has carried a channel's newest stop or decision; None if it had none.
+
+        `unsent` is the number of bytes that the port has taken and not sent.
+        """
+        if channel not in self._sent:
+            return None
+        end = self._sent[channel]
+        return end is not None and self._taken - unsent >= end[0] and now_ns >= end[1]
+
+    def due_ns(self) -> int | None:
+        """Return when the next packet is due; None if none waits."""
+        if self._rest or self._decided or self._plain:
+            return self._line_free_ns
+        due_ns = min((times[0] for _, times in self._stops.values()), default=None)
+        return None if due_ns is None else max(due_ns, self._line_free_ns)
+
+    def next(self, now_ns: int) -> bytes:
+        """Return what is to be written now, whose rest `wrote` takes back; nothing if the line is busy."""
+        if now_ns < self._line_free_ns:
+            return b""
+        packet, self._rest = self._rest, b""
+        if packet:
+            return packet
+        for channel, (stop, times) in self._stops.items():
+            if now_ns >= times[0]:
+                self._newest = channel
+                times.pop(0)
+                if not times:
+                    del self._stops[channel]
+                return stop
+        if self._decided:
+            self._newest = next(iter(self._decided))
+            return self._decided.pop(self._newest)
+        self._newest = None
+        return self._plain.popleft() if self._plain else b""
+
+    def wrote(self, packet: bytes, taken: int, now_ns: int) -> None:
+        """Note that the port took `taken` bytes of a packet."""
+        self._rest = packet[taken:]
+        self._taken += taken
+        wire_ns = taken * 10_000_000_000 // self._baud if self._baud else 0
+        self._line_free_ns = now_ns + max(wire_ns, NO_ROOM_NS if self._rest else 0)
+        if self._newest is not None and not self._rest and self._sent[self._newest] is None:
+            self._sent[self._newest] = self._taken, self._line_free_ns
+
+
+# --- guard process ------------------------------------------------------------------------------------
+#
+# What makes a process the guard of a port: a lock that it holds, the socket beside it, and its signals.
+
+
+def claimed(path: str) -> socket.socket | None:
+    """Return the listening socket at `path`; None if another process guards the port.
+
+    The lock is `path` with `.lock`, and contains the process id.
+    """
+    lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(lock)
+        return None
+    with suppress(OSError):  # where the disk is full, nobody learns the process id
+        os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
+    with suppress(FileNotFoundError):
+        os.unlink(path)  # of a guard that was killed
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(path)
+    listener.setblocking(False)
+    listener.listen()
+    return listener
+
+
+def on_signals(selector: selectors.BaseSelector, end: Callable[[], None]) -> None:
+    """Call `end` at SIGTERM and SIGINT, which wake the selector."""
+    woken, wake = socket.socketpair()
+    woken.setblocking(False)
+    wake.setblocking(False)
+    selector.register(woken, selectors.EVENT_READ, lambda: woken.recv(64))
+    signal.set_wakeup_fd(wake.detach())
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: end())
+
+
+# --- guard port ---------------------------------------------------------------------------------------
+#
+# The port of a guard: opened again with increasing pauses when it is lost, written at the line's pace.
+
+RETRY_NS = (100_000_000, 2_000_000_000)
+"""Pauses before a lost port is opened again: the first, which doubles, and the longest."""
+
+STABLE_NS = 1_000_000_000
+"""Time in ns after which a port that is lost is opened again without a pause."""
+
+
+class GuardedPort:
+    """A port and what waits for it. Mutable; of the guard's thread.
+
+    Attributes:
+        is_new: whether the port is open, and nothing was sent since it was opened.
+
+    Args:
+        name: what `open_link` opens.
+        baud: the baud rate of a serial port; 0 leaves it as it is.
+        selector: waits for the port's bytes.
+        on_data: takes bytes that arrived.
+        on_status: called when the port was opened (None), and when it cannot be opened or is lost (why).
+    """
+
+    def __init__(
+        self,
+        name: str,
+        baud: int,
+        selector: selectors.BaseSelector,
+        on_data: Callable[[bytes], None],
+        on_status: Callable[[str | None], None],
+    ) -> None:
+        self.name, self.baud = name, baud
+        self.outbox = Outbox(baud)
+        self._selector = selector
+        self._on_data = on_data
+        self._on_status = on_status
+        self.is_new = False
+        self._link: Link | None = None
+        self._retry_ns, self._pause_ns, self._opened_ns = 0, RETRY_NS[0], 0
+
+    @property
+    def is_open(self) -> bool:
+        """True while bytes can be sent."""
+        return self._link is not None
+
+    def is_sent(self, channel: int) -> bool | None:
+        """Return True once a channel's newest stop or decision has left this computer; None without one."""
+        if self._link is None:
+            return None
+        return self.outbox.is_sent(time.monotonic_ns(), channel, unsent=self._link.unsent())
+
+    def due_ns(self) -> int | None:
+        """Return when `do_what_is_due` has something to do."""
+        return self._retry_ns if self._link is None else self.outbox.due_ns()
+
+    def do_what_is_due(self) -> None:
+        """Write what the line has room for, and open a port that is lost."""
+        try:
+            while self._link is not None and (packet := self.outbox.next(time.monotonic_ns())):
+                self.is_new = False
+                self.outbox.wrote(packet, self._link.write(packet), time.monotonic_ns())
+        except OSError as problem:
+            self._lose(f"{self.name} is lost: {problem.strerror or problem}")
+        if self._link is None and time.monotonic_ns() >= self._retry_ns:
+            self._open()
+
+    def write_all(self, within_ns: int) -> None:
+        """Write all that is due before `within_ns` have passed, and wait for it."""
+        until_ns = time.monotonic_ns() + within_ns
+        while self.is_open and (due_ns := self.outbox.due_ns()) is not None and due_ns < until_ns:
+            time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
+            self.do_what_is_due()
+
+    def close(self) -> None:
+        """Release the port; what it is lost for is nobody's concern any more."""
+        if self._link is not None:
+            self._link.close()
+
+    def _open(self) -> None:
+        try:
+            self._link = open_link(self.name, self.baud)
+        except OSError as problem:
+            self._lose(str(problem))
+            return
+        self.is_new, self._opened_ns = True, time.monotonic_ns()
+        self._selector.register(self._link, selectors.EVENT_READ, self._read)
+        self._pause_ns = RETRY_NS[0]
+        self._on_status(None)
+
+    def _read(self) -> None:
+        try:
+            data = self._link.read() if self._link is not None else b""
+        except OSError as problem:
+            self._lose(f"{self.name} is lost: {problem.strerror or problem}")
+            return
+        if data:
+            self._on_data(data)
+
+    def _lose(self, why: str) -> None:
+        link, self._link, self.is_new = self._link, None, False
+        if link is not None:
+            self._selector.unregister(link)
+            link.close()
+        self.outbox.clear()
+        if link is not None and time.monotonic_ns() - self._opened_ns >= STABLE_NS:
+            self._retry_ns = 0  # whether it can be opened again says more than why it was lost
+            return
+        self._retry_ns = time.monotonic_ns() + self._pause_ns
+        self._pause_ns = min(2 * self._pause_ns, RETRY_NS[1])
+        self._on_status(why)
+
+
+# --- guard --------------------------------------------------------------------------------------------
 
 LINGER_NS = 2_000_000_000
 """Time without drivers after which the guard ends."""

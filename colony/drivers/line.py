@@ -12,8 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from colony.drivers.decoder import Packet
-from colony.drivers.dialect import REFUSALS, Dialect, ImplausibleError, OpeningError
+from colony.drivers.dialect import REFUSALS, Dialect, ImplausibleError, OpeningError, OpeningRun, Packet
 from colony.drivers.guarded import (
     Arrived,
     Command,
@@ -27,7 +26,6 @@ from colony.drivers.guarded import (
 )
 from colony.drivers.link import TCP, LinkError
 from colony.drivers.measurements import Measurements
-from colony.drivers.opening import OpeningRun
 from colony.runtime.kit.background import next_pause_s
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 from colony.runtime.servers.drivers import BaseState, Reading

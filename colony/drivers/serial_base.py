@@ -6,8 +6,7 @@ import math
 from collections.abc import Mapping, Set
 from typing import Generic
 
-from colony.drivers.decoder import Packet
-from colony.drivers.dialect import Dialect
+from colony.drivers.dialect import Dialect, Packet
 from colony.drivers.guarded import Command
 from colony.drivers.line import Line, check_options, handshake_first, to_stderr
 from colony.ir.types import ScalarValue

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from colony.dsl import ast
 from colony.dsl.descriptions import shown as shown_path
-from colony.dsl.language_version import version_error
-from colony.dsl.parse import parse
+from colony.dsl.parse import parse, version_error
 from colony.dsl.robot_import import (
     ProgramContext,
     ProgramFile,

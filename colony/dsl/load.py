@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from colony.dsl.check.program import check_program
-from colony.dsl.check.site_labels import with_site_labels
+from colony.dsl.check.site_values import with_site_labels
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import SourceTree, load_tree, relative_sources
 from colony.dsl.robot_import import ProgramContext, context_of_file

@@ -8,12 +8,41 @@ seems to declare are recorded, so that they are not reported as unknown.
 from __future__ import annotations
 
 import re
+from decimal import Decimal
 
 from colony.dsl import ast
 from colony.ir.expression import NESTING_LIMIT
+from colony.ir.version import LANGUAGE
 from colony.record import Record, record
-from colony.text.diagnostics import Diagnostic, error
+from colony.text.diagnostics import Diagnostic, error, note
 from colony.text.source import Source, Span
+
+# --- language version ---------------------------------------------------------------------------------
+#
+# The line `language 1`: files of other versions are refused, and files without the line are noted.
+
+VERSION_LINE = f"language {LANGUAGE}"
+"""The line that says the version of a file."""
+
+
+def version_error(source: Source, line: ast.LanguageDecl | None) -> Diagnostic | None:
+    """Return the error of a file whose `language` line names another version, None for any other file."""
+    if line is None or line.version == str(LANGUAGE):
+        return None
+    span = Span(source, line.start, line.end)
+    message = f"found version {line.version} of the language; this is version {LANGUAGE}"
+    is_newer = line.version.isdecimal() and Decimal(line.version) > LANGUAGE
+    hint = "a newer colony reads it" if is_newer else f"write `{VERSION_LINE}`"
+    return error("E008", span, message, hint)
+
+
+def version_note(source: Source) -> Diagnostic:
+    """Return the note for a file that does not name its version."""
+    hint = f"write `{VERSION_LINE}` before the first declaration"
+    return note("N001", Span(source, 0, 1), f"read as version {LANGUAGE} of the language", hint)
+
+
+# --- parse --------------------------------------------------------------------------------------------
 
 MAX_SYNTAX_ERRORS = 20
 
@@ -36,9 +65,9 @@ def parse(source: Source) -> Parsed:
     """Parse a whole file; invalid text raises no exception."""
     depth_error = _check_depth(source)
     if depth_error:
-        from colony.dsl import recovery
+        from colony.dsl import parser
 
-        lost_names = frozenset(recovery.lost_names(source.text))
+        lost_names = frozenset(parser.lost_names(source.text))
         return Parsed(file=ast.File(declarations=()), diagnostics=(depth_error,), lost_names=lost_names)
     from colony.dsl.parser import Unexpected, parse_from
 
@@ -48,17 +77,17 @@ def parse(source: Source) -> Parsed:
     lost: set[str] = set()
     language: ast.LanguageDecl | None = None
     while isinstance(found := parse_from(text, start), Unexpected):
-        from colony.dsl import recovery
+        from colony.dsl import parser
         from colony.dsl.syntax_errors import describe
 
-        line = recovery.language_line(found)
+        line = parser.language_line(found)
         language = language or line
-        complete = recovery.complete_declarations(found)
+        complete = parser.complete_declarations(found)
         declarations += complete
         declaration_start = complete[-1].end if complete else line.end if line else start
         diagnostics.append(describe(source, found, declaration_start))
-        start = recovery.next_declaration(text, declaration_start, diagnostics[-1].span.start)
-        lost |= recovery.lost_names(text[declaration_start:start])
+        start = parser.next_declaration(text, declaration_start, diagnostics[-1].span.start)
+        lost |= parser.lost_names(text[declaration_start:start])
         if start >= len(text):
             break
         if len(diagnostics) == MAX_SYNTAX_ERRORS:
@@ -66,7 +95,7 @@ def parse(source: Source) -> Parsed:
             diagnostics.append(
                 error("E007", span, f"{MAX_SYNTAX_ERRORS} syntax errors; the rest of the file is not read")
             )
-            lost |= recovery.lost_names(text[start:])
+            lost |= parser.lost_names(text[start:])
             break
     else:
         language = language or found.language

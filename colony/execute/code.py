@@ -256,14 +256,14 @@ class ClientCode:
     Attributes:
         known: False where the module is failsafe and blind, so that it is active without a command;
             constantly true of others.
-        guard, exclusive: Guards (see `colony.compile.clients`), simplified.
+        guard, exclusive: Guards (see `colony.compile.guards`), simplified.
         loss_aware_guard, loss_aware_exclusive: Guards that its own process evaluates: under `on_loss
         degrade`,
             modules whose clients are `Lost` are not active in them.
         unsimplified: Guard before simplification, as the forward traversal gives it.
         has_several_paths: True if its command has several paths to the actuator.
 
-    Executors read `guard` and `exclusive` of a view (`views.py`), in which the other guards equal them.
+    Executors read `guard` and `exclusive` of a view (`needs.py`), in which the other guards equal them.
     """
 
     module: str

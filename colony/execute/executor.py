@@ -24,8 +24,16 @@ from colony.execute.code import (
 from colony.execute.compiled import Compiled
 from colony.execute.decisions import ActuatorDecision, BoundsStep, bounds_in_frame, decide, decide_given
 from colony.execute.machine import OpMachine
-from colony.execute.needs import BOUNDS, ClientKey, needs_of_clients, python_modules
-from colony.execute.views import clients_view, module_view, unsimplified_view, whole_view
+from colony.execute.needs import (
+    BOUNDS,
+    ClientKey,
+    clients_view,
+    module_view,
+    needs_of_clients,
+    python_modules,
+    unsimplified_view,
+    whole_view,
+)
 from colony.ir.frame import NOTHING_GIVEN, Answer, Bid, Decision, Frame, Given, Outcome, Record
 from colony.ir.in_time import idled, remembered
 from colony.ir.memory import ProgramMemory, late_cell

@@ -6,20 +6,29 @@ would be too slow for thousands of clients.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 from colony.execute.code import (
+    ActuatorCode,
+    ClientCode,
     Code,
+    ContractCode,
     OldCell,
     Op,
     PythonActive,
     PythonBlind,
+    PythonCall,
     PythonField,
     SensorElement,
     SensorFresh,
+    live,
     operands,
+    remapped,
+    roots,
 )
+from colony.ir.program import sensors_in_base_units
 
 ClientKey = tuple[str, str]
 """Actuator and module of a client; `BOUNDS` stands for a module in the client of the actuator's bounds."""
@@ -131,3 +140,163 @@ def _bit_indices(mask: int) -> Iterator[int]:
     while at >= 0:
         yield at
         at = digits.find("1", at + 1)
+
+
+# --- views --------------------------------------------------------------------------------------------
+#
+# Views of a program's code: the part of its table of operations that an executor needs.
+#
+# A view is a separate `Code`, renumbered and without dead ops. It is made in one pass.
+
+
+def whole_view(code: Code) -> Code:
+    """Return the view of all clients with their simplified guards."""
+    return _view_of_all(code, code.contracts, lambda c: (c.guard, c.exclusive))
+
+
+def loss_aware_view(code: Code) -> Code:
+    """Return the view of all clients with the guards that their own processes evaluate."""
+    return _view_of_all(code, code.contracts, lambda c: (c.loss_aware_guard, c.loss_aware_exclusive))
+
+
+def unsimplified_view(code: Code) -> Code:
+    """Return the view of all clients with their guards before simplification.
+
+    Its `memory_cells` are complete.
+    """
+    contracts = tuple(replace(contract, holds=contract.unsimplified) for contract in code.contracts)
+    return _view_of_all(code, contracts, lambda c: (c.unsimplified, c.exclusive))
+
+
+def clients_view(code: Code, clients: Collection[tuple[str, str]]) -> Code:
+    """Return the view of some clients, by actuator and module; `BOUNDS` for a module is its limits alone.
+
+    The view has the guards that the clients' own process evaluates, their commands, and the limits on the
+    commands. Sensors are in base units. Modules in Python run elsewhere, even those of the clients.
+
+    Raises:
+        KeyError: there is no such client.
+    """
+    remaining = set(clients)
+    actuators = []
+    for actuator_code in code.actuators:
+        name = actuator_code.actuator.name
+        own = tuple(c for c in actuator_code.clients if (name, c.module) in remaining)
+        is_bounded = bool(actuator_code.limits) and (name, BOUNDS) in remaining
+        remaining.difference_update((name, c.module) for c in own)
+        remaining.difference_update([(name, BOUNDS)] if is_bounded else ())
+        if own or is_bounded:
+            loss_aware_clients = tuple(
+                _with_guards(c, c.loss_aware_guard, c.loss_aware_exclusive) for c in own
+            )
+            actuators.append(replace(actuator_code, clients=loss_aware_clients))
+    if remaining:
+        raise KeyError(min(remaining))
+    view = replace(
+        code,
+        sensors=sensors_in_base_units(code.sensors),
+        python=(),
+        actuators=tuple(actuators),
+        contracts=(),
+    )
+    return trimmed(view, every_sensor=False)
+
+
+def module_view(code: Code, module: str) -> Code:
+    """Return the view of a module in Python: its inputs, computed from sensors in base units.
+
+    Raises:
+        KeyError: there is no such module.
+    """
+    call = {call.module: call for call in code.python}[module]
+    view = replace(
+        code, sensors=sensors_in_base_units(code.sensors), python=(call,), actuators=(), contracts=()
+    )
+    return trimmed(view, every_sensor=False)
+
+
+def _view_of_all(
+    code: Code, contracts: tuple[ContractCode, ...], guards: Callable[[ClientCode], tuple[int, int]]
+) -> Code:
+    actuators = tuple(
+        replace(actuator_code, clients=tuple(_with_guards(c, *guards(c)) for c in actuator_code.clients))
+        for actuator_code in code.actuators
+    )
+    contracts = tuple(replace(contract, unsimplified=contract.holds) for contract in contracts)
+    return trimmed(replace(code, actuators=actuators, contracts=contracts), every_sensor=True)
+
+
+def _with_guards(client: ClientCode, guard: int, exclusive: int) -> ClientCode:
+    return replace(
+        client,
+        guard=guard,
+        exclusive=exclusive,
+        loss_aware_guard=guard,
+        loss_aware_exclusive=exclusive,
+        unsimplified=guard,
+    )
+
+
+def trimmed(code: Code, *, every_sensor: bool) -> Code:
+    """Return `code` without dead ops and cells and, unless `every_sensor`, without unused sensors."""
+    flags, used_cells = live(code.ops, code.cells, roots(code))
+    precedes = before_decisions(code)
+    kept = sorted((i for i, flag in enumerate(flags) if flag), key=lambda i: (not precedes[i], i))
+    new_index = {old: new for new, old in enumerate(kept)}
+    new_cell = {old: new for new, old in enumerate(sorted(used_cells))}
+    ops = tuple(remapped(code.ops[i], new_index, new_cell) for i in kept)
+    used_sensors = {op.sensor for op in ops if isinstance(op, SensorFresh | SensorElement)}
+    return Code(
+        ops=ops,
+        kinds=tuple(code.kinds[i] for i in kept),
+        decided=sum(precedes[i] for i in kept),
+        sensors=tuple(s for s in code.sensors if every_sensor or s.name in used_sensors),
+        cells=tuple(
+            replace(c, condition=new_index[c.condition], value=new_index[c.value])
+            for c in (code.cells[i] for i in new_cell)
+        ),
+        python=tuple(_python(call, new_index) for call in code.python),
+        actuators=tuple(_actuator(actuator, new_index) for actuator in code.actuators),
+        contracts=tuple(
+            replace(c, holds=new_index[c.holds], unsimplified=new_index[c.unsimplified])
+            for c in code.contracts
+        ),
+        names={new_index[i]: name for i, name in code.names.items() if i in new_index},
+        memory_cells={name: new_cell[i] for name, i in code.memory_cells.items() if i in new_cell},
+    )
+
+
+def before_decisions(code: Code) -> bytearray:
+    """Return a flag for each op that must precede decisions: it does already, or a client depends on it."""
+    flags = bytearray(len(code.ops))
+    flags[: code.decided] = b"\1" * code.decided
+    for actuator_code in code.actuators:
+        for client in actuator_code.clients:
+            for index in client.conditions.values():
+                flags[index] = 1
+    for index in range(len(code.ops) - 1, -1, -1):
+        if flags[index]:
+            for operand in operands(code.ops[index]):
+                flags[operand] = 1
+    return flags
+
+
+def _python(call: PythonCall, new_index: dict[int, int]) -> PythonCall:
+    reads = tuple(replace(r, elements=tuple([new_index[i] for i in r.elements])) for r in call.reads)
+    return replace(call, present=new_index[call.present], reads=reads)
+
+
+def _actuator(actuator_code: ActuatorCode, new_index: dict[int, int]) -> ActuatorCode:
+    return replace(
+        actuator_code,
+        clients=tuple(_client(client, new_index) for client in actuator_code.clients),
+        limits=tuple(
+            replace(x, applies=new_index[x.applies], bound=new_index[x.bound], known=new_index[x.known])
+            for x in actuator_code.limits
+        ),
+    )
+
+
+def _client(client: ClientCode, new_index: dict[int, int]) -> ClientCode:
+    conditions: dict[str, Any] = {name: new_index[index] for name, index in client.conditions.items()}
+    return replace(client, fields=tuple([new_index[i] for i in client.fields]), **conditions)

@@ -15,8 +15,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.needs import needs_of_clients
 from colony.experiment.design import Trial
 from colony.experiment.programs import compiled_of
-from colony.experiment.results import KEY_COLUMNS, RunKey, Table
-from colony.experiment.rows import Points
+from colony.experiment.results import KEY_COLUMNS, Points, RunKey, Table
 from colony.ir.program import Program
 from colony.robots.building_run import run_in_building
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface

@@ -20,7 +20,7 @@ that starts first downs the semaphores that an earlier Planner upped and no clie
 
 Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. The Navigator is
 a compiled network, which has access to variables only, and a clerk that handles the semaphores for it
-(`colony/nav/missions/clerk.py`). TrackStart is CTracker's own (`colony/vision/lights/track_goals.py`).
+(`colony/nav/missions/clerk.py`). TrackStart is CTracker's own (`colony/vision/lights/track.py`).
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ POSE = "Pose"
 covariance."""
 
 LIGHT_FIX = "LightFix"
-"""Set by CTracker at each valid light: a `Fix` (`colony/nav/pose/fixes.py`) as a list."""
+"""Set by CTracker at each valid light: a `Fix` (`colony/nav/pose/pose.py`) as a list."""
 
 PLATE_FIX = "PlateFix"
 """Set by the plate finder at each observation of a plate of the map: a `Fix` as a list."""

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, assert_never
 
-from colony.body.footprint import radius_mm
-from colony.body.model import Body
+from colony.body.model import Body, radius_mm
 from colony.execute.compiled import Compiled
 from colony.ir.servers import DSERVER
 from colony.nav.maps.stickrep.model import Pose

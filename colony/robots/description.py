@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from colony.dsl.descriptions import RobotChoice, existing_choice, find_in_project
-from colony.dsl.language_version import VERSION_LINE
 from colony.dsl.load import load_text
+from colony.dsl.parse import VERSION_LINE
 from colony.ir.program import Program
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.protocol.interface import Interface, interface_of, interface_problem

@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from colony.body.footprint import radius_mm
-from colony.body.model import Body
+from colony.body.model import Body, radius_mm
 from colony.execute.compiled import Compiled
 from colony.ir.servers import ServerSpec
 from colony.ir.types import Value

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from colony.body.devices import Base, Pose
-from colony.body.footprint import radius_mm
-from colony.body.model import Body, Drive, Faults, Omnidirectional, Rolling, rolling_at
+from colony.body.model import Body, Drive, Faults, Omnidirectional, Rolling, radius_mm, rolling_at
 from colony.body.shipped import ROME, shipped_body
 from colony.ir.servers import RSERVER
 from colony.runtime.servers.drivers import BaseLimits

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 from matplotlib.patches import Polygon as PolygonPatch
 
-from colony.view.palette import FAINT, FLOOR, INK, MUTED, PAPER, SERIES
 from colony.view.polar import label_bearing, point, scale_of
 from colony.view.robot_scene import RobotScene, SensorView
+from colony.view.sheet import FAINT, FLOOR, INK, MUTED, PAPER, SERIES
 
 _PANEL_INCHES, _MARGIN_INCHES = 5.2, 0.25
 _TITLE_INCHES, _HEADING_INCHES, _LINE_INCHES = 0.6, 0.35, 0.22

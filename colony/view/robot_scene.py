@@ -20,8 +20,7 @@ from colony.body.devices import (
     Proximity,
     RangeFinder,
 )
-from colony.body.footprint import radius_mm
-from colony.body.model import Body, Circle, Drive, Field, Omnidirectional, Polygon
+from colony.body.model import Body, Circle, Drive, Field, Omnidirectional, Polygon, radius_mm
 from colony.ir.bearings import Bearings, between, sweep
 from colony.ir.program import Robot, Sensor
 from colony.ir.types import Array, bearings_of

@@ -11,10 +11,15 @@ The simulator's cameras are rendered with the same geometry; a test compares the
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
+from typing import Any
 
 from colony.body.devices import Camera
 from colony.body.shipped import shipped_body
+from colony.runtime.kit.script import Step, do
+from colony.runtime.library import camera
+from colony.vision.lights.observing import NO_ANSWER_ERRORS, ensure_period
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,3 +89,29 @@ SIDE = level_camera_of(shipped_body("rome").camera("CServerSide"))
 
 AHEAD = level_camera_of(shipped_body("rome").camera("CServerFront"))
 """RoME's camera that looks ahead, for markers."""
+
+
+# --- camera setup -------------------------------------------------------------------------------------
+#
+# Sets up a level camera.
+
+
+def prepare_camera(name: str, geometry: LevelCamera, period_s: float) -> Generator[Step, Any, bool]:
+    """Make a camera take an image at least every `period_s`; return False if it does not answer.
+
+    Call it again if the camera did not answer or had no new image after a period: it may have restarted.
+
+    Raises:
+        ValueError: the camera's images do not have the size given by `geometry`.
+    """
+    yield from ensure_period((name,), period_s)
+    try:
+        size = yield from do(name, camera.size())
+    except NO_ANSWER_ERRORS:
+        return False
+    if (size.width, size.height) != (geometry.columns, geometry.rows):
+        found = f"{name} gives images of {size.width} x {size.height} pixels"
+        raise ValueError(
+            f"{found}; expected {geometry.columns} x {geometry.rows}: pass the camera's `geometry`"
+        )
+    return True

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from colony.body.footprint import radius_mm
-from colony.body.model import Body, Polygon
+from colony.body.model import Body, Polygon, radius_mm
 
 
 def footprint_of(body: Body) -> tuple[tuple[float, float], ...]:

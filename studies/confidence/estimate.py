@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.experiment import statistics
+from colony.experiment import report
 from studies.confidence.automaton import ALL_ARCS, PUBLISHED_ARCS, Arcs, Automaton, Event, powers_of
 
 
@@ -119,7 +119,7 @@ class Interval(NamedTuple):
 
 def wilson(count: Count) -> Interval:
     """Return Wilson's score interval of 95 % for an event's probability; [0, 1] if it was never tried."""
-    found = statistics.wilson(count.successes, count.trials)
+    found = report.wilson(count.successes, count.trials)
     return Interval(found.low, found.high)
 
 

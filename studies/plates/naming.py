@@ -9,7 +9,7 @@ from typing import NamedTuple
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import point_on, walls_of
-from colony.sim.cameras.posters import BLACK_KINDS, posters
+from colony.sim.cameras.atlas import BLACK_KINDS, posters
 from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Scenery
 from studies.plates.judging import NameSighting, Sighting
 

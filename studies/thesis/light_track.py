@@ -12,9 +12,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from colony.vision.lights.along_track import Scale, TrackEstimate
 from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM
-from colony.vision.lights.track import LightDetections, LightGoal, LightPassing, LightTrack
+from colony.vision.lights.track import (
+    LightDetections,
+    LightGoal,
+    LightPassing,
+    LightTrack,
+    Scale,
+    TrackEstimate,
+)
 
 PERIOD_S = 0.5
 """Seconds between two images of the printed scripts."""

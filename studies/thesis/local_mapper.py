@@ -15,7 +15,7 @@ import numpy as np
 
 from colony.nav.calls import try_adjust_position, try_ask, try_wait
 from colony.nav.mapping.himm import HimmMap, HimmParameters, LocalPose
-from colony.nav.mapping.hough import lines_in
+from colony.nav.mapping.local_map import lines_in
 from colony.nav.mapping.wall_matching import wrap_deg
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import rome_sonars

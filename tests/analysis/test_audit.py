@@ -21,8 +21,7 @@ from colony.dsl.load import load_file, load_text
 from colony.ir.frame import Answer, Frame
 from colony.runtime.frames.run_frame import RunFrame
 from colony.text.diagnostics import DiagnosticError
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace
 from tests.analysis.recorded_runs import MS, WAYS, as_mcap, brought, logs, read_mcap
 from tests.drawn.strategies import Run, network_runs, run_of_seed, runs
 from tests.paths import BEHAVIORS

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from colony.body.device_consistency import MAX_POSITIONS
+from colony.body.consistency import MAX_POSITIONS
 from colony.body.devices import DEVICES
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body

@@ -13,8 +13,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from colony.drivers.create2.firmware import Firmware, World
-from colony.drivers.emulator import Emulator
-from colony.drivers.surroundings import room
+from colony.drivers.emulator import Emulator, room
 from tests.cli.conftest import Colony
 from tests.cli.machine import Machine, children_of
 from tests.waiting import until

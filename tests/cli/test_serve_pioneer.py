@@ -6,10 +6,9 @@ from contextlib import closing
 
 import pytest
 
-from colony.drivers.emulator import Emulator
+from colony.drivers.emulator import Emulator, room
 from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
-from colony.drivers.surroundings import room
 from colony.runtime.kit.connection import Session
 from colony.runtime.library import robot as library
 from tests.cli.machine import WANDER, Machine, Started, audited, failed

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from colony.drivers.create2.codec import Mode
 from colony.drivers.create2.firmware import Firmware, World
-from colony.drivers.create2.sensors import Mode
-from colony.drivers.emulator import Emulator
-from colony.drivers.surroundings import room
+from colony.drivers.emulator import Emulator, room
 from tests.cli.conftest import Colony
 from tests.cli.machine import Machine, audited, failed
 from tests.drivers.test_guard import guard_pid, guard_runs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from colony.compile.clients import Client, ClientList
+from colony.compile.guards import Client, ClientList
 
 CLIENT = Client(module="m", priority=1, guard=0, exclusive=0)
 

@@ -22,7 +22,7 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
-from colony.execute.views import clients_view, module_view, whole_view
+from colony.execute.needs import clients_view, module_view, whole_view
 from colony.verify.testing.agreement import client_disagreement, disagreement
 from colony.verify.testing.strategies import traces
 from tests.compile.listing import listing

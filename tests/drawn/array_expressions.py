@@ -13,7 +13,7 @@ from dataclasses import replace
 from colony.ir.bearings import TURN, Bearings, between, nearest, part_by_bearing, part_by_index
 from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, Array, Bool, Enum, Quantity, Scalar, element_type
 from colony.text.units import ANGLE, NUMBER, Dimension
-from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import Choices
 from tests.drawn.bearings import angle_text, draw_angle
 from tests.drawn.scope import Named, NamedArray, Scope
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.ir.bearings import TURN, Bearings, listed_bearings, uniform
-from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import Choices
 
 _STARTS = (-180.0, 0.0, 90.0, -135.0, 7.5, 172.5, -0.5)
 _STEPS = (15.0, 45.0, 7.0, 1.0, 0.1, 13.7, 90.0, 61.0)

@@ -27,7 +27,7 @@ from colony.ir.program import (
 )
 from colony.ir.types import BOOL, DIMENSIONLESS
 from colony.text.wording import duration_text
-from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import Choices
 
 WINDOWS_NS = (0, 0, 100_000_000, 50_000_000, 150_000_000, 1)
 """Time constants of drawn networks: on frame boundaries, where off-by-one errors show."""

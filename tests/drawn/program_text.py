@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, Array, Enum, Quantity, Scalar, Type
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
-from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import Choices
 from tests.drawn.bearings import draw_bearings
 from tests.drawn.expressions import Expressions
 from tests.drawn.networks import Port, Wirings, draw_wires, wiring_text

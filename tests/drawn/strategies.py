@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace
 from colony.verify.testing.strategies import choices
 from tests.drawn.networks import draw_network
 from tests.drawn.program_text import draw_text

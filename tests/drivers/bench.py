@@ -6,11 +6,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Generic
 
-from colony.drivers.decoder import Packet
-from colony.drivers.dialect import Dialect
+from colony.drivers.dialect import Dialect, OpeningRun, Packet
 from colony.drivers.emulator import STEP_S, Firmware
 from colony.drivers.measurements import Measurements
-from colony.drivers.opening import OpeningRun
 from colony.runtime.servers.drivers import BaseState
 
 STEP_NS = round(STEP_S * 1e9)

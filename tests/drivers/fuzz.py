@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from colony.drivers.decoder import Decoder
+from colony.drivers.dialect import Decoder
 from tests.drivers.fuzz_device import Device, Trial
 
 CASES = (

@@ -13,9 +13,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from colony.drivers.dialect import REFUSALS, Dialect, OpeningError
+from colony.drivers.dialect import REFUSALS, Dialect, OpeningError, OpeningRun
 from colony.drivers.measurements import Measurements
-from colony.drivers.opening import OpeningRun
 from colony.ir.types import ScalarValue
 from colony.runtime.servers.drivers import BaseState
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.drivers.decoder import Need, SlidingDecoder
+from colony.drivers.dialect import Need, SlidingDecoder
 from tests.drivers.fuzz import CASES, fuzz, load
 from tests.drivers.tiny import decoder, encoded
 

@@ -47,7 +47,7 @@ while True:
 FAILING = """
 import sys
 from colony.drivers.guard import Guard
-from colony.drivers.guard_process import claimed
+from colony.drivers.guard import claimed
 guard = Guard(claimed(sys.argv[1]), sys.argv[2], 0, bytes.fromhex(sys.argv[3]))
 guard._due_ns = lambda: 1 // 0
 guard.run()

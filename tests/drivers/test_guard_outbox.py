@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from colony.drivers.guard_outbox import MAX_WAITING, REPEATS_NS, Outbox
+from colony.drivers.guard import MAX_WAITING, REPEATS_NS, Outbox
 
 MS = 1_000_000
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.drivers.dialect import Ask, Opening, OpeningError, Send
-from colony.drivers.opening import OpeningRun
+from colony.drivers.dialect import Ask, Opening, OpeningError, OpeningRun, Send
 
 MS = 1_000_000
 

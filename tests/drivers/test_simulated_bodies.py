@@ -20,10 +20,10 @@ from colony.drivers.create2.create2 import Create2
 from colony.drivers.create2.firmware import Firmware as CreateFirmware
 from colony.drivers.create2.firmware import World as CreateWorld
 from colony.drivers.dialect import OpeningError
+from colony.drivers.emulator import Surroundings, room
 from colony.drivers.pioneer.firmware import Firmware as PioneerFirmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import Pioneer
-from colony.drivers.surroundings import Surroundings, room
 from colony.runtime.servers.drivers import BaseState
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.config import config_of, without_errors

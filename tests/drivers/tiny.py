@@ -13,8 +13,17 @@ import struct
 from functools import cache
 from typing import ClassVar
 
-from colony.drivers.decoder import Need, SlidingDecoder
-from colony.drivers.dialect import NOTHING, Ask, Dialect, Opening, OpeningError, Readings, Send
+from colony.drivers.dialect import (
+    NOTHING,
+    Ask,
+    Dialect,
+    Need,
+    Opening,
+    OpeningError,
+    Readings,
+    Send,
+    SlidingDecoder,
+)
 from colony.drivers.odometry import Pose, Registers
 from colony.drivers.serial_base import SerialActuators, SerialBase, SerialFields
 from colony.runtime.servers.drivers import BaseState

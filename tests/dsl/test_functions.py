@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.dsl.check.arguments import with_new_cells
+from colony.dsl.check.compatibility import with_new_cells
 from colony.dsl.load import load_text
 from colony.ir import expression as e
 from colony.ir.frame import Frame

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sequence
 import pytest
 
 from colony.dsl.check.calls import FUNCTION_NAMES
+from colony.dsl.parser import CONTEXTUAL_KEYWORDS as KEYWORDS
 from colony.dsl.parser import GRAMMAR
-from colony.dsl.recovery import CONTEXTUAL_KEYWORDS as KEYWORDS
-from colony.dsl.syntax_hints import RESERVED
+from colony.dsl.syntax_errors import RESERVED
 from colony.text.units import BASE_UNITS
 from tests.dsl.texts import findings
 from tests.sampling import sampled

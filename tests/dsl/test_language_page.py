@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from colony.dsl.check.calls import FUNCTION_NAMES
-from colony.dsl.syntax_hints import RESERVED
+from colony.dsl.syntax_errors import RESERVED
 from colony.text.units import BASE_UNITS
 from tests.paths import ROOT
 

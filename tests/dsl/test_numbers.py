@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.dsl.check.constants import literal
+from colony.dsl.check.compatibility import literal
 from colony.ir import expression as e
 from colony.ir.program import Let
 from colony.text.units import BASE_UNITS

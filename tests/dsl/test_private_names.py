@@ -11,8 +11,7 @@ import colony
 from colony.dsl.load import check_file
 from colony.text.diagnostics import render
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace
 from tests.dsl.test_imports import Files
 from tests.dsl.texts import findings
 

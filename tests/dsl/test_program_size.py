@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.dsl.check.program_size import MAX_NODES, Excess, ProgramSize
+from colony.dsl.check.scope import MAX_NODES, Excess, ProgramSize
 from colony.ir.expression import NESTING_LIMIT
 
 

@@ -22,11 +22,10 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
 from colony.execute.code import Apply, Cell, Code, Kind, Literal, OldCell, PythonActive, SensorElement, Table
-from colony.execute.colonyc import MAX_BYTES, VERSION, decode, encode, is_compiled, read
+from colony.execute.colonyc import MAX_BYTES, VERSION, SpanShape, decode, encode, is_compiled, read, to_shape
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ProgramExecutor
 from colony.execute.operators import Operator
-from colony.execute.shapes import SpanShape, to_shape
 from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError
 from colony.text.source import Span

@@ -9,7 +9,7 @@ from itertools import product
 
 import pytest
 
-from colony.compile.backends.python.sensor_validation import _if
+from colony.compile.backends.python.decision import _if
 from colony.dsl.load import load_text
 from colony.execute.sensors import members, stand_in
 from colony.ir.frame import Frame

@@ -5,8 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 
 from colony.compile.pipeline import compile_program
-from colony.execute.needs import BOUNDS, needs_of_clients, python_modules
-from colony.execute.views import clients_view
+from colony.execute.needs import BOUNDS, clients_view, needs_of_clients, python_modules
 from colony.ir.program import Program
 from tests.drawn.strategies import networks, programs
 

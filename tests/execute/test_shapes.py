@@ -7,8 +7,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from colony.execute import shapes
-from colony.execute.shapes import shape
+from colony.execute import colonyc
+from colony.execute.colonyc import shape
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,7 @@ from colony.execute.shapes import shape
 def test_more_than_the_largest_number_of_things_is_refused(
     monkeypatch: pytest.MonkeyPatch, hint: Any, fitting: object, too_many: object
 ) -> None:
-    monkeypatch.setattr(shapes, "MAX_ITEMS", 3)
+    monkeypatch.setattr(colonyc, "MAX_ITEMS", 3)
     decoder = msgspec.msgpack.Decoder(shape(hint))
     assert decoder.decode(msgspec.msgpack.encode(fitting)) == fitting
     with pytest.raises(msgspec.ValidationError, match="length <= 3"):
@@ -30,6 +30,6 @@ def test_more_than_the_largest_number_of_things_is_refused(
 
 
 def test_a_tuple_of_fixed_length_may_be_longer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shapes, "MAX_ITEMS", 1)
+    monkeypatch.setattr(colonyc, "MAX_ITEMS", 1)
     decoder = msgspec.msgpack.Decoder(shape(tuple[str, int]))
     assert decoder.decode(msgspec.msgpack.encode(("a", 1))) == ("a", 1)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from colony.execute.code import Apply, Kind, SensorFresh
+from colony.execute.needs import before_decisions
 from colony.execute.operators import Operator
-from colony.execute.views import before_decisions
 from tests.programs import lowered, robot
 
 TEXT = f"{robot()} module m {{ when a do out(v = 1) }} network {{ out = m }}"

@@ -14,8 +14,7 @@ from typing import Any, Literal
 
 import pytest
 
-from colony.experiment.results import KEY_COLUMNS, Results, ResultsError, RunKey, Table
-from colony.experiment.rows import Points
+from colony.experiment.results import KEY_COLUMNS, Points, Results, ResultsError, RunKey, Table
 from tests.paths import ROOT
 
 

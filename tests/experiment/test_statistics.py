@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from colony.experiment.statistics import Mean, Proportion, Z, mean_of, wilson
+from colony.experiment.report import Mean, Proportion, Z, mean_of, wilson
 
 
 @pytest.mark.parametrize(

@@ -9,17 +9,15 @@ import pytest
 
 from colony.nav.maps.building import MAX_MAPS, load_building
 from colony.nav.maps.grid import keys
-from colony.nav.maps.grid.image import FORMATS, MAX_CELLS, MAX_IMAGE_BYTES
 from colony.nav.maps.grid.outlines import MAX_SIDES
-from colony.nav.maps.grid.reader import MAX_YAML_BYTES
+from colony.nav.maps.grid.reader import FORMATS, MAX_CELLS, MAX_IMAGE_BYTES, MAX_YAML_BYTES
 from colony.nav.maps.source import MAX_BYTES
 from colony.nav.maps.stickrep import fields
-from colony.nav.maps.stickrep.connections import MAX_ACROSS_MM, MAX_DISPLACEMENT_MM, linked_rings
+from colony.nav.maps.stickrep.checks import MAX_ACROSS_MM, MAX_DISPLACEMENT_MM, linked_rings
 from colony.nav.maps.stickrep.fields import Problems
 from colony.nav.maps.stickrep.header import Header
 from colony.nav.maps.stickrep.model import DEFAULT_TOLERANCE_MM, EdgeKind
-from colony.nav.maps.stickrep.reader import MAX_LINES, load_map, read_map
-from colony.nav.maps.stickrep.writer import write_map
+from colony.nav.maps.stickrep.reader import MAX_LINES, load_map, read_map, write_map
 from colony.nav.maps.walls import lights_of
 from colony.nav.maps.world_map import MAX_WALLS
 from colony.text.codes import CODES

@@ -9,7 +9,7 @@ import pytest
 from colony.nav.missions.goal_verification import Verdict
 from colony.nav.pose.pose import PoseEstimate
 from colony.nav.pose.tracker import Source
-from colony.vision.letters.network import network
+from colony.vision.letters.decoding import network
 from tests.pages import page_text
 from tools.training.fonts import learned_fonts
 

@@ -17,7 +17,7 @@ from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.drivers import RemoteDevice
+from colony.sim.plant.servers import RemoteDevice
 from tests.sim.plant.plants import START, PlantProcess, wait_for
 
 S = 1_000_000_000

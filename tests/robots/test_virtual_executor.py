@@ -18,9 +18,7 @@ from colony.robots.faults import with_faults
 from colony.robots.virtual_executor import VirtualExecutor
 from colony.runtime.arbitration.arbiter import Arbiter
 from colony.verify.testing.agreement import disagreement, reference
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.example_frames import frames_of
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace, frames_of
 from tests.drawn.strategies import run_of_seed
 from tests.found_seeds import find_seed
 from tests.paths import ROOT

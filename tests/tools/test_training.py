@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.vision.letters.network import CLASSES
+from colony.vision.letters.decoding import CLASSES
 from colony.vision.plates.reader import reading_of
 from tools.training import __main__ as command
 from tools.training import fonts as fonts_module

@@ -18,13 +18,12 @@ from colony.runtime.recordings.lines import encoder
 from colony.runtime.recordings.reader import FramesReader, LinesReader
 from colony.text.diagnostics import DiagnosticError
 from colony.verify.contracts.example_block import example_block
-from colony.verify.contracts.frames import frame_row
 from colony.verify.contracts.prove import prove_contracts
+from colony.verify.contracts.report import frame_row
 from colony.verify.contracts.results import Proved, Refuted
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
-from colony.verify.testing.drawing import Choices
 from colony.verify.testing.examples import run_examples
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace
 from tests.analysis.recorded_runs import brought
 from tests.analysis.recorded_runs import logs as recorded_logs
 from tests.diagnostics import problems_of

@@ -6,7 +6,7 @@ from colony.dsl.load import load_text
 from colony.ir.frame import Frame
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import snapshot_of
-from colony.verify.testing.example_frames import frames_of, snapshots_of
+from colony.verify.testing.frames import frames_of, snapshots_of
 
 PROGRAM = load_text("""
 robot r {

@@ -10,7 +10,7 @@ import pytest
 from colony.dsl.load import load_text
 from colony.ir.bearings import listed_bearings, uniform
 from colony.ir.frame import Frame, Reading
-from colony.view.frame_scene import Panel, Ranges, Scene, States, describe, scene_of
+from colony.view.polar_picture import Panel, Ranges, Scene, States, describe, scene_of
 
 BEHAVIOR = """
 enum look {{ free = 0, wall = 7 }}

@@ -8,7 +8,7 @@ from colony.nav.maps.stickrep.geometry import corners, in_free_space
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
-from colony.view.map_names import Box, place_names
+from colony.view.sheet import Box, place_names
 from tests.paths import MAPS
 
 MSU = load_map(MAPS / "msu_engineering_3.stickrep")

@@ -10,8 +10,7 @@ from matplotlib.colors import to_hex
 from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
-from colony.view.map_picture import encode_picture
-from colony.view.plan_picture import draw_plan
+from colony.view.map_picture import draw_plan, encode_picture
 from tests.paths import MAPS
 
 

@@ -9,10 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 from colony.ir.bearings import listed_bearings, uniform
-from colony.view.frame_scene import Mark, Panel, Ranges, Scene, States
 from colony.view.map_picture import encode_picture
 from colony.view.polar import scale_of
-from colony.view.polar_picture import draw_scene
+from colony.view.polar_picture import Mark, Panel, Ranges, Scene, States, draw_scene
 
 MARKS: tuple[Mark, ...] = ("reading", "limit", "infinite", "negative", "invalid")
 

@@ -6,8 +6,8 @@ import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 
 from colony.view.map_picture import encode_picture
-from colony.view.palette import SERIES
 from colony.view.robot_picture import draw_robot
+from colony.view.sheet import SERIES
 from tests.view.test_robot_scene import rome, scene
 
 

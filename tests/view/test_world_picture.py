@@ -8,8 +8,7 @@ import numpy as np
 
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.world_map import load_world, world_of_grid
-from colony.view.map_picture import encode_picture
-from colony.view.world_picture import draw_world
+from colony.view.map_picture import draw_world, encode_picture
 from tests.nav.maps.grid.small_grids import grid_of
 from tests.paths import MAPS
 

@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from PIL import Image
 
-from colony.vision.annotate import annotate, encode_png
 from colony.vision.detections import PlateBox
 from colony.vision.detectors import Detection, Detector, detect
-from colony.vision.image_files import decode_image
+from colony.vision.image_files import annotate, decode_image, encode_png
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.scan_lines import ceiling_lights
 from colony.vision.markers.rows import find_markers

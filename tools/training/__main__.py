@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from colony.vision.letters import network
-from colony.vision.letters.network import WEIGHTS_FILE, LetterNet, packed, unpacked
+from colony.vision.letters import decoding
+from colony.vision.letters.decoding import WEIGHTS_FILE, LetterNet, packed, unpacked
 from tools.training.fonts import learned_fonts, unseen_fonts
 from tools.training.learning import BATCH_SIZE, Learner, train_steps
 from tools.training.trial import Score, calibrate, junk_score, plate_score
@@ -37,7 +37,7 @@ def main() -> None:
     parser.add_argument(
         "--samples", type=int, default=60, help="samples per font and height in the evaluation (default: 60)"
     )
-    weights = Path(network.__file__).parent / WEIGHTS_FILE
+    weights = Path(decoding.__file__).parent / WEIGHTS_FILE
     parser.add_argument(
         "--out", type=Path, default=weights, help="the .npz file to write (default: Colony's own)"
     )

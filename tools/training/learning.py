@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from colony.vision.letters.network import (
+from colony.vision.letters.decoding import (
     CLASSES,
     FRAMES,
     HEAD_AFTER,

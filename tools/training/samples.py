@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from colony.vision.plates.strip import STRIP_COLUMNS, STRIP_ROWS, Corners, plate_strip
+from colony.vision.plates.reader import STRIP_COLUMNS, STRIP_ROWS, Corners, plate_strip
 from tools.training import lettering, views
 from tools.training.texts import any_text, door_text
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from colony.nav.maps.signs import CHARACTERS
-from colony.vision.letters.prior import MAX_CHARACTERS, ROOM_LETTERS, SHAPES, WORD_FRACTION, WORDS
+from colony.vision.letters.decoding import MAX_CHARACTERS, ROOM_LETTERS, SHAPES, WORD_FRACTION, WORDS
 
 _DIGITS, _LETTERS = CHARACTERS[:10], CHARACTERS[10:]
 

@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.vision.detections import Reading
-from colony.vision.letters.network import LetterNet
-from colony.vision.plates.reader import reading_of, texts_of, weigh
-from colony.vision.plates.strip import plate_strip
+from colony.vision.letters.decoding import LetterNet
+from colony.vision.plates.reader import plate_strip, reading_of, texts_of, weigh
 from tools.training.samples import Sample, junk_sample, plate_sample
 from tools.training.texts import door_text
 from tools.training.views import random_height

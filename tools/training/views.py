@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from colony.nav.maps.signs import CHARACTER_HEIGHT_MM, PLATE_HEIGHT_MM, PLATE_WIDTH_MM
 from colony.vision.level_camera import SIDE
-from colony.vision.plates.strip import Corners
+from colony.vision.plates.reader import Corners
 
 Gray = npt.NDArray[np.uint8]
 Doubles = npt.NDArray[np.float64]

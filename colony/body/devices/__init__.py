@@ -5,23 +5,24 @@ which it looks, counterclockwise from ahead. Bearings are those of the interface
 `colony robot check` compares both.
 """
 
-from colony.body.devices.base import Base, OmnidirectionalBase
-from colony.body.devices.battery import Battery
-from colony.body.devices.bumper import Bumper
-from colony.body.devices.button import Button
+from colony.body.devices.actuators import Base, Joint, OmnidirectionalBase, Output, RotaryJoint
 from colony.body.devices.cameras import Camera, CeilingCamera, Size
-from colony.body.devices.cliff import Cliff
 from colony.body.devices.common import CENTER, Place, Pose
-from colony.body.devices.compass import Compass
-from colony.body.devices.dock_sensor import DockSensor
-from colony.body.devices.encoders import Encoders
-from colony.body.devices.imu import AccelerationErrors, Imu, TurnErrors
-from colony.body.devices.joint import Joint, RotaryJoint
-from colony.body.devices.lidar import Lidar
-from colony.body.devices.output import Output
-from colony.body.devices.proximity import Infrared, Proximity, Sonar
-from colony.body.devices.range_finder import RangeFinder
-from colony.body.devices.value import ValueField, Values
+from colony.body.devices.ranging import Infrared, Lidar, Proximity, RangeFinder, Sonar
+from colony.body.devices.sensors import (
+    AccelerationErrors,
+    Battery,
+    Bumper,
+    Button,
+    Cliff,
+    Compass,
+    DockSensor,
+    Encoders,
+    Imu,
+    TurnErrors,
+    ValueField,
+    Values,
+)
 
 Device = (
     Base

@@ -165,7 +165,7 @@ def command(
 
         with announcing_compilation(say):
             import_module("colony.experiment.trial")  # with the simulator
-        from colony.body.footprint import radius_mm
+        from colony.body.model import radius_mm
         from colony.experiment.programs import compiled_of
 
         radius = radius_mm(compiled_of(experiment.programs[0]).described.body)
@@ -421,8 +421,7 @@ def _print(
 
 
 def _draw(floor: WorldMap, results: Sequence[TrialResult], path: str) -> None:
-    from colony.view.map_picture import encode_picture, picture_format
-    from colony.view.runs_picture import draw_runs
+    from colony.view.map_picture import draw_runs, encode_picture, picture_format
 
     figure = draw_runs(floor, [(r.path, r.places, _is_bad(r)) for r in results])
     write_whole(Path(path), encode_picture(figure, picture_format(path)))

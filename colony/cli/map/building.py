@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 def building_summary(building: Building) -> dict[str, object]:
     """Return the content of a building, for programs."""
-    from colony.nav.maps.stickrep.connections import linked_rings
+    from colony.nav.maps.stickrep.checks import linked_rings
     from colony.nav.maps.stickrep.model import EdgeKind
     from colony.nav.maps.walls import lights_of, walls_of
 

@@ -103,7 +103,6 @@ def _ending(world: WorldMap) -> str:
 
 
 def _draw(world: WorldMap, start: Pose | None, target: Path) -> None:
-    from colony.view.map_picture import encode_picture, picture_format
-    from colony.view.world_picture import draw_world
+    from colony.view.map_picture import draw_world, encode_picture, picture_format
 
     write_whole(target, encode_picture(draw_world(world, start=start), picture_format(target)))

@@ -47,8 +47,7 @@ def draw(result: RunReport, robot: str, path: str) -> RunReport:
     """
     import numpy as np
 
-    from colony.view.map_picture import encode_picture, picture_format
-    from colony.view.world_picture import draw_world
+    from colony.view.map_picture import draw_world, encode_picture, picture_format
 
     target = Path(path)
     others: list[str] = []

@@ -122,8 +122,8 @@ def snapshot_command(
       colony sim snapshot msu_engineering_3 --at 354 --hazards 7 --size 640x480 -o shots
     """
     expect_extras("sim")
+    from colony.nav.maps.signs import NoViewpointError
     from colony.nav.maps.stickrep.reader import load_map
-    from colony.nav.maps.viewpoints import NoViewpointError
     from colony.text.diagnostics import DiagnosticError
 
     try:
@@ -161,7 +161,7 @@ def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
     Raises:
         NoViewpointError: the map has no such position, it is not in a corridor, or there are two headings.
     """
-    from colony.nav.maps.viewpoints import NoViewpointError, parse_pose, viewpoint_of
+    from colony.nav.maps.signs import NoViewpointError, parse_pose, viewpoint_of
 
     if "," in where:
         if facing is not None:

@@ -73,7 +73,7 @@ def _headline(report: Report) -> str:
 
 
 def _table(program: Program, breach: Breach) -> tuple[str, ...]:
-    from colony.verify.contracts.breach import refutation
+    from colony.verify.contracts.results import refutation
     from colony.verify.contracts.table import table
 
     return table(program, breach.contract, refutation(program, breach).trace)
@@ -119,8 +119,8 @@ def findings(
 
 
 def _broken(program: Program, breach: Breach, file: str | None) -> Diagnostic:
-    from colony.verify.contracts.breach import refutation
     from colony.verify.contracts.report import finding
+    from colony.verify.contracts.results import refutation
 
     diagnostic = finding(refutation(program, breach), file)
     assert diagnostic is not None, "it is refuted"
@@ -152,8 +152,8 @@ def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[Trace
 
 def row(program: Program, report: Report) -> dict[str, object]:
     """Return an object for JSON, with traces in the prover's form."""
-    from colony.verify.contracts.breach import refutation
     from colony.verify.contracts.report import trace_rows
+    from colony.verify.contracts.results import refutation
 
     broken = [
         {

@@ -42,7 +42,7 @@ def show_rest(verified: Verified) -> None:
         else:
             report(verified.diagnostics)
         return
-    from colony.verify.lints.report import run_lines
+    from colony.verify.lints.proof import run_lines
 
     if not verified.program.contracts and not verified.program.reaches:
         click.echo(f"{verified.file}: no contracts found")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from colony.verify.contracts.proof_cache import ProofCache
     from colony.verify.contracts.results import Options, Refuted, Result
     from colony.verify.contracts.solver import Deadline
-    from colony.verify.lints.finding import Finding
+    from colony.verify.lints.proof import Finding
     from colony.verify.symbolic.system import Shape
     from colony.verify.testing.differential import Report
 
@@ -119,8 +119,7 @@ class Work:
         if verified.program is None:
             return
         from colony.verify.contracts.proof_cache import ProofCache, cache_folder
-        from colony.verify.contracts.reach import with_reaches
-        from colony.verify.contracts.results import Options
+        from colony.verify.contracts.results import Options, with_reaches
         from colony.verify.contracts.solver import Deadline
 
         program, seconds = with_reaches(verified.program), self.timeout or DEFAULT_SECONDS
@@ -206,7 +205,7 @@ class Work:
                     program, verified.report, verified.suggested_file, verified.refuted_names
                 )
         if verified.writes_tests and verified.report is not None:
-            from colony.verify.contracts.breach import refutation
+            from colony.verify.contracts.results import refutation
 
             new = [b for b in verified.report.breaches if b.contract.name not in verified.refuted_names]
             append_tests(verified.file, program, [refutation(program, breach) for breach in new])

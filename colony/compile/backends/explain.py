@@ -8,13 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from colony.compile.backends.guard_text import GuardText
-from colony.compile.backends.table import definitions, legend, rows, wrapped
-from colony.compile.clients import ActuatorClients
-from colony.compile.guards import Always, ModuleActive
-from colony.compile.network import ModuleLeaf
+from colony.compile.backends.table import GuardText, definitions, legend, rows, wrapped
+from colony.compile.guards import ActuatorClients, Always, ModuleActive
+from colony.compile.network import GatedSuppressor, Link, ModuleLeaf, SuppressionNetwork
 from colony.compile.pipeline import Compilation
-from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 from colony.ir.program import Program, Use, Wiring
 from colony.text.wording import duration_text
 

@@ -33,8 +33,19 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import assert_never
 
-from colony.compile.clients import ActuatorClients, Client, ClientList
-from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
+from colony.compile.guards import (
+    ActuatorClients,
+    Always,
+    And,
+    Client,
+    ClientList,
+    Guard,
+    ModuleActive,
+    Never,
+    Not,
+    Or,
+    Recently,
+)
 from colony.ir.version import SEMANTICS
 
 FORMAT = "colony-clients/1"

@@ -8,7 +8,7 @@ from struct import pack
 
 from colony.execute.code import Apply, Cell, Kind, Literal, OldCell, Op, Table
 from colony.execute.operators import FUNCTIONS, Operator
-from colony.execute.signatures import RESULTS
+from colony.execute.validity import RESULTS
 from colony.ir.types import ScalarValue
 
 

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import assert_never
 
-from colony.compile.clients import ClientList
+from colony.compile.guards import ClientList
 from colony.compile.lower.builder import Builder
 from colony.compile.lower.expressions import ExpressionLowering, Scope, Values, kind_of
-from colony.compile.lower.guards import GuardLowering
+from colony.compile.lower.memory import GuardLowering
 from colony.execute.code import Kind, Lost, PythonActive, PythonBlind, SensorFresh
 from colony.execute.operators import Operator
 from colony.ir import expression as e

@@ -6,18 +6,21 @@ what that client needs. Nothing recurses over chains of lets, wires or guards.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import assert_never
 
-from colony.compile.clients import Client, ClientList
-from colony.compile.lower.contracts import ContractLowering
+from colony.compile.guards import Client, ClientList
+from colony.compile.lower.builder import Builder
 from colony.compile.lower.declarations import Declarations
-from colony.compile.lower.expressions import Scope, kind_of
-from colony.compile.lower.guards import GuardLowering
+from colony.compile.lower.expressions import ExpressionLowering, Names, Scope, kind_of
+from colony.compile.lower.memory import GuardLowering
 from colony.execute.code import (
     ActuatorCode,
     ClientCode,
     Code,
+    Commanded,
     ContractCode,
     Kind,
     LimitCode,
@@ -25,16 +28,320 @@ from colony.execute.code import (
     PythonCall,
     PythonField,
     PythonRead,
+    Sent,
 )
 from colony.execute.compiled import Compiled
+from colony.execute.needs import trimmed
 from colony.execute.operators import Operator
-from colony.execute.views import trimmed
-from colony.ir import program as ir
+from colony.ir import expression as ir
+from colony.ir import program as program_ir
+from colony.ir.expression import Binary, Function, Unary
 from colony.ir.in_time import in_time
+from colony.ir.memory import sent_cell
 from colony.ir.types import Array
 
+# --- contracts ----------------------------------------------------------------------------------------
+#
+# Lowering of contracts in Kleene's three-valued logic (see `colony.verify.reference.kleene`).
+#
+# Each scalar becomes two ops: its value, and the condition that it is known. Where it is not known, the value
+# is a placeholder.
 
-def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None = None) -> Compiled:
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """The op number of a scalar's value, and that of the condition that it is known."""
+
+    value: int
+    known: int
+
+
+KnownValues = tuple[Known, ...]
+"""The elements of an expression's value; a single one for a scalar."""
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """A round of a reduction: its variable and index, and the elements of its arrays by name."""
+
+    variable: str
+    k: int
+    elements: Mapping[str, Known]
+
+
+Loops = tuple[Round, ...]
+"""The present rounds of the enclosing reductions, outermost first."""
+
+
+class ContractLowering:
+    """Lowers contracts into the builder of `expressions`."""
+
+    def __init__(self, expressions: ExpressionLowering, names: Names) -> None:
+        self.expressions = expressions
+        self.builder: Builder = expressions.builder
+        self.names = names
+
+    def holds(self, e: ir.Expression, label: str) -> int:
+        """Return the condition that a contract is known to be true; `label` is the prefix of its cells."""
+        return self._is(e, True, label)
+
+    def _is(self, e: ir.Expression, wanted: bool, label: str) -> int:
+        """Return the condition that a condition is known to be `wanted`.
+
+        That takes fewer ops than its value and whether it is known: `A implies B` is true if `A` is known to
+        be false, or `B` to be true.
+        """
+        match e:
+            case ir.UnaryOperation(operator=Unary.NOT, operand=operand):
+                return self._is(operand, not wanted, label)
+            case ir.BinaryOperation(operator=(Binary.AND | Binary.OR | Binary.IMPLIES) as operator):
+                left = self._is(e.left, wanted is not (operator is Binary.IMPLIES), label)
+                right = self._is(e.right, wanted, label)
+                takes_both = wanted is (operator is Binary.AND)
+                return self.builder.both(left, right) if takes_both else self.builder.either(left, right)
+            case _:
+                (result,) = self._lower(e, label, ())
+                value = result.value if wanted else self.builder.negation(result.value)
+                return self.builder.both(result.known, value)
+
+    # --- expressions -----------------------------------------------------------------------------
+
+    def _lower(self, e: ir.Expression, label: str, loops: Loops) -> KnownValues:
+        def lower(operand: ir.Expression) -> KnownValues:
+            return self._lower(operand, label, loops)
+
+        match e:
+            case ir.UnaryOperation(operator=operator, operand=operand):
+                is_not = operator is Unary.NOT
+                function = self.builder.negation if is_not else partial(self.builder.apply, Operator.NEGATE)
+                return _each(partial(self._strict, function), lower(operand))
+            case ir.BinaryOperation(operator=operator, left=left, right=right):
+                return _each(partial(self._binary, operator), lower(left), lower(right))
+            case ir.Conditional(condition=condition, yes=yes, no=no):
+                return _each(self._choice, lower(condition), lower(yes), lower(no))
+            case ir.Within(operand=operand, low=low, high=high):
+                within = partial(self._strict, self.expressions.within)
+                return _each(within, lower(operand), lower(low), lower(high))
+            case ir.Nearest(bearings=bearings, angle=angle):
+                return _each(partial(self._strict, partial(self.expressions.nearest, bearings)), lower(angle))
+            case ir.Element() | ir.Slice() | ir.Window():
+                return self._array_access(e, label, loops)
+            case ir.ValueOr(expression=expression, other=other):
+                return _each(self._value_or, lower(expression), lower(other))
+            case ir.Call():
+                return self._call(e, label, loops)
+            case ir.Reduce():
+                return (self._reduce(e, label, loops),)
+            case ir.MemoryCall():
+                return self._memory(e, [lower(a) for a in e.arguments], label, loops)
+            case _:
+                return self._leaf(e, label, loops)
+
+    def _leaf(self, e: ir.Expression, label: str, loops: Loops) -> KnownValues:
+        always = self.builder.literal(True)
+        if isinstance(e, ir.SentField) and not self.names.has_idle_command(e.actuator):
+            return (self._held(e),)
+        if isinstance(e, ir.LoopElement):
+            return ([turn.elements[e.name] for turn in loops if e.name in turn.elements][-1],)
+        present = self.expressions.present((e,), None)
+        scope = Scope(owner=None, label=label, ready=always, loops=_indices_of(loops))
+        return tuple(Known(value, present) for value in self.expressions.lower(e, scope))
+
+    def _held(self, e: ir.SentField) -> Known:
+        """Return the field of an actuator on `idle hold`: the last value sent, unknown before the first."""
+        builder, actuator = self.builder, e.actuator
+        commanded = builder.add(Commanded(actuator), Kind.BOOL)
+        kind = self.names.field_kind(actuator, e.field_index)
+        sent = builder.add(Sent(actuator, e.field_index), kind)
+        name, place = f"{actuator} sent {e.field_index}", sent_cell(actuator, e.field_index)
+        initial = False if kind is Kind.BOOL else 0.0
+        last = builder.cell(f"{name} value", kind, initial, f"{place} value")
+        ever = builder.cell(f"{name} known", Kind.BOOL, False, f"{place} known")
+        builder.keep(last, commanded, sent)
+        builder.keep(ever, commanded, builder.literal(True))
+        value = builder.apply(Operator.SELECT, commanded, sent, last)
+        return Known(value, builder.either(commanded, ever))
+
+    # --- operators -------------------------------------------------------------------------------
+
+    def _strict(self, function: Callable[..., int], *x: Known) -> Known:
+        """Apply a function to values, unknown if one of them is."""
+        return Known(function(*[v.value for v in x]), self._all_known(x))
+
+    def _all_known(self, x: Sequence[Known]) -> int:
+        return self.builder.both(*[v.known for v in x])
+
+    def _binary(self, operator: Binary, x: Known, y: Known) -> Known:
+        match operator:
+            case Binary.AND:
+                return self._all((x, y))
+            case Binary.OR:
+                return self._any((x, y))
+            case Binary.IMPLIES:
+                return self._any((self._strict(self.builder.negation, x), y))
+            case _:
+                return self._strict(partial(self.expressions.binary, operator), x, y)
+
+    def _all(self, x: Sequence[Known]) -> Known:
+        """Return the conjunction: known if all operands are, or if one is known to be false."""
+        value = self.builder.both(*[v.value for v in x])
+        return self._connected(value, x, [self.builder.negation(v.value) for v in x])
+
+    def _any(self, x: Sequence[Known]) -> Known:
+        """Return the disjunction: known if all operands are, or if one is known to be true."""
+        value = self.builder.either(*[v.value for v in x])
+        return self._connected(value, x, [v.value for v in x])
+
+    def _connected(self, value: int, x: Sequence[Known], settles: Sequence[int]) -> Known:
+        """Return a value that is known if all operands are, or if one is that settles it alone."""
+        builder = self.builder
+        certain = [s for v, s in zip(x, settles, strict=True) if self._is_known(v)]
+        uncertain = [(v.known, s) for v, s in zip(x, settles, strict=True) if not self._is_known(v)]
+        conditions = dict.fromkeys(known for known, _ in uncertain)
+        all_known = builder.both(*conditions)
+        if len(conditions) > 1:
+            certain += [builder.both(known, s) for known, s in uncertain]
+        return Known(value, builder.either(all_known, *certain))
+
+    def _is_known(self, x: Known) -> bool:
+        return self.builder.is_true(x.known)
+
+    def _choice(self, condition: Known, yes: Known, no: Known) -> Known:
+        return Known(
+            self.builder.apply(Operator.SELECT, condition.value, yes.value, no.value),
+            self.builder.both(
+                condition.known, self.builder.apply(Operator.SELECT, condition.value, yes.known, no.known)
+            ),
+        )
+
+    def _value_or(self, x: Known, other: Known) -> Known:
+        return Known(
+            self.builder.apply(Operator.SELECT, x.known, x.value, other.value),
+            self.builder.either(x.known, other.known),
+        )
+
+    # --- arrays ----------------------------------------------------------------------------------
+
+    def _array_access(self, e: ir.Element | ir.Slice | ir.Window, label: str, loops: Loops) -> KnownValues:
+        whole = self._lower(e.array, label, loops)
+        match e:
+            case ir.Slice(indices=indices):
+                return tuple(whole[i] for i in indices)
+            case ir.Element(index=index):
+                (given,) = self._lower(index, label, loops)
+                position = self.expressions.position(e, len(whole), given.value)
+                return (self._pick(whole, Known(position, given.known)),)
+            case ir.Window(center=center):
+                (middle,) = self._lower(center, label, loops)
+                return tuple(self._pick(whole, i) for i in self._indices(e, len(whole), middle))
+
+    def _indices(self, e: ir.Window, size: int, center: Known) -> KnownValues:
+        indices = self.expressions.window_indices(e, size, center.value)
+        return tuple(Known(i, center.known) for i in indices)
+
+    def _pick(self, array: KnownValues, index: Known) -> Known:
+        """Return an element, unknown at an index that is outside or not finite."""
+        value = self.expressions.pick(tuple(x.value for x in array), index.value)
+        known = array[0].known
+        if not all(x.known == known for x in array):
+            known = self.expressions.pick(tuple(x.known for x in array), index.value)
+        is_inside = self.builder.apply(Operator.FINITE, index.value)
+        return Known(value, self.builder.both(index.known, is_inside, known))
+
+    # --- functions -------------------------------------------------------------------------------
+
+    def _call(self, e: ir.Call, label: str, loops: Loops) -> KnownValues:
+        if e.function in ir.INDEX_FUNCTIONS:
+            return (self._index_function(e.function, e.arguments[0], label, loops),)
+        arguments = [self._lower(a, label, loops) for a in e.arguments]
+        if e.function in ir.REDUCTIONS:
+            return (self._reduction(e.function, [x for a in arguments for x in a]),)
+        function = partial(self.expressions.function, e.function)
+        return _each(partial(self._strict, function), *arguments)
+
+    def _reduction(self, function: Function, x: Sequence[Known]) -> Known:
+        match function:
+            case Function.ANY:
+                return self._any(x)
+            case Function.ALL:
+                return self._all(x)
+            case _:
+                value = self.expressions.reduction(function, tuple(v.value for v in x))
+                return Known(value, self._all_known(x))
+
+    def _index_function(self, function: Function, e: ir.Expression, label: str, loops: Loops) -> Known:
+        """Return the index of the least or greatest element; for a slice or window, in the whole array."""
+        index_of, builder = self.expressions.index_of, self.builder
+        match e:
+            case ir.Slice(indices=indices):
+                chosen = self._lower(e, label, loops)
+                places = tuple(builder.literal(float(i)) for i in indices)
+            case ir.Window(array=array, center=center):
+                whole = self._lower(array, label, loops)
+                (middle,) = self._lower(center, label, loops)
+                window = self._indices(e, len(whole), middle)
+                chosen = tuple(self._pick(whole, i) for i in window)
+                best = index_of(function, tuple(x.value for x in chosen))
+                place = self.expressions.place_in_window(e, tuple(i.value for i in window), best, len(whole))
+                return Known(place, self._all_known(chosen))
+            case _:
+                chosen = self._lower(e, label, loops)
+                places = tuple(builder.literal(float(i)) for i in range(len(chosen)))
+        position = index_of(function, tuple(x.value for x in chosen))
+        return Known(self.expressions.pick(places, position), self._all_known(chosen))
+
+    def _reduce(self, e: ir.Reduce, label: str, loops: Loops) -> Known:
+        builder, pairs = self.builder, list[tuple[Known, Known]]()
+        always = Known(builder.literal(True), builder.literal(True))
+        arrays = {name: self._lower(array, label, loops) for name, array in e.arrays}
+        for k in range(e.low, e.high + 1):
+            inner = (*loops, Round(e.variable, k, {name: array[k] for name, array in arrays.items()}))
+            (body,) = self._lower(e.body, label, inner)
+            (condition,) = (always,) if e.condition is None else self._lower(e.condition, label, inner)
+            pairs.append((condition, body))
+        match e.function:
+            case Function.ANY:
+                return self._any([self._all(pair) if e.condition else pair[1] for pair in pairs])
+            case Function.ALL:
+                implied = [self._any((self._strict(builder.negation, c), b)) for c, b in pairs]
+                return self._all(implied if e.condition else [body for _, body in pairs])
+            case _:
+                value = self.expressions.reduction_of(
+                    e.function, [b.value for _, b in pairs], [c.value for c, _ in pairs]
+                )
+                return Known(value, self._all_known([x for pair in pairs for x in pair]))
+
+    # --- memory ----------------------------------------------------------------------------------
+
+    def _memory(
+        self, e: ir.MemoryCall, arguments: list[KnownValues], label: str, loops: Loops
+    ) -> KnownValues:
+        """Lower a memory function, whose memory moves on where its arguments are known."""
+        size = max((len(a) for a in arguments), default=1)
+        results = []
+        for i in range(size):
+            x = [a[i] if len(a) > 1 else a[0] for a in arguments]
+            known = self._all_known(x)
+            scope = Scope(owner=None, label=label, ready=known, loops=_indices_of(loops))
+            element = self.expressions.memory(e, tuple(v.value for v in x), scope, i, size)
+            results.append(Known(element, known))
+        return tuple(results)
+
+
+def _indices_of(loops: Loops) -> tuple[tuple[str, int], ...]:
+    return tuple((turn.variable, turn.k) for turn in loops)
+
+
+def _each(function: Callable[..., Known], *operands: KnownValues) -> KnownValues:
+    """Apply a function to the operands, element by element; a scalar is repeated for all elements."""
+    size = max(len(x) for x in operands)
+    return tuple(function(*[x[i] if len(x) > 1 else x[0] for x in operands]) for i in range(size))
+
+
+# --- lower --------------------------------------------------------------------------------------------
+
+
+def lower(program: program_ir.Program, clients: ClientList, traversal: ClientList | None = None) -> Compiled:
     """Lower all of a program: every actuator with all of its clients, every Python module, the contracts.
 
     Near-linear in the size of the program and its clients.
@@ -46,7 +353,7 @@ def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None
     """
     lowering = _Lowering(program, clients)
     for module in program.modules:
-        if isinstance(module, ir.PythonModule):
+        if isinstance(module, program_ir.PythonModule):
             lowering.python_module(module)
     by_actuator = {a.actuator: a.clients for a in clients.actuators}
     for actuator in program.robot.actuators:
@@ -64,7 +371,7 @@ def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None
 class _Lowering(Declarations):
     """A program being lowered to one `Code`. Mutable."""
 
-    def __init__(self, program: ir.Program, clients: ClientList) -> None:
+    def __init__(self, program: program_ir.Program, clients: ClientList) -> None:
         super().__init__(program, clients)
         self.decided = 0
         self._lowered_contracts = ContractLowering(self.expressions, self)
@@ -88,7 +395,7 @@ class _Lowering(Declarations):
 
     # --- Python modules --------------------------------------------------------------------------
 
-    def python_module(self, module: ir.PythonModule) -> None:
+    def python_module(self, module: program_ir.PythonModule) -> None:
         """Lower the readings of a Python module, and record its call."""
         reads = [r.expression for r in module.reads]
         self.prepare(*reads)
@@ -106,7 +413,7 @@ class _Lowering(Declarations):
         )
         self._python.append(call)
 
-    def _read(self, reading: ir.PythonReading, scope: Scope) -> PythonRead:
+    def _read(self, reading: program_ir.PythonReading, scope: Scope) -> PythonRead:
         elements = self.expressions.lower(reading.expression, scope)
         return PythonRead(
             name=reading.name, elements=elements, array=isinstance(reading.expression.type, Array)
@@ -114,7 +421,7 @@ class _Lowering(Declarations):
 
     # --- actuators and contracts -----------------------------------------------------------------
 
-    def actuator(self, actuator: ir.Actuator, clients: tuple[Client, ...]) -> None:
+    def actuator(self, actuator: program_ir.Actuator, clients: tuple[Client, ...]) -> None:
         self._actuator_codes.append(
             ActuatorCode(
                 actuator=actuator,
@@ -130,12 +437,12 @@ class _Lowering(Declarations):
     def _command(self, name: str) -> tuple[int, ...]:
         module = self.modules[name]
         match module:
-            case ir.Module(command=command):
+            case program_ir.Module(command=command):
                 assert command is not None, "a client's module commands its actuator"
                 self.prepare(*command.fields)
                 scope = self.module_scope(module, name)
                 return tuple(self.expressions.scalar(field, scope) for field in command.fields)
-            case ir.PythonModule(actuator=actuator):
+            case program_ir.PythonModule(actuator=actuator):
                 assert actuator is not None, "a client's module commands its actuator"
                 fields = self.actuators[actuator].fields
                 return tuple(
@@ -148,9 +455,9 @@ class _Lowering(Declarations):
         guard, exclusive = self.guards.guard(client.guard), self.guards.guard(client.exclusive)
         module = self.modules[client.module]
         match module:
-            case ir.Module():
+            case program_ir.Module():
                 present = self.module_present(module.name)
-            case ir.PythonModule():
+            case program_ir.PythonModule():
                 present = self.module_active(module.name)
             case _:
                 assert_never(module)
@@ -170,7 +477,7 @@ class _Lowering(Declarations):
             span=module.span,
         )
 
-    def _limit(self, number: int, limit: ir.Limit) -> LimitCode:
+    def _limit(self, number: int, limit: program_ir.Limit) -> LimitCode:
         builder = self.builder
         name = f"limit {number}"
         self.prepare(limit.bound)

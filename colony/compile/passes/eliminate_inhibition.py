@@ -17,8 +17,16 @@ from __future__ import annotations
 from typing import assert_never
 
 from colony.compile.guards import Always, GuardTable, ModuleActive
-from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
-from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork, SuppressionNode
+from colony.compile.network import (
+    GatedSuppressor,
+    Inhibitor,
+    Link,
+    ModuleLeaf,
+    Network,
+    SuppressionNetwork,
+    SuppressionNode,
+    Suppressor,
+)
 
 
 def eliminate_inhibition(network: Network) -> SuppressionNetwork:

@@ -19,10 +19,8 @@ and the winner of the network are the same.
 
 from __future__ import annotations
 
-from colony.compile.clients import ActuatorClients, Client, ClientList
-from colony.compile.guards import GuardTable, ModuleActive
-from colony.compile.network import ModuleLeaf
-from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork, SuppressionNode
+from colony.compile.guards import ActuatorClients, Client, ClientList, GuardTable, ModuleActive
+from colony.compile.network import GatedSuppressor, Link, ModuleLeaf, SuppressionNetwork, SuppressionNode
 
 
 def forward_traversal(suppression: SuppressionNetwork) -> ClientList:

@@ -13,20 +13,34 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from colony.drivers.create2.codec import MAX_WHEEL, Frame, Opcode, command, decoder, drive_direct, stream
-from colony.drivers.create2.sensors import (
+from colony.drivers.create2.codec import (
     FORCE_FIELD,
     GREEN_BUOY,
+    MAX_WHEEL,
     RED_BUOY,
     STREAM,
+    Frame,
     Mode,
+    Opcode,
     State,
     beam_heard,
+    command,
+    decoder,
+    drive_direct,
     implausible,
     state_of,
+    stream,
 )
-from colony.drivers.decoder import Decoder
-from colony.drivers.dialect import Ask, Dialect, ImplausibleError, Opening, OpeningError, Readings, Send
+from colony.drivers.dialect import (
+    Ask,
+    Decoder,
+    Dialect,
+    ImplausibleError,
+    Opening,
+    OpeningError,
+    Readings,
+    Send,
+)
 from colony.drivers.odometry import Pose, Registers, along_arc
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.ir.types import Value

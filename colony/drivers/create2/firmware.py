@@ -12,19 +12,22 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from colony.drivers.create2.codec import MAX_WHEEL, CommandReader, Frame, Opcode, encoded
-from colony.drivers.create2.sensors import (
+from colony.drivers.create2.codec import (
     DOCK,
     FORCE_FIELD,
     GREEN_BUOY,
     GROUPS,
+    MAX_WHEEL,
     PACKETS,
     RED_BUOY,
+    CommandReader,
+    Frame,
     Mode,
+    Opcode,
     data_of,
+    encoded,
 )
-from colony.drivers.emulator import STEP_S
-from colony.drivers.surroundings import Pose, Surroundings, moved, open_field
+from colony.drivers.emulator import STEP_S, Pose, Surroundings, moved, open_field
 
 STREAM_S = 0.015
 SLEEP_S = 300.0

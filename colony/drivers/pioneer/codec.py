@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from colony.drivers.decoder import Need, SlidingDecoder
+from colony.drivers.dialect import Need, SlidingDecoder
 
 HEADER = b"\xfa\xfb"
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from colony.dsl import ast
-from colony.dsl.check.arguments import freshness, reads_parts
-from colony.dsl.check.checker import Checker, percent_hint
-from colony.dsl.check.compatibility import unify, with_article, with_articles
+from colony.dsl.check.checker import Checker, percent_hint, sent_field
+from colony.dsl.check.compatibility import freshness, reads_parts, unify, with_article, with_articles
 from colony.dsl.check.scope import (
     ArgumentSymbol,
     BrokenSymbol,
@@ -15,7 +14,6 @@ from colony.dsl.check.scope import (
     PlaceholderSymbol,
     SensorSymbol,
 )
-from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
 from colony.ir.program import SENT
 from colony.ir.types import (

@@ -12,11 +12,26 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from colony.dsl import ast
-from colony.dsl.check.arguments import reads_placeholder
-from colony.dsl.check.compatibility import fits, with_article
-from colony.dsl.check.constants import constant_value, literal, unit_of
-from colony.dsl.check.scope import Report, Scope, ValueSymbol, label, span_of
+from colony.dsl.check.compatibility import (
+    constant_value,
+    fits,
+    literal,
+    reads_placeholder,
+    unit_of,
+    with_article,
+)
+from colony.dsl.check.scope import (
+    ActuatorSymbol,
+    BrokenSymbol,
+    Report,
+    Scope,
+    ValueSymbol,
+    is_private,
+    label,
+    span_of,
+)
 from colony.ir import expression as ir
+from colony.ir import program as program_ir
 from colony.ir.types import (
     DIMENSIONLESS,
     Array,
@@ -293,3 +308,60 @@ def unit_hint(number: str, expected: Quantity) -> str:
     """Return a hint for a number without a unit; which unit was meant, only its author knows."""
     units = [f"`{short_number(number)} {unit}`" for unit in common_units(expected.dimension)]
     return f"write its unit: {listed(units, 'or')}"
+
+
+# --- private ------------------------------------------------------------------------------------------
+#
+# Names that begin with `_`: they belong to their file, and imports do not bring them in.
+
+_HINT = "a name that begins with `_` can be used only in its file"
+
+
+def reject_private_name(checker: Checker, node: ast.SyntaxNode, scope: Scope, name: str) -> bool:
+    """Report a name that is unknown in a scope because it belongs to another file; return True if so."""
+    if not is_private(name) or (scope is checker.scope and scope.declares_private(name)):
+        return False
+    owner = scope.file.source.name if scope.declares_private(name) else scope.private_owners.get(name)
+    if owner is None:
+        return False
+    checker.error("E110", node, f"`{name}` belongs to `{owner}`", _HINT)
+    return True
+
+
+def reject_private_member(checker: Checker, node: ast.SyntaxNode, home: Scope | None, name: str) -> bool:
+    """Report a member, of a module whose text is in `home`, that belongs to another file."""
+    if home is None or not is_private(name) or home.file.key == checker.scope.file.key:
+        return False
+    checker.error("E110", node, f"`{name}` belongs to `{home.file.source.name}`", _HINT)
+    return True
+
+
+# --- sent ---------------------------------------------------------------------------------------------
+#
+# Resolution of `last.ACTUATOR.FIELD`: what an actuator was given in the frame before.
+
+
+def sent_field(checker: Checker, node: ast.Reference) -> program_ir.Sensor | None:
+    """Return the sensor `last.ACTUATOR.FIELD` of the program, or None after reporting an error."""
+    robot = checker.scope.robot
+    if len(node.path) != 3:
+        actuator = min(robot.actuator_names, default="ACTUATOR")
+        if len(node.path) > 1 and node.path[1] in robot.actuator_names:
+            actuator = node.path[1]
+        hint = f"name an actuator and one of its fields: `last.{actuator}.FIELD`"
+        checker.error("E108", node, f"`{node.text}` is no field of an actuator", hint)
+        return None
+    _, name, field = node.path
+    symbol = robot.network_symbols.get(name)
+    if not isinstance(symbol, ActuatorSymbol):
+        if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(name):
+            similar = checker.report.suggest(name, robot.actuator_names)
+            checker.error("E402", node, f"unknown actuator `{name}`", similar)
+        return None
+    fields = [f.name for f in symbol.actuator.fields]
+    if field not in fields:
+        shown = checker.report.suggest(field, fields) or f"it has {', '.join(fields)}"
+        checker.error("E108", node, f"actuator `{name}` has no field `{field}`", shown)
+        return None
+    sensor = program_ir.sent_sensor(symbol.actuator, fields.index(field))
+    return robot.sent.setdefault(sensor.name, sensor)

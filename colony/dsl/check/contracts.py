@@ -6,13 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from colony.dsl import ast
-from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import with_article
-from colony.dsl.check.constants import constant_value
+from colony.dsl.check.checker import Checker, sent_field
+from colony.dsl.check.compatibility import constant_value, with_article
+from colony.dsl.check.declare import RESTARTED
 from colony.dsl.check.references import actuator_named, report_unknown
-from colony.dsl.check.reserved import RESTARTED
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol, ValueSymbol
-from colony.dsl.check.sent import sent_field
 from colony.ir import program as ir
 from colony.ir.expression import (
     Binary,

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from colony.dsl import ast
-from colony.dsl.check.arrays import check_index, check_slice
+from colony.dsl.check.arrays import check_comprehension, check_index, check_slice
 from colony.dsl.check.checker import Checker, percent_hint, unit_hint
-from colony.dsl.check.compatibility import unify, with_article, with_articles
-from colony.dsl.check.constants import unit_of
+from colony.dsl.check.compatibility import unify, unit_of, with_article, with_articles
 from colony.dsl.check.functions import check_any_call
-from colony.dsl.check.reductions import check_comprehension
 from colony.dsl.check.references import resolve_reference, resolve_status, resolve_winner
 from colony.ir import expression as ir
 from colony.ir.types import (

@@ -13,23 +13,22 @@ from dataclasses import replace
 from typing import assert_never
 
 from colony.dsl import ast
-from colony.dsl.check.arguments import argument_symbol, placeholder, without_wildcard_type
 from colony.dsl.check.calls import (
     FOREIGN_FUNCTIONS,
     FUNCTION_NAMES,
     check_call,
     reject_named_arguments,
 )
-from colony.dsl.check.checker import CONSTANT_HINT, Checker
-from colony.dsl.check.compatibility import with_article
-from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
-from colony.dsl.check.private import reject_private_name
-from colony.dsl.check.program_size import MAX_NODES, Excess
+from colony.dsl.check.checker import CONSTANT_HINT, Checker, reject_private_name
+from colony.dsl.check.compatibility import argument_symbol, placeholder, with_article, without_wildcard_type
 from colony.dsl.check.references import kind_of_part
+from colony.dsl.check.robot import argument_hint, check_parameter, takes, what_it_takes
 from colony.dsl.check.scope import (
+    MAX_NODES,
     ArgumentSymbol,
     BrokenSymbol,
     EnumSymbol,
+    Excess,
     FunctionSymbol,
     ParamSymbol,
     PlaceholderSymbol,

@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from colony.dsl import ast
-from colony.dsl.check.arguments import as_declared
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import with_article
+from colony.dsl.check.compatibility import as_declared, with_article
 from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.parameters import argument_hint, check_parameter, takes, what_it_takes
+from colony.dsl.check.robot import argument_hint, check_parameter, takes, what_it_takes
 from colony.dsl.check.scope import BrokenSymbol, LetSymbol, Report, Scope, TypedParameter, ValueSymbol
 from colony.ir import program as ir
 from colony.ir.expression import DerivedValue

@@ -8,13 +8,12 @@ from dataclasses import replace
 from typing import TypeVar
 
 from colony.dsl import ast
-from colony.dsl.check.checker import Checker, type_hint
+from colony.dsl.check.checker import Checker, reject_private_member, type_hint
 from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.derived import check_let, check_nexts, check_param, check_state, let_symbol
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.functions import declare_function
 from colony.dsl.check.inputs import Binding, Inputs, check_inputs, input_readings
-from colony.dsl.check.private import reject_private_member
 from colony.dsl.check.references import actuator_named, resolve_network_symbol, resolve_reference
 from colony.dsl.check.robot import command_arguments
 from colony.dsl.check.scope import (

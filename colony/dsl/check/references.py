@@ -6,12 +6,17 @@ from dataclasses import replace
 from itertools import islice
 
 from colony.dsl import ast
-from colony.dsl.check.arguments import placeholder, with_new_cells
+from colony.dsl.check.arrays import MAX_ITERATIONS
 from colony.dsl.check.calls import FUNCTION_NAMES
-from colony.dsl.check.checker import CONSTANT_HINT, Checker
-from colony.dsl.check.private import reject_private_member, reject_private_name
-from colony.dsl.check.reductions import MAX_ITERATIONS
-from colony.dsl.check.reserved import RESTARTED
+from colony.dsl.check.checker import (
+    CONSTANT_HINT,
+    Checker,
+    reject_private_member,
+    reject_private_name,
+    sent_field,
+)
+from colony.dsl.check.compatibility import placeholder, with_new_cells
+from colony.dsl.check.declare import RESTARTED
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     ArgumentSymbol,
@@ -30,7 +35,6 @@ from colony.dsl.check.scope import (
     ValueSymbol,
     WireSymbol,
 )
-from colony.dsl.check.sent import sent_field
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
 from colony.ir.types import BOOL, DURATION, Enum

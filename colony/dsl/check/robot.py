@@ -8,10 +8,8 @@ from typing import NamedTuple
 
 from colony.dsl import ast
 from colony.dsl.check.arrays import check_bearings
-from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import with_article
-from colony.dsl.check.constants import unit_of
-from colony.dsl.check.private import reject_private_name
+from colony.dsl.check.checker import Checker, reject_private_name, type_hint
+from colony.dsl.check.compatibility import fits, plural, unit_of, with_article
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     BrokenSymbol,
@@ -20,6 +18,7 @@ from colony.dsl.check.scope import (
     RobotScope,
     Scope,
     SensorSymbol,
+    TypedParameter,
 )
 from colony.ir import program as ir
 from colony.ir.types import (
@@ -31,6 +30,7 @@ from colony.ir.types import (
     Quantity,
     Scalar,
     ScalarValue,
+    Type,
     in_unit,
     is_rate,
 )
@@ -341,3 +341,44 @@ def check_enum(checker: Checker, node: ast.EnumDecl) -> Enum | None:
     if not members:
         return None
     return Enum(name=checker.scope.full_name(node.name.text), members=tuple(members.items()))
+
+
+# --- parameters ---------------------------------------------------------------------------------------
+#
+# Parameters of functions, and inputs of modules: their types, and what can be given to them.
+
+
+def check_parameter(checker: Checker, node: ast.Parameter) -> TypedParameter | None:
+    """Check the type of a parameter or input; its default is left out."""
+    found = check_type(checker, node.type)
+    size: int | None = None
+    if node.size is not None:
+        size = checker.whole(node.size, "the size of an array", 1, MAX_ELEMENTS)
+        if size is None:
+            return None
+    if found is None:
+        return None
+    element, unit = found
+    return TypedParameter(name=node.name.text, element=element, unit=unit, is_array=node.is_array, size=size)
+
+
+def takes(parameter: TypedParameter, found: Type) -> bool:
+    """Return True if a value of this type can be given to a parameter."""
+    expected = parameter.type
+    if expected is None:
+        return isinstance(found, Array) and fits(found.element, parameter.element)
+    return fits(found, expected)
+
+
+def argument_hint(node: ast.Expression, parameter: TypedParameter, found: Type) -> str | None:
+    """Return a hint for a value that a parameter does not take, if there is one."""
+    if not parameter.is_array:
+        return type_hint(node, found, parameter.element)
+    return type_hint(node, found.element, parameter.element) if isinstance(found, Array) else None
+
+
+def what_it_takes(parameter: TypedParameter) -> str:
+    """Return the type of a parameter with its article, for messages."""
+    if parameter.type is None:
+        return f"an array of {plural(parameter.element)}"
+    return with_article(parameter.type)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.nav.mapping.hough import Line
+from colony.nav.mapping.local_map import Line
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import Bools, Floats, Reflectors
 

@@ -6,8 +6,7 @@ from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind, Map, Travel
 from colony.nav.plan.graph import ElevatorRide, Layout, NodeIndex, Route, Stretch, layout_of, shortest_route
-from colony.nav.plan.legs import DisconnectedCorridors, Leg, legs_of, segments_of
-from colony.nav.plan.plan import FloorPoint, Plan, Segment
+from colony.nav.plan.plan import DisconnectedCorridors, FloorPoint, Leg, Plan, Segment, legs_of, segments_of
 from colony.nav.shared import GoalKind
 from colony.text.suggestions import did_you_mean
 

@@ -16,8 +16,7 @@ from typing import Any
 
 from colony.nav.calls import try_adjust_position, try_ask
 from colony.nav.maps.walls import Walls
-from colony.nav.pose.fixes import fix_of
-from colony.nav.pose.pose import pose_list
+from colony.nav.pose.pose import fix_of, pose_list
 from colony.nav.pose.tracker import EVERY_SOURCE, LandmarkFix, PoseTracker, Source, position_at
 from colony.nav.shared import FLOOR, GOAL_TYPE, LIGHT_FIX, MARKER_FIX, PLATE_FIX, POSE, GoalKind
 from colony.runtime.kit.script import Script, Step, sleep

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.pose.echoes import Floats, Prediction, Reflectors, SonarRing
-from colony.nav.pose.fixes import Row
-from colony.nav.pose.steps import NO_MOTION, MotionSince, Step
+from colony.nav.pose.pose import NO_MOTION, MotionSince, Row, Step
 
 
 class JumpLimit(NamedTuple):

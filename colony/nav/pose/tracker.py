@@ -23,10 +23,7 @@ from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.echoes import Floats, Reflectors, SonarRing, reflectors_of, rome_sonars
 from colony.nav.pose.filter import JumpLimit, PoseFilter
-from colony.nav.pose.fixes import Fix, Row
-from colony.nav.pose.motion_history import MotionHistory
-from colony.nav.pose.pose import PoseEstimate
-from colony.nav.pose.steps import Step
+from colony.nav.pose.pose import Fix, MotionHistory, PoseEstimate, Row, Step
 from colony.runtime.library.robot import Position
 
 

@@ -12,8 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from colony.execute.compiled import Compiled
-from colony.execute.needs import BOUNDS, ClientKey, needs_of_clients
-from colony.execute.views import clients_view
+from colony.execute.needs import BOUNDS, ClientKey, clients_view, needs_of_clients
 from colony.ir.program import Robot
 from colony.ir.servers import (
     COMMON_SERVERS,

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ModuleExecutor, ProgramExecutor
-from colony.execute.needs import BOUNDS, ClientKey, needs_of_clients
-from colony.execute.views import clients_view
+from colony.execute.needs import BOUNDS, ClientKey, clients_view, needs_of_clients
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.client_program import ClientProgram

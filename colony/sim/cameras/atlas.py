@@ -12,11 +12,26 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from colony.nav.maps.signs import (
+    CHARACTER_HEIGHT_MM,
+    MARKER_BITS,
+    MARKER_WIDTH_MM,
+    PLATE_HEIGHT_MM,
+    PLATE_WIDTH_MM,
+    STRIPE_HEIGHT_MM,
+)
 from colony.sim.compiled import Floats, Floats2, called, inlined
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
 
 OFFSET, COLUMNS, ROWS, ACROSS, DOWN, OPACITY, WRAPS = range(7)
 """Columns of `Atlas.pictures`: start of the table, size in texels, mm per texel across and down, start of the
@@ -163,3 +178,207 @@ def paint_picture(
             hidden_before = hidden_after
         out[row] += gain * (after - before) / area - hidden * out[row]
         before, down = after, lower
+
+
+# --- lettering ----------------------------------------------------------------------------------------
+#
+# Drawings of signs: door plates, elevator markers, and the text of posters.
+#
+# The font is DejaVu Sans Bold, which matplotlib includes.
+
+TEXEL_MM = 2.0
+
+_BLACK, _WHITE = 0.05, 0.90
+_MARGIN_MM = 14.0  # on either side of a plate's characters, which are squeezed if there are many
+_SUPERSAMPLING = 4  # factor by which letters are drawn larger before they are reduced
+
+
+def font_file() -> Path:
+    """Return the file of DejaVu Sans Bold.
+
+    Raises:
+        FileNotFoundError: matplotlib is not installed, or has no such font.
+    """
+    spec = find_spec("matplotlib")
+    if spec is None or spec.origin is None:
+        raise FileNotFoundError("matplotlib, which provides the font of door plates, is not installed")
+    path = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: font not found; expected it to be installed with matplotlib")
+    return path
+
+
+@lru_cache(maxsize=256)
+def plate(text: str) -> Picture:
+    """Draw the plate of a door: white characters on black."""
+    height, width = round(PLATE_HEIGHT_MM / TEXEL_MM), round(PLATE_WIDTH_MM / TEXEL_MM)
+    ink = np.zeros((height, width))
+    _write(ink, text, height_mm=CHARACTER_HEIGHT_MM, center=(width / 2, height / 2), max_width=width)
+    return Picture(
+        shades=_BLACK + (_WHITE - _BLACK) * ink, width_mm=PLATE_WIDTH_MM, height_mm=PLATE_HEIGHT_MM
+    )
+
+
+@lru_cache(maxsize=16)
+def marker(code: int) -> Picture:
+    """Draw the marker of an elevator: bits between separators, the first bit leftmost."""
+    stripes = [_BLACK]
+    for bit in reversed(range(MARKER_BITS)):
+        stripes += [_BLACK if code >> bit & 1 else _WHITE, _BLACK]
+    return Picture(shades=np.array([stripes]), width_mm=MARKER_WIDTH_MM, height_mm=STRIPE_HEIGHT_MM)
+
+
+def write_lines(ink: Floats2, lines: tuple[str, ...], *, height_mm: float) -> None:
+    """Write lines of this character height, spread evenly over a picture with texels of `TEXEL_MM`."""
+    height, width = ink.shape
+    for number, line in enumerate(lines):
+        center = (width / 2, height * (number + 0.5) / len(lines))
+        _write(ink, line, height_mm=height_mm, center=center, max_width=width)
+
+
+def _write(ink: Floats2, text: str, *, height_mm: float, center: tuple[float, float], max_width: int) -> None:
+    """Write a text with capitals `height_mm` high into `ink`, the covered fraction of each texel."""
+    if not text:
+        return
+    from PIL.Image import Resampling
+
+    lettering = _draw_letters(text, round(_SUPERSAMPLING * height_mm / TEXEL_MM))
+    height = round(height_mm / TEXEL_MM * lettering.height / round(_SUPERSAMPLING * height_mm / TEXEL_MM))
+    max_texels = max(1, max_width - round(2 * _MARGIN_MM / TEXEL_MM))
+    width = min(round(lettering.width / _SUPERSAMPLING), max_texels)
+    reduced = lettering.resize((width, max(height, 1)), Resampling.BOX)
+    top, left = round(center[1] - reduced.height / 2), round(center[0] - reduced.width / 2)
+    rows = slice(max(top, 0), min(top + reduced.height, ink.shape[0]))
+    columns = slice(max(left, 0), min(left + reduced.width, ink.shape[1]))
+    coverage = np.asarray(reduced, dtype=np.float64) / 255.0
+    ink[rows, columns] = coverage[
+        rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
+    ]
+
+
+def _draw_letters(text: str, capital_height: int) -> Image:
+    """Draw a text, cropped to its ink; capitals are `capital` pixels high."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    trial = ImageFont.truetype(str(font_file()), 1000)
+    _, top, _, bottom = trial.getbbox("H")
+    font = ImageFont.truetype(str(font_file()), max(1, round(1000 * capital_height / (bottom - top))))
+    left, top, right, bottom = (round(side) for side in font.getbbox(text))
+    canvas = Image.new("L", (max(right - left, 1), max(bottom - top, 1)))
+    ImageDraw.Draw(canvas).text((-left, -top), text, fill=255, font=font)
+    return canvas
+
+
+# --- posters ------------------------------------------------------------------------------------------
+#
+# Posters and notices in the corridors of a university.
+#
+# A finder of door plates may mistake the black ones for plates: black with pale writing, of the size of a
+# plate or slightly larger (thesis Table 6.3 has four false plates of this kind).
+
+SIGN_MM = (150.0, 200.0)
+"""Width and height of the sign above a fire extinguisher."""
+
+_BLACK_POSTERS = (
+    ((420.0, 150.0), ("ROBOTICS", "LAB"), 0.75),
+    ((340.0, 130.0), ("SPARTY",), 0.60),
+    ((300.0, 180.0), ("IEEE", "MEETING", "7 PM"), 0.70),
+    ((480.0, 220.0), ("SENIOR DESIGN", "DAY 1994"), 0.80),
+    ((360.0, 120.0), ("NO FOOD",), 0.85),
+)
+"""Size in mm, lines of text, and shade of the writing."""
+
+_COLORED_POSTERS = (
+    ((420.0, 594.0), 0.32, 0.90),
+    ((594.0, 841.0), 0.55, 0.15),
+    ((594.0, 420.0), 0.70, 0.20),
+    ((841.0, 594.0), 0.24, 0.80),
+)
+"""Size in mm, and the shades of the paper and of the print."""
+
+_NOTICES = 2
+_NOTICE_MM = (216.0, 279.0)
+POSTERS_MM = (
+    *(size for size, _, _ in _BLACK_POSTERS),
+    *(size for size, _, _ in _COLORED_POSTERS),
+    *(_NOTICE_MM,) * _NOTICES,
+)
+"""Width and height of each kind of poster."""
+
+BLACK_KINDS = tuple(range(len(_BLACK_POSTERS)))
+OTHER_KINDS = tuple(range(len(_BLACK_POSTERS), len(_BLACK_POSTERS) + len(_COLORED_POSTERS) + _NOTICES))
+"""The numbers of the black posters, and of all others."""
+
+
+@lru_cache(maxsize=1)
+def posters() -> tuple[Picture, ...]:
+    """Return all kinds of posters, by number."""
+    black = [_black_poster(size, lines, shade) for size, lines, shade in _BLACK_POSTERS]
+    colored = [
+        _colored_poster(size, paper, ink, seed) for seed, (size, paper, ink) in enumerate(_COLORED_POSTERS)
+    ]
+    return (*black, *colored, *(_notice(seed) for seed in range(_NOTICES)))
+
+
+def _sheet(size: tuple[float, float], shade: float) -> Floats2:
+    return np.full((round(size[1] / TEXEL_MM), round(size[0] / TEXEL_MM)), shade)
+
+
+def _picture(shades: Floats2, size: tuple[float, float]) -> Picture:
+    return Picture(shades=np.clip(shades, 0.0, 1.0), width_mm=size[0], height_mm=size[1])
+
+
+def _black_poster(size: tuple[float, float], lines: tuple[str, ...], shade: float) -> Picture:
+    sheet = _sheet(size, 0.06)
+    ink = np.zeros_like(sheet)
+    write_lines(ink, lines, height_mm=min(70.0, 0.55 * size[1] / len(lines)))
+    return _picture(sheet + (shade - sheet) * ink, size)
+
+
+def _colored_poster(size: tuple[float, float], paper: float, print_: float, seed: int) -> Picture:
+    """Draw a heading, a picture and a few lines of text too small to be read."""
+    rng = np.random.default_rng(100 + seed)
+    sheet = _sheet(size, paper)
+    high, wide = sheet.shape
+    head = np.zeros((high // 5, wide))
+    write_lines(head, (("CAREER FAIR", "JAZZ", "COLLOQUIUM", "CALL FOR PAPERS")[seed],), height_mm=55.0)
+    sheet[: high // 5] += (print_ - sheet[: high // 5]) * head
+    rows, columns = slice(high // 4, high * 3 // 5), slice(wide // 8, wide * 7 // 8)
+    patches = rng.random((3, 4))
+    shape = sheet[rows, columns].shape
+    sheet[rows, columns] = np.kron(patches, np.ones((-(-shape[0] // 3), -(-shape[1] // 4))))[
+        : shape[0], : shape[1]
+    ]
+    _lines_of_text(sheet, range(high * 13 // 20, high * 19 // 20, 12), print_, rng)
+    return _picture(sheet, size)
+
+
+def _notice(seed: int) -> Picture:
+    """Draw a white sheet of letter paper with lines of text."""
+    rng = np.random.default_rng(200 + seed)
+    sheet = _sheet(_NOTICE_MM, 0.93)
+    _lines_of_text(sheet, range(12, sheet.shape[0] - 8, 8), 0.25, rng)
+    return _picture(sheet, _NOTICE_MM)
+
+
+def _lines_of_text(sheet: Floats2, rows: range, ink: float, rng: np.random.Generator) -> None:
+    """Draw lines of words, each a little bar of gray; in place."""
+    wide = sheet.shape[1]
+    for row in rows:
+        column = end = wide // 8
+        stop = wide - wide // 8 - int(rng.integers(0, wide // 4))
+        while end < stop:
+            end = min(column + int(rng.integers(6, 18)), stop)
+            sheet[row : row + 3, column:end] += 0.7 * (ink - sheet[row : row + 3, column:end])
+            column = end + 3
+
+
+@lru_cache(maxsize=1)
+def extinguisher_sign() -> Picture:
+    """Draw FIRE, pale on red."""
+    sheet = _sheet(SIGN_MM, 0.30)
+    ink = np.zeros_like(sheet)
+    write_lines(ink, ("FIRE", "", "EXT"), height_mm=34.0)
+    high, wide = sheet.shape
+    ink[high * 2 // 5 : high * 3 // 5, wide * 2 // 5 : wide * 3 // 5] = 1.0
+    return _picture(sheet + (0.88 - sheet) * ink, SIGN_MM)

@@ -20,10 +20,9 @@ import numpy as np
 from colony.body import devices
 from colony.body.shipped import shipped_body
 from colony.sim.cameras.atlas import Atlas
-from colony.sim.cameras.columns import Canvas, canvas_of, draw_columns
+from colony.sim.cameras.columns import Canvas, Lens, canvas_of, draw_columns
 from colony.sim.cameras.fitting import scene_with_walls
 from colony.sim.cameras.optics import Optics, Sensor, blur_columns, expose, gain_at, sensor_of
-from colony.sim.cameras.rays import Lens
 from colony.sim.cameras.surfaces import Lighting, Scene
 from colony.sim.compiled import Bytes2, Floats2, compiled
 from colony.sim.world.world import STILL, Speed, World

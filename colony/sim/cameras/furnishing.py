@@ -12,8 +12,8 @@ import numpy as np
 from colony.nav.maps.signs import plates_of
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import walls_of
-from colony.sim.cameras.posters import BLACK_KINDS, OTHER_KINDS, POSTERS_MM
-from colony.sim.cameras.silhouettes import EXTINGUISHER_MM
+from colony.sim.cameras.atlas import BLACK_KINDS, OTHER_KINDS, POSTERS_MM
+from colony.sim.cameras.surfaces import EXTINGUISHER_MM
 from colony.sim.hazards.scenery import Extinguisher, Poster
 
 _CLEARANCE_MM = 120.0

@@ -48,10 +48,10 @@ class Optics:
     def __post_init__(self) -> None:
         """Check the ranges of the parameters."""
         highest = {"rays": 16.0, "blur": 0.02, "vignetting": 1.0, "exposure_s": 1.0, "gain": 0.9}
-        for field in fields(self):
-            value, low, high = getattr(self, field.name), float(field.name == "rays"), highest.get(field.name)
+        for each in fields(self):
+            value, low, high = getattr(self, each.name), float(each.name == "rays"), highest.get(each.name)
             if not low <= value <= (255.0 if high is None else high):
-                raise ValueError(f"{field.name} is {value!r}; expected {low:g} to {high or 255.0:g}")
+                raise ValueError(f"{each.name} is {value!r}; expected {low:g} to {high or 255.0:g}")
 
 
 PINHOLE = Optics(rays=1, blur=0.0, vignetting=0.0, exposure_s=0.0, gain=0.0, noise=0.0)

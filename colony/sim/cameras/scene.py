@@ -18,13 +18,20 @@ from colony.nav.maps.signs import PLATE_HEIGHT_MM, SIGN_HEIGHT_MM, STRIPE_HEIGHT
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import Walls, walls_of
 from colony.sim.cameras import textures
-from colony.sim.cameras.atlas import Atlas, Picture
+from colony.sim.cameras.atlas import SIGN_MM, Atlas, Picture, extinguisher_sign, marker, plate, posters
 from colony.sim.cameras.fitting import scene_with_walls
-from colony.sim.cameras.lettering import marker, plate
-from colony.sim.cameras.lighting import lighting_of
-from colony.sim.cameras.posters import SIGN_MM, extinguisher_sign, posters
-from colony.sim.cameras.silhouettes import EXTINGUISHER_MM, extinguisher
-from colony.sim.cameras.surfaces import CEILING_MM, PEOPLE, Panel, Scene, WallPicture, atlas_with, scene
+from colony.sim.cameras.surfaces import (
+    CEILING_MM,
+    EXTINGUISHER_MM,
+    PEOPLE,
+    Panel,
+    Scene,
+    WallPicture,
+    atlas_with,
+    extinguisher,
+    lighting_of,
+    scene,
+)
 from colony.sim.hazards.premises import premises_of
 from colony.sim.hazards.scenery import Extinguisher, Poster, Scenery
 

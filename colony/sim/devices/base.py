@@ -9,8 +9,7 @@ from colony.ir.types import Value
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
 from colony.sim.chance import device_seed
-from colony.sim.devices.faults import faults_of
-from colony.sim.devices.measurements import Measurements
+from colony.sim.devices.device import Measurements, faults_of
 from colony.sim.mechanism import Measurement
 from colony.sim.physics import Physics
 

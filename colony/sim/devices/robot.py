@@ -8,22 +8,21 @@ from colony.body import devices
 from colony.body.model import Body, Server
 from colony.ir.servers import ServerSpec
 from colony.sim.chance import device_seed
-from colony.sim.devices.battery import Battery
-from colony.sim.devices.bumper import Bumper
-from colony.sim.devices.button import Buttons
-from colony.sim.devices.cliff import Cliff
-from colony.sim.devices.compass import Compass
-from colony.sim.devices.device import MeasuringDevice, SimulatedDevice
-from colony.sim.devices.dock_sensor import DockSensor
-from colony.sim.devices.encoders import Encoders
-from colony.sim.devices.faults import faults_of
-from colony.sim.devices.imu import Imu
-from colony.sim.devices.joint import Joint
-from colony.sim.devices.lidar import Lidar
-from colony.sim.devices.output import Outputs
-from colony.sim.devices.range_finder import RangeFinders
-from colony.sim.devices.unsimulated import Unsimulated
-from colony.sim.devices.value import Values
+from colony.sim.devices.actuators import Joint, Outputs
+from colony.sim.devices.device import MeasuringDevice, SimulatedDevice, faults_of
+from colony.sim.devices.ranging import Lidar, RangeFinders
+from colony.sim.devices.sensors import (
+    Battery,
+    Bumper,
+    Buttons,
+    Cliff,
+    Compass,
+    DockSensor,
+    Encoders,
+    Imu,
+    Unsimulated,
+    Values,
+)
 from colony.sim.given import Given
 from colony.sim.mechanism import Mechanism
 from colony.sim.physics import Physics

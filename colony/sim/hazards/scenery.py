@@ -139,7 +139,7 @@ class Poster:
     """A poster on edge number `edge` of the map.
 
     It begins `start_mm` along the edge, and its center is `center_mm` above the floor. `kind` is its index
-    in `colony.sim.cameras.posters`.
+    in `colony.sim.cameras.atlas`.
     """
 
     edge: int

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.body.devices import Camera, CeilingCamera, Joint, Proximity
-from colony.body.footprint import radius_mm
-from colony.body.model import Body, Omnidirectional
+from colony.body.model import Body, Omnidirectional, radius_mm
 
 TIMESTEP_S = 0.002
 """Step of the integration, which is explicit.

@@ -11,7 +11,7 @@ MuJoCo has no randomness, and the robot's errors come from a seed, so that the s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import partial
 from typing import NamedTuple, TypeVar
 
@@ -23,14 +23,17 @@ from colony.body import devices
 from colony.body.devices import Device
 from colony.body.model import Body
 from colony.ir.servers import ServerSpec
+from colony.ir.types import Value
 from colony.nav.maps.stickrep.model import Pose
 from colony.sim.compiled import Floats, Floats2
 from colony.sim.config import RobotConfig, config_of
+from colony.sim.devices.actuators import Joint
+from colony.sim.devices.beams import DROPOUT_BITS, LidarModel, normal_quantiles, read
+from colony.sim.devices.device import Sensor
 from colony.sim.mechanism import Mechanism
-from colony.sim.mujoco.lidar import RayLidar
-from colony.sim.mujoco.lift import Lift
 from colony.sim.mujoco.model import BEAM_HEIGHT_M, FLOOR, PART, SETTLING_S, TIMESTEP_S, WALLS, build_of, mjcf
 from colony.sim.noise import Noise
+from colony.sim.physics import Physics
 from colony.sim.sensors.sonar import wall_table
 from colony.sim.timeline import Timeline
 from colony.sim.world.base import bases_at, count_wheels, drivetrain_of
@@ -43,6 +46,110 @@ from colony.sim.world.placing import (
 )
 from colony.sim.world.wall_boxes import wall_boxes
 from colony.sim.world.world import STILL, Bumper, Situation, Speed
+
+# --- lidar --------------------------------------------------------------------------------------------
+#
+# Laser scanners whose beams MuJoCo casts, in space: they tilt with the robot.
+
+Cast = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+"""A function that casts rays from a place, (3,) in m, in directions, (n, 3), both in the robot's frame.
+
+It returns the distances in m, (n,), with -1 for a ray that hits nothing.
+"""
+
+
+class RayLidar(Sensor):
+    """A scanner whose noise and dropouts are those of `colony.sim.devices.ranging.Lidar`.
+
+    Args:
+        lidar: the scanner.
+        world: the physics, for its time.
+        cast: casts its beams.
+        height_mm: its height above the floor.
+        blocked: the beams that the robot's own body blocks; they have no echo.
+        seed: the seed of its noise.
+    """
+
+    def __init__(
+        self,
+        lidar: devices.Lidar,
+        world: Physics,
+        cast: Cast,
+        *,
+        height_mm: float,
+        blocked: Iterable[int],
+        seed: int,
+    ) -> None:
+        bearings = lidar.bearings()
+        if bearings is None:
+            raise ValueError(f"{lidar.count} beams take more than a turn")
+        self.fields = (lidar.field,)
+        angles = np.radians(bearings.angles)
+        self._directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(lidar.count)])
+        self._place = np.array([lidar.pose.x_mm, lidar.pose.y_mm, height_mm]) / 1e3
+        self._blocked = list(blocked)
+        self._model = LidarModel(
+            u=lidar.pose.x_mm,
+            v=lidar.pose.y_mm,
+            first=float(angles.min()),
+            density=1.0 / math.radians(abs(bearings.step or bearings.spacing)),
+            full_range=lidar.range_mm,
+            noise=lidar.noise_mm,
+            dropouts=round(lidar.dropouts * 2**DROPOUT_BITS),
+            person=0.0,
+        )
+        self._world, self._cast, self._seed = world, cast, seed
+
+    def measure(self, field: str) -> Value:
+        """Return the ranges now, in mm; infinity for a beam without an echo."""
+        distances = self._cast(self._place, self._directions) * 1e3
+        distances[distances < 0.0] = math.inf
+        distances[self._blocked] = math.inf
+        ranges = np.empty(len(distances))
+        read(distances, self._world.elapsed_ns, self._seed, self._model, normal_quantiles(), ranges)
+        value: Value = tuple(ranges.tolist())
+        return value
+
+
+# --- lift ---------------------------------------------------------------------------------------------
+#
+# Lifts: platforms that MuJoCo moves along a line.
+
+LIFT_RESOLUTION_MM = 1.0
+"""Resolution of a lift's sensor, and the distance from its goal at which it has arrived."""
+
+
+class Lift(Joint):
+    """A joint along a line that follows its set point, where the motor lifts its load. Stateful, as `Joint`.
+
+    Args:
+        joint: the joint.
+        world: the physics, for its time.
+        position_mm: function that returns where the platform is.
+    """
+
+    def __init__(self, joint: devices.Joint, world: Physics, position_mm: Callable[[], float]) -> None:
+        super().__init__(joint, world)
+        self._ends = joint.ends
+        self._position_mm = position_mm
+
+    def setpoint_mm(self) -> float:
+        """Return where the platform shall be now, on its way at the joint's speed."""
+        return self._position()
+
+    def measure(self, field: str) -> Value | None:
+        """Return what a field reads: position and motion are those of the platform."""
+        if field == "position":
+            low, high = self._ends
+            steps = round(self._position_mm() / LIFT_RESOLUTION_MM)
+            return min(max(steps * LIFT_RESOLUTION_MM, low), high)
+        if field == "moving":
+            is_late = abs(self._position_mm() - self.setpoint_mm()) > LIFT_RESOLUTION_MM
+            return is_late or super().measure(field)
+        return super().measure(field)
+
+
+# --- world --------------------------------------------------------------------------------------------
 
 T = TypeVar("T")
 

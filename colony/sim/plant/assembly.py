@@ -19,8 +19,7 @@ from colony.sim.config import RobotConfig, config_of, rome_config
 from colony.sim.devices import devices_of
 from colony.sim.hazards.hazards import Hazards, scenery_of
 from colony.sim.hazards.scenery import Scenery
-from colony.sim.plant.given import GivenFields
-from colony.sim.plant.hardware import STEP_NS, WATCHDOG_NS, Devices, RobotCamera, RobotDevice
+from colony.sim.plant.hardware import STEP_NS, WATCHDOG_NS, Devices, GivenFields, RobotCamera, RobotDevice
 from colony.sim.world.elevators import Elevators
 from colony.sim.world.movers import with_movers
 from colony.sim.world.site import Site

@@ -24,13 +24,10 @@ from colony.sim.chance import SEED_MODULUS
 from colony.sim.config import RingConfig, RobotConfig, rome_config
 from colony.sim.hazards.scenery import Scenery, bare_scenery
 from colony.sim.noise import Noise
-from colony.sim.sensors.compass import disturbance_deg
-from colony.sim.sensors.rings import Rings
+from colony.sim.sensors.rings import Rings, disturbance_deg
 from colony.sim.sensors.sonar import CrossTalk, corner_reflectors, wall_table
 from colony.sim.timeline import Timeline
 from colony.sim.world.base import SLICE_S, bases_at, drivetrain_of
-from colony.sim.world.contacts import contact_bearings
-from colony.sim.world.floor import floor_of
 from colony.sim.world.people import X, Y, crowd_of, make_way
 from colony.sim.world.placing import (
     check_clearance,
@@ -39,7 +36,7 @@ from colony.sim.world.placing import (
     checked_poses,
     checked_walls,
 )
-from colony.sim.world.stepping import step
+from colony.sim.world.stepping import contact_bearings, floor_of, step
 from colony.sim.world.wall_boxes import wall_boxes
 
 T = TypeVar("T")

@@ -1,7 +1,7 @@
 """Candidate invariants of memory: templates, filled with the cells and constants of a program.
 
-A candidate may be false: `houdini.py` keeps those that are invariants. Their number is linear in the number
-of cells, except for pairs of cells, of which there are at most `_MAX_PAIRS`.
+A candidate may be false: Houdini keeps those that are invariants. Their number is linear in the number of
+cells, except for pairs of cells, of which there are at most `_MAX_PAIRS`.
 """
 
 from __future__ import annotations
@@ -10,15 +10,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations, permutations
+from random import Random
+from typing import assert_never
 
 import z3
 
-from colony.ir.program import Machine, Module, Program, State
+from colony.ir.program import Machine, Module, Program, Robot, State, gaps_ns
 from colony.ir.types import Enum
-from colony.verify.contracts.cone import formulas_of, within
-from colony.verify.symbolic.cones import Cone
-from colony.verify.symbolic.substitution import Substitution
-from colony.verify.symbolic.system import Cell, Claim, System
+from colony.verify.contracts.slicing import facts, formulas_of, within
+from colony.verify.contracts.solver import Answer, Budget, Solver
+from colony.verify.symbolic.system import Cell, Claim, Number, SensorInput, System
+from colony.verify.symbolic.unrolling import Cone, Substitution
 
 _MAX_PAIRS = 300
 _MAX_BOUNDS = 16
@@ -230,3 +232,208 @@ def _pairs_of_numbers(numbers: list[Cell]) -> Iterator[Candidate]:
         if a.old.sort() == b.old.sort():
             count += 1
             yield Candidate(f"{a.name} <= {b.name}", a.old <= b.old)
+
+
+# --- walk ---------------------------------------------------------------------------------------------
+#
+# Random walks through a system, to refute guesses without asking the solver about each.
+
+_WALKS = 5
+_STEPS = 8
+_PRESENT_PROBABILITY = 0.85
+_UNBOUNDED_WIDTH = 1000
+"""Width of the range from which readings are drawn if the sensor's range is unbounded."""
+
+
+def not_refuted(cone: Cone, guesses: Sequence[Candidate], budget: Budget) -> list[Candidate]:
+    """Return the guesses that hold before every frame of the walks. Deterministic."""
+    remaining = list(guesses)
+    for walk in range(_WALKS):
+        for model in _walk(cone, Random(walk), budget):
+            remaining = [
+                g for g in remaining if not z3.is_false(model.eval(g.formula, model_completion=True))
+            ]
+    return remaining
+
+
+def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
+    """Yield a model for each frame of a run with random readings, until the solver finds none quickly."""
+    solver = Solver(budget, share=0.1)
+    solver.add(facts(cone))
+    memory = [cell.initial for cell in cone.cells]
+    t_ns = 0
+    for _ in range(_STEPS):
+        solver.push()
+        solver.add(*(c.old == value for c, value in zip(cone.cells, memory, strict=True)))
+        solver.add(cone.system.now == t_ns, *_readings(cone, random))
+        answer = solver.check()
+        if answer is Answer.SAT:
+            model = solver.model()
+            memory = [model.eval(cell.next, model_completion=True) for cell in cone.cells]
+            yield model
+        solver.pop()
+        if answer is not Answer.SAT:
+            return
+        t_ns += _gap(random, cone.system.program.robot)
+
+
+def _gap(random: Random, robot: Robot) -> int:
+    """Draw the time to the next frame, in nanoseconds."""
+    shortest, longest = gaps_ns(robot)
+    periods = random.choice((1, 1, 1, 4, 40, 400))
+    return periods * robot.frame_ns if longest is None else random.choice((shortest, robot.frame_ns, longest))
+
+
+def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:
+    """Yield the readings of a cone's sensors: mostly present, anywhere in their ranges."""
+    for sensor_input in cone.system.sensors.values():
+        if within(cone, sensor_input.present):
+            yield sensor_input.present == z3.BoolVal(random.random() < _PRESENT_PROBABILITY)
+        yield from _elements(cone, sensor_input, random)
+
+
+def _elements(cone: Cone, sensor_input: SensorInput, random: Random) -> Iterator[z3.BoolRef]:
+    """Yield values of a sensor; elements of an array are close together or spread out."""
+    base, spread = random.random(), random.choice((0.0, 0.1, 1.0))
+    for element in sensor_input.elements:
+        if not isinstance(element, Number):
+            if within(cone, element):
+                yield element == z3.BoolVal(random.random() < 0.5)
+        elif within(cone, element.value) and z3.is_const(element.value) and not element.cases:
+            low, high = element.bounds.low, element.bounds.high
+            low = Fraction(-_UNBOUNDED_WIDTH) if low is None else low
+            high = low + _UNBOUNDED_WIDTH if high is None else high
+            fraction = Fraction(
+                min(1.0, max(0.0, base + spread * (random.random() - 0.5)))
+            ).limit_denominator(64)
+            value = low + fraction * (high - low)
+            yield element.value == z3.Q(value.numerator, value.denominator)
+
+
+# --- houdini ------------------------------------------------------------------------------------------
+#
+# Invariants by Houdini: the largest inductive subset of a set of guesses (Flanagan and Leino, 2001).
+#
+# All guesses hold in the initial memory. While a frame can lead from memory in which all hold to memory in
+# which some do not, the latter are dropped. The rest hold before every frame. A contract that follows from
+# the guesses in every frame may be assumed when the guesses are checked.
+
+_SHARE = 0.25
+"""Share of a full query's resources for each query."""
+
+_MAX_ROUNDS = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Invariants:
+    """Conditions that hold before every frame, and the contracts that follow from them."""
+
+    conditions: tuple[Candidate, ...]
+    claims: tuple[Claim, ...]
+
+
+def invariants(
+    cone: Cone,
+    guesses: Sequence[Candidate],
+    claims: Sequence[Claim],
+    lemmas: Sequence[z3.BoolRef],
+    budget: Budget,
+) -> Invariants:
+    """Return the guesses that are inductive together, and the `claims` that follow from them.
+
+    `lemmas` are known to hold in every frame. If z3 gives up, fewer guesses are kept; those still hold.
+    """
+    subset = _GreatestSubset(cone, lemmas, budget)
+    after = Substitution([c.old for c in cone.cells], [c.next for c in cone.cells])
+    for guess in guesses:
+        subset.add_guess(guess.formula, after(guess.formula))
+    for claim in claims:
+        subset.add_claim(claim.holds)
+    subset.shrink()
+    return Invariants(
+        tuple(guesses[i] for i in sorted(subset.guesses_left)),
+        tuple(claims[i] for i in sorted(subset.claims_left)),
+    )
+
+
+class _GreatestSubset:
+    """The greatest inductive subset: drops guesses and claims until none can be broken. Mutable.
+
+    `guesses_left`, about memory before a frame, and `claims_left`, about the frame, are indices.
+    """
+
+    def __init__(self, cone: Cone, lemmas: Sequence[z3.BoolRef], budget: Budget) -> None:
+        self._budget = budget
+        self._solver = Solver(budget, _SHARE)
+        self._solver.add(facts(cone), *lemmas)
+        self._guesses_after: list[z3.BoolRef] = []
+        self._guess_switches: list[z3.BoolRef] = []
+        self._claims: list[z3.BoolRef] = []
+        self.guesses_left: set[int] = set()
+        self.claims_left: set[int] = set()
+
+    def add_guess(self, formula: z3.BoolRef, after: z3.BoolRef) -> None:
+        i = len(self._guess_switches)
+        switch = z3.Bool(f"guess {i}")
+        self._solver.add(z3.Implies(switch, formula))
+        self._guess_switches.append(switch)
+        self._guesses_after.append(_named(self._solver, f"after {i}", after))
+        self.guesses_left.add(i)
+
+    def add_claim(self, formula: z3.BoolRef) -> None:
+        i = len(self._claims)
+        self._claims.append(_named(self._solver, f"claim {i}", formula))
+        self.claims_left.add(i)
+
+    def shrink(self) -> None:
+        """Shrink to the greatest fixpoint, or to a smaller inductive set if z3 gives up."""
+        for _ in range(_MAX_ROUNDS):
+            assumed = [self._guess_switches[i] for i in sorted(self.guesses_left)]
+            if self._drop(self.claims_left, self._claims, assumed):
+                continue
+            assumed += [self._claims[i] for i in sorted(self.claims_left)]
+            if not self._drop(self.guesses_left, self._guesses_after, assumed):
+                return
+        self.guesses_left.clear()
+        self.claims_left.clear()
+
+    def _drop(self, kept: set[int], goals: list[z3.BoolRef], assumed: list[z3.BoolRef]) -> bool:
+        """Drop from `kept` the goals that a model of `assumed` breaks; return False if none can be broken."""
+        if not kept:
+            return False
+        self._solver.push()
+        self._solver.add(z3.Or(*(z3.Not(goals[i]) for i in sorted(kept))))
+        answer = self._solver.check(assumed)
+        if answer is Answer.SAT:
+            model = self._solver.model()
+            broken = {i for i in kept if not z3.is_true(model.eval(goals[i], model_completion=True))}
+        self._solver.pop()
+        match answer:
+            case Answer.UNSAT:
+                return False
+            case Answer.SAT:
+                kept -= broken
+                return True
+            case Answer.GAVE_UP:
+                return self._drop_one_by_one(kept, goals, assumed)
+            case _:
+                assert_never(answer)
+
+    def _drop_one_by_one(self, kept: set[int], goals: list[z3.BoolRef], assumed: list[z3.BoolRef]) -> bool:
+        """Keep the goals that can be proved one by one; return True if any was dropped.
+
+        Used if z3 gives up on all of them together.
+        """
+        self._solver.use(self._budget, _SHARE / 8)
+        proved = {i for i in sorted(kept) if self._solver.check([*assumed, z3.Not(goals[i])]) is Answer.UNSAT}
+        self._solver.use(self._budget, _SHARE)
+        dropped = kept != proved
+        kept &= proved
+        return dropped
+
+
+def _named(solver: Solver, name: str, formula: z3.BoolRef) -> z3.BoolRef:
+    """Return a constant that stands for a formula, so that a model gives its value directly."""
+    constant = z3.Bool(name)
+    solver.add(constant == formula)
+    return constant

@@ -24,12 +24,12 @@ import z3
 
 from colony.ir.version import SEMANTICS
 from colony.text.wording import one_line
-from colony.verify.contracts.proof_context import ProofContext
+from colony.verify.contracts.attempt import ProofContext
 from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.results import Options, Proved, ProvedInTime
 from colony.verify.contracts.solver import Answer, Budget, Solver
 from colony.verify.contracts.spacer import formula_text
-from colony.verify.symbolic.disturbing import claim_name
+from colony.verify.symbolic.encode import claim_name
 from colony.verify.symbolic.system import Disturbance
 from colony.verify.symbolic.unrolling import Unrolling
 

@@ -20,8 +20,7 @@ from colony.verify.contracts.replay import Replay, is_stand_in, with_stand_ins
 from colony.verify.snapshot import Snapshot, snapshot_of
 from colony.verify.symbolic.system import Disturbance
 from colony.verify.testing.disturbed import disturbed_run
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.example_frames import snapshots_of
+from colony.verify.testing.frames import Choices, snapshots_of
 from colony.verify.testing.guided import Guide
 
 _TRACES = 150

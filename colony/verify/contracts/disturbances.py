@@ -18,18 +18,17 @@ from functools import cached_property
 
 from colony.ir import expression as ir
 from colony.ir.program import Contract, Program, modules_that_can_be_lost
-from colony.verify.contracts.attempt import Attempt, Proof
-from colony.verify.contracts.cone import cone_of
+from colony.verify.contracts.attempt import Attempt, Proof, ProofContext
 from colony.verify.contracts.explain import explain_unknown
-from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Options, OverReals, Proved, ProvedInTime, Trace, Unknown
 from colony.verify.contracts.search import called_modules
+from colony.verify.contracts.slicing import cone_of
 from colony.verify.contracts.solver import Budget, Deadline
-from colony.verify.symbolic.disturbing import claim_name, encode_disturbed
+from colony.verify.symbolic.encode import claim_name, encode_disturbed
 from colony.verify.symbolic.generalization import generalized
-from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.system import Disturbance, Inexact, Reason
+from colony.verify.symbolic.unrolling import reasons_of
 
 Rounding = tuple[Reason, ...]
 """The places where a proof is about real numbers and floats may round; none if it is proved for floats."""

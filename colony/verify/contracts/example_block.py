@@ -11,9 +11,8 @@ from colony.dsl.printer import print_file
 from colony.ir.bearings import naming_angle
 from colony.ir.program import Contract, Program, Sensor
 from colony.ir.types import Enum, ScalarValue, Value, bearings_of, element_type
-from colony.verify.contracts.decimals import NumberText, number_text, seconds
-from colony.verify.contracts.reach import expectation
-from colony.verify.contracts.results import Trace
+from colony.verify.contracts.results import Trace, expectation
+from colony.verify.contracts.table import NumberText, number_text, seconds
 from colony.verify.sparse import Run, differing, run_angles, sparse
 
 

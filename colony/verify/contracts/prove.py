@@ -1,7 +1,7 @@
 """The prover of contracts: proved, only with clients in time, over real numbers, refuted, or unknown.
 
 It tries a contract in a single frame with arbitrary memory, then with invariants of its memory
-(`houdini.py`), then by k-induction (`induction.py`), alternating with a search for counterexamples of growing
+(`candidates.py`), then by k-induction (`search.py`), alternating with a search for counterexamples of growing
 length (`search.py`), which is also the base case. A counterexample counts only if it breaks the contract in
 the reference interpreter (`refute.py`).
 
@@ -19,14 +19,12 @@ from dataclasses import replace
 from functools import cached_property
 
 from colony.ir.program import Contract, Program, without_assumed
-from colony.verify.contracts.attempt import Attempt, Proof
-from colony.verify.contracts.candidates import Candidate, for_floats
+from colony.verify.contracts.attempt import Attempt, Proof, ProofContext
+from colony.verify.contracts.candidates import Candidate, for_floats, invariants
 from colony.verify.contracts.concrete_runs import LongRuns
 from colony.verify.contracts.disturbances import Confirmer
 from colony.verify.contracts.explain import explain_unknown
-from colony.verify.contracts.houdini import invariants
 from colony.verify.contracts.proof_cache import ProofCache
-from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.replay import evaluations
 from colony.verify.contracts.results import (
@@ -46,8 +44,8 @@ from colony.verify.contracts.solver import Budget, Deadline
 from colony.verify.contracts.whole import whole_numbers
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
-from colony.verify.symbolic.reasons import rounding_reasons
 from colony.verify.symbolic.system import Claim, Disturbance, Operation, Reason, Shape
+from colony.verify.symbolic.unrolling import rounding_reasons
 
 _GENERAL_SHARE = 0.25
 """Additional share of a budget for a proof that holds for floats."""

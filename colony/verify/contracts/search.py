@@ -7,18 +7,18 @@ former refute the contract.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from typing import NamedTuple, cast
 
 import z3
 
-from colony.verify.contracts.cone import facts, within
+from colony.verify.contracts.slicing import facts, within
 from colony.verify.contracts.solver import Answer, Budget, Solver
-from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.logic import real
-from colony.verify.symbolic.system import Claim, Number
-from colony.verify.symbolic.unrolling import Unrolling
+from colony.verify.symbolic.system import Claim, Number, System
+from colony.verify.symbolic.unrolling import Cone, Unrolling
 
 _REGULAR = z3.Bool("frames a period apart")
 _WITHOUT_PYTHON = z3.Bool("no module in Python is asked")
@@ -159,3 +159,129 @@ def _differs(
     exact = value.as_fraction()
     off = abs(exact) / 100 + Fraction(1, 1000)
     return [cast(z3.BoolRef, constant > real(exact + off)), cast(z3.BoolRef, constant < real(exact - off))]
+
+
+# --- single frames ------------------------------------------------------------------------------------
+#
+# Proofs and counterexamples in a single frame: any frame with any memory, or the first frame of a run.
+#
+# One solver has the formulas of all claims about a system, and keeps what it learned of the system.
+
+
+class KnownCondition(NamedTuple):
+    """A condition that is true in every frame, and its description."""
+
+    text: str
+    formula: z3.BoolRef
+
+
+class SingleFrames:
+    """A frame of a system, in one solver. Mutable: facts are added when a claim first needs them."""
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._cells = {c.old.get_id(): c for c in system.cells}
+        self._solver = Solver()
+        self._is_first = z3.Bool("first frame of a run")
+        self._added = set[int]()
+        self._add([system.now, system.begun, system.last])
+
+    def breaks_first(self, claim: Claim, budget: Budget) -> tuple[Answer, z3.ModelRef | None]:
+        """Return whether the first frame of a run may break a claim, with a model if it may."""
+        with self._broken(claim, budget, 1.0):
+            answer = self._solver.check([self._is_first])
+            return answer, self._solver.model() if answer is Answer.SAT else None
+
+    def breaks(
+        self, claim: Claim, known: Sequence[KnownCondition], budget: Budget, share: float = 1.0
+    ) -> tuple[Answer, tuple[str, ...]]:
+        """Return whether a frame may break a claim; if none may, with those of `known` that show it."""
+        switches = [z3.Bool(f"known {i}") for i in range(len(known))]
+        self._add(k.formula for k in known)
+        with self._broken(claim, budget, share):
+            self._solver.add(*(z3.Implies(s, k.formula) for s, k in zip(switches, known, strict=True)))
+            answer = self._solver.check(switches)
+            core = self._solver.core() if answer is Answer.UNSAT else frozenset()
+        return answer, tuple(k.text for k, s in zip(known, switches, strict=True) if str(s) in core)
+
+    @contextmanager
+    def _broken(self, claim: Claim, budget: Budget, share: float) -> Iterator[None]:
+        """Assume that a claim is broken."""
+        self._add([claim.holds])
+        self._solver.use(budget, share)
+        self._solver.push()
+        try:
+            self._solver.add(z3.Not(claim.holds))
+            yield
+        finally:
+            self._solver.pop()
+
+    def _add(self, terms: Iterable[z3.ExprRef]) -> None:
+        """Add the facts on which terms depend within a frame."""
+        graph = self._system.graph
+        pending = graph.add(terms)
+        while pending:
+            key = pending.pop()
+            if key in self._added:
+                continue
+            self._added.add(key)
+            pending.extend(graph.operands(key))
+            if key in self._cells:
+                cell = self._cells[key]
+                self._solver.add(z3.Implies(self._is_first, cell.old == cell.initial))
+            formulas = [fact.formula for fact in self._system.facts.get(key, ())]
+            self._solver.add(*formulas)
+            pending.extend(graph.add(formulas))
+
+
+# --- induction ----------------------------------------------------------------------------------------
+#
+# k-induction (Sheeran, Singh and Stalmarck, 2000): what holds in k consecutive frames holds in the next.
+#
+# The memory before the first of these frames is arbitrary, within the invariants.
+
+
+class Induction:
+    """The inductive step for a contract, for k = 1, 2, ... Stateful: each k adds a frame.
+
+    `known` are conditions that hold in every frame: invariants, and contracts proved earlier.
+    """
+
+    def __init__(self, cone: Cone, claim: Claim, known: Sequence[KnownCondition], budget: Budget) -> None:
+        self._frames = Unrolling(cone.system, cone)
+        self._facts = facts(cone)
+        self._claim = claim
+        self._known = known
+        self._switches = _switches(known)
+        self._solver = Solver(budget)
+        self._last = 0
+        self._extend()
+
+    def prove_next_k(self) -> tuple[str, ...] | None:
+        """Return the conditions of `known` that prove the step for the next k, None if it is not proved."""
+        self._solver.add(self._frames.at(self._last, self._claim.holds))
+        self._solver.add(*self._frames.transition(self._last))
+        self._last += 1
+        self._extend()
+        goal = z3.Bool(f"broken {self._last}")
+        broken = z3.Not(self._frames.at(self._last, self._claim.holds))
+        self._solver.add(z3.Implies(goal, broken))
+        if self._solver.check([goal, *self._switches]) is not Answer.UNSAT:
+            return None
+        return _used(self._solver, self._known, self._switches)
+
+    def _extend(self) -> None:
+        """Assume the facts and known conditions of the last frame."""
+        self._solver.add(self._frames.at(self._last, self._facts))
+        for switch, condition in zip(self._switches, self._known, strict=True):
+            self._solver.add(z3.Implies(switch, self._frames.at(self._last, condition.formula)))
+
+
+def _switches(known: Sequence[KnownCondition]) -> list[z3.BoolRef]:
+    """Return a constant for each known condition; assuming the constant assumes the condition."""
+    return [z3.Bool(f"known {i}") for i in range(len(known))]
+
+
+def _used(solver: Solver, known: Sequence[KnownCondition], switches: Sequence[z3.BoolRef]) -> tuple[str, ...]:
+    core = solver.core()
+    return tuple(k.text for k, s in zip(known, switches, strict=True) if str(s) in core)

@@ -3,7 +3,7 @@
 A cone as Horn clauses: the initial memory is reachable, memory is reachable if a frame leads there from
 reachable memory, and no frame from reachable memory may break the contract. Spacer answers with an invariant
 that excludes such a frame, or with the number of frames of a run that ends in one. Neither is believed: the
-parts of the invariant are guesses for `houdini.py`, and the run is searched for at that length.
+parts of the invariant are guesses for `candidates.py`, and the run is searched for at that length.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import z3
 from colony.verify.contracts.candidates import Candidate, initially_true
 from colony.verify.contracts.solver import Budget
 from colony.verify.interruption import interruptible
-from colony.verify.symbolic import cones
-from colony.verify.symbolic.cones import Cone
+from colony.verify.symbolic import unrolling
 from colony.verify.symbolic.system import Claim, System
+from colony.verify.symbolic.unrolling import Cone
 
 _OPTIONS = {
     "engine": "spacer",
@@ -87,7 +87,7 @@ def solve(
     """
     if budget.is_spent():
         return None
-    cone = cones.cone(system, [claim.holds, *lemmas])
+    cone = unrolling.cone(system, [claim.holds, *lemmas])
     clauses = _Clauses(cone, claim.holds, lemmas, guided=guided)
     answer = clauses.query(budget.part(share))
     budget.charge(clauses.resources_used())

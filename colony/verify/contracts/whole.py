@@ -2,9 +2,9 @@
 
 Abstract interpretation (`symbolic/shapes.py`) loses the bounds of `if n == 100 then 0 else n + 1`. So cells
 that begin whole are guessed to be whole and small, which makes what is computed of them exact; with that,
-bounds are proved by induction (`houdini.py`). A guess without a proof is dropped, and the others are proved
-anew: the proofs of all that stay hold together, for floats, bit for bit. Where frames are regular, a counter
-is also bounded by the number of frames in the longest run.
+bounds are proved by induction (`candidates.py`). A guess without a proof is dropped, and the others are
+proved anew: the proofs of all that stay hold together, for floats, bit for bit. Where frames are regular, a
+counter is also bounded by the number of frames in the longest run.
 """
 
 from __future__ import annotations
@@ -16,16 +16,22 @@ import z3
 
 from colony.execute.validity import MAX_TIME_NS
 from colony.ir.program import Program, gaps_ns
-from colony.verify.contracts.candidates import Candidate, candidates, numeral, numerals
-from colony.verify.contracts.cone import cone_of
-from colony.verify.contracts.houdini import Invariants, invariants
+from colony.verify.contracts.candidates import (
+    Candidate,
+    Invariants,
+    candidates,
+    invariants,
+    numeral,
+    numerals,
+)
 from colony.verify.contracts.results import Options
+from colony.verify.contracts.slicing import cone_of
 from colony.verify.contracts.solver import Budget, Deadline
-from colony.verify.symbolic import cones
+from colony.verify.symbolic import unrolling
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.numbers import EXACT_WHOLE, finite
-from colony.verify.symbolic.reasons import rounding_reasons
 from colony.verify.symbolic.system import Bounds, Cell, Claim, Shape, System
+from colony.verify.symbolic.unrolling import rounding_reasons
 
 _MAX_BOUNDS = 24
 """Number of constants that are tried as bounds of a cell."""
@@ -96,7 +102,7 @@ def _proved(
 def _bounds(system: System, cell: Cell, budget: Budget) -> Bounds | None:
     """Return proved bounds of a cell; None if there are none, or the cell may become infinite or NaN."""
     written = system.written[cell.name]
-    cone = cones.cone(system, [cell.old, finite(written), system.now, system.begun, system.last])
+    cone = unrolling.cone(system, [cell.old, finite(written), system.now, system.begun, system.last])
     low = {**_grown(cell, system, above=False), **_tried(cell, above=False)}
     high = {**_grown(cell, system, above=True), **_tried(cell, above=True)}
     stays_finite = Claim(name=cell.name, holds=finite(written))

@@ -15,16 +15,51 @@ from colony.ir.frame import Outcome
 from colony.ir.program import Actuator, Contract, Program
 from colony.ir.types import BOOL
 from colony.verify.claims import TRUE, all_of, any_of, binary, implies, won
+from colony.verify.contracts.attempt import ProofContext
 from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Options, Proved, Refuted, Trace, Unknown
-from colony.verify.difference.compatible import IgnoredParts, Pair, check_sensors, find_ignored_parts, pairs
-from colony.verify.difference.matching import matching
+from colony.verify.contracts.search import Search, called_modules
+from colony.verify.contracts.solver import Budget
+from colony.verify.difference.matching import (
+    IgnoredParts,
+    Pair,
+    check_sensors,
+    find_ignored_parts,
+    matching,
+    pairs,
+)
 from colony.verify.difference.product import B_SUFFIX, Product, product
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
-from colony.verify.difference.shortest import shortest_trace
 from colony.verify.snapshot import Snapshot
+from colony.verify.symbolic.encode import encode
+
+# --- shortest -----------------------------------------------------------------------------------------
+#
+# Search for a run that breaks a claim and is shorter than a known one.
+
+
+def shortest_trace(program: Program, contract: str, known_trace: Trace, options: Options) -> Trace:
+    """Return a run that breaks the contract: a shorter one than `known_trace` if one is found in budget."""
+    if len(known_trace.snapshots) == 1:
+        return known_trace
+    context, budget = ProofContext(encode(program)), Budget(options)
+    search = Search(context.cones[contract], context.claims[contract], budget)
+    refuter = Refuter(program, contract, called_modules(context.cones[contract]))
+    for _ in range(len(known_trace.snapshots) - 1):
+        for candidate in search.search_next_length(allow_python=False):
+            trace = refuter.confirm(candidate, search)
+            if trace is not None:
+                return trace
+            if not refuter.may_try_more(candidate):
+                break
+        if budget.is_spent():
+            break
+    return known_trace
+
+
+# --- compare ------------------------------------------------------------------------------------------
 
 _SAME = "same commands"
 

@@ -6,8 +6,9 @@ has them once. The rest is left to a proof.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import assert_never
 
 from colony.ir import expression as ir
@@ -29,7 +30,32 @@ from colony.ir.program import (
 from colony.ir.walk import all_subexpressions
 from colony.ir.wiring import WiringNode, wiring_graph
 from colony.verify.difference.content import Contents, contents
-from colony.verify.difference.rewriting import Rename, rewrite_expression
+
+# --- rewriting ----------------------------------------------------------------------------------------
+#
+# Renaming of what an expression reads, and of its memory cells.
+
+Rename = Callable[[str], str]
+
+
+def rewrite_expression(e: ir.Expression, rename: Rename, shift: int) -> ir.Expression:
+    """Return `e` with derived values, states and modules' lets renamed, and cells shifted by `shift`.
+
+    Sensors keep their names. `e` is not the expression of a contract.
+    """
+    rewrite = partial(rewrite_expression, rename=rename, shift=shift)
+    match e:
+        case ir.DerivedValue(name=name) | ir.LocalValue(name=name) | ir.StateValue(name=name):
+            return replace(e, name=rename(name))
+        case ir.Fresh(name=name, derived=derived):
+            return replace(e, name=rename(name)) if derived else e
+        case ir.MemoryCall():
+            return ir.rebuilt(replace(e, cell=e.cell + shift), rewrite)
+        case _:
+            return ir.rebuilt(e, rewrite)
+
+
+# --- product ------------------------------------------------------------------------------------------
 
 B_SUFFIX = " of B"
 """Suffix of the names that only B has. It begins with a blank, which no name of the language contains."""

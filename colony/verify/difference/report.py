@@ -7,10 +7,8 @@ from typing import assert_never
 
 from colony.ir.frame import Outcome
 from colony.ir.program import Program
-from colony.verify.contracts.decimals import seconds
-from colony.verify.contracts.frames import frame_row, outcome_row
-from colony.verify.contracts.report import locations, reason_text
-from colony.verify.contracts.table import aligned, decision_text, missing_lines, reading_cell
+from colony.verify.contracts.report import frame_row, locations, outcome_row, reason_text
+from colony.verify.contracts.table import aligned, decision_text, missing_lines, reading_cell, seconds
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
 
 

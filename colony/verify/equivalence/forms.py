@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from colony.compile.clients import ClientList
+from colony.compile.guards import ClientList
 from colony.ir.program import Contract, Program
 from colony.verify.claims import active
 from colony.verify.equivalence.circuit import FALSE, Circuit

@@ -7,8 +7,19 @@ from collections.abc import Mapping
 from typing import Any
 
 from colony.compile.backends.json import FORMAT
-from colony.compile.clients import ActuatorClients, Client, ClientList
-from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
+from colony.compile.guards import (
+    ActuatorClients,
+    Always,
+    And,
+    Client,
+    ClientList,
+    Guard,
+    ModuleActive,
+    Never,
+    Not,
+    Or,
+    Recently,
+)
 from colony.ir.version import SEMANTICS
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from colony.compile.clients import ClientList
+from colony.compile.guards import ClientList
 from colony.compile.lower.lower import lower
 from colony.execute.code import ActuatorCode, Apply, Code, FrameTime, Literal, Lost, OldCell, Table
 from colony.execute.compiled import Compiled
+from colony.execute.needs import loss_aware_view, unsimplified_view, whole_view
 from colony.execute.operators import Operator
-from colony.execute.views import loss_aware_view, unsimplified_view, whole_view
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
 from colony.verify.equivalence.forms import Form, Timer, TimerClasses, Winner, module_of, with_activities

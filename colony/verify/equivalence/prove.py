@@ -17,7 +17,7 @@ from itertools import chain
 from typing import TypeGuard
 
 from colony.collector import gc_paused
-from colony.compile.clients import ClientList
+from colony.compile.guards import ClientList
 from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
 from colony.ir.program import Program

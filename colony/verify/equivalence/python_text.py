@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from colony.compile.backends.python.generate import generate
-from colony.compile.clients import ClientList
+from colony.compile.guards import ClientList
 from colony.compile.lower.lower import lower
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque

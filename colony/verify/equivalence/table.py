@@ -9,8 +9,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import assert_never
 
-from colony.compile.clients import ClientList
-from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently, operands
+from colony.compile.guards import (
+    Always,
+    And,
+    ClientList,
+    Guard,
+    ModuleActive,
+    Never,
+    Not,
+    Or,
+    Recently,
+    operands,
+)
 from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit
 from colony.verify.equivalence.formula_index import FormulaIndex
 

@@ -12,8 +12,8 @@ from colony.verify.explain.history import Historian
 from colony.verify.explain.moment import Moment, moment_of
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
-from colony.verify.testing.example_frames import snapshots_of
 from colony.verify.testing.examples import ExampleFailure
+from colony.verify.testing.frames import snapshots_of
 
 
 def moments(

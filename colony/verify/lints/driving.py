@@ -31,8 +31,7 @@ from colony.verify.claims import (
     won,
 )
 from colony.verify.lints.case import Case, command_of
-from colony.verify.lints.finding import undecided
-from colony.verify.lints.proof import Prover, Question
+from colony.verify.lints.proof import Prover, Question, undecided
 from colony.verify.snapshot import Snapshot
 
 _BASE_SERVER = "RServer"

@@ -37,9 +37,8 @@ from colony.verify.lints.driving import (
     undecided_without,
     without,
 )
-from colony.verify.lints.evidence import frames, replay
 from colony.verify.lints.predicates import never_active
-from colony.verify.lints.proof import QUESTION_RESOURCES, Prover
+from colony.verify.lints.proof import QUESTION_RESOURCES, Prover, frames, replay
 from colony.verify.snapshot import Snapshot
 
 _MAX_READINGS = 32

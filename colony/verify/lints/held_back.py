@@ -24,8 +24,7 @@ from colony.verify.lints.driving import (
     undecided_without,
     without,
 )
-from colony.verify.lints.evidence import frames
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import Prover, frames
 from colony.verify.snapshot import Snapshot
 
 

@@ -17,13 +17,20 @@ from colony.text.diagnostics import Diagnostic, Label, Severity
 from colony.text.source import Span
 from colony.text.wording import counted
 from colony.verify.claims import FALSE, all_of, any_of, fresh, negation, value_or, won
-from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.results import Trace
-from colony.verify.lints.bounds import Bound, all_bounds, all_known, contradiction, exclusion, is_finite
-from colony.verify.lints.case import Case, command_of, value_text
-from colony.verify.lints.evidence import frames, replay
-from colony.verify.lints.finding import Finding, Run, undecided
-from colony.verify.lints.proof import Prover, asked
+from colony.verify.contracts.table import seconds
+from colony.verify.lints.case import (
+    Bound,
+    Case,
+    all_bounds,
+    all_known,
+    command_of,
+    contradiction,
+    exclusion,
+    is_finite,
+    value_text,
+)
+from colony.verify.lints.proof import Finding, Prover, Run, asked, frames, replay, undecided
 
 _UNDECIDED_HINT = "give a `range` to what the limits read, or bound it by `min` and `max`"
 

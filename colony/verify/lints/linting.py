@@ -31,9 +31,15 @@ from colony.verify.lints import (
 )
 from colony.verify.lints.case import Case, case_of
 from colony.verify.lints.driving import drives_claims
-from colony.verify.lints.evidence import drawn_breaches, has_python_modules, with_claims
-from colony.verify.lints.finding import Finding
-from colony.verify.lints.proof import Effort, Prover, asked
+from colony.verify.lints.proof import (
+    Effort,
+    Finding,
+    Prover,
+    asked,
+    drawn_breaches,
+    has_python_modules,
+    with_claims,
+)
 from colony.verify.symbolic.system import Shape
 
 _MAX_CANDIDATES = 12

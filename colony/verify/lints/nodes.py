@@ -9,8 +9,7 @@ from colony.ir.wiring import WiringNode
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import duration_text, quoted
 from colony.verify.claims import active, all_of, implies, negation
-from colony.verify.lints.case import Case
-from colony.verify.lints.network import span_of, text_of
+from colony.verify.lints.case import Case, span_of, text_of
 from colony.verify.lints.predicates import never_active
 from colony.verify.lints.shadows import shadowed
 

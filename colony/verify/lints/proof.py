@@ -8,31 +8,93 @@ Only what it leaves open takes an attempt of its own (`contracts/attempt.py`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum, auto, unique
 from functools import cached_property
+from itertools import chain
+from random import Random
 from typing import NamedTuple
 
 import z3
 
 from colony.ir import expression as ir
-from colony.ir.expression import Expression
-from colony.ir.program import Contract, Program
+from colony.ir.expression import Expression, IsIdle
+from colony.ir.frame import Outcome
+from colony.ir.program import Contract, Module, Program
 from colony.ir.types import BOOL
+from colony.text.diagnostics import Diagnostic, note
+from colony.text.source import Span
 from colony.verify.claims import TRUE
-from colony.verify.contracts.attempt import Attempt, Proof
-from colony.verify.contracts.proof_context import ProofContext
+from colony.verify.contracts.attempt import Attempt, Proof, ProofContext
+from colony.verify.contracts.concrete_runs import GeneratedRuns
 from colony.verify.contracts.refute import Refuter
+from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, Options, Trace
 from colony.verify.contracts.search import CandidateTrace, called_modules
 from colony.verify.contracts.solver import Answer, Budget, Deadline
-from colony.verify.snapshot import Snapshot
+from colony.verify.contracts.table import table
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.snapshot import Snapshot, snapshot_of
 from colony.verify.symbolic.encode import OpenEncoding, encode
 from colony.verify.symbolic.logic import is_false, is_true
-from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.system import Claim, Inexact, Shape
-from colony.verify.symbolic.unrolling import OneFrame
-from colony.verify.symbolic.witness import snapshots
+from colony.verify.symbolic.unrolling import OneFrame, reasons_of, snapshots
+from colony.verify.testing.frames import Choices, draw_trace, snapshots_of
+
+# --- evidence -----------------------------------------------------------------------------------------
+#
+# Concrete runs that refute claims: the program's examples, and frames drawn at random.
+
+_RUNS = 12
+_FRAMES = 30
+
+_SMALL_PROGRAM = 1000
+"""Maximum number of modules and sensors of a program that gets all of the runs; a larger one gets fewer."""
+
+Claims = Mapping[str, Expression]
+
+
+def with_claims(program: Program, claims: Claims) -> Program:
+    """Return the program with claims in place of its contracts; what is unknown breaks no claim."""
+    contracts = tuple(
+        Contract(name=name, expression=ir.ValueOr(type=BOOL, expression=e, other=TRUE))
+        for name, e in claims.items()
+    )
+    return replace(program, contracts=contracts)
+
+
+def drawn_breaches(program: Program, runs: GeneratedRuns) -> list[frozenset[str]]:
+    """Return the claims that are broken in each frame of the examples of `program` and of drawn traces.
+
+    `runs` are those of the program with claims in place of its contracts.
+    """
+    traces = chain((snapshots_of(program, t) for t in program.tests), _random_traces(program))
+    return [frozenset(outcome.breaches) for trace in traces for outcome in runs.outcomes(trace)]
+
+
+def has_python_modules(program: Program) -> bool:
+    """Return True if a program has modules in Python, whose answers in a run are unknown."""
+    return not all(isinstance(m, Module) for m in program.modules)
+
+
+def _random_traces(program: Program) -> Iterator[tuple[Snapshot, ...]]:
+    size = len(program.modules) + len(program.robot.sensors)
+    for number in range(max(2, _RUNS * _SMALL_PROGRAM // max(size, _SMALL_PROGRAM))):
+        frames = draw_trace(Choices(Random(f"0/{number}")), program, _FRAMES)
+        yield tuple(snapshot_of(program, frame) for frame in frames)
+
+
+def replay(program: Program, snapshots: Iterable[Snapshot]) -> tuple[Outcome, ...]:
+    """Return the reference interpreter's outcomes."""
+    return tuple(outcome for outcome, _ in frames(program, snapshots))
+
+
+def frames(program: Program, snapshots: Iterable[Snapshot]) -> Iterator[tuple[Outcome, Interpreter]]:
+    """Yield the outcome of each frame, with the reference interpreter as it is after that frame."""
+    return Replay(program, "").frames(tuple(snapshots))
+
+
+# --- proof --------------------------------------------------------------------------------------------
 
 MAX_FRAMES = 8
 """Maximum length of a run: a machine may come through several phases before what is looked for happens."""
@@ -256,3 +318,50 @@ class Prover:
     def is_undecided(self, name: str) -> bool:
         """Return True if a claim was asked to be refuted, and was neither refuted nor proved."""
         return name in self._undecided
+
+
+# --- finding ------------------------------------------------------------------------------------------
+#
+# The result of a lint.
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A run of the reference interpreter that shows a finding about `subject`, by the commands of `actuator`.
+
+    Without an actuator it shows those of all.
+    """
+
+    subject: str
+    actuator: str | None
+    trace: Trace
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A diagnostic of a lint, with the run that shows it if the message alone cannot."""
+
+    diagnostic: Diagnostic
+    run: Run | None = None
+
+
+def undecided(span: Span, what: str, hint: str) -> Diagnostic:
+    """Return the note that neither a run nor a proof decides whether `what` happens."""
+    because = f"no run of up to {MAX_FRAMES} frames shows it, and no proof rules it out"
+    return note("V035", span, f"whether {what} is unknown: {because}", hint)
+
+
+# --- report -------------------------------------------------------------------------------------------
+#
+# Findings of lints as lines of text.
+
+
+def run_lines(program: Program, finding: Finding) -> tuple[str, ...]:
+    """Return the code and the subject on one line, and the run that shows them indented below it, if any."""
+    run = finding.run
+    if run is None:
+        return ()
+    shown = TRUE if run.actuator is None else IsIdle(type=BOOL, actuator=run.actuator)
+    about = Contract(name=run.subject, expression=shown)
+    rows = table(program, about, run.trace)
+    return (f"{finding.diagnostic.code:8} {run.subject}", *(f"  {row}" for row in rows))

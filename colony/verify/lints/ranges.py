@@ -12,8 +12,7 @@ from colony.ir.types import ScalarValue
 from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.claims import FALSE, any_of, binary, constant, implies, negation, value_or, won
 from colony.verify.lints.case import Case, command_of, value_text
-from colony.verify.lints.evidence import frames
-from colony.verify.lints.proof import Prover, asked
+from colony.verify.lints.proof import Prover, asked, frames
 from colony.verify.reference.boundary import clamp
 
 

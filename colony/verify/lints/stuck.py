@@ -34,8 +34,7 @@ from colony.verify.lints.driving import (
     with_all_sensors,
     without,
 )
-from colony.verify.lints.evidence import frames
-from colony.verify.lints.proof import Prover, Question
+from colony.verify.lints.proof import Prover, Question, frames
 from colony.verify.reference.kleene import Known
 from colony.verify.snapshot import Snapshot
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from colony.text.diagnostics import Diagnostic, warning
-from colony.verify.contracts.reach import with_reaches
+from colony.verify.contracts.results import with_reaches
 from colony.verify.lints.case import Case
 from colony.verify.testing.frames import sensors_read
 

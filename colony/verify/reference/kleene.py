@@ -19,14 +19,17 @@ from colony.verify.reference.expressions import (
     Loop,
     Memory,
     Round,
+    binary,
     each,
+    function,
     index_of_bearing,
     leaf,
     loop_element,
+    position,
     remember,
+    unary,
     window_indices,
 )
-from colony.verify.reference.functions import binary, function, position, unary
 
 Scalar = ScalarValue | None
 """A scalar, or None: unknown."""

@@ -14,17 +14,22 @@ import z3
 
 from colony.ir import expression as ir
 from colony.ir.types import Array, ScalarValue, element_type
-from colony.verify.symbolic.arithmetic import Arithmetic
-from colony.verify.symbolic.bearings import nearest
-from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.arithmetic import Arithmetic, nearest
+from colony.verify.symbolic.builder import Builder, FrameValues, evaluation_condition, missing
 from colony.verify.symbolic.cases import by_cases, constant, whole_of
-from colony.verify.symbolic.extremes import extreme_at
-from colony.verify.symbolic.frame_values import FrameValues, evaluation_condition, missing
-from colony.verify.symbolic.functions import apply, binary, boolean, index_of, number, reduction, unary
+from colony.verify.symbolic.functions import (
+    apply,
+    binary,
+    boolean,
+    extreme_at,
+    index_of,
+    number,
+    reduction,
+    unary,
+)
 from colony.verify.symbolic.logic import FALSE, TRUE, any_of, both, either, is_false, negation, truth
-from colony.verify.symbolic.memory import recall
+from colony.verify.symbolic.memory import recall, seconds
 from colony.verify.symbolic.numbers import compared, finite, select
-from colony.verify.symbolic.seconds import seconds
 from colony.verify.symbolic.system import Number, Scalar, Term
 
 

@@ -21,16 +21,15 @@ import z3
 
 from colony.verify.symbolic.bounding import between
 from colony.verify.symbolic.encode import by_constant, with_reasons
-from colony.verify.symbolic.graph import Graph
 from colony.verify.symbolic.logic import all_of, implied, negation, real
 from colony.verify.symbolic.numbers import EXACT_WHOLE
-from colony.verify.symbolic.substitution import Substitution
 from colony.verify.symbolic.system import (
     ActuatorTerms,
     Auxiliary,
     Bounds,
     Fact,
     FactKind,
+    Graph,
     Inexact,
     InexactTerm,
     ModuleTerms,
@@ -40,6 +39,7 @@ from colony.verify.symbolic.system import (
     System,
     Term,
 )
+from colony.verify.symbolic.unrolling import Substitution
 
 OVERFLOW_BOUND = 2**1023
 """A bound below which no number overflows."""

@@ -12,9 +12,8 @@ from colony.ir.types import Array, Bool, Enum, Quantity, element_type
 from colony.ir.types import Scalar as ScalarType
 from colony.verify.reference.boundary import default_of
 from colony.verify.symbolic.bounding import within
-from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.builder import Builder, FrameValues
 from colony.verify.symbolic.expressions import constant_term
-from colony.verify.symbolic.frame_values import FrameValues
 from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, choice, implied, integer, negation
 from colony.verify.symbolic.memory import enumerator
 from colony.verify.symbolic.numbers import select

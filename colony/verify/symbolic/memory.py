@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import assert_never, cast
 
 import z3
@@ -16,10 +17,10 @@ import z3
 from colony.ir import expression as ir
 from colony.ir.types import Bool, Enum, ScalarValue, any_value
 from colony.ir.types import Scalar as ScalarType
+from colony.text.source import Span
 from colony.verify.symbolic.bounding import within
-from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.builder import Builder, FrameValues
 from colony.verify.symbolic.cases import constant, constant_of, whole_of, with_cases
-from colony.verify.symbolic.frame_values import FrameValues
 from colony.verify.symbolic.logic import (
     FALSE,
     all_of,
@@ -33,11 +34,30 @@ from colony.verify.symbolic.logic import (
     is_true,
     negation,
     pick,
+    real,
     truth,
 )
 from colony.verify.symbolic.numbers import equal, select
-from colony.verify.symbolic.seconds import seconds
-from colony.verify.symbolic.system import Number, Scalar, Shape
+from colony.verify.symbolic.system import Bounds, Inexact, Number, Reason, Scalar, Shape
+
+# --- seconds ------------------------------------------------------------------------------------------
+#
+# Times as numbers: nanoseconds / 1e9.
+
+_NANOSECOND = real(Fraction(1, 10**9))
+
+
+def seconds(nanoseconds: z3.ArithRef, builder: Builder, span: Span) -> Number:
+    """Return a time of at least 0 `nanoseconds` (a term of sort Int) as a number of seconds."""
+    value = z3.ToReal(nanoseconds) * _NANOSECOND
+    result = Number(value, FALSE, FALSE, Bounds(Fraction(0)), nanoseconds=nanoseconds)
+    builder.mark_number_inexact(
+        result, Reason(Inexact.ROUNDING, span, "a time in seconds: reals in place of floats")
+    )
+    return result
+
+
+# --- memory -------------------------------------------------------------------------------------------
 
 
 def recall(

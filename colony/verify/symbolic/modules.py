@@ -2,30 +2,265 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import assert_never, cast
 
 import z3
 
-from colony.ir import program as ir
-from colony.ir.expression import Expression
+from colony.ir import expression as ir
+from colony.ir import program as program_ir
+from colony.ir.expression import Binary, Expression, Function
 from colony.ir.types import Scalar as ScalarType
-from colony.ir.types import ScalarValue
-from colony.verify.symbolic.builder import Builder
+from colony.ir.types import ScalarValue, element_type
+from colony.verify.symbolic.arithmetic import Arithmetic, nearest
+from colony.verify.symbolic.builder import Builder, FrameValues, missing
 from colony.verify.symbolic.cases import constant
-from colony.verify.symbolic.expressions import Expressions
-from colony.verify.symbolic.frame_values import FrameValues, missing
+from colony.verify.symbolic.expressions import (
+    Expressions,
+    Positions,
+    Round,
+    element_of,
+    index_at,
+    size_of,
+    within,
+)
+from colony.verify.symbolic.functions import apply, binary, boolean, index_of, number, reduction, unary
 from colony.verify.symbolic.inputs import python_answers
-from colony.verify.symbolic.logic import FALSE, all_of, any_of, both, either, negation
-from colony.verify.symbolic.memory import open_scalar_cell
+from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, both, either, negation, same
+from colony.verify.symbolic.memory import open_scalar_cell, recall
 from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scalar, Term
+
+# --- kleene -------------------------------------------------------------------------------------------
+#
+# Encoding of contracts in Kleene's three-valued logic (see `colony.verify.reference.kleene`).
+#
+# Each scalar has a term for its value and one for the condition that it is known. The value is arbitrary
+# where it is not known.
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A scalar, and the condition that it is known."""
+
+    value: Scalar
+    known: z3.BoolRef
+
+
+KnownTerm = Known | tuple[Known, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContractEncoder:
+    """Encodes contracts; `expressions` encodes what has no operands, and positions in arrays."""
+
+    expressions: Expressions
+
+    def holds(self, e: ir.Expression) -> z3.BoolRef:
+        """Return the condition that a contract is known to be true."""
+        result = scalar(self._value(e))
+        return both(result.known, boolean(result.value))
+
+    def _value(self, e: ir.Expression) -> KnownTerm:
+        arithmetic = Arithmetic(self.expressions.builder, e.span)
+        match e:
+            case ir.UnaryOperation(operator=operator, operand=operand):
+                return _each(partial(_strict, partial(unary, operator)), self._value(operand))
+            case ir.BinaryOperation(operator=operator_, left=left, right=right):
+                return _each(
+                    lambda x, y: _binary(operator_, x, y, arithmetic), self._value(left), self._value(right)
+                )
+            case ir.Conditional(condition=condition, yes=yes, no=no):
+                return _each(_choice, self._value(condition), self._value(yes), self._value(no))
+            case ir.Within(operand=operand, low=low, high=high):
+                return _each(partial(_strict, within), *map(self._value, (operand, low, high)))
+            case ir.Nearest(angle=angle):
+                x = scalar(self._value(angle))
+                return Known(nearest(number(x.value), e.bearings, arithmetic), x.known)
+            case ir.Element() | ir.Slice() | ir.Window():
+                return self._array_access(e)
+            case ir.ValueOr(expression=expression, other=other):
+                return _each(_value_or, self._value(expression), self._value(other))
+            case ir.Call():
+                return self._call(e, arithmetic)
+            case ir.Reduce():
+                return self._reduce(e, arithmetic)
+            case ir.MemoryCall():
+                return _each(partial(self._memory, e), *map(self._value, e.arguments))
+            case _:
+                return self._leaf(e)
+
+    def _leaf(self, e: ir.Expression) -> KnownTerm:
+        if isinstance(e, ir.LoopElement):
+            return cast("Known", self.expressions.element(e.name))
+        known = negation(missing(e, self.expressions.frame_values))
+        term = self.expressions.value(e)
+        return tuple(Known(x, known) for x in term) if isinstance(term, tuple) else Known(term, known)
+
+    def _memory(self, e: ir.MemoryCall, *x: Known) -> Known:
+        """Encode a memory function of scalars, which moves on where its arguments are known."""
+        types = [element_type(a.type) for a in e.arguments]
+        known, own = all_of(v.known for v in x), self.expressions
+        value = recall(e, [v.value for v in x], types, own.builder, own.frame_values, known, own.hint)
+        return Known(value, known)
+
+    # --- parts of arrays -------------------------------------------------------------------------
+
+    def _array_access(self, e: ir.Element | ir.Slice | ir.Window) -> KnownTerm:
+        array = elements(self._value(e.array))
+        match e:
+            case ir.Slice(indices=indices):
+                return tuple(array[i] for i in indices)
+            case ir.Element(index=index):
+                return _element(array, *self._positions(index, len(array), e), 0)
+            case ir.Window(center=center, reach=reach):
+                positions, known = self._positions(center, len(array), e)
+                return tuple(_element(array, positions, known, j) for j in range(-reach, reach + 1))
+
+    def _positions(
+        self, index: ir.Expression, size: int, e: ir.Element | ir.Window
+    ) -> tuple[Positions, z3.BoolRef]:
+        """Return the conditions that an index selects each element, and that it is known."""
+        x = scalar(self._value(index))
+        return self.expressions.positions(number(x.value), index, size, e), x.known
+
+    # --- functions -------------------------------------------------------------------------------
+
+    def _call(self, e: ir.Call, arithmetic: Arithmetic) -> KnownTerm:
+        if e.function in ir.INDEX_FUNCTIONS:
+            return self._index_function(e.function, e.arguments[0], arithmetic)
+        values = [self._value(a) for a in e.arguments]
+        if e.function in ir.REDUCTIONS:
+            flat = [x for v in values for x in (v if isinstance(v, tuple) else (v,))]
+            return _reduction(e.function, [(_ALWAYS, x) for x in flat], arithmetic)
+        return _each(lambda *x: _strict(lambda *v: apply(e.function, v, arithmetic), *x), *values)
+
+    def _index_function(self, function: Function, e: ir.Expression, arithmetic: Arithmetic) -> Known:
+        """Return the index of the least or greatest element; for a slice or window, in the whole array."""
+        match e:
+            case ir.Slice(indices=sliced):
+                values, indices = elements(self._value(e)), [constant(float(i)) for i in sliced]
+            case ir.Window(array=array, center=center, reach=reach):
+                whole = elements(self._value(array))
+                positions, known = self._positions(center, size_of(array), e)
+                reached = range(-reach, reach + 1)
+                values = tuple(_element(whole, positions, known, j) for j in reached)
+                indices = [index_at(positions, j) for j in reached]
+            case _:
+                values = elements(self._value(e))
+                indices = [constant(float(i)) for i in range(len(values))]
+        index = index_of(function, [number(x.value) for x in values], indices, arithmetic)
+        return Known(index, all_of(x.known for x in values))
+
+    def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Known:
+        items = []
+        arrays = {name: elements(self._value(array)) for name, array in e.arrays}
+        for k in range(e.low, e.high + 1):
+            turn = Round(e.variable, k, {name: array[k] for name, array in arrays.items()})
+            loop = (*self.expressions.loop, turn)
+            inner = replace(self, expressions=replace(self.expressions, loop=loop))
+            condition = _ALWAYS if e.condition is None else scalar(inner._value(e.condition))
+            items.append((condition, scalar(inner._value(e.body))))
+        return _reduction(e.function, items, arithmetic)
+
+
+_ALWAYS = Known(TRUE, TRUE)
+
+
+def scalar(x: KnownTerm) -> Known:
+    """Return a term that is a scalar."""
+    assert isinstance(x, Known)
+    return x
+
+
+def elements(x: KnownTerm) -> tuple[Known, ...]:
+    """Return the elements of an array's term."""
+    assert isinstance(x, tuple)
+    return x
+
+
+def _each(operation: Callable[..., Known], *operands: KnownTerm) -> KnownTerm:
+    """Apply `operation` element by element where an operand is an array; a scalar stands for all elements."""
+    sizes = [len(x) for x in operands if isinstance(x, tuple)]
+    if not sizes:
+        return operation(*operands)
+    return tuple(operation(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
+
+
+def _strict(operation: Callable[..., Scalar], *x: Known) -> Known:
+    """Apply an operation to values, unknown if one of them is."""
+    return Known(operation(*(v.value for v in x)), all_of(v.known for v in x))
+
+
+def _binary(operator: Binary, x: Known, y: Known, arithmetic: Arithmetic) -> Known:
+    match operator:
+        case Binary.AND:
+            return _all((x, y))
+        case Binary.OR:
+            return _any((x, y))
+        case Binary.IMPLIES:
+            return _any((_not(x), y))
+        case _:
+            return _strict(lambda a, b: binary(operator, a, b, arithmetic), x, y)
+
+
+def _not(x: Known) -> Known:
+    return Known(negation(boolean(x.value)), x.known)
+
+
+def _all(x: Sequence[Known]) -> Known:
+    """Return the conjunction: known if all operands are, or if one is known to be false."""
+    refuted = any_of(both(v.known, negation(boolean(v.value))) for v in x)
+    return Known(all_of(boolean(v.value) for v in x), either(all_of(v.known for v in x), refuted))
+
+
+def _any(x: Sequence[Known]) -> Known:
+    """Return the disjunction: known if all operands are, or if one is known to be true."""
+    proved = any_of(both(v.known, boolean(v.value)) for v in x)
+    return Known(any_of(boolean(v.value) for v in x), either(all_of(v.known for v in x), proved))
+
+
+def _choice(condition: Known, yes: Known, no: Known) -> Known:
+    chosen = boolean(condition.value)
+    known = both(condition.known, cast(z3.BoolRef, select(chosen, yes.known, no.known)))
+    return Known(select(chosen, yes.value, no.value), known)
+
+
+def _value_or(x: Known, other: Known) -> Known:
+    return Known(select(x.known, x.value, other.value), either(x.known, other.known))
+
+
+def _reduction(function: Function, items: Sequence[tuple[Known, Known]], arithmetic: Arithmetic) -> Known:
+    """Return `any` and `all` as `or` and `and`; any other reduction is unknown if a part is."""
+    match function:
+        case Function.ANY:
+            return _any([_all(item) for item in items])
+        case Function.ALL:
+            return _all([_any((_not(condition), body)) for condition, body in items])
+        case _:
+            included = [(body.value, boolean(condition.value)) for condition, body in items]
+            known = all_of(x.known for item in items for x in item)
+            return Known(reduction(function, included, arithmetic), known)
+
+
+def _element(array: Sequence[Known], positions: Positions, index_known: z3.BoolRef, offset: int) -> Known:
+    """Return the element `offset` after the selected one, unknown if there is none."""
+    value = element_of([x.value for x in array], positions, offset)
+    known = array[0].known
+    if not all(same(x.known, known) for x in array):
+        known = boolean(element_of([x.known for x in array], positions, offset))
+    return Known(value, all_of((index_known, positions.is_inside(offset), known)))
+
+
+# --- modules ------------------------------------------------------------------------------------------
 
 
 class DeclarationEncoder:
     """Encodes a program's declarations in the order of a frame. Mutable: fills `frame_values`."""
 
-    def __init__(self, program: ir.Program, builder: Builder, frame_values: FrameValues) -> None:
+    def __init__(self, program: program_ir.Program, builder: Builder, frame_values: FrameValues) -> None:
         self.program = program
         self.builder = builder
         self.frame_values = frame_values
@@ -49,16 +284,16 @@ class DeclarationEncoder:
         """Read the old values of all states and machines."""
         for derived in self.program.derived:
             match derived:
-                case ir.State(name=name, type=type_, initial=initial):
+                case program_ir.State(name=name, type=type_, initial=initial):
                     self._open_state(name, type_, initial)
-                case ir.Machine(name=name, type=phases, start=start):
+                case program_ir.Machine(name=name, type=phases, start=start):
                     self._open_state(name, phases, start)
-                case ir.Let():
+                case program_ir.Let():
                     pass
                 case _:
                     assert_never(derived)
         for module in self.program.modules:
-            for state in module.states if isinstance(module, ir.Module) else ():
+            for state in module.states if isinstance(module, program_ir.Module) else ():
                 self._open_state(state.name, state.type, state.initial)
 
     def _open_state(self, name: str, type_: ScalarType, initial: ScalarValue) -> None:
@@ -75,18 +310,18 @@ class DeclarationEncoder:
         """Encode all derived values."""
         for derived in self.program.derived:
             match derived:
-                case ir.Let(name=name, expression=expression):
+                case program_ir.Let(name=name, expression=expression):
                     absent = missing(expression, self.frame_values)
                     value = self.expressions(negation(absent), name).value(expression)
                     self.frame_values.derived[name] = (absent, self._named(value, name))
-                case ir.State(name=name, next=None):
+                case program_ir.State(name=name, next=None):
                     self._set_unchanged(name)
-                case ir.State(name=name, next=update):
+                case program_ir.State(name=name, next=update):
                     assert update is not None
                     present = negation(missing(update, self.frame_values))
                     value = self.expressions(present, name).scalar(update)
                     self._set_next[name](select(present, value, self.frame_values.states[name]))
-                case ir.Machine():
+                case program_ir.Machine():
                     self._machine(derived)
                 case _:
                     assert_never(derived)
@@ -96,8 +331,8 @@ class DeclarationEncoder:
             return tuple(self.builder.named(x, f"{name}[{i}]") for i, x in enumerate(value))
         return self.builder.named(value, name)
 
-    def _machine(self, machine: ir.Machine) -> None:
-        """Take the first transition from the current phase that applies (see `ir.Machine`)."""
+    def _machine(self, machine: program_ir.Machine) -> None:
+        """Take the first transition from the current phase that applies (see `program_ir.Machine`)."""
         phase = cast(Number, self.frame_values.states[machine.name])
         result, none_taken, unknown = phase, negation(FALSE), FALSE
         for transition in machine.transitions:
@@ -123,9 +358,9 @@ class DeclarationEncoder:
         actuators = {a.name: a for a in self.program.robot.actuators}
         for module in self.program.modules:
             match module:
-                case ir.Module():
+                case program_ir.Module():
                     terms = self._module(module)
-                case ir.PythonModule():
+                case program_ir.PythonModule():
                     actuator = actuators[module.actuator] if module.actuator else None
                     python_input = python[module.name] = python_answers(module, actuator, self.builder)
                     terms = self._python_module(module, python_input)
@@ -135,7 +370,7 @@ class DeclarationEncoder:
             self.frame_values.active[module.name] = terms.active
         return terms_by_module, python
 
-    def _module(self, module: ir.Module) -> ModuleTerms:
+    def _module(self, module: program_ir.Module) -> ModuleTerms:
         """Encode a module: unless it is silent, all of it is evaluated, even if its predicate is false."""
         fields = module.command.fields if module.command else ()
         updates = [s.next for s in module.states if s.next is not None]
@@ -166,7 +401,7 @@ class DeclarationEncoder:
             command=command,
         )
 
-    def _python_module(self, module: ir.PythonModule, python_input: PythonInput) -> ModuleTerms:
+    def _python_module(self, module: program_ir.PythonModule, python_input: PythonInput) -> ModuleTerms:
         silent = any_of(missing(r.expression, self.frame_values) for r in module.reads)
         blind = either(silent, python_input.blind) if module.failsafe else FALSE
         return ModuleTerms(

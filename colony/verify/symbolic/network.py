@@ -10,8 +10,7 @@ from typing import TypeAlias, assert_never
 import z3
 
 from colony.ir import program as ir
-from colony.verify.symbolic.builder import Builder
-from colony.verify.symbolic.frame_values import FrameValues
+from colony.verify.symbolic.builder import Builder, FrameValues
 from colony.verify.symbolic.logic import TRUE, any_of, both, either, negation
 from colony.verify.symbolic.memory import Memory
 

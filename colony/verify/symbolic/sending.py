@@ -12,10 +12,9 @@ import z3
 
 from colony.ir import program as ir
 from colony.ir.types import BOOL, Bool, any_value
-from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.builder import Builder, FrameValues, missing
 from colony.verify.symbolic.cases import constant
 from colony.verify.symbolic.expressions import Expressions, constant_term
-from colony.verify.symbolic.frame_values import FrameValues, missing
 from colony.verify.symbolic.functions import boolean, number
 from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, both, either, is_false, negation
 from colony.verify.symbolic.memory import open_scalar_cell

@@ -29,8 +29,7 @@ from colony.ir.frame import Executor, Frame, Outcome
 from colony.ir.program import Contract, Machine, Program, PythonModule
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, Disagreement, Factory, disagreement
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.example_frames import frames_of
+from colony.verify.testing.frames import Choices, frames_of
 from colony.verify.testing.guided import MAX_PREFIX_FRAMES, Guide
 from colony.verify.testing.shrinking import shrink_trace
 

@@ -10,7 +10,7 @@ from colony.ir.frame import NOTHING_GIVEN, Frame, Given, Outcome
 from colony.ir.program import Actuator, ActuatorField, Program, modules_that_can_be_lost
 from colony.ir.types import Bool, Enum, Quantity, ScalarValue
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import Choices
 
 _LARGE = 1000.0
 """Maximum distance from its finite bound of a drawn field whose other bound is infinite."""

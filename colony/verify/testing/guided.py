@@ -12,9 +12,14 @@ from dataclasses import dataclass
 
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace, gaps_of, sensors_read, thresholds_of
-from colony.verify.testing.readings import draw_reading
+from colony.verify.testing.frames import (
+    Choices,
+    draw_reading,
+    draw_trace,
+    gaps_of,
+    sensors_read,
+    thresholds_of,
+)
 
 MAX_PREFIX_FRAMES = 48
 """Maximum number of frames of a prefix; a trace that continues from it may have a few more."""

@@ -31,8 +31,7 @@ from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, Sensor, expect_program, is_regular
 from colony.ir.types import ScalarValue
 from colony.verify.testing.agreement import reference
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_frame, draw_trace, sensors_read
+from colony.verify.testing.frames import Choices, draw_frame, draw_trace, sensors_read
 from colony.verify.testing.shrinking import plain_reading
 
 

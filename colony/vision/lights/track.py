@@ -18,14 +18,128 @@ other sources, and must not use the same information twice.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations, pairwise
+from itertools import accumulate, combinations, pairwise
 from statistics import median
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from colony.vision.lights.along_track import Scale, TrackEstimate
+from colony.nav.calls import read_variables, try_wait
+from colony.nav.shared import (
+    CEILING_LIGHT,
+    END_L_MODE,
+    GOAL_DIRECTION,
+    GOAL_DISTANCE,
+    GOAL_TYPE,
+    LIGHT_OFFSET,
+    TRACK_DATA,
+    TRACK_START,
+    GoalKind,
+)
+from colony.runtime.kit.script import Step, do
+from colony.runtime.library import data, robot
 from colony.vision.lights.scan_lines import MAX_TILT_DEG, Light
+
+# --- along track --------------------------------------------------------------------------------------
+#
+# The progress of a robot along a straight track: a one-dimensional Kalman filter of odometry and landmarks.
+#
+# The odometry gives the *reported* progress, in mm along the track. The true progress is that plus an error.
+# Over a distance d, the error grows by the odometry's scale error times d, and by wheel slip; a landmark at a
+# known position measures the error itself. So the filter has two states, the error and the scale error, with
+# their covariance. The scale error is kept from track to track, because it belongs to the robot.
+#
+# A wheel that slips on a metal joint loses some centimeters at once. Such a jump must not change the scale
+# error: a landmark whose innovation exceeds a gate updates the error alone.
+
+START_SIGMA_MM = 150.0
+"""Standard deviation of the position at the start of a track, after a corner."""
+
+SCALE_SIGMA = 0.012
+"""Initial standard deviation of the odometry's scale error."""
+
+SLIP_MM2_PER_MM = 0.03
+"""Growth of the error's variance per mm traveled: 40 mm after 50 m."""
+
+_JUMP_SIGMAS = 2.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scale:
+    """The odometry's scale error, 0.01 if it reports 990 mm for a meter, and its variance."""
+
+    error: float = 0.0
+    variance: float = SCALE_SIGMA**2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackEstimate:
+    """The estimate at the reported progress `at_mm`.
+
+    `error_mm` is the true progress minus the reported one, with its `variance`; `scale` is the scale error
+    with its own variance; `covariance` is the covariance of both errors.
+    """
+
+    at_mm: float = 0.0
+    error_mm: float = 0.0
+    variance: float = START_SIGMA_MM**2
+    covariance: float = 0.0
+    scale: Scale = Scale()
+
+    @property
+    def progress_mm(self) -> float:
+        """The best estimate of the true progress."""
+        return self.at_mm + self.error_mm
+
+    def moved(self, at_mm: float) -> TrackEstimate:
+        """Return the prediction at the reported progress `at_mm`."""
+        travel_mm = at_mm - self.at_mm
+        return replace(
+            self,
+            at_mm=at_mm,
+            error_mm=self.error_mm + self.scale.error * travel_mm,
+            variance=self.variance
+            + max(2.0 * travel_mm * self.covariance + travel_mm * travel_mm * self.scale.variance, 0.0)
+            + SLIP_MM2_PER_MM * abs(travel_mm),
+            covariance=self.covariance + travel_mm * self.scale.variance,
+        )
+
+    def updated(self, error_mm: float, variance: float) -> TrackEstimate:
+        """Return the estimate updated with a landmark's measurement of the error."""
+        innovation = error_mm - self.error_mm
+        innovation_variance = self.variance + variance
+        jumped = innovation * innovation > _JUMP_SIGMAS**2 * innovation_variance
+        if jumped:
+            innovation_variance = innovation * innovation + variance
+        gain = 1.0 - variance / innovation_variance
+        scale_gain = 0.0 if jumped else self.covariance / innovation_variance
+        learned = Scale(
+            error=self.scale.error + scale_gain * innovation,
+            variance=self.scale.variance - scale_gain * self.covariance,
+        )
+        return replace(
+            self,
+            error_mm=self.error_mm + gain * innovation,
+            variance=gain * variance,
+            covariance=0.0 if jumped else (1.0 - gain) * self.covariance,
+            scale=learned,
+        )
+
+    def corrected(self, correction_mm: float) -> TrackEstimate:
+        """Return the estimate after the reported progress was corrected by `correction_mm`."""
+        return replace(self, at_mm=self.at_mm + correction_mm, error_mm=self.error_mm - correction_mm)
+
+    def anchored(self, error_mm: float, sigma_mm: float) -> TrackEstimate:
+        """Return the estimate with an error from another source; the scale error is kept."""
+        return replace(self, error_mm=error_mm, variance=sigma_mm**2, covariance=0.0)
+
+    @property
+    def sigma_mm(self) -> float:
+        """The standard deviation of the progress."""
+        return math.sqrt(self.variance)
+
+
+# --- track --------------------------------------------------------------------------------------------
 
 LIGHT_SIGMA_MM = 20.0
 """Standard deviation of a light's position on the map."""
@@ -324,3 +438,91 @@ def _relocation_error(strays: tuple[_Stray, ...], lights_mm: Sequence[float]) ->
     ]
     smallest = min(errors, key=abs, default=math.inf)
     return smallest if abs(smallest) <= _MAX_GATE_MM else None
+
+
+# --- track goals --------------------------------------------------------------------------------------
+#
+# CTracker's goals at DServer, which it takes when $TrackData is upped, and resumes after a restart.
+#
+# TrackStart holds the robot's position when a goal was taken, the reference of LightOffset. A tracker that
+# finds the TrackStart of an interrupted one resumes with the lights that CeilingLight does not count yet.
+
+_GOAL_VARIABLES = (GOAL_DISTANCE, LIGHT_OFFSET, GOAL_DIRECTION)
+
+
+class UnfinishedGoal(NamedTuple):
+    """An interrupted goal, and the number of its lights that were passed."""
+
+    goal: LightGoal
+    passed: int
+
+
+def take_new_goal_signal() -> Generator[Step, Any, bool]:
+    """Down $TrackData; return True if it was upped for a new goal."""
+    return (yield from try_wait(TRACK_DATA, 0.0))
+
+
+def take_goal() -> Generator[Step, Any, LightGoal]:
+    """Take the goal that the Planner set, which begins at the robot's position; reset CeilingLight.
+
+    Raises:
+        ValueError: the number of offsets differs from the number of lights.
+    """
+    here = yield from do("RServer", robot.position())
+    variables = yield from do("DServer", data.get_many(_GOAL_VARIABLES))
+    goal = _goal(variables, here.x, here.y)
+    if goal is None:
+        raise ValueError(
+            f"{GOAL_DISTANCE} is {variables[GOAL_DISTANCE]!r} and {LIGHT_OFFSET} "
+            f"{variables[LIGHT_OFFSET]!r} when {TRACK_DATA} was upped; expected a list with an offset in mm "
+            "for each light: set both before"
+        )
+    yield from do("DServer", data.set_many({CEILING_LIGHT: 0, TRACK_START: [here.x, here.y]}))
+    return goal
+
+
+def unfinished_goal() -> Generator[Step, Any, UnfinishedGoal | None]:
+    """Return the goal of an interrupted tracker, or None if it was finished or abandoned."""
+    variables = yield from read_variables(*_GOAL_VARIABLES, CEILING_LIGHT, TRACK_START)
+    if variables is None or not variables[TRACK_START] or (yield from is_goal_abandoned()):
+        return None
+    goal = _goal(variables, *variables[TRACK_START])
+    passed = int(variables[CEILING_LIGHT])
+    if goal is None:
+        return None
+    if passed >= len(goal.lights_mm):
+        yield from end_goal()  # possibly for the second time: the Planner discards duplicates
+        return None
+    return UnfinishedGoal(goal, passed)
+
+
+def end_goal() -> Generator[Step, Any, None]:
+    """Notify the Planner that the last light was passed; Overshoot must already be set."""
+    yield from do("DServer", data.signal(END_L_MODE))
+    yield from abandon_goal()
+
+
+def abandon_goal() -> Generator[Step, Any, None]:
+    """Clear TrackStart, so that the current goal is not resumed."""
+    yield from do("DServer", data.set(TRACK_START, []))
+
+
+def is_goal_abandoned() -> Generator[Step, Any, bool]:
+    """Return True if the robot has a new goal of another kind: no client waits for these lights anymore.
+
+    GoalType NONE only halts the robot.
+    """
+    variables = yield from read_variables(GOAL_TYPE)
+    return variables is not None and variables[GOAL_TYPE] not in (GoalKind.LIGHTS, GoalKind.NONE)
+
+
+def _goal(variables: dict[str, Any], x_mm: float, y_mm: float) -> LightGoal | None:
+    count, offsets = variables[GOAL_DISTANCE], variables[LIGHT_OFFSET]
+    if not isinstance(offsets, list) or len(offsets) != count:
+        return None
+    return LightGoal(
+        direction_deg=float(variables[GOAL_DIRECTION]),
+        x_mm=x_mm,
+        y_mm=y_mm,
+        lights_mm=tuple(accumulate(float(offset) for offset in offsets)),
+    )

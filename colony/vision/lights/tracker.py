@@ -3,7 +3,7 @@
 It waits for $TrackData, reads the distances of the lights from LightOffset, and observes the ceiling at least
 twice a second. At each light it sets CeilingLight to the number of lights passed, and ups $LightDet. After
 the last one it sets Overshoot to the robot's distance beyond it, and ups $EndLMode. A restarted tracker
-resumes where its predecessor stopped (`track_goals.py`). It abandons a goal when another Planner sets a goal
+resumes where its predecessor stopped (`track.py`). It abandons a goal when another Planner sets a goal
 of another kind.
 
 The map gives the positions of lights to within centimeters, so each valid light also measures the robot's
@@ -24,8 +24,7 @@ from collections.abc import Generator, Sequence
 from typing import Any
 
 from colony.nav.calls import read_variables
-from colony.nav.pose.fixes import Fix, Row, fix_list
-from colony.nav.pose.pose import PoseEstimate, pose_of
+from colony.nav.pose.pose import Fix, PoseEstimate, Row, fix_list, pose_of
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -38,11 +37,14 @@ from colony.nav.shared import (
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
-from colony.vision.lights.along_track import Scale
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
 from colony.vision.lights.observing import NO_ANSWER_ERRORS, CeilingObserver, ceiling_observer, ensure_period
-from colony.vision.lights.track import LightDetections, LightPassing, LightTrack, ProgressMeasurement
-from colony.vision.lights.track_goals import (
+from colony.vision.lights.track import (
+    LightDetections,
+    LightPassing,
+    LightTrack,
+    ProgressMeasurement,
+    Scale,
     UnfinishedGoal,
     abandon_goal,
     end_goal,

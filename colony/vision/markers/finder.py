@@ -20,7 +20,7 @@ from typing import Any
 
 from colony.nav.calls import read_variables
 from colony.nav.maps.signs import Marker
-from colony.nav.pose.fixes import Fix, fix_list
+from colony.nav.pose.pose import Fix, fix_list
 from colony.nav.shared import (
     ELEVATOR_CALL,
     FLOOR,
@@ -37,13 +37,11 @@ from colony.runtime.library import camera as library
 from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
 from colony.runtime.protocol.images import Image
-from colony.vision.camera_setup import prepare_camera
 from colony.vision.detections import MarkerBox
-from colony.vision.level_camera import AHEAD, LevelCamera
+from colony.vision.level_camera import AHEAD, LevelCamera, prepare_camera
 from colony.vision.lights.observing import NO_ANSWER_ERRORS
 from colony.vision.lights.tracker import position_at
-from colony.vision.markers.pose import MarkerPose, marker_pose, marker_rows
-from colony.vision.markers.rows import find_markers
+from colony.vision.markers.rows import MarkerPose, find_markers, marker_pose, marker_rows
 
 PERIOD_S = 0.2
 """Seconds between two images: 6 degrees of a sweep."""

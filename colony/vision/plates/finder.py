@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.fixes import fix_list
-from colony.nav.pose.pose import pose_of
+from colony.nav.pose.pose import fix_list, pose_of
 from colony.nav.pose.tracker import position_at
 from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN, POSE
 from colony.runtime.kit.script import Script, Step, do, sleep
@@ -33,14 +32,12 @@ from colony.runtime.library import data, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.robot import Position
 from colony.runtime.protocol.images import Image
-from colony.vision.camera_setup import prepare_camera
 from colony.vision.detections import PlateBox, Reading
 from colony.vision.gray_images import gray_image
-from colony.vision.level_camera import SIDE, LevelCamera
+from colony.vision.level_camera import SIDE, LevelCamera, prepare_camera
 from colony.vision.lights.observing import NO_ANSWER_ERRORS
 from colony.vision.periods import PERIOD_S
-from colony.vision.plates.map import gate_mm
-from colony.vision.plates.observations import FoundPlate
+from colony.vision.plates.observations import FoundPlate, gate_mm
 from colony.vision.plates.search import FloorPlates, PlateSearch, SearchResult, View, is_too_steep
 
 BAND_FRACTION = 0.54

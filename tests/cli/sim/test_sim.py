@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from colony.nav.maps.viewpoints import viewpoint_of
+from colony.nav.maps.signs import viewpoint_of
 from colony.sim.cameras.snapshot import snapshot
 from colony.sim.hazards.hazards import Hazards, draw
 from tests.buildings import MSU

@@ -15,7 +15,7 @@ from colony.cli.sarif import sarif
 from colony.cli.verify.examples import bug, findings, lines, reports, row
 from colony.dsl.load import load_file, load_text
 from colony.ir.program import Program
-from colony.verify.contracts.breach import refutation
+from colony.verify.contracts.results import refutation
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.differential import Report
 from tests.cli.conftest import Colony

@@ -8,8 +8,7 @@ import pytest
 
 from colony.compile.backends import explain as explaining
 from colony.compile.backends.explain import MAX_DEPTH, MAX_LINES, explain, wiring_text
-from colony.compile.backends.guard_text import GuardText
-from colony.compile.backends.table import definitions, legend, rows, wrapped
+from colony.compile.backends.table import GuardText, definitions, legend, rows, wrapped
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Chain, Use
 from tests.case_files import Case, cases

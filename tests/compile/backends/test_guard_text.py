@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.backends.guard_text import INLINE, OWN, GuardText
+from colony.compile.backends.table import INLINE, OWN, GuardText
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
 from tests.case_files import table
 from tests.compile.passes.as_text import guards

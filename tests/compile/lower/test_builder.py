@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from colony.compile.clients import ActuatorClients, Client, ClientList
-from colony.compile.guards import ModuleActive, Not
+from colony.compile.guards import ActuatorClients, Client, ClientList, ModuleActive, Not
 from colony.compile.lower.builder import Builder
 from colony.compile.passes.simplify import simplify
 from colony.execute.code import Apply, FrameTime, Kind, Literal, SensorElement, SensorFresh

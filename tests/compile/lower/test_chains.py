@@ -7,7 +7,7 @@ import pytest
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.execute.views import clients_view, whole_view
+from colony.execute.needs import clients_view, whole_view
 
 LENGTH = 1500
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from colony.compile.clients import ClientList
-from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or
+from colony.compile.guards import Always, And, ClientList, Guard, ModuleActive, Never, Not, Or
 from colony.compile.lower.builder import Builder
-from colony.compile.lower.guards import GuardLowering
+from colony.compile.lower.memory import GuardLowering
 from colony.execute.code import Apply, Kind, Literal, PythonActive
 from colony.execute.operators import Operator
 

@@ -10,7 +10,7 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code, Kind, PythonActive, PythonField
-from colony.execute.views import clients_view
+from colony.execute.needs import clients_view
 from colony.ir import expression as e
 from colony.ir.frame import Frame
 from colony.ir.program import Let

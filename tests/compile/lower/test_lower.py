@@ -11,8 +11,8 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Apply, Code, Kind, Literal, OldCell, PythonActive, SensorFresh, operands
 from colony.execute.executor import ProgramExecutor
+from colony.execute.needs import clients_view
 from colony.execute.operators import Operator
-from colony.execute.views import clients_view
 from colony.ir.expression import (
     NESTING_LIMIT,
     Binary,

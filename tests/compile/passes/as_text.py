@@ -6,11 +6,20 @@ import ast
 from collections.abc import Iterator
 from typing import assert_never
 
-from colony.compile.backends.guard_text import GuardText
-from colony.compile.clients import ClientList
-from colony.compile.guards import Always, And, Guard, GuardTable, ModuleActive, Never, Not, Or, Recently
-from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
-from colony.compile.suppression import Link, SuppressionNetwork
+from colony.compile.backends.table import GuardText
+from colony.compile.guards import (
+    Always,
+    And,
+    ClientList,
+    Guard,
+    GuardTable,
+    ModuleActive,
+    Never,
+    Not,
+    Or,
+    Recently,
+)
+from colony.compile.network import Inhibitor, Link, ModuleLeaf, Network, SuppressionNetwork, Suppressor
 from colony.text.wording import duration_text
 
 MS = 1_000_000

@@ -7,8 +7,7 @@ from typing import assert_never
 
 from hypothesis import strategies as st
 
-from colony.compile.clients import ClientList
-from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
+from colony.compile.guards import Always, And, ClientList, Guard, ModuleActive, Never, Not, Or, Recently
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, NetworkNode, Suppressor
 
 MS = 1_000_000

@@ -1,12 +1,19 @@
 from __future__ import annotations
 
-from colony.compile.backends.guard_text import GuardText
+from colony.compile.backends.table import GuardText
 from colony.compile.guards import Recently
-from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
+from colony.compile.network import (
+    GatedSuppressor,
+    Inhibitor,
+    Link,
+    ModuleLeaf,
+    Network,
+    SuppressionNetwork,
+    Suppressor,
+)
 from colony.compile.passes.elaborate import elaborate
 from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
 from colony.compile.passes.forward_traversal import forward_traversal
-from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 from tests.networks import chain, ladder
 from tests.wiring import program
 

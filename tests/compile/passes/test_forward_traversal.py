@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
+from colony.compile.network import SuppressionNetwork
 from colony.compile.passes.elaborate import elaborate
 from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
 from colony.compile.passes.forward_traversal import forward_traversal
-from colony.compile.suppression import SuppressionNetwork
 from colony.ir.program import Program
 from tests.networks import chain, ladder
 

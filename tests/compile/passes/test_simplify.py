@@ -6,11 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.compile.backends.guard_text import GuardText
-from colony.compile.clients import ActuatorClients, Client, ClientList
+from colony.compile.backends.table import GuardText
 from colony.compile.guards import (
+    ActuatorClients,
     Always,
     And,
+    Client,
+    ClientList,
     Guard,
     ModuleActive,
     Never,

@@ -5,11 +5,19 @@ from __future__ import annotations
 import random
 from functools import cache
 
-from colony.drivers.create2.codec import CommandReader, Frame, command, decoder, drive_direct, encoded, stream
+from colony.drivers.create2.codec import (
+    STREAM,
+    CommandReader,
+    Frame,
+    command,
+    decoder,
+    drive_direct,
+    encoded,
+    stream,
+)
 from colony.drivers.create2.create2 import Create2
 from colony.drivers.create2.firmware import Firmware, World
-from colony.drivers.create2.sensors import STREAM
-from colony.drivers.surroundings import room
+from colony.drivers.emulator import room
 from tests.drivers.fuzz import Case
 from tests.drivers.fuzz_device import Device
 

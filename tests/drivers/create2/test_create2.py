@@ -7,12 +7,21 @@ from dataclasses import replace
 
 import pytest
 
-from colony.drivers.create2.codec import CommandReader, Frame, Opcode, command, encoded
+from colony.drivers.create2.codec import (
+    STREAM,
+    CommandReader,
+    Frame,
+    Mode,
+    Opcode,
+    beam_heard,
+    command,
+    data_of,
+    encoded,
+)
 from colony.drivers.create2.create2 import Create2
 from colony.drivers.create2.firmware import Firmware, World
-from colony.drivers.create2.sensors import STREAM, Mode, beam_heard, data_of
 from colony.drivers.dialect import ImplausibleError, OpeningError
-from colony.drivers.surroundings import Pose, room
+from colony.drivers.emulator import Pose, room
 from tests.drivers.bench import Bench
 
 

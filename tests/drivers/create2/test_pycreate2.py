@@ -13,10 +13,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from colony.drivers.create2.codec import PACKETS, Mode, size_of
 from colony.drivers.create2.firmware import COUNTS_PER_MM, Firmware, World
-from colony.drivers.create2.sensors import PACKETS, Mode, size_of
-from colony.drivers.emulator import Emulator
-from colony.drivers.surroundings import room
+from colony.drivers.emulator import Emulator, room
 
 pycreate2 = pytest.importorskip("pycreate2")
 

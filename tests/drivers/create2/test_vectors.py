@@ -8,8 +8,21 @@ from typing import Any
 
 import pytest
 
-from colony.drivers.create2.codec import CommandReader, Opcode, command, decoder, drive, drive_direct, encoded
-from colony.drivers.create2.sensors import GROUPS, PACKETS, data_of, size_of, state_of, values_of
+from colony.drivers.create2.codec import (
+    GROUPS,
+    PACKETS,
+    CommandReader,
+    Opcode,
+    command,
+    data_of,
+    decoder,
+    drive,
+    drive_direct,
+    encoded,
+    size_of,
+    state_of,
+    values_of,
+)
 
 VECTORS: list[dict[str, Any]] = tomllib.loads(Path(__file__).with_name("vectors.toml").read_text())["vector"]
 

@@ -6,12 +6,11 @@ import random
 import struct
 from functools import cache
 
-from colony.drivers.emulator import STEP_S
+from colony.drivers.emulator import STEP_S, room
 from colony.drivers.pioneer.codec import MAX_COUNT, command, decoder, encoded
 from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import Pioneer
-from colony.drivers.surroundings import room
 from tests.drivers.fuzz import Case
 from tests.drivers.fuzz_device import Device
 

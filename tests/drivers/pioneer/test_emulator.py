@@ -13,12 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from colony.drivers.emulator import Emulator
+from colony.drivers.emulator import Emulator, room
 from colony.drivers.pioneer.codec import Command, command, decoder
 from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import base
-from colony.drivers.surroundings import room
 from tests.waiting import killed_in_the_end, until
 
 P3DX = MODELS["p3dx-sh"]

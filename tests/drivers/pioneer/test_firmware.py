@@ -6,12 +6,11 @@ import math
 
 import pytest
 
-from colony.drivers.emulator import STEP_S
+from colony.drivers.emulator import STEP_S, room
 from colony.drivers.pioneer.codec import Command, command, decoder
 from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.sip import ConfigSip, EncoderSip, Identity, Sip, StandardSip, read_sip
-from colony.drivers.surroundings import room
 
 P3DX = MODELS["p3dx-sh"]
 

@@ -9,12 +9,12 @@ from collections.abc import Callable
 import pytest
 
 from colony.drivers.dialect import ImplausibleError, OpeningError
+from colony.drivers.emulator import room
 from colony.drivers.pioneer import pioneer
 from colony.drivers.pioneer.codec import Command, argument_of, command, decoder
 from colony.drivers.pioneer.firmware import Firmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import Pioneer
-from colony.drivers.surroundings import room
 from tests.drivers.bench import Bench
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from colony.nav.mapping.himm import Cells
-from colony.nav.mapping.hough import HoughParameters, Line, lines_in
+from colony.nav.mapping.local_map import HoughParameters, Line, lines_in
 
 
 def cells_along(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from colony.nav.mapping.himm import HimmParameters, LocalPose
 from colony.nav.mapping.local_map import Trail, pose_after, relative_pose
-from colony.nav.pose.steps import Step
+from colony.nav.pose.pose import Step
 from tests.nav.sonars import CHANNELS
 
 coordinates = st.floats(-5_000.0, 5_000.0)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from colony.nav.mapping.himm import MAX_CERTAINTY, Cells, HimmMap, HimmParameters, LocalPose
-from colony.nav.mapping.hough import HoughParameters, lines_in
+from colony.nav.mapping.local_map import HoughParameters, lines_in
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.echoes import Floats, reflectors_of

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.mapping.hough import Line
+from colony.nav.mapping.local_map import Line
 from colony.nav.mapping.wall_matching import (
     WallCandidate,
     WallMatch,

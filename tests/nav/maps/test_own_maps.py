@@ -7,11 +7,10 @@ import pytest
 
 from colony.nav.maps.building import load_building
 from colony.nav.maps.corridors import corridors_of
-from colony.nav.maps.stickrep.connections import linked_rings
+from colony.nav.maps.stickrep.checks import linked_rings
 from colony.nav.maps.stickrep.geometry import corners
 from colony.nav.maps.stickrep.model import EdgeKind, Map
-from colony.nav.maps.stickrep.reader import load_map, read_map
-from colony.nav.maps.stickrep.writer import write_map
+from colony.nav.maps.stickrep.reader import load_map, read_map, write_map
 from colony.nav.maps.walls import lights_of, walls_of
 from colony.text.source import Source
 from studies.confidence.published_runs import PUBLISHED_RUNS

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from colony.nav.maps.sides import sides_of
+from colony.nav.maps.corridors import sides_of
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.text.source import Source
 from tests.paths import MAPS

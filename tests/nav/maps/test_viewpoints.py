@@ -6,10 +6,9 @@ import math
 
 import pytest
 
-from colony.nav.maps.signs import plates_of
+from colony.nav.maps.signs import NoViewpointError, parse_pose, plates_of, viewpoint_of
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind
-from colony.nav.maps.viewpoints import NoViewpointError, parse_pose, viewpoint_of
 from colony.nav.maps.walls import free_distance, walls_of
 from tests.buildings import MSU
 

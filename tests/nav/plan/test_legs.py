@@ -6,7 +6,7 @@ import pytest
 
 from colony.nav.maps.corridors import END_CLEARANCE_MM, Corridor
 from colony.nav.maps.stickrep.geometry import Point
-from colony.nav.plan.legs import LEAVE_MM, LIGHT_AHEAD_MM, DisconnectedCorridors, Leg, legs_of, segments_of
+from colony.nav.plan.plan import LEAVE_MM, LIGHT_AHEAD_MM, DisconnectedCorridors, Leg, legs_of, segments_of
 
 
 def corridor(start: tuple[float, float], end: tuple[float, float], width: float = 2000.0) -> Corridor:

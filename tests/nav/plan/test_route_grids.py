@@ -16,11 +16,9 @@ from hypothesis import strategies as st
 from colony.nav.maps.corridors import corridors_of, turning_spaces_of
 from colony.nav.maps.stickrep.geometry import corners, direction
 from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, Map, MapNode, Pose, Ring
-from colony.nav.maps.stickrep.reader import load_map, read_map
-from colony.nav.maps.stickrep.writer import write_map
+from colony.nav.maps.stickrep.reader import load_map, read_map, write_map
 from colony.nav.maps.walls import lights_of
-from colony.nav.plan.legs import LIGHT_AHEAD_MM
-from colony.nav.plan.plan import Plan, Segment
+from colony.nav.plan.plan import LIGHT_AHEAD_MM, Plan, Segment
 from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
 from colony.text.source import Source

@@ -17,8 +17,7 @@ import pytest
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import Walls, walls_of
 from colony.nav.pose.estimate import pose_estimator
-from colony.nav.pose.fixes import Fix, Row, fix_list
-from colony.nav.pose.pose import pose_of
+from colony.nav.pose.pose import Fix, Row, fix_list, pose_of
 from colony.nav.pose.tracker import Source
 from colony.nav.shared import LIGHT_FIX, MARKER_FIX, PLATE_FIX, GoalKind
 from colony.runtime.kit.errors import (

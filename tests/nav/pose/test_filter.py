@@ -11,8 +11,7 @@ from colony.nav.maps.stickrep.reader import read_map
 from colony.nav.maps.walls import walls_of
 from colony.nav.pose.echoes import Floats, reflectors_of
 from colony.nav.pose.filter import JumpLimit, PoseFilter, Uncertainty
-from colony.nav.pose.fixes import Row
-from colony.nav.pose.steps import MotionSince, Step
+from colony.nav.pose.pose import MotionSince, Row, Step
 from colony.text.source import Source
 from tests.nav.maps.small_maps import ROOM
 from tests.nav.sonars import CHANNELS, RING

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.pose.fixes import Fix, Row, fix_list, fix_of
+from colony.nav.pose.pose import Fix, Row, fix_list, fix_of
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 fixes = st.builds(

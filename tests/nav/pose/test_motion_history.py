@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.pose.motion_history import MAX_AGE_NS, MotionHistory
-from colony.nav.pose.steps import NO_MOTION, Step
+from colony.nav.pose.pose import MAX_AGE_NS, NO_MOTION, MotionHistory, Step
 
 steps = st.lists(
     st.builds(Step, st.floats(-100, 100), st.floats(-20, 20), st.floats(-0.5, 0.5)), min_size=1, max_size=20

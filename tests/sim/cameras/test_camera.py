@@ -13,8 +13,7 @@ from colony.nav.maps.walls import walls_of
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.optics import PINHOLE, Optics
 from colony.sim.cameras.scene import scene_of
-from colony.sim.cameras.silhouettes import PERSON_WIDTH_MM
-from colony.sim.cameras.surfaces import CEILING_MM, Panel, Scene, scene
+from colony.sim.cameras.surfaces import CEILING_MM, PERSON_WIDTH_MM, Panel, Scene, scene
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.world.world import Speed, World
 from tests.buildings import HALLWAY

@@ -13,12 +13,12 @@ from colony.nav.maps.building import load_building
 from colony.nav.maps.signs import markers_of, plates_of
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import walls_of
+from colony.sim.cameras.atlas import BLACK_KINDS, POSTERS_MM, posters
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.fitting import scene_with_walls
 from colony.sim.cameras.optics import PINHOLE
-from colony.sim.cameras.posters import BLACK_KINDS, POSTERS_MM, posters
 from colony.sim.cameras.scene import scene_of
-from colony.sim.cameras.silhouettes import EXTINGUISHER_MM
+from colony.sim.cameras.surfaces import EXTINGUISHER_MM
 from colony.sim.compiled import Bytes2
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.hazards.scenery import Scenery

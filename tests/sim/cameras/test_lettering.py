@@ -14,9 +14,8 @@ from colony.nav.maps.signs import (
     PLATE_WIDTH_MM,
     STRIPE_MM,
 )
-from colony.sim.cameras.lettering import TEXEL_MM, font_file, marker, plate
-from colony.sim.cameras.posters import posters
-from colony.sim.cameras.silhouettes import PERSON_STYLES, extinguisher, people
+from colony.sim.cameras.atlas import TEXEL_MM, font_file, marker, plate, posters
+from colony.sim.cameras.surfaces import PERSON_STYLES, extinguisher, people
 
 
 @pytest.mark.parametrize("text", ["376", "A372", "MEN", "LAB", "WWWWW", "I", "1"])

@@ -13,12 +13,10 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.walls import walls_of
 from colony.sim.cameras import textures
-from colony.sim.cameras.atlas import Picture
+from colony.sim.cameras.atlas import Picture, posters
 from colony.sim.cameras.camera import Camera
-from colony.sim.cameras.lighting import lighting_of
-from colony.sim.cameras.posters import posters
 from colony.sim.cameras.scene import scene_of
-from colony.sim.cameras.surfaces import CEILING_MM, PEOPLE, Panel, scene
+from colony.sim.cameras.surfaces import CEILING_MM, PEOPLE, Panel, lighting_of, scene
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.hazards.scenery import CeilingLight
 from colony.text.source import Source

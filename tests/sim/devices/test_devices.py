@@ -12,7 +12,7 @@ from colony.body.shipped import shipped_body
 from colony.ir.types import Value
 from colony.sim.config import config_of
 from colony.sim.devices import devices_of
-from colony.sim.devices.cliff import is_inside
+from colony.sim.devices.sensors import is_inside
 from colony.sim.given import nothing_given
 from colony.sim.world.world import World
 from colony.text.units import parse_unit

@@ -14,7 +14,7 @@ from colony.body.reader import body_of_text
 from colony.runtime.servers.drivers import Drivers
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.config import config_of, without_errors
-from colony.sim.devices.faults import Fault, FaultTimeline
+from colony.sim.devices.device import Fault, FaultTimeline
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.world.world import World
 from tests.sim.devices.stage import CHASSIS, Stage

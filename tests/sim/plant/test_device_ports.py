@@ -13,7 +13,6 @@ import pytest
 
 from colony.runtime.servers.drivers import Reading
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.drivers import MAX_READING_AGE_NS, RemoteDevice
 from colony.sim.plant.protocol import (
     AttachBase,
     AttachDevice,
@@ -27,6 +26,7 @@ from colony.sim.plant.protocol import (
     Safe,
     pack,
 )
+from colony.sim.plant.servers import MAX_READING_AGE_NS, RemoteDevice
 from tests.paths import MAPS
 from tests.sim.plant.plants import START, PlantProcess, wait_for
 from tests.sim.plant.test_process import Line

@@ -20,8 +20,8 @@ from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.config import limits_of
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.drivers import MAX_READING_AGE_NS, RemoteBase, RemoteCamera, RemoteProximity
 from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
+from colony.sim.plant.servers import MAX_READING_AGE_NS, RemoteBase, RemoteCamera, RemoteProximity
 from tests.buildings import HALLWAY
 from tests.sim.plant.plants import START, PlantProcess, wait_for
 from tests.sim.robots import FRONT_CAMERA, IDEAL, RING
@@ -239,7 +239,7 @@ def test_in_logical_time_each_command_is_a_frame(tmp_path: Path) -> None:
 
 
 def test_drivers_load_neither_the_simulator_nor_numpy() -> None:
-    code = "import colony.sim.plant.drivers, sys; print(*sys.modules)"
+    code = "import colony.sim.plant.servers, sys; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
     assert not loaded & {"numpy", "numba", "colony.sim.world.world", "zenoh", "lark"}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from colony.sim.plant import given
-from colony.sim.plant.given import GivenFields
+from colony.sim.plant import hardware
+from colony.sim.plant.hardware import GivenFields
 
 
 def test_the_newest_giver_counts_until_it_withdraws() -> None:
@@ -26,7 +26,7 @@ def test_the_newest_giver_counts_until_it_withdraws() -> None:
 
 
 def test_what_is_given_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(given, "MAX_GIVEN", 2)
+    monkeypatch.setattr(hardware, "MAX_GIVEN", 2)
     fields = GivenFields()
     fields.give(1, 0, "Panel", "estop", 10, True)
     fields.give(2, 0, "Panel", "estop", 10, True)

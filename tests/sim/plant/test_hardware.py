@@ -14,7 +14,7 @@ from colony.sim.cameras.surfaces import scene
 from colony.sim.compiled import Bytes2
 from colony.sim.hazards.scenery import CeilingLight, bare_scenery
 from colony.sim.plant.hardware import MAX_LAG_NS, STEP_NS, WATCHDOG_NS, Devices
-from colony.sim.plant.ports import reading
+from colony.sim.plant.process import reading
 from colony.sim.plant.protocol import AttachBase, AttachCamera, AttachProximity
 from colony.sim.world.world import World
 from tests.sim.robots import FRONT_CAMERA, IDEAL, RING

@@ -22,7 +22,6 @@ from colony.nav.maps.world_map import load_world, world_of
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.plant.assembly import PlantOptions, populated_scenery
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.drivers import RemoteDevice
 from colony.sim.plant.process import PlantInUseError, serve_plant
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
@@ -45,6 +44,7 @@ from colony.sim.plant.protocol import (
     pack,
     read_from_plant,
 )
+from colony.sim.plant.servers import RemoteDevice
 from colony.sim.world.movers import movers
 from tests.buildings import HALLWAY
 from tests.paths import MAPS

@@ -10,7 +10,7 @@ import pytest
 from colony.body.devices import Lidar as LidarDevice
 from colony.body.shipped import shipped_body
 from colony.sim.config import config_of
-from colony.sim.devices.lidar import Lidar
+from colony.sim.devices.ranging import Lidar
 from colony.sim.hazards.scenery import Person, Track, bare_scenery
 from colony.sim.world.world import World
 from tests.sim.robots import IDEAL, pass_time, with_ring

@@ -12,7 +12,7 @@ from colony.nav.maps.walls import walls_of
 from colony.sim.config import RobotConfig
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.hazards.scenery import CompassDisturbance, Joint, Scenery, Slip, bare_scenery
-from colony.sim.sensors.compass import disturbance_deg
+from colony.sim.sensors.rings import disturbance_deg
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
 from tests.sim.robots import IDEAL, RING, ROME, pass_time

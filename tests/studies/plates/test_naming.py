@@ -10,7 +10,7 @@ from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
-from colony.sim.cameras.posters import BLACK_KINDS, OTHER_KINDS
+from colony.sim.cameras.atlas import BLACK_KINDS, OTHER_KINDS
 from colony.sim.hazards.scenery import Extinguisher, Poster, bare_scenery
 from studies.lists import PUBLISHED_MAP
 from studies.plates.judging import Sighting

@@ -1,10 +1,9 @@
 from __future__ import annotations
 
-from colony.nav.pose.fixes import fix_of
+from colony.nav.pose.pose import fix_of
 from colony.nav.shared import LIGHT_FIX
-from colony.vision.lights.along_track import Scale
 from colony.vision.lights.scan_lines import Light
-from colony.vision.lights.track import LightDetections, LightGoal, LightPassing
+from colony.vision.lights.track import LightDetections, LightGoal, LightPassing, Scale
 from studies.thesis.light_track import PERIOD_S, ThesisTrack
 from tests.vision.lights.corridors import Robot
 from tests.vision.lights.test_tracker import ceiling, driven, numbers

@@ -8,8 +8,7 @@ from dataclasses import replace
 import z3
 
 from colony.ir.program import Program, Robot
-from colony.verify.symbolic.graph import Graph
-from colony.verify.symbolic.system import Cell, Claim, Fact, FactKind, System
+from colony.verify.symbolic.system import Cell, Claim, Fact, FactKind, Graph, System
 
 NOW, LAST, BEGUN = z3.Int("now"), z3.Int("last"), z3.Bool("begun")
 TRUE = z3.BoolVal(True)

@@ -13,7 +13,7 @@ import z3
 
 from colony.dsl.load import load_text
 from colony.ir.program import Program
-from colony.verify.contracts import proof_context, spacer
+from colony.verify.contracts import attempt, spacer
 from colony.verify.contracts.certificate import certificate
 from colony.verify.contracts.prove import Prover, results
 from colony.verify.contracts.results import Options, Proved, ProvedInTime, Result
@@ -108,7 +108,7 @@ def unproved(text: str) -> set[str]:
 @pytest.fixture
 def no_invariants(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing guesses invariants, so that only k-induction is left."""
-    monkeypatch.setattr(proof_context, "candidates", lambda *_: ())
+    monkeypatch.setattr(attempt, "candidates", lambda *_: ())
     monkeypatch.setattr(spacer, "solve", lambda *_, **__: None)
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from colony.dsl.load import load_text
 from colony.ir.program import Program, Sensor
-from colony.verify.contracts.decimals import NumberText, number_text, rounded, seconds, value_of
+from colony.verify.contracts.table import NumberText, number_text, rounded, seconds, value_of
 
 
 def robot(unit: str) -> str:

@@ -10,8 +10,8 @@ from colony.verify.contracts.example_block import example_block
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
 from colony.verify.snapshot import Snapshot
-from colony.verify.testing.example_frames import snapshots_of
 from colony.verify.testing.examples import run_examples
+from colony.verify.testing.frames import snapshots_of
 from tests.verify.contracts.behaviors import ROBOT, program
 
 RAYS = (1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0)

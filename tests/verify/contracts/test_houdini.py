@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import z3
 
-from colony.verify.contracts.candidates import Candidate, candidates
-from colony.verify.contracts.cone import cone_of
-from colony.verify.contracts.houdini import Invariants, invariants
+from colony.verify.contracts.candidates import Candidate, Invariants, candidates, invariants
 from colony.verify.contracts.results import Options
+from colony.verify.contracts.slicing import cone_of
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.system import System
 from tests.verify.contracts.systems import LAST, counter, delay, system

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import z3
 
-from colony.verify.contracts.cone import cone_of
-from colony.verify.contracts.induction import Induction
 from colony.verify.contracts.results import Options
-from colony.verify.contracts.single_frames import KnownCondition, SingleFrames
+from colony.verify.contracts.search import Induction, KnownCondition, SingleFrames
+from colony.verify.contracts.slicing import cone_of
 from colony.verify.contracts.solver import Answer, Budget
 from colony.verify.symbolic.system import System
 from tests.verify.contracts.systems import counter, delay, system

@@ -6,7 +6,7 @@ import pytest
 
 from colony.ir.program import Program
 from colony.ir.types import Value
-from colony.verify.contracts.minimize import minimize
+from colony.verify.contracts.refute import minimize
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
 from colony.verify.snapshot import Snapshot

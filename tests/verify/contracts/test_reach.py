@@ -13,9 +13,8 @@ from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.contracts.example_block import example_block
 from colony.verify.contracts.prove import in_order, prove_contracts
-from colony.verify.contracts.reach import with_reaches
 from colony.verify.contracts.report import counted_as, finding, lines, row
-from colony.verify.contracts.results import Options, Refuted, Result
+from colony.verify.contracts.results import Options, Refuted, Result, with_reaches
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.examples import run_examples
 from tests.verify.contracts.behaviors import MEAN, ROBOT, program

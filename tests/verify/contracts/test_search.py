@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 import z3
 
-from colony.verify.contracts.cone import cone_of
 from colony.verify.contracts.results import Options
 from colony.verify.contracts.search import Search
+from colony.verify.contracts.slicing import cone_of
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.system import System
 from tests.verify.contracts.systems import NOW, counter, delay, system

@@ -9,9 +9,8 @@ import pytest
 import z3
 
 from colony.verify.contracts import spacer
-from colony.verify.contracts.attempt import Attempt, Proof
+from colony.verify.contracts.attempt import Attempt, Proof, ProofContext
 from colony.verify.contracts.candidates import Candidate
-from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.results import Options
 from colony.verify.contracts.solver import Budget
 from colony.verify.interruption import reliable_interrupts

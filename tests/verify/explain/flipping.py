@@ -24,8 +24,7 @@ from colony.verify.explain.causes import Present
 from colony.verify.explain.formula import Leaf
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.memory import InterpreterState
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace
 from tests.drawn.networks import draw_network
 from tests.drawn.program_text import draw_text
 

@@ -9,10 +9,8 @@ import pytest
 from colony.dsl.load import load_text
 from colony.text.diagnostics import Diagnostic
 from colony.verify.lints import lint
-from colony.verify.lints.accesses import accesses
-from colony.verify.lints.evidence import replay
-from colony.verify.lints.finding import Finding
-from colony.verify.lints.report import run_lines
+from colony.verify.lints.indices import accesses
+from colony.verify.lints.proof import Finding, replay, run_lines
 from colony.verify.reference.interpreter import Interpreter
 
 ROBOT = """robot r {

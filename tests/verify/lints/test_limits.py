@@ -10,7 +10,7 @@ from colony.dsl.load import load_text
 from colony.ir.frame import Record
 from colony.text.diagnostics import Diagnostic
 from colony.verify.lints import lint
-from colony.verify.lints.evidence import replay
+from colony.verify.lints.proof import replay
 from tests.verify.lints.programs import ROBOT, USES, codes, found
 from tests.verify.small_robot import go
 

@@ -13,7 +13,7 @@ from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Decision, Frame, Given
 from colony.ir.program import PythonModule, in_base_units, in_declared_units
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import Choices
 from tests.drawn.strategies import run_of_seed
 from tests.sampling import sampled
 

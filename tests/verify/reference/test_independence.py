@@ -26,4 +26,4 @@ def test_imports(path: Path) -> None:
 
 
 def test_all_of_it_is_looked_at() -> None:
-    assert len(FILES) == 6
+    assert len(FILES) == 5

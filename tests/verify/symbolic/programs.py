@@ -6,9 +6,8 @@ import z3
 
 from colony.dsl.load import load_text
 from colony.ir.program import Program
-from colony.verify.symbolic.cones import cone
 from colony.verify.symbolic.system import Claim, System
-from colony.verify.symbolic.unrolling import Unrolling
+from colony.verify.symbolic.unrolling import Unrolling, cone
 
 ROBOT = """
 robot r {

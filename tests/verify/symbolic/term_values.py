@@ -16,7 +16,7 @@ import z3
 
 from colony.ir import angles
 from colony.ir.expression import Function
-from colony.verify.reference import functions as floats
+from colony.verify.reference import expressions as floats
 from colony.verify.symbolic.system import (
     Auxiliary,
     FactKind,

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 import pytest
 import z3
 
-from colony.verify.symbolic.disturbing import claim_name, encode_disturbed
-from colony.verify.symbolic.encode import encode
+from colony.verify.symbolic.encode import claim_name, encode, encode_disturbed
 from colony.verify.symbolic.system import Disturbance
 from tests.drawn.strategies import run_of_seed
 

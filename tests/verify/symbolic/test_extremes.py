@@ -7,7 +7,7 @@ import pytest
 from colony.dsl.load import load_text
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Proved, Refuted
-from colony.verify.symbolic import extremes
+from colony.verify.symbolic import functions
 
 TEXT = """
 language 1
@@ -28,6 +28,6 @@ contract part: fresh(r) implies first == min(r)
 def test_element_of_a_shorter_array_at_the_index_of_an_extreme_may_be_outside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(extremes, "MANY", 24)
+    monkeypatch.setattr(functions, "MANY", 24)
     found = prove_contracts(load_text(TEXT))
     assert [type(result) for result in found] == [Proved, Refuted]

@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from colony.verify.symbolic.thresholds import first_ns_reaching
+from colony.verify.symbolic.numbers import first_ns_reaching
 
 
 @pytest.mark.parametrize("constant", [0.1, 0.3, 1.0, 2.5, 1e-9, 1e-10, 0.05, 3600.0, 123456.789, 1e12])

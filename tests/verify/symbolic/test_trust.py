@@ -11,13 +11,11 @@ import z3
 from colony.dsl.load import load_file, load_text
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.symbolic import extremes
+from colony.verify.symbolic import functions
 from colony.verify.symbolic.encode import encode
-from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.system import Number, Reason
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.example_frames import frames_of
-from colony.verify.testing.frames import draw_trace
+from colony.verify.symbolic.unrolling import reasons_of
+from colony.verify.testing.frames import Choices, draw_trace, frames_of
 from tests.drawn.strategies import run_of_seed
 from tests.paths import BEHAVIORS
 from tests.sampling import sampled
@@ -266,7 +264,7 @@ robot scanner {
 def test_extremes_of_many_are_exact_without_a_chain_of_choices(
     expression: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(extremes, "MANY", 24)
+    monkeypatch.setattr(functions, "MANY", 24)
     program = load_text(BEAMS + f"let v = {expression}\n")
     tally = tally_of(program, range(3))
     assert not tally.differences

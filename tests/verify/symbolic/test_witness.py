@@ -9,11 +9,9 @@ import z3
 
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
-from colony.verify.symbolic.cones import cone
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import System
-from colony.verify.symbolic.unrolling import Unrolling
-from colony.verify.symbolic.witness import snapshots, value_in
+from colony.verify.symbolic.unrolling import Unrolling, cone, snapshots, value_in
 from tests.verify.symbolic.programs import claim_of, program
 
 BROKEN = {

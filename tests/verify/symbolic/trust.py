@@ -21,8 +21,8 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.kleene import Known as Known3
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.logic import is_false
-from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.system import Inexact, Number, Scalar, System, Term
+from colony.verify.symbolic.unrolling import reasons_of
 from tests.verify.symbolic import term_values
 from tests.verify.symbolic.term_values import Known, OpenTermError, Real, Values
 

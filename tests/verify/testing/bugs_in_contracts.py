@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from colony.compile.lower.contracts import ContractLowering, Known
+from colony.compile.lower.lower import ContractLowering, Known
 from colony.execute.code import Commanded, Kind, Sent
 from tests.verify.testing.bugs_in_passes import Plant
 

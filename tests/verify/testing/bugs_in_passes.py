@@ -10,10 +10,17 @@ from typing import Any
 import pytest
 
 from colony.compile import pipeline
-from colony.compile.clients import ActuatorClients, Client, ClientList
-from colony.compile.guards import Always, And, Guard, ModuleActive, Or
-from colony.compile.network import Inhibitor, ModuleLeaf, Network, NetworkNode, Suppressor
-from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
+from colony.compile.guards import ActuatorClients, Always, And, Client, ClientList, Guard, ModuleActive, Or
+from colony.compile.network import (
+    GatedSuppressor,
+    Inhibitor,
+    Link,
+    ModuleLeaf,
+    Network,
+    NetworkNode,
+    SuppressionNetwork,
+    Suppressor,
+)
 from colony.ir.program import Chain, Program, Wiring
 
 Plant = Callable[[pytest.MonkeyPatch], None]

@@ -112,7 +112,7 @@ def test_clients_alone_that_are_both_active_are_found(monkeypatch: pytest.Monkey
 
 
 def _never_exclusive(clients: object) -> object:
-    from colony.compile.clients import ClientList
+    from colony.compile.guards import ClientList
 
     assert isinstance(clients, ClientList)
     actuators = tuple(

@@ -13,9 +13,7 @@ from colony.ir.expression import StateValue
 from colony.ir.frame import Frame
 from colony.ir.types import DIMENSIONLESS
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.example_frames import frames_of, snapshots_of
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace, frames_of, snapshots_of
 from colony.verify.testing.guided import MAX_PREFIX_FRAMES, Guide
 from tests.programs import MS, program
 

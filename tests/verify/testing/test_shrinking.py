@@ -6,8 +6,7 @@ import math
 from random import Random
 
 from colony.ir.frame import Frame, Reading
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import Choices, draw_trace
 from colony.verify.testing.shrinking import shrink_trace
 from tests.programs import MS, program
 

@@ -15,8 +15,7 @@ from colony.dsl.load import check_text, load_file
 from colony.ir.frame import Frame
 from colony.ir.program import Chain, Program, Wiring
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace, durations_of, gaps_of
+from colony.verify.testing.frames import Choices, draw_trace, durations_of, gaps_of
 from colony.verify.testing.strategies import frames, traces
 from tests.drawn.program_text import draw_text
 from tests.drawn.strategies import network_runs, networks, programs, run_of_seed, texts

@@ -9,7 +9,7 @@ import pytest
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
 from colony.view.graph.graph import to_dot, to_svg
-from colony.view.graph.layout import Diagram, Vertex, layout
+from colony.view.graph.svg import Diagram, Vertex, layout
 from tests.networks import chain, ladder, random_program
 
 WANDER = Network(

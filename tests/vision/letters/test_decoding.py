@@ -9,9 +9,16 @@ import numpy as np
 import pytest
 
 from colony.nav.maps.signs import CHARACTERS
-from colony.vision.letters.decoding import likely_texts, log_probabilities_of
-from colony.vision.letters.network import BLANK, CLASSES
-from colony.vision.letters.prior import ARBITRARY_FRACTION, SHAPES, WORD_FRACTION, log_prior
+from colony.vision.letters.decoding import (
+    ARBITRARY_FRACTION,
+    BLANK,
+    CLASSES,
+    SHAPES,
+    WORD_FRACTION,
+    likely_texts,
+    log_prior,
+    log_probabilities_of,
+)
 
 
 def _columns(rows: list[dict[str, float]]) -> np.ndarray:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from colony.vision.lights.along_track import Scale, TrackEstimate
+from colony.vision.lights.track import Scale, TrackEstimate
 
 LANDMARK_MM2 = 20.0**2
 

@@ -4,9 +4,15 @@ import math
 
 import pytest
 
-from colony.vision.lights.along_track import Scale
 from colony.vision.lights.scan_lines import Light
-from colony.vision.lights.track import LightDetections, LightGoal, LightPassing, LightTrack, tolerance_mm
+from colony.vision.lights.track import (
+    LightDetections,
+    LightGoal,
+    LightPassing,
+    LightTrack,
+    Scale,
+    tolerance_mm,
+)
 
 SPACING = 5500.0
 GOAL = LightGoal(direction_deg=0.0, x_mm=0.0, y_mm=0.0, lights_mm=(2000.0, 7500.0, 13000.0))

@@ -13,7 +13,7 @@ import pytest
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.estimate import pose_estimator
-from colony.nav.pose.fixes import fix_of
+from colony.nav.pose.pose import fix_of
 from colony.nav.pose.tracker import Source
 from colony.nav.shared import (
     CEILING_LIGHT,

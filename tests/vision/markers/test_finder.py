@@ -12,7 +12,7 @@ import pytest
 from colony.nav.maps.signs import Marker, markers_of
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.reader import load_map
-from colony.nav.pose.fixes import fix_of
+from colony.nav.pose.pose import fix_of
 from colony.nav.shared import (
     ELEVATOR_CALL,
     FLOOR,

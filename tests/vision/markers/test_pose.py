@@ -12,8 +12,7 @@ from colony.nav.maps.signs import MARKER_CODES, Marker
 from colony.nav.maps.stickrep.geometry import Point
 from colony.runtime.library.robot import Position
 from colony.vision.level_camera import SIDE
-from colony.vision.markers.pose import MarkerPose, marker_pose, marker_rows
-from colony.vision.markers.rows import find_markers
+from colony.vision.markers.rows import MarkerPose, find_markers, marker_pose, marker_rows
 from tests.vision.markers.views import View, picture
 
 MARKER = Marker(edge=0, start_mm=0, end_mm=622, center=Point(5_000, 8_000), heading_deg=90, node="E", code=0)

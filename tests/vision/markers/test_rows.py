@@ -16,8 +16,7 @@ from colony.sim.cameras.snapshot import snapshot
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.vision.detections import MarkerBox
 from colony.vision.level_camera import AHEAD
-from colony.vision.markers.pose import edge_units
-from colony.vision.markers.rows import find_markers
+from colony.vision.markers.rows import edge_units, find_markers
 from tests.paths import MAPS
 from tests.sim.robots import FRONT_CAMERA
 from tests.vision.markers.views import View, picture

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from colony.nav.pose.fixes import fix_of
+from colony.nav.pose.pose import fix_of
 from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN
 from colony.runtime.kit.script_local import ScriptError
 from colony.runtime.library import camera as cameras

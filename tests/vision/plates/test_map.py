@@ -6,8 +6,7 @@ from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
 from colony.vision.detections import Reading
-from colony.vision.plates.map import MAX_GATE_MM, MIN_GATE_MM, gate_mm, match_plate
-from colony.vision.plates.observations import PlateObservation
+from colony.vision.plates.observations import MAX_GATE_MM, MIN_GATE_MM, PlateObservation, gate_mm, match_plate
 
 
 def hung(door: str, y: float, x: float = -1500.0, heading: float = 90.0) -> Plate:

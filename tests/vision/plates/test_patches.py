@@ -3,9 +3,7 @@ from __future__ import annotations
 import pytest
 
 from colony.vision.level_camera import SIDE
-from colony.vision.plates.candidates import candidates
-from colony.vision.plates.lines import lines_of_text, outline_about
-from colony.vision.plates.patches import Patch, merge_patches
+from colony.vision.plates.outline import Patch, candidates, lines_of_text, merge_patches, outline_about
 from studies.thesis.wall_view import WallView
 from tests.vision.plates.walls import corners_of, plate, wall_image
 

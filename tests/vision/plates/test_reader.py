@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from colony.vision.detections import Corner, PlateBox, Reading
-from colony.vision.letters.network import LetterNet, network, packed, unpacked
+from colony.vision.letters.decoding import LetterNet, network, packed, unpacked
 from colony.vision.plates.reader import combine_readings, read_plate
 from tests.sampling import sampled
 from tools.training.fonts import learned_fonts, unseen_fonts

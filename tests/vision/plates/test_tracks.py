@@ -9,7 +9,7 @@ from colony.nav.maps.stickrep.model import Pose
 from colony.vision.detections import Reading
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.observations import PlateObservation
-from colony.vision.plates.tracks import DROP_MM, PlateTracks
+from colony.vision.plates.search import DROP_MM, PlateTracks
 
 WALL_MM = 1500.0
 STEP_NS, STEP_MM = 250_000_000, 125.0

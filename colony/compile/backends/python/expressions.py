@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from colony.compile.backends.python.names import Names
-from colony.compile.backends.python.placement import Placement, is_atom
-from colony.compile.backends.python.ranges import Range
-from colony.compile.backends.python.text import TRUE, Binding, Text, apply_operator, literal
+from colony.compile.backends.python.plan import Placement, is_atom
+from colony.compile.backends.python.text import TRUE, Binding, Names, Range, Text, apply_operator, literal
 from colony.execute.code import (
     Apply,
     Code,

@@ -8,27 +8,116 @@ every frame. A value that is used several times is computed once, before its fir
 
 from __future__ import annotations
 
+import ast
+import inspect
 import keyword
+import math
 import re
+from collections.abc import Iterable
+from functools import cache
+from types import ModuleType
 
-from colony.compile.backends.python import sensor_validation
+from colony.compile.backends.python import decision
 from colony.compile.backends.python.decision import DecisionText
 from colony.compile.backends.python.executor import PythonExecutor, load
 from colony.compile.backends.python.expressions import Expressions
-from colony.compile.backends.python.layout import Layout
-from colony.compile.backends.python.names import Names
-from colony.compile.backends.python.placement import Placement
-from colony.compile.backends.python.plan import ActuatorPlan, ClientPlan, GroupPlan, Plan, make_plan
-from colony.compile.backends.python.ranges import ranges
-from colony.compile.backends.python.support import definition_names, support
-from colony.compile.backends.python.text import Binding, literal
+from colony.compile.backends.python.plan import (
+    ActuatorPlan,
+    ClientPlan,
+    GroupPlan,
+    Layout,
+    Placement,
+    Plan,
+    make_plan,
+)
+from colony.compile.backends.python.text import Binding, Names, literal, ranges
+from colony.execute import arithmetic, intake, python_step, settle
 from colony.execute.code import ClientCode, FrameTime, PythonCall
 from colony.execute.compiled import Compiled
 from colony.execute.machine import defaults, field_types
+from colony.execute.needs import whole_view
 from colony.execute.sensors import age_limits
-from colony.execute.views import whole_view
+from colony.ir import angles
 from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError, error
+
+# --- support ------------------------------------------------------------------------------------------
+#
+# The source of the functions and classes that generated programs include.
+#
+# They are those of the plain executor, so that each has a single definition. Annotations are removed, since
+# they would need imports.
+
+_MATH = frozenset(name for name in dir(math) if not name.startswith("_"))
+_MODULES: tuple[ModuleType, ...] = (angles, arithmetic, intake, python_step, settle)
+
+
+def support(names: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Return the definitions called `names` with their dependencies, and the names needed from `math`.
+
+    `names` may include names from `math`; unknown names are ignored.
+    """
+    definitions = _definitions()
+    needed: set[str] = set()
+    pending = list(names)
+    while pending:
+        name = pending.pop()
+        if name not in needed:
+            needed.add(name)
+            pending.extend(_names_in(definitions[name]) if name in definitions else ())
+    texts = [ast.unparse(node) for name, node in definitions.items() if name in needed]
+    return texts, sorted(name for name in needed if name in _MATH and name not in definitions)
+
+
+@cache
+def _definitions() -> dict[str, ast.FunctionDef | ast.ClassDef]:
+    """Return the definitions by name, dependencies first."""
+    definitions: dict[str, ast.FunctionDef | ast.ClassDef] = {}
+    for module in _MODULES:
+        for node in ast.parse(inspect.getsource(module)).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                definitions[node.name] = _without_annotations(node)
+    return definitions
+
+
+def _names_in(node: ast.AST) -> set[str]:
+    return {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+
+
+def _without_annotations(node: ast.FunctionDef | ast.ClassDef) -> ast.FunctionDef | ast.ClassDef:
+    """Return the definition without annotations."""
+    stripped = _AnnotationRemover().visit(node)
+    assert isinstance(stripped, ast.FunctionDef | ast.ClassDef)
+    return stripped
+
+
+class _AnnotationRemover(ast.NodeTransformer):
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
+        node.returns = None
+        self.generic_visit(node)
+        return node
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.ClassDef:
+        node.bases = [b.value if isinstance(b, ast.Subscript) else b for b in node.bases]
+        self.generic_visit(node)
+        return node
+
+    def visit_arg(self, node: ast.arg) -> ast.arg:
+        node.annotation = None
+        return node
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:
+        if node.value is None:
+            return None
+        return ast.copy_location(ast.Assign([node.target], node.value), node)
+
+
+def definition_names() -> frozenset[str]:
+    """Return the names of all definitions that a generated program may include."""
+    return frozenset(_definitions())
+
+
+# --- generate -----------------------------------------------------------------------------------------
 
 __all__ = ["PythonExecutor", "generate", "load"]
 
@@ -51,7 +140,7 @@ class _Generator:
         self.names = Names(self.code, definition_names())
         self.expressions = Expressions(self.code, self.placement, self.ranges_of_values, self.names)
         self.lines: list[str] = []
-        self.constants = sensor_validation.constants(self.code.sensors)
+        self.constants = decision.constants(self.code.sensors)
         self.timed = bool(self.code.python) or any(
             isinstance(op, FrameTime) and uses
             for op, uses in zip(self.code.ops, self.placement.uses, strict=True)
@@ -124,7 +213,7 @@ class _Generator:
             initial = literal(self.code.cells[cell].initial).text
             self.add(2, f"self.{self.names.cells[cell]} = {initial}")
         for call in self.code.python:
-            params = ", ".join(f"{name!r}: {sensor_validation.values(value)}" for name, value in call.params)
+            params = ", ".join(f"{name!r}: {decision.values(value)}" for name, value in call.params)
             instance = f"{_class_name(self.names, call)}({f'**{{{params}}}' if params else ''})"
             fields = field_types(call)
             arguments = f"{call.module!r}, {instance}, {fields!r}, {call.rate_ns}"
@@ -155,7 +244,7 @@ class _Generator:
         if self.timed:
             self.add(2, "if self.first_ns is None:", "    self.first_ns = t_ns", "t = t_ns - self.first_ns")
         for sensor in self.code.sensors:
-            self.add(2, *sensor_validation.validation_statements(sensor, self.names))
+            self.add(2, *decision.validation_statements(sensor, self.names))
         for call, slot in self.plan.python:
             self.python(call, slot)
         for actuator in self.plan.actuators:

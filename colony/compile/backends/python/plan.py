@@ -10,12 +10,133 @@ Consecutive clients that need the same inputs share one test for their presence.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from itertools import groupby
 
-from colony.compile.backends.python.layout import ROOT, Layout
-from colony.compile.backends.python.placement import Placement
-from colony.execute.code import ActuatorCode, ClientCode, Code, ContractCode, Literal, PythonCall, live, roots
+from colony.compile.backends.python.text import Range, mentions_twice
+from colony.execute.code import (
+    ActuatorCode,
+    Apply,
+    ClientCode,
+    Code,
+    ContractCode,
+    Literal,
+    OldCell,
+    Op,
+    PythonCall,
+    Table,
+    live,
+    operands,
+    roots,
+)
+
+# --- layout -------------------------------------------------------------------------------------------
+#
+# The layout of a generated program: the slots at which values can be computed.
+#
+# A program is a tree of regions: the body of the function, its blocks, and their branches. A region has slots
+# in text order, and each statement that uses values has a slot before it, where those values can be computed.
+# A value that is used several times is computed once, at the last slot that precedes and dominates every use:
+# in the innermost region around all uses, before the first of them.
+
+ROOT = 0
+
+
+@dataclass(slots=True)
+class Layout:
+    """The regions and slots of one function, numbered in text order. Mutable."""
+
+    _parent_slot: list[int] = field(default_factory=lambda: [-1])  # by region
+    _depth: list[int] = field(default_factory=lambda: [0])  # by region
+    _region: list[int] = field(default_factory=list)  # by slot
+    _true_values: list[frozenset[int]] = field(default_factory=lambda: [frozenset()])  # by region
+
+    def slot(self, region: int) -> int:
+        """Return a new slot at the end of the text so far, in `region`."""
+        self._region.append(region)
+        return len(self._region) - 1
+
+    def region(self, slot: int, condition: int | None = None) -> int:
+        """Return a new region after `slot`, which is entered only if the value `condition` is true."""
+        outer = self._region[slot]
+        self._parent_slot.append(slot)
+        self._depth.append(self._depth[outer] + 1)
+        inherited = self._true_values[outer]
+        self._true_values.append(inherited if condition is None else inherited | {condition})
+        return len(self._parent_slot) - 1
+
+    def true_values_at(self, slot: int) -> frozenset[int]:
+        """Return conditions that are true whenever `slot` is reached."""
+        return self._true_values[self._region[slot]]
+
+    def join(self, a: int, b: int) -> int:
+        """Return the last slot that precedes and dominates both `a` and `b`."""
+        regions, parents, depths = self._region, self._parent_slot, self._depth
+        while regions[a] != regions[b]:
+            if depths[regions[a]] >= depths[regions[b]]:
+                a = parents[regions[a]]
+            else:
+                b = parents[regions[b]]
+        return min(a, b)
+
+
+# --- placement ----------------------------------------------------------------------------------------
+#
+# Decides which values of a `Code` get a variable in a generated program, and where they are computed.
+
+
+def is_atom(op: Op) -> bool:
+    """Return True if the value's text is a variable or constant anyway."""
+    return not isinstance(op, Apply | OldCell | Table)
+
+
+class Placement:
+    """The slots at which values are computed. Mutable: filled by `use`, completed by `settle`.
+
+    Then `uses` holds the number of uses of each value, and `slot` where it is computed; `named` is true
+    if it is assigned to a variable there, false if it is an expression at its use.
+    """
+
+    def __init__(self, code: Code, layout: Layout, ranges: list[Range]) -> None:
+        self.code = code
+        self.layout = layout
+        self._ranges = ranges
+        self.uses = [0] * len(code.ops)
+        self.slot = [-1] * len(code.ops)
+        self.named = bytearray(len(code.ops))
+
+    def use(self, value: int, slot: int, times: int = 1) -> None:
+        """Record that the statement after `slot` uses `value` `times` times."""
+        self.slot[value] = slot if self.uses[value] == 0 else self.layout.join(self.slot[value], slot)
+        self.uses[value] += times
+
+    def use_all(self, values: Iterable[int], slot: int) -> None:
+        """Record that the statement after `slot` uses each of `values` once."""
+        for value in values:
+            self.use(value, slot)
+
+    def settle(self, memory_slot: int) -> None:
+        """Decide for every value, from the last to the first, since a value comes after its operands.
+
+        Memory is updated after `memory_slot`, so old values of cells are read there at the latest.
+        """
+        for value in reversed(range(len(self.code.ops))):
+            if not self.uses[value]:
+                continue
+            op = self.code.ops[value]
+            if isinstance(op, OldCell) and self.slot[value] >= memory_slot:
+                self.slot[value], self.named[value] = memory_slot, True
+            if self.uses[value] > 1 and not is_atom(op):
+                self.named[value] = True
+            mentioned_twice = isinstance(op, Apply) and mentions_twice(
+                op.operator, [self._ranges[i] for i in op.arguments]
+            )
+            for operand in operands(op):
+                self.use(operand, self.slot[value], 2 if mentioned_twice else 1)
+
+
+# --- plan ---------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

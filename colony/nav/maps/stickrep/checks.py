@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.nav.maps.stickrep.fields import Problems
+from colony.nav.maps.stickrep import fields
+from colony.nav.maps.stickrep.fields import Problems, Word
 from colony.nav.maps.stickrep.geometry import Point, corners, direction, in_free_space, shared_lights, trace
-from colony.nav.maps.stickrep.model import Map, Ring
+from colony.nav.maps.stickrep.header import Header
+from colony.nav.maps.stickrep.model import Edge, EdgeKind, ElevatorLink, Link, Map, Ring, Site
 from colony.text.source import Span
+from colony.text.suggestions import did_you_mean
 
 ANGLE_TOLERANCE_DEG = 0.5
 _LIGHT_SLACK_MM = 0.1  # maximum sum of rounding errors of many small offsets
@@ -194,3 +198,191 @@ def _side_of(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float
     # Adjacent edges share a corner up to rounding, which counts as touching.
     side[np.abs(side) < 1e-3] = 0.0
     return side
+
+
+# --- connections --------------------------------------------------------------------------------------
+#
+# Reads the `link` and `elevator` lines of a StickRep map, and checks the places that they name.
+
+MAX_ACROSS_MM = 8_000.0
+"""Maximum distance between linked places."""
+MAX_DISPLACEMENT_MM = 500.0
+"""Maximum displacement of two facing places along their corridor."""
+_MIN_COSINE = math.cos(math.radians(10.0))  # walls that differ by more are not on the same corridor
+_SLACK_MM = 0.1  # maximum rounding error of an offset in a file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Connections:
+    """The links between the rings of a map, and the elevators to other maps."""
+
+    links: tuple[Link, ...]
+    elevators: tuple[ElevatorLink, ...]
+
+
+class _LocatedSite(NamedTuple):
+    """A site in the plane: its ring, its point, the unit vectors of its walls, and True for a corner."""
+
+    site: Site
+    ring: int
+    point: Point
+    walls: tuple[Point, ...]
+    corner: bool
+
+
+def read_connections(problems: Problems, header: Header, rings: tuple[Ring, ...]) -> Connections:
+    """Read the links and elevators that a header names; the rings must be valid."""
+    reader = _ConnectionReader(problems, header.unit, rings)
+    links = [reader.link(*words) for words in header.links]
+    elevators = [reader.elevator(*words) for words in header.elevators]
+    if elevators and not header.floor:
+        message = "the map has `elevator` lines; expected a line that says which floor it is"
+        problems.report("M028", header.elevators[0][0].span, message, "add the line `floor NAME`")
+    return Connections(
+        links=tuple(link for link in links if link is not None),
+        elevators=tuple(elevator for elevator in elevators if elevator is not None),
+    )
+
+
+def linked_rings(source: Map) -> tuple[tuple[str, ...], ...]:
+    """Return the names of the rings, grouped by the links between them, direct or through other rings."""
+    ring_of = {node.name: ring.name for ring in source.rings for node in ring.nodes}
+    group = {ring.name: {ring.name} for ring in source.rings}
+    for first, second in source.links:
+        joined = group[ring_of[first.node]] | group[ring_of[second.node]]
+        group.update(dict.fromkeys(joined, joined))
+    names = [ring.name for ring in source.rings]
+    return tuple(
+        tuple(name for name in names if name in group[first])
+        for first in names
+        if first == next(name for name in names if name in group[first])
+    )
+
+
+class _ConnectionReader:
+    """Reads links and elevators against the rings of one map, laid out in the plane."""
+
+    def __init__(self, problems: Problems, unit: str, rings: tuple[Ring, ...]) -> None:
+        self.problems = problems
+        self.unit = unit
+        self.rings = rings
+        self.outlines = tuple(corners(ring) for ring in rings)
+        self.nodes = {node.name: (i, j) for i, ring in enumerate(rings) for j, node in enumerate(ring.nodes)}
+        rows = [
+            (*a, *b) for nodes in self.outlines for a, b in zip(nodes, (*nodes[1:], nodes[0]), strict=True)
+        ]
+        self.segments = np.array(rows, dtype=np.float64)
+
+    def link(self, first: Word, second: Word) -> Link | None:
+        """Read a link; None, with an error, unless both places exist and the robot can drive between them."""
+        site, other = self._locate(first), self._locate(second)
+        if site is None or other is None:
+            return None
+        reason, hint = self._link_problem(site, other)
+        if reason:
+            message = f"expected two places that face each other; {first.shown} and {second.shown} {reason}"
+            self.problems.report("M026", first.span.to(second.span), message, hint)
+            return None
+        return Link(site.site, other.site)
+
+    def elevator(self, node: Word, file: Word, other: Word) -> ElevatorLink | None:
+        """Read an `elevator` line; None, with an error, unless an elevator begins at its first node."""
+        found = self._node(node, node.text)
+        target = fields.name(self.problems, other, "the name of a node")
+        if file.text.startswith("/"):
+            message = f"the path {file.shown} is absolute; expected one relative to this map's folder"
+            self.problems.report("M029", file.span, message)
+            return None
+        if found is None or target is None:
+            return None
+        edge = self.rings[found[0]].edges[found[1]]
+        if edge.kind is not EdgeKind.ELEVATOR:
+            message = f"the edge after {node.shown} is a {edge.kind.name.lower()}; expected an elevator (E)"
+            self.problems.report("M027", node.span, message, "name the node where the elevator's edge begins")
+            return None
+        return ElevatorLink(node.text, file.text, target)
+
+    def _node(self, word: Word, name: str) -> tuple[int, int] | None:
+        """Return the indices of a node's ring, and of the node in it."""
+        found = self.nodes.get(name)
+        if found is None:
+            hint = did_you_mean(name, self.nodes) or "a node is named in the second field of a row"
+            shown = name if len(name) <= 40 else name[:37] + "..."
+            self.problems.report("M025", word.span, f"there is no node `{shown}` in this map", hint)
+        return found
+
+    def _locate(self, word: Word) -> _LocatedSite | None:
+        """Return the site named by `NODE` or `NODE+LENGTH`."""
+        name, plus, length = word.text.partition("+")
+        found = self._node(word, name)
+        if found is None:
+            return None
+        ring, index = found
+        edge, nodes = self.rings[ring].edges[index], self.outlines[ring]
+        offset: float | None = 0.0
+        if plus:
+            shift = word.span.start + len(name) + 1
+            offset = self._offset(Word(length, Span(word.span.source, shift, word.span.end)), name, edge)
+        if offset is None:
+            return None
+        here, there = nodes[index], nodes[(index + 1) % len(nodes)]
+        ahead = _unit(here, there)
+        walls = (ahead,) if offset > 0.0 else (ahead, _unit(nodes[index - 1], here))
+        fraction = offset / edge.length_mm
+        point = Point(here.x + fraction * (there.x - here.x), here.y + fraction * (there.y - here.y))
+        corner = self.rings[ring].nodes[index].corner and offset == 0.0
+        return _LocatedSite(Site(name, offset), ring, point, walls, corner)
+
+    def _offset(self, word: Word, name: str, edge: Edge) -> float | None:
+        """Return the distance of a place from its node, in mm."""
+        what, limit = "the distance from the node", fields.MAX_LENGTH_MM
+        offset = fields.length_mm(self.problems, word, what, 0.0, limit, self.unit)
+        if offset is not None and not 0.0 <= offset <= edge.length_mm + _SLACK_MM:
+            message = (
+                f"the place is {offset:.0f} mm after `{name}`; the edge there is {edge.length_mm:.0f} mm long"
+            )
+            self.problems.report("M026", word.span, message, "name the node where the place's edge begins")
+            return None
+        return offset
+
+    def _link_problem(self, first: _LocatedSite, second: _LocatedSite) -> tuple[str, str | None]:
+        """Return the reason why two places cannot be linked, and a hint; an empty reason if they can be."""
+        if first.ring == second.ring:
+            return f"are both on ring `{self.rings[first.ring].name}`", "a link joins two rings"
+        vector = Point(second.point.x - first.point.x, second.point.y - first.point.y)
+        distance = math.hypot(*vector)
+        if distance > MAX_ACROSS_MM:
+            return f"are {distance / 1000:.1f} m apart", f"expected at most {MAX_ACROSS_MM / 1000:g} m"
+        if not (first.corner and second.corner):
+            displacement = _displacement(first, second, vector)
+            if displacement is None:
+                return "are not on opposite walls", "only corners (negative angles) meet across a junction"
+            if displacement > MAX_DISPLACEMENT_MM:
+                hint = f"expected at most {MAX_DISPLACEMENT_MM:.0f} mm; `NODE+LENGTH` is a place after a node"
+                return f"are displaced by {displacement:.0f} mm along the corridor", hint
+        middle = Point((first.point.x + second.point.x) / 2, (first.point.y + second.point.y) / 2)
+        if crosses_any(self.segments, first.point, second.point) or not in_free_space(self.outlines, *middle):
+            return "have a wall between them", None
+        return "", None
+
+
+def _unit(here: Point, there: Point) -> Point:
+    length = math.hypot(there.x - here.x, there.y - here.y)
+    return Point((there.x - here.x) / length, (there.y - here.y) / length)
+
+
+def _displacement(first: _LocatedSite, second: _LocatedSite, vector: Point) -> float | None:
+    """Return the displacement of two places along opposite walls of a corridor; None for other places.
+
+    Opposite walls are traced in opposite directions, and each has the other on its right.
+    """
+    smallest: float | None = None
+    for u in first.walls:
+        for v in second.walls:
+            if u.x * v.x + u.y * v.y > -_MIN_COSINE:
+                continue
+            if vector.x * u.y - vector.y * u.x <= 0.0 or vector.y * v.x - vector.x * v.y <= 0.0:
+                continue
+            displacement = abs(vector.x * u.x + vector.y * u.y)
+            smallest = displacement if smallest is None else min(smallest, displacement)
+    return smallest

@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from colony.execute.shapes import from_shape, shape, to_shape
+from colony.execute.colonyc import from_shape, shape, to_shape
 from colony.files import read_file
 from colony.ir.program import DEFAULT_FRAME_NS
 from colony.ir.servers import ServerSpec

@@ -5,15 +5,13 @@ from __future__ import annotations
 import pytest
 
 from colony.compile.backends.python.expressions import Expressions
-from colony.compile.backends.python.layout import ROOT, Layout
-from colony.compile.backends.python.names import Names
-from colony.compile.backends.python.placement import Placement
-from colony.compile.backends.python.ranges import ranges
+from colony.compile.backends.python.plan import ROOT, Layout, Placement
+from colony.compile.backends.python.text import Names, ranges
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Lost, PythonActive
-from colony.execute.views import clients_view
+from colony.execute.needs import clients_view
 
 TEXT = """
 robot r {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.compile.backends.python.layout import ROOT, Layout
+from colony.compile.backends.python.plan import ROOT, Layout
 
 
 def test_join() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.backends.python.names import Names
+from colony.compile.backends.python.text import Names
 from tests.programs import lowered
 
 TEXT = """

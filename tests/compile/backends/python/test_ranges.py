@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.backends.python.ranges import Range, ranges
+from colony.compile.backends.python.text import Range, ranges
 from colony.execute.code import Kind
 from colony.execute.machine import OpMachine
 from colony.ir.frame import Frame

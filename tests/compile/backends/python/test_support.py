@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 
-from colony.compile.backends.python.support import _without_annotations
+from colony.compile.backends.python.generate import _without_annotations
 
 ANNOTATED = """
 class Snapshot(Base, Mapping[str, object], abc.Sized):

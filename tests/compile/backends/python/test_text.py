@@ -9,8 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.backends.python.ranges import ANYTHING, Range
-from colony.compile.backends.python.text import Binding, Text, apply_operator, literal, mentions_twice
+from colony.compile.backends.python.text import (
+    ANYTHING,
+    Binding,
+    Range,
+    Text,
+    apply_operator,
+    literal,
+    mentions_twice,
+)
 from colony.execute import arithmetic
 from colony.execute.operators import FUNCTIONS, Operator
 

@@ -12,9 +12,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from colony.nav.maps.grid.image import MAX_CELLS
 from colony.nav.maps.grid.model import Cell
-from colony.nav.maps.grid.reader import load_grid
+from colony.nav.maps.grid.reader import MAX_CELLS, load_grid
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.world_map import load_world, world_of_grid
 from colony.sim.hazards.hazards import Hazards, scenery_of

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.maps.stickrep.connections import linked_rings
+from colony.nav.maps.stickrep.checks import linked_rings
 from colony.nav.maps.stickrep.geometry import Point, link_endpoints
 from colony.nav.maps.stickrep.model import ElevatorLink, Link, Map, Site
-from colony.nav.maps.stickrep.reader import read_map
-from colony.nav.maps.stickrep.writer import write_map
+from colony.nav.maps.stickrep.reader import read_map, write_map
 from colony.text.source import Source
 from tests.diagnostics import place_of, problems_of
 

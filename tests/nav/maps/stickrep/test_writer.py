@@ -6,8 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from colony.nav.maps.stickrep.model import Map, Pose
-from colony.nav.maps.stickrep.reader import load_map, read_map
-from colony.nav.maps.stickrep.writer import write_map
+from colony.nav.maps.stickrep.reader import load_map, read_map, write_map
 from colony.text.source import Source
 from tests.diagnostics import place_of, problems_of
 from tests.nav.maps.small_maps import ROOM, sound_maps

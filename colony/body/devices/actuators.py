@@ -1,4 +1,4 @@
-"""Joints: what goes to a position and stays there, or runs at a velocity."""
+"""The base of a robot."""
 
 from __future__ import annotations
 
@@ -8,9 +8,56 @@ from typing import ClassVar, Literal
 
 from colony.body.devices.common import DIRECTION, POSITION
 from colony.body.kinds import NOT_NEGATIVE, POSITIVE, Interval, Measure, Named, Word, entry
-from colony.ir.servers import SPEED, TURN_RATE, CommandSpec, FieldSpec, ParameterSpec
-from colony.ir.types import BOOL, DISTANCE, Enum, Quantity, Scalar
+from colony.ir.servers import (
+    OMNIDIRECTIONAL_RSERVER,
+    RSERVER,
+    SPEED,
+    TURN_RATE,
+    CommandSpec,
+    FieldSpec,
+    ParameterSpec,
+)
+from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Enum, Quantity, Scalar
 from colony.text.units import ANGLE, LENGTH, MASS, TIME
+
+# --- base ---------------------------------------------------------------------------------------------
+#
+# The base of a robot.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Base:
+    """The base: drive, dead reckoning and bumpers, as `[body]` describes them."""
+
+    @property
+    def fields(self) -> tuple[FieldSpec, ...]:
+        """The fields that it measures."""
+        return RSERVER.fields
+
+    @property
+    def commands(self) -> tuple[CommandSpec, ...]:
+        """The commands that it takes."""
+        return RSERVER.commands
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OmnidirectionalBase(Base):
+    """A base that drives sideways, too."""
+
+    @property
+    def fields(self) -> tuple[FieldSpec, ...]:
+        """The fields that it measures."""
+        return OMNIDIRECTIONAL_RSERVER.fields
+
+    @property
+    def commands(self) -> tuple[CommandSpec, ...]:
+        """The commands that it takes."""
+        return OMNIDIRECTIONAL_RSERVER.commands
+
+
+# --- joint --------------------------------------------------------------------------------------------
+#
+# Joints: what goes to a position and stays there, or runs at a velocity.
 
 Control = Literal["position", "velocity"]
 """The quantity by which a joint is commanded."""
@@ -98,3 +145,43 @@ class RotaryJoint(_Joint):
     control: Control = entry("control", _CONTROL, _CONTROL_MEANING, default="position")
     positions: Mapping[str, float] = entry("positions", Named(DIRECTION), _POSITIONS_MEANING, default={})
     load: float = entry("load", _LOAD, _LOAD_MEANING, default=0.0)
+
+
+# --- output -------------------------------------------------------------------------------------------
+#
+# Outputs: lamps, horns, valves.
+
+OutputKind = Literal["on", "level"]
+"""The kind of an output: it is on or off, or has a level from 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """Outputs that stay as they are set, such as lamps, horns and valves."""
+
+    outputs: Mapping[str, OutputKind] = entry(
+        "outputs",
+        Named(Word(("on", "level"))),
+        "the outputs by name: one that is on or off, or has a level from 0 to 1",
+    )
+
+    @property
+    def fields(self) -> tuple[FieldSpec, ...]:
+        """The fields that it measures."""
+        return tuple(
+            FieldSpec(name, BOOL, "true while it is on")
+            if kind == "on"
+            else FieldSpec(name, DIMENSIONLESS, "the level, 0 to 1")
+            for name, kind in self.outputs.items()
+        )
+
+    @property
+    def commands(self) -> tuple[CommandSpec, ...]:
+        """The commands that it takes."""
+        return (CommandSpec("set", tuple(_parameter(*item) for item in self.outputs.items())),)
+
+
+def _parameter(name: str, kind: OutputKind) -> ParameterSpec:
+    if kind == "on":
+        return ParameterSpec(name, BOOL, "true to switch it on")
+    return ParameterSpec(name, DIMENSIONLESS, "the level, 0 to 1", low=0.0, high=1.0)

@@ -1,25 +1,101 @@
-"""Rings of sonars and infrared detectors."""
+"""Laser scanners."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from colony.body.devices.common import (
+    CENTER,
     COUNT,
     DIRECTION,
+    FIELD_NAME,
     FRACTION,
     HALF_BEAM,
+    POSE,
+    POSE_MEANING,
     RANGE,
     SIZE,
     SPREAD,
     STEP,
+    Pose,
     Sensor,
 )
 from colony.body.kinds import Bounds, Many, Measure, Table, Whole, entry
-from colony.ir.bearings import Bearings, uniform
+from colony.ir.bearings import Bearings, listed_bearings, uniform
 from colony.ir.servers import FieldSpec
 from colony.ir.types import BOOL, DISTANCE, MAX_ELEMENTS, Array
 from colony.text.units import ANGLE
+
+# --- lidar --------------------------------------------------------------------------------------------
+#
+# Laser scanners.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lidar(Sensor):
+    """A laser scanner."""
+
+    pose: Pose = entry("pose", POSE, POSE_MEANING, default=CENTER)
+    field: str = entry("field", FIELD_NAME, "the field that has the ranges [default: scan]", default="scan")
+    count: int = entry("count", COUNT, "the number of beams")
+    bearing_deg: float = entry("bearing", DIRECTION, "the direction of element 0, seen from the robot")
+    step_deg: float | None = entry(
+        "step", STEP, "the angle from each beam to the next [default: 360 deg / count]", default=None
+    )
+    range_mm: float = entry("range", RANGE, "the longest range")
+    noise_mm: float = entry("noise", SPREAD, "standard deviation of a range", default=0.0)
+    dropouts: float = entry("dropouts", FRACTION, "the part of the beams that stay without echo", default=0.0)
+
+    @property
+    def fields(self) -> tuple[FieldSpec, ...]:
+        """The fields that it measures."""
+        ranges = Array(DISTANCE, self.count)
+        return (FieldSpec(self.field, ranges, "the range of each beam", no_echo=self.range_mm),)
+
+    def bearings(self) -> Bearings | None:
+        """Return the bearings of the beams, None if they take more than a turn."""
+        return uniform(self.bearing_deg, self.step_deg, self.count)
+
+
+# --- range finder -------------------------------------------------------------------------------------
+#
+# Single range finders: infrared, time of flight, ultrasonic.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RangeFinder(Sensor):
+    """One or several single range finders, each of which looks along a ray or into a cone."""
+
+    field: str = entry("field", FIELD_NAME, "the field that has the ranges [default: range]", default="range")
+    poses: tuple[Pose, ...] = entry("poses", Many(POSE, 1, MAX_ELEMENTS), f"of each one: {POSE_MEANING}")
+    range_mm: float = entry("range", RANGE, "the longest range")
+    nearest_mm: float = entry("nearest", SPREAD, "the smallest reading", default=0.0)
+    half_beam_deg: float = entry(
+        "half_beam",
+        HALF_BEAM,
+        "half the opening angle of its cone, of which it sees the nearest surface [default: one ray]",
+        default=0.0,
+    )
+    noise_mm: float = entry("noise", SPREAD, "standard deviation of a range", default=0.0)
+    noise_fraction: float = entry(
+        "noise_fraction", FRACTION, "what is added to it, as a fraction of the range", default=0.0
+    )
+    dropouts: float = entry("dropouts", FRACTION, "the part of the readings without echo", default=0.0)
+
+    @property
+    def fields(self) -> tuple[FieldSpec, ...]:
+        """The fields that it measures."""
+        ranges = Array(DISTANCE, len(self.poses))
+        return (FieldSpec(self.field, ranges, "the range of each range finder", no_echo=self.range_mm),)
+
+    def bearings(self) -> Bearings:
+        """Return the bearings along which they look."""
+        return listed_bearings(pose.bearing_deg for pose in self.poses)
+
+
+# --- proximity ----------------------------------------------------------------------------------------
+#
+# Rings of sonars and infrared detectors.
 
 _STRAIGHT_WITHIN_DEG = 1e-6
 """The angle within which an element looks straight ahead: a text has finitely many decimals."""
