@@ -44,7 +44,7 @@ class LockQueue:
     @property
     def wake_at(self) -> int | None:
         """The earliest timeout of the waiting calls."""
-        return min((w.deadline_ns for w in self._waiting), default=None)
+        return min(w.deadline_ns for w in self._waiting) if self._waiting else None
 
     def acquire(self, call_id: CallId, now_ns: int, *, wait_ns: int) -> bool:
         """Return True if the call gets the token now; otherwise queue the call. The lock is reentrant.

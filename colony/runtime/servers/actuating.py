@@ -142,12 +142,13 @@ class CommandedActuators(Generic[C]):
                     dispatcher.note_malformed(message)
             case Tick():
                 yield from self._tick(message, now_ns, publish)
+                yield from self.check_watchdog(now_ns)
             case Fetch():
                 yield from publish(message)
             case Wake():
                 yield from self._commands.wake(now_ns)
                 self._outside.expire(now_ns)
-                yield from self._check_watchdog(now_ns)
+                yield from self.check_watchdog(now_ns)
                 yield from calls.handle(message, now_ns)
             case _:
                 yield from calls.handle(message, now_ns)
@@ -233,14 +234,13 @@ class CommandedActuators(Generic[C]):
         yield from publish(tick)
         yield from self._begin_frame(tick, now_ns)
         self._feed_watchdog(now_ns)
-        yield from self._check_watchdog(now_ns)
 
     def _carry_out(self, now_ns: int, calls: CallHandler) -> Iterator[Effect]:
         """Halt if it is due, apply what calls have changed, and yield what else is left to send."""
+        outside = self._outside
         if self._halt_due:
             self._halt_due = False
             yield from self._halt_all(now_ns)
-        outside = self._outside
         if outside.changed:
             outside.changed = False
             for dispatcher in self._deciding:
@@ -253,7 +253,8 @@ class CommandedActuators(Generic[C]):
         if outside.answers:
             answers, outside.answers = outside.answers, []
             yield from calls.settle(answers)
-        yield from self._lock_wakes.request(outside.lock.wake_at, now_ns)
+        if (due_ns := outside.lock.wake_at) is not None:
+            yield from self._lock_wakes.request(due_ns, now_ns)
 
     @property
     def _dispatchers(self) -> tuple[CommandDispatcher, ...]:
@@ -279,7 +280,8 @@ class CommandedActuators(Generic[C]):
             yield from self._commands.finish(now_ns)
             yield from self._rest(before, now_ns)
             return
-        yield from self._free.tick(tick, now_ns, self._outside.interventions)
+        if self._free.actuators:
+            yield from self._free.tick(tick, now_ns, self._outside.interventions)
 
     def _rest(self, before: Frames, now_ns: int) -> Iterable[Effect]:
         """Bring the actuators to rest in a frame of another run; `before` is the kind of the frame before."""
@@ -327,19 +329,13 @@ class CommandedActuators(Generic[C]):
         if self._make_safe is not None or self._commands.can_halt:
             self._watchdog_due_ns = now_ns + WATCHDOG_DEADLINES * self._timing.deadline_ns
 
-    @property
-    def _watchdog_at(self) -> int | None:
-        """Time at which the watchdog halts if nothing feeds it before; None if it has nothing to halt."""
-        return self._watchdog_due_ns
-
-    def _check_watchdog(self, now_ns: int) -> Iterator[Effect]:
+    def check_watchdog(self, now_ns: int) -> Iterable[Effect]:
         """Halt if the watchdog is due, else keep a wake scheduled for it."""
-        due_ns = self._watchdog_at
-        if due_ns is not None and now_ns >= due_ns:
-            self._watchdog_due_ns = None
-            yield from self._halt_all(now_ns)
-        else:
-            yield from self._watchdog_wakes.request(due_ns, now_ns)
+        due_ns = self._watchdog_due_ns
+        if due_ns is None or now_ns < due_ns:
+            return self._watchdog_wakes.request(due_ns, now_ns)
+        self._watchdog_due_ns = None
+        return self._halt_all(now_ns)
 
     def _halt_all(self, now_ns: int) -> Iterable[Effect]:
         """Carry out all idle commands, and make the devices safe that have none."""

@@ -71,7 +71,9 @@ _FAILURES: tuple[Fate, ...] = ("late", "lost", "refused")
 
 
 class CommandDispatcher:
-    """The arbitration and execution of commands for a server's actuators. Mutable.
+    """The arbitration and execution of commands for a server's `actuators`. Mutable.
+
+    `can_halt` is True if `halt` has an idle command to carry out.
 
     Args:
         actuators: the actuators.
@@ -92,6 +94,8 @@ class CommandDispatcher:
         publish: bool = True,
         given: Mapping[str, tuple[ScalarValue, ...]] = MappingProxyType({}),
     ) -> None:
+        self.actuators = actuators
+        self.can_halt = any(spec.idle is not None for spec in actuators)
         self._actuators = {spec.name: spec for spec in actuators}
         self._arbiters = {spec.name: Arbiter(spec, frame_timing) for spec in actuators}
         self._clients = {
@@ -108,16 +112,6 @@ class CommandDispatcher:
         self._publish = publish
         self._wakes = WakeSchedule()
         self._k = -1
-
-    @property
-    def can_halt(self) -> bool:
-        """True if `halt` has an idle command to carry out."""
-        return any(spec.idle is not None for spec in self._actuators.values())
-
-    @property
-    def actuators(self) -> tuple[ActuatorSpec, ...]:
-        """The actuators."""
-        return tuple(self._actuators.values())
 
     def tick(
         self,

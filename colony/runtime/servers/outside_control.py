@@ -145,12 +145,13 @@ class OutsideControl(ABC, Generic[C]):
         if self.state.emergency.stopped is not None:
             return STOPPED
         holder, commanders = self.lock.holder, self._commanders.get(spec.command)
-        if commanders is None or not commanders.all:
-            return NO_INTERVENTIONS if holder is None else Interventions((), "locked", holder.connection)
-        commanders.expire(now_ns)
+        commanding: tuple[Commander[C], ...] = ()
+        if commanders is not None:
+            commanders.expire(now_ns)
+            commanding = commanders.commanding
         commands: list[OutsideCommand] = []
         is_free = True
-        for commander in commanders.commanding:
+        for commander in commanding:
             caller = commander.caller
             may_act = is_free and (holder is None or holder.connection == caller.connection)
             proposal = self._propose(spec, commander, may_act, now_ns)
@@ -161,9 +162,9 @@ class OutsideControl(ABC, Generic[C]):
             commands.append(
                 OutsideCommand(caller.connection, caller.priority, values, commander.unlimited, source)
             )
-        if holder is None:
-            return Interventions(tuple(commands))
-        return Interventions(tuple(commands), "locked", holder.connection)
+        if holder is not None:
+            return Interventions(tuple(commands), "locked", holder.connection)
+        return Interventions(tuple(commands)) if commands else NO_INTERVENTIONS
 
     @abstractmethod
     def _propose(

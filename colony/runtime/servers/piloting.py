@@ -33,7 +33,7 @@ from colony.runtime.protocol.deployment import ActuatorSpec
 from colony.runtime.servers import motion_commands
 from colony.runtime.servers.base import Base, Bumper
 from colony.runtime.servers.base_actuator import DRIVE, allowed_range, speeds_of, values_of
-from colony.runtime.servers.motion_commands import Context, Made
+from colony.runtime.servers.motion_commands import Context, Made, Range, full_range
 from colony.runtime.servers.outside_control import ActuatorState, OutsideControl, Proposal
 
 MakeMotion = Callable[[Any, Context], Made]
@@ -75,6 +75,7 @@ class Pilot(OutsideControl[Motion]):
         self._commanders[DRIVE] = OutsideCommanders()
         self._base = base
         self._settings = motion_commands.initial_settings(base.limits)
+        self._range: tuple[ActuatorSpec | None, Range] = (None, full_range(base.limits))
         self.mode: Mode = "joystick"
         self.speeds: Speeds | None = None
         self.stops_immediately = False
@@ -101,7 +102,7 @@ class Pilot(OutsideControl[Motion]):
         if step.end is not None:
             self._end(commander, step.end)
             return None
-        speeds = allowed_range(spec, self._base.limits).clamp(step.speeds)
+        speeds = self._allowed(spec).clamp(step.speeds)
         return Proposal(values_of(spec, speeds), _Stepped(commander, step, speeds))
 
     def on_dispatch(self, spec: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
@@ -182,6 +183,11 @@ class Pilot(OutsideControl[Motion]):
     def _drivers(self) -> OutsideCommanders[Motion]:
         return self._commanders[DRIVE]
 
+    def _allowed(self, spec: ActuatorSpec) -> Range:
+        if self._range[0] is not spec:
+            self._range = spec, allowed_range(spec, self._base.limits)
+        return self._range[1]
+
     def _handler(self, make: MakeMotion) -> Handler:
         """Return the handler of a call that moves the base.
 
@@ -193,7 +199,7 @@ class Pilot(OutsideControl[Motion]):
             spec, caller = self.state.actuators[DRIVE], call_id.caller
             contest, commander = self.contest(spec), self._drivers.find(caller)
             previous = None if commander is None else commander.command
-            context = Context(self._settings, allowed_range(spec, self._base.limits), previous)
+            context = Context(self._settings, self._allowed(spec), previous)
             new_motion, settings = make(arguments, context)
             is_finite = isinstance(new_motion, FiniteMotion)
             lease_end_ns = None if is_finite else lease_end(arguments.lease_s, now_ns)

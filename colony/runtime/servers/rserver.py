@@ -23,7 +23,7 @@ from colony.runtime.library import robot
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import Effect, Message, Stopped, Tick
-from colony.runtime.servers.actuating import CallHandler, CommandedActuators, Publish
+from colony.runtime.servers.actuating import CommandedActuators, Publish
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.base_actuator import DRIVE, base_actuator, mismatch, speeds_of, values_of
 from colony.runtime.servers.commanding import NotSentError
@@ -60,10 +60,6 @@ class BaseActuator(CommandedActuators[Motion]):
         if tick.k > self._state.k:
             self._base.refresh()
         return super()._tick(tick, now_ns, publish)
-
-    def _carry_out(self, now_ns: int, calls: CallHandler) -> Iterator[Effect]:
-        yield from super()._carry_out(now_ns, calls)
-        yield from self._check_watchdog(now_ns)  # whatever the message
 
     # --- commands to the base ------------------------------------------------------------------------
 
@@ -131,12 +127,15 @@ class BaseActuator(CommandedActuators[Motion]):
             for spec in dispatcher.actuators:
                 dispatcher.add_note(spec.name, note)
 
-    @property
-    def _watchdog_at(self) -> int | None:
+    def check_watchdog(self, now_ns: int) -> Iterable[Effect]:
+        """Stop the base if its watchdog is due, which commands feed; else keep a wake scheduled for it."""
         commanded_ns = self._base.commanded_ns
         if commanded_ns is None:
-            return None
-        return commanded_ns + (self._fixed_watchdog_ns or WATCHDOG_FRAMES * self._state.frame_ns)
+            return ()
+        due_ns = commanded_ns + (self._fixed_watchdog_ns or WATCHDOG_FRAMES * self._state.frame_ns)
+        if now_ns < due_ns:
+            return self._watchdog_wakes.request(due_ns, now_ns)
+        return self._halt_all(now_ns)
 
     # --- calls ---------------------------------------------------------------------------------------
 
@@ -211,6 +210,7 @@ class RServer:
         """Handle a message, and carry out its commands."""
         self._now_ns = now_ns
         yield from self._actuators.handle(message, now_ns, self._publisher.handle, self._calls)
+        yield from self._actuators.check_watchdog(now_ns)  # whatever the message
         yield from self._calls.answer_stops(now_ns)
 
     def close(self) -> None:
