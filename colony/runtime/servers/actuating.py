@@ -9,8 +9,9 @@ While no program is led, in frames without a run, only connections are, for the 
 server's commands. In frames of any other run nothing is commanded.
 
 Actuators get their idle commands when a frame decides so, when a run ends, on an emergency stop, and when the
-ticks of the Clock stop coming. An actuator without an idle command keeps the program's last command, but no
-longer than its lease that of a connection: then its device is made safe.
+ticks of the Clock stop coming; for the latter two, those of the last program count after its end, too. An
+actuator without an idle command keeps the program's last command, but no longer than its lease that of a
+connection: then its device is made safe.
 """
 
 from __future__ import annotations
@@ -212,6 +213,7 @@ class CommandedActuators(Generic[C]):
         self._timing = timing(state.frame_ns, lockstep=state.lockstep)
         free = tuple(spec for command, spec in state.built_in.items() if command not in state.bound)
         perform, on_dispatch = self._perform, self._on_dispatch
+        self._ended = CommandDispatcher((), self._timing, perform)  # of a program that is over
         self._commands = CommandDispatcher(bound, self._timing, perform, on_dispatch=on_dispatch, given=given)
         self._free = CommandDispatcher(
             free, self._timing, perform, on_dispatch=on_dispatch, publish=state.run is None
@@ -273,7 +275,9 @@ class CommandedActuators(Generic[C]):
             yield from self._commands.tick(tick, now_ns, self._outside.interventions)
         elif tick.run == "" and (state.run is None or self._leadership.is_orphaned):
             if state.run is not None:
+                ended = self._commands
                 self.activate(None, now_ns)
+                self._ended = ended
             state.frames = "free"
         else:
             state.frames = "other"
@@ -326,7 +330,7 @@ class CommandedActuators(Generic[C]):
 
     def _feed_watchdog(self, now_ns: int) -> None:
         """Let the watchdog wait from this tick on, if it has anything to halt."""
-        if self._make_safe is not None or self._commands.can_halt:
+        if self._make_safe is not None or self._commands.can_halt or self._ended.can_halt:
             self._watchdog_due_ns = now_ns + WATCHDOG_DEADLINES * self._timing.deadline_ns
 
     def check_watchdog(self, now_ns: int) -> Iterable[Effect]:
@@ -340,13 +344,15 @@ class CommandedActuators(Generic[C]):
     def _halt_all(self, now_ns: int) -> Iterable[Effect]:
         """Carry out all idle commands, and make the devices safe that have none."""
         yield from self._commands.halt(now_ns)
+        yield from self._ended.halt(now_ns)
         self._driven.clear()
         self._make_devices_safe()
 
     def _make_devices_safe(self) -> None:
         if self._make_safe is not None:
+            halted = {spec.command for spec in self._ended.actuators if spec.idle is not None}
             for command, spec in self._state.actuators.items():
-                if spec.idle is None:
+                if spec.idle is None and command not in halted:
                     self._make_safe(command)
 
     # --- calls ---------------------------------------------------------------------------------------

@@ -172,6 +172,18 @@ def test_it_is_idle_when_its_run_ends_and_holds_if_that_is_declared() -> None:
         assert stage.take() == at_the_end
 
 
+@pytest.mark.parametrize("stopping", [silence, end])
+def test_what_is_idle_of_a_program_counts_after_its_end(stopping: Callable[[Stage], None]) -> None:
+    for actuator, stopped in ((LIFT, (0.0, False)), (HOLDING, "safe")):
+        stage = Stage(program("run", actuator))
+        stage.decide(1, 300.0, True)
+        stage.leader.close()
+        stage.tick(2, run="")
+        stage.take()
+        stopping(stage)
+        assert set(stage.take()) == {stopped}
+
+
 def test_two_runs_after_each_other() -> None:
     other = structs.replace(LIFT, name="arm", clients=(("reach", 1),))
     stage = Stage(program())
