@@ -151,9 +151,8 @@ class Variables:
 
     def _refresh(self, names: Iterable[str]) -> None:
         for name in names:
-            variable = self._variables.get(name)
-            if variable is not None and variable.shown_size <= self._frame_content.space:
-                current = variable.values[-1]
+            current = self.current(name)
+            if current is not None and self._variables[name].shown_size <= self._frame_content.space:
                 self._frame_content.put(name, frame_value(name, current.data), current.t_ns)
 
     def hide(self, names: Iterable[str]) -> None:

@@ -82,6 +82,7 @@ def test_a_deleted_variable_is_missing_from_the_next_frame_on(stage: DataStage, 
 def test_publish_lasts_as_long_as_the_connection(stage: DataStage, ada: Caller) -> None:
     bob = stage.connect("bob/1")
     ada.do(data.set_many({"X": 1, "Y": 2, "Z": 3}))
+    ada.do(data.set_history("Never", 3))
     ada.do(data.publish(["X", "X", "Never"]))
     ada.do(data.publish(["Y"]))
     bob.do(data.publish(["Y", "Z"]))
